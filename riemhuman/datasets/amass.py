@@ -18,7 +18,7 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFo
 from riemhuman.io.arrays import load_arrays, open_archive
 from riemhuman.io.files import file_path
 from riemhuman.io.mesh_arrays import face_difference
-from riemhuman.kernels.tiles import slices
+from riemhuman.kernels.threads import slices
 
 # Parents of the joints of SMPL's body, with which all models of its family begin.
 _BODY_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)

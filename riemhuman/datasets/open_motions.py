@@ -15,7 +15,7 @@ from riemhuman.checks import real_number
 from riemhuman.datasets.motions import Motion, Motions, choose_names
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.open_poses import pose_vectors, read_table, with_both_sides
-from riemhuman.kernels.tiles import slices
+from riemhuman.kernels.threads import slices
 from riemhuman.surfaces.template import Template
 
 # Largest deviations of a performance from the motion as written.

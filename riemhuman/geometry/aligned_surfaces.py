@@ -12,8 +12,8 @@ from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, st
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.surface_metric import ElasticMetric
 from riemhuman.kernels import surface
-from riemhuman.kernels.scalars import square_root
-from riemhuman.kernels.tiles import of_one_kind
+from riemhuman.kernels.differentiable import square_root
+from riemhuman.kernels.threads import of_one_kind
 from riemhuman.kernels.triangles import nearly_degenerate_triangles
 from riemhuman.terms.root_normals import RootNormalTerm
 from riemhuman.units import SCALES, check_same_scale

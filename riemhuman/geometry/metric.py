@@ -37,7 +37,7 @@ from riemhuman.geometry.strategies import (
     LogSolver,
     TransportSolver,
 )
-from riemhuman.kernels.scalars import square_root
+from riemhuman.kernels.differentiable import square_root
 from riemhuman.representation import constructor_text
 
 

@@ -12,8 +12,7 @@ from numpy import ndarray
 
 from riemhuman.checks import check_shape, one_of, unflatten, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.threads import for_each, mapped, thread_count
-from riemhuman.kernels.tiles import slices
+from riemhuman.kernels.threads import for_each, mapped, slices, thread_count
 from riemhuman.progress import ProgressBar
 
 __all__ = ["MEMORY", "PRECISIONS", "Bulk", "Features", "Points", "squared_dist_rectangle"]

@@ -12,7 +12,7 @@ from riemhuman.checks import real_array
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric, Solvers
 from riemhuman.geometry.pairwise import Bulk, OfImages
-from riemhuman.kernels import linear
+from riemhuman.kernels import differentiable
 
 
 class PullbackMetric(RiemannianMetric):
@@ -88,7 +88,7 @@ class PullbackMetric(RiemannianMetric):
         shape = np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point))
         # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.
         tangent_vec, base_point = tangent_vec + np.zeros(shape), base_point + np.zeros(shape)
-        return linear.differential(self.map, tangent_vec, base_point)
+        return differentiable.differential(self.map, tangent_vec, base_point)
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None

@@ -14,19 +14,24 @@ from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric, Solvers
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.pullback import PullbackMetric
-from riemhuman.kernels import special_orthogonal
+from riemhuman.kernels import rotations
 from riemhuman.kernels.drift import still_path
-from riemhuman.kernels.rotations import cross_product_matrix
-from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
-from riemhuman.kernels.special_orthogonal import axial, nearest_rotations, quaternions, transpose
+from riemhuman.kernels.projections import patch_coordinates, triangle_patches
+from riemhuman.kernels.rotations import (
+    axial,
+    cross_product_matrix,
+    nearest_rotations,
+    quaternions,
+    transpose,
+)
 from riemhuman.kernels.surface import (
     apply_operator,
     dot,
     is_degenerate,
+    polar_frames,
     refuse_degenerate,
     refuse_triangles,
 )
-from riemhuman.kernels.triangle_frames import polar_frames
 from riemhuman.terms.rotations import RotationTerm
 from riemhuman.terms.sum import TermOfFields
 
@@ -159,7 +164,7 @@ class RotationFieldMetric(RiemannianMetric):
         """Turn about constant axes for unit time."""
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        return special_orthogonal.exp(_angular_velocity(tangent_vec, base_point), base_point)
+        return rotations.exp(_angular_velocity(tangent_vec, base_point), base_point)
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
         """Return the initial velocity of the shortest rotations.
@@ -171,10 +176,10 @@ class RotationFieldMetric(RiemannianMetric):
         """
         point = self.space.check_point(point, "point")
         base_point = self.space.check_point(base_point, "base_point")
-        omega = special_orthogonal.log(base_point, point)
+        omega = rotations.log(base_point, point)
         values = values_of(omega)
         refuse_triangles(
-            np.sqrt(dot(values, values)) >= special_orthogonal.HALF_TURN,
+            np.sqrt(dot(values, values)) >= rotations.HALF_TURN,
             "point must hold no rotation half a turn from that of base_point, or there is no "
             "unique logarithm",
             OutsideManifoldError,
@@ -214,10 +219,8 @@ class RotationFieldMetric(RiemannianMetric):
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         direction = self._velocity(base_point, direction, end_point)
         omega = _angular_velocity(direction, base_point)
-        moved = special_orthogonal.parallel_transport(
-            _angular_velocity(tangent_vec, base_point), omega
-        )
-        return _tangent_vec(moved, special_orthogonal.exp(omega, base_point))
+        moved = rotations.parallel_transport(_angular_velocity(tangent_vec, base_point), omega)
+        return _tangent_vec(moved, rotations.exp(omega, base_point))
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         return self.geodesic(start, initial_tangent_vec=self.log(end, start))
@@ -316,7 +319,7 @@ class RotationMetric(PullbackMetric):
     def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
         """Return coordinates whose Euclidean distances are at most those of the metric.
 
-        See `riemhuman.kernels.sketches`: ‖R₁ − R₂‖² = 8 sin²(θ/2) ≤ 2 θ².
+        See `riemhuman.kernels.projections`: ‖R₁ − R₂‖² = 8 sin²(θ/2) ≤ 2 θ².
         """
         template, patches = self.space.template, None
         if n_patches is not None:

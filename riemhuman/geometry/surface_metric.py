@@ -23,9 +23,9 @@ from riemhuman.geometry.pairwise import Points
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels import surface
+from riemhuman.kernels.differentiable import with_known_gradient
 from riemhuman.kernels.drift import still_path
-from riemhuman.kernels.known_gradient import with_known_gradient
-from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
+from riemhuman.kernels.projections import patch_coordinates, triangle_patches
 from riemhuman.kernels.threads import quadratic_form
 from riemhuman.representation import Record
 from riemhuman.terms.cone import ConeTerm, EbinTerm
@@ -207,7 +207,7 @@ class SurfaceMetric(MetricOfTerms):
     def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
         """Return coordinates from the charts of those terms that have one.
 
-        See `riemhuman.kernels.sketches`.
+        See `riemhuman.kernels.projections`.
         """
         template, patches = self.space.template, None
         if n_patches is not None:

@@ -12,7 +12,7 @@ from riemhuman.checks import Rng, generator, metric_weight, real_array
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, Features
-from riemhuman.kernels.tiles import in_tiles
+from riemhuman.kernels.threads import in_tiles
 from riemhuman.terms.flat import flat_distances, vector_features
 
 

@@ -22,7 +22,7 @@ from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path, read_bytes, short_message, write_bytes
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.kernels.vertex_normals import vertex_normals
+from riemhuman.kernels.surface import vertex_normals
 
 _FLOAT, _BYTE, _SHORT, _INT = 5126, 5121, 5123, 5125  # component types of glTF
 _TRIANGLES = 4  # mode of primitives

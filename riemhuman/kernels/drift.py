@@ -21,20 +21,6 @@ def still_path(path: ndarray, weights: ndarray, *, rotations: bool) -> ndarray:
     with l the straight path between the ends, by reweighted Procrustes alignment. The sum of
     distances, unlike that of their squares, leaves a resting part of the body at rest while
     another part moves.
-
-    Parameters
-    ----------
-    path : array, shape (n_times, V, 3)
-        Path.
-    weights : array, shape (V,)
-        Weights w of the vertices.
-    rotations : bool
-        Whether to rotate surfaces, or to translate them only.
-
-    Returns
-    -------
-    array, shape (n_times, V, 3)
-        Path with the same ends.
     """
     moved = path.copy()
     if len(path) < 3:
@@ -59,20 +45,7 @@ def still_path(path: ndarray, weights: ndarray, *, rotations: bool) -> ndarray:
 
 
 def steady_path(path: ndarray, weights: ndarray) -> ndarray:
-    """Translate interior surfaces so that the centroid moves uniformly from one end to the other.
-
-    Parameters
-    ----------
-    path : array, shape (n_times, V, 3)
-        Path.
-    weights : array, shape (V,)
-        Weights of the vertices.
-
-    Returns
-    -------
-    array, shape (n_times, V, 3)
-        Path with the same ends.
-    """
+    """Translate interior surfaces so that the centroid moves uniformly between the ends."""
     centroids = centroid(path, weights)
     times = np.linspace(0.0, 1.0, len(path))[:, None, None]
     moved = path + ((1.0 - times) * centroids[:1] + times * centroids[-1:] - centroids)
@@ -81,19 +54,7 @@ def steady_path(path: ndarray, weights: ndarray) -> ndarray:
 
 
 def centroid(f: ndarray, weights: ndarray) -> ndarray:
-    """Return the weighted mean of vertices.
-
-    Parameters
-    ----------
-    f : array, shape (..., V, 3)
-        Surfaces or deformations.
-    weights : array, shape (V,)
-        Weights of the vertices.
-
-    Returns
-    -------
-    array, shape (..., 1, 3)
-    """
+    """Return the weighted mean of vertices."""
     return (weights / weights.sum())[None] @ f
 
 

@@ -1,4 +1,4 @@
-"""The order in which a sparse symmetric matrix of 3 x 3 blocks is eliminated, and what it fills."""
+"""Sparse symmetric matrices of 3 x 3 blocks: the order of elimination, and triangular solves."""
 
 from __future__ import annotations
 
@@ -10,26 +10,11 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from riemhuman.kernels.compilation import FUSED, compiled
+
 
 class Elimination(NamedTuple):
-    """What the elimination A = L D Lᵀ of matrices knows from their pattern of blocks alone.
-
-    Attributes
-    ----------
-    order : array of int, shape (n,)
-        The rows of blocks of A in the order of elimination, which leaves few blocks in L.
-    ends : array of int, shape (n + 1,)
-        Where the blocks of each column of L begin, and where the last ends.
-    rows, columns : array of int, shape (m,)
-        Where the blocks of L stand, column by column, rows increasing from the diagonal on.
-    row_ends : array of int, shape (n + 1,)
-        Where the blocks of each row of L begin in `by_row`, and where the last ends.
-    by_row : array of int, shape (m,)
-        Numbers of the blocks of L, row by row, columns increasing up to the diagonal.
-    sources, targets : array of int
-        Numbers of the blocks of A in its upper triangle, in the order of elimination, and of those
-        of L that they are the transposed start of.
-    """
+    """What the elimination A = L D Lᵀ of matrices knows from their pattern of blocks alone."""
 
     order: ndarray
     ends: ndarray
@@ -42,17 +27,7 @@ class Elimination(NamedTuple):
 
 
 def elimination_of(matrix: sparse.bsr_array) -> Elimination:
-    """Return how a symmetric matrix is eliminated, which is kept for the last patterns.
-
-    Parameters
-    ----------
-    matrix : bsr_array
-        Symmetric matrix of blocks.
-
-    Returns
-    -------
-    Elimination
-    """
+    """Return how a symmetric matrix is eliminated, which is kept for the last patterns."""
     numbers = matrix.indptr, matrix.indices
     return _elimination(*(some.astype(np.int64).tobytes() for some in numbers))
 
@@ -113,3 +88,103 @@ def _filled(n: int, columns: ndarray, rows: ndarray) -> tuple[ndarray, ndarray]:
             below[parent] |= below[j]
     filled = [[j, *sorted(later)] for j, later in enumerate(below)]
     return np.array([len(column) for column in filled]), np.concatenate(filled)
+
+
+WIDTHS = 1, 16, 20
+"""Numbers of right sides that loops are compiled for: 16 then take no longer than 8 otherwise."""
+
+
+@compiled(fastmath=FUSED)
+def eliminate(
+    ends: ndarray,
+    rows: ndarray,
+    columns: ndarray,
+    row_ends: ndarray,
+    by_row: ndarray,
+    blocks: ndarray,
+    pivots: ndarray,
+) -> None:
+    """Replace the lower triangle of A by L, column by column of blocks."""
+    n = len(pivots)
+    work = np.zeros((n, 9))
+    for j in range(n):
+        first, last = ends[j], ends[j + 1]
+        for p in range(first, last):
+            for c in range(9):
+                work[rows[p], c] = blocks[p, c]
+        for s in range(row_ends[j], row_ends[j + 1] - 1):
+            q = by_row[s]
+            k = columns[q]
+            d0, d1, d2 = pivots[k, 0], pivots[k, 1], pivots[k, 2]
+            a0, a1, a2 = d0 * blocks[q, 0], d0 * blocks[q, 1], d0 * blocks[q, 2]
+            b0, b1, b2 = d1 * blocks[q, 3], d1 * blocks[q, 4], d1 * blocks[q, 5]
+            c0, c1, c2 = d2 * blocks[q, 6], d2 * blocks[q, 7], d2 * blocks[q, 8]
+            for p in range(q, ends[k + 1]):
+                i = rows[p]
+                for r in range(3):
+                    x, y, z = blocks[p, r], blocks[p, 3 + r], blocks[p, 6 + r]
+                    work[i, r] -= x * a0 + y * b0 + z * c0
+                    work[i, 3 + r] -= x * a1 + y * b1 + z * c1
+                    work[i, 6 + r] -= x * a2 + y * b2 + z * c2
+        d0 = work[j, 0]
+        low, corner = work[j, 1] / d0, work[j, 2] / d0
+        d1 = work[j, 4] - low * work[j, 1]
+        last_of_three = (work[j, 5] - low * work[j, 2]) / d1
+        d2 = work[j, 8] - corner * work[j, 2] - last_of_three * last_of_three * d1
+        pivots[j, 0], pivots[j, 1], pivots[j, 2] = d0, d1, d2
+        blocks[first, 1], blocks[first, 2], blocks[first, 5] = low, corner, last_of_three
+        for p in range(first + 1, last):
+            i = rows[p]
+            for r in range(3):
+                x = work[i, r]
+                y = work[i, 3 + r] - low * x
+                z = work[i, 6 + r] - corner * x - last_of_three * y
+                blocks[p, r], blocks[p, 3 + r], blocks[p, 6 + r] = x / d0, y / d1, z / d2
+
+
+@compiled(fastmath=FUSED)
+def solve_lower(
+    ends: ndarray, rows: ndarray, blocks: ndarray, x: ndarray, lanes: tuple[int, ...] | None
+) -> None:
+    """Replace X by L⁻¹ X."""
+    k = x.shape[1] // 3 if lanes is None else len(lanes)
+    y0, y1, y2 = np.empty(k), np.empty(k), np.empty(k)
+    for j in range(len(x)):
+        first, y = ends[j], x[j]
+        low, corner, last = blocks[first, 1], blocks[first, 2], blocks[first, 5]
+        for i in range(k):
+            y0[i] = y[i]
+            y1[i] = y[k + i] - low * y0[i]
+            y2[i] = y[2 * k + i] - (corner * y0[i] + last * y1[i])
+            y[k + i], y[2 * k + i] = y1[i], y2[i]
+        for p in range(first + 1, ends[j + 1]):
+            z, b = x[rows[p]], blocks[p]
+            for i in range(k):
+                z[i] -= b[0] * y0[i] + b[3] * y1[i] + b[6] * y2[i]
+                z[k + i] -= b[1] * y0[i] + b[4] * y1[i] + b[7] * y2[i]
+                z[2 * k + i] -= b[2] * y0[i] + b[5] * y1[i] + b[8] * y2[i]
+
+
+@compiled(fastmath=FUSED)
+def solve_upper(
+    ends: ndarray, rows: ndarray, blocks: ndarray, x: ndarray, lanes: tuple[int, ...] | None
+) -> None:
+    """Replace X by L⁻ᵀ X."""
+    k = x.shape[1] // 3 if lanes is None else len(lanes)
+    y0, y1, y2 = np.empty(k), np.empty(k), np.empty(k)
+    for j in range(len(x) - 1, -1, -1):
+        first, y = ends[j], x[j]
+        for i in range(k):
+            y0[i], y1[i], y2[i] = y[i], y[k + i], y[2 * k + i]
+        for p in range(first + 1, ends[j + 1]):
+            z, b = x[rows[p]], blocks[p]
+            for i in range(k):
+                z0, z1, z2 = z[i], z[k + i], z[2 * k + i]
+                y0[i] -= b[0] * z0 + b[1] * z1 + b[2] * z2
+                y1[i] -= b[3] * z0 + b[4] * z1 + b[5] * z2
+                y2[i] -= b[6] * z0 + b[7] * z1 + b[8] * z2
+        low, corner, last = blocks[first, 1], blocks[first, 2], blocks[first, 5]
+        for i in range(k):
+            second = y1[i] - last * y2[i]
+            y[i] = y0[i] - (low * second + corner * y2[i])
+            y[k + i], y[2 * k + i] = second, y2[i]

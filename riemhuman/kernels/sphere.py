@@ -5,22 +5,12 @@ from __future__ import annotations
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.scalars import sine_cardinal, square_root
+from riemhuman.kernels.differentiable import sine_cardinal, square_root
 from riemhuman.kernels.surface import dot
 
 
 def angle(n1: ndarray, n2: ndarray) -> ndarray:
-    """Return the angle between unit vectors, in [0, π].
-
-    Parameters
-    ----------
-    n1, n2 : array, shape (..., 3)
-        Unit vectors.
-
-    Returns
-    -------
-    array, shape (...)
-    """
+    """Return the angle between unit vectors, in [0, π]."""
     difference, total = n1 - n2, n1 + n2
     return 2.0 * np.arctan2(
         square_root(dot(difference, difference)), square_root(dot(total, total))
@@ -28,19 +18,7 @@ def angle(n1: ndarray, n2: ndarray) -> ndarray:
 
 
 def to_tangent(v: ndarray, n: ndarray) -> ndarray:
-    """Return v − (n·v) n, the part of v tangent at n.
-
-    Parameters
-    ----------
-    v : array, shape (..., 3)
-        Vectors.
-    n : array, shape (..., 3)
-        Unit vectors.
-
-    Returns
-    -------
-    array, shape (..., 3)
-    """
+    """Return v − (n·v) n, the part of v tangent at n."""
     return v - np.expand_dims(dot(n, v), -1) * n
 
 
@@ -49,17 +27,7 @@ ANTIPODAL = np.pi - 8 * np.finfo(float).eps
 
 
 def log(n1: ndarray, n2: ndarray) -> ndarray:
-    """Return the initial velocity of the minimal geodesic from n₁ to n₂, n₂ ≠ −n₁.
-
-    Parameters
-    ----------
-    n1, n2 : array, shape (..., 3)
-        Unit vectors.
-
-    Returns
-    -------
-    array, shape (..., 3)
-    """
+    """Return the initial velocity of the minimal geodesic from n₁ to n₂, n₂ ≠ −n₁."""
     # The tangent part of n₂ − n₁ or n₂ + n₁, whichever is the shorter and so the more exact.
     shorter = np.where((dot(n1, n2) >= 0)[..., None], n2 - n1, n2 + n1)
     direction = to_tangent(shorter, n1)
@@ -69,19 +37,7 @@ def log(n1: ndarray, n2: ndarray) -> ndarray:
 
 
 def exp(v: ndarray, n: ndarray) -> ndarray:
-    """Return the end point of the great circle from n with velocity v, cos‖v‖ n + sin‖v‖ v/‖v‖.
-
-    Parameters
-    ----------
-    v : array, shape (..., 3)
-        Tangent vectors at n.
-    n : array, shape (..., 3)
-        Unit vectors.
-
-    Returns
-    -------
-    array, shape (..., 3)
-    """
+    """Return the end point of the great circle from n with velocity v, cos‖v‖ n + sin‖v‖ v/‖v‖."""
     length = np.expand_dims(square_root(dot(v, v)), -1)
     return np.cos(length) * n + sine_cardinal(length) * v
 
@@ -91,19 +47,6 @@ def parallel_transport(w: ndarray, n: ndarray, v: ndarray) -> ndarray:
 
     .. math:: w + \frac{\langle v, w\rangle}{\|v\|^2}\left((\cos\|v\| - 1)\, v
               - \|v\|\sin\|v\|\, n\right)
-
-    Parameters
-    ----------
-    w : array, shape (..., 3)
-        Tangent vectors at n, to be transported.
-    n : array, shape (..., 3)
-        Unit vectors.
-    v : array, shape (..., 3)
-        Tangent vectors at n, the direction of transport.
-
-    Returns
-    -------
-    array, shape (..., 3)
     """
     length = square_root(dot(v, v))[..., None]
     along = dot(v, w)[..., None]

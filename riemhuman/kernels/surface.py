@@ -15,13 +15,14 @@ import math
 from typing import NamedTuple
 
 import autograd.numpy as np
+import numpy as onp
 from autograd.extend import defjvp, defvjp, primitive
 from autograd.numpy.numpy_vjps import unbroadcast_f
 from numpy import ndarray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_array, csr_matrix
 
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.kernels.linear import entry
+from riemhuman.kernels.differentiable import entry
 
 DEGENERATE = 8 * np.finfo(float).eps
 """Below this squared sine of the angle between f_u and f_v, det g is rounding error alone."""
@@ -31,21 +32,7 @@ NEARLY_DEGENERATE = 2 * DEGENERATE
 
 
 class Derivatives(NamedTuple):
-    """What terms know of surfaces: first derivatives, and what follows from them.
-
-    Attributes
-    ----------
-    f_u, f_v : array, shape (..., F, 3)
-        Partial derivatives.
-    area_vectors : array, shape (..., F, 3)
-        f_u × f_v.
-    areas : array, shape (..., F)
-        A = ‖f_u × f_v‖, the ratio of the triangle's area to the template's; 1 where degenerate.
-    e, m : array, shape (..., F)
-        f_u·f_u, 1 where degenerate, and f_u·f_v.
-    degenerate : array of bool, shape (..., F)
-        Triangles without area: g is singular to working precision.
-    """
+    """What terms know of surfaces: first derivatives, and what follows from them."""
 
     f_u: ndarray
     f_v: ndarray
@@ -61,35 +48,12 @@ def derivatives(points: ndarray, operator: csr_matrix) -> Derivatives:
 
     det g = ‖f_u × f_v‖² comes with relative errors of ε times the aspect ratio of a triangle; from
     rounded entries of g, the square of that ratio would count.
-
-    Parameters
-    ----------
-    points : array, shape (..., V, 3)
-        Surfaces.
-    operator : csr_matrix, shape (2F, V)
-        The template's differential operator: rows of f_u, then rows of f_v.
-
-    Returns
-    -------
-    Derivatives
     """
     return follow_up(*partial_derivatives(points, operator))
 
 
 def follow_up(f_u: ndarray, f_v: ndarray, bound: float = DEGENERATE) -> Derivatives:
-    """Return first derivatives with what follows from them.
-
-    Parameters
-    ----------
-    f_u, f_v : array, shape (..., 3)
-        Partial derivatives.
-    bound : float
-        Squared sine of their angle up to which a triangle is degenerate.
-
-    Returns
-    -------
-    Derivatives
-    """
+    """Return first derivatives with what follows from them."""
     area_vectors = np.cross(f_u, f_v)
     squared, e = dot(area_vectors, area_vectors), dot(f_u, f_u)
     degenerate = squared <= bound * e * dot(f_v, f_v)
@@ -110,18 +74,6 @@ def frame_components(first: Derivatives, h_u: ndarray, h_v: ndarray) -> ndarray:
               \delta n = -(n\cdot\partial_1 h)\, e_1 - (n\cdot\partial_2 h)\, e_2 .
 
     Taken from g and n and their changes, slivers would lose the digits of their aspect ratio.
-
-    Parameters
-    ----------
-    first : Derivatives
-        Those of the surface, whose triangles have an area.
-    h_u, h_v : array, shape (..., F, 3)
-        Partial derivatives of the deformation.
-
-    Returns
-    -------
-    array, shape (..., F, 6)
-        e₁·∂₁h, e₁·∂₂h, e₂·∂₁h, e₂·∂₂h, n·∂₁h, n·∂₂h.
     """
     p, x, y = (value[..., None] for value in (np.sqrt(first.e), first.m / first.e, first.areas))
     y = y / p**2
@@ -132,19 +84,7 @@ def frame_components(first: Derivatives, h_u: ndarray, h_v: ndarray) -> ndarray:
 
 
 def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray, ndarray]:
-    """Return f_u and f_v of every triangle.
-
-    Parameters
-    ----------
-    points : array, shape (..., V, 3)
-        Surfaces.
-    operator : csr_matrix, shape (2F, V)
-        The template's differential operator: rows of f_u, then rows of f_v.
-
-    Returns
-    -------
-    f_u, f_v : array, shape (..., F, 3)
-    """
+    """Return f_u and f_v of every triangle."""
     f_u, f_v = np.split(apply_operator(operator, points), 2, axis=-2)
     return f_u, f_v
 
@@ -155,17 +95,6 @@ def apply_operator(operator: csr_matrix, values: ndarray) -> ndarray:
 
     Registered as an autograd primitive whose transpose is the transposed operator: gathering
     vertices by index has a transpose far slower than its forward pass.
-
-    Parameters
-    ----------
-    operator : csr_matrix, shape (m, V)
-        The linear operator.
-    values : array, shape (..., V, d)
-        Values at the vertices.
-
-    Returns
-    -------
-    array, shape (..., m, d)
     """
     if values.ndim == 2:
         return operator @ values
@@ -192,15 +121,6 @@ def dot(a: ndarray, b: ndarray) -> ndarray:
     """Return the inner products of vectors along the last axis.
 
     Registered as an autograd primitive: a sum of products takes four times as long.
-
-    Parameters
-    ----------
-    a, b : array, shape (..., n)
-        Vectors.
-
-    Returns
-    -------
-    array, shape (...)
     """
     return np.einsum("...i,...i->...", a, b)
 
@@ -222,20 +142,6 @@ def symmetric_matrices(e: ndarray, m: ndarray, g: ndarray) -> ndarray:
     """Return the matrices [[e, m], [m, g]].
 
     Registered as an autograd primitive: the transpose of stacking adds up entry by entry.
-
-    Parameters
-    ----------
-    e, m, g : array, shape (...)
-        Entries, all of one shape.
-
-    Returns
-    -------
-    array, shape (..., 2, 2)
-
-    Raises
-    ------
-    ArgumentError
-        If the shapes differ.
     """
     shapes = np.shape(e), np.shape(m), np.shape(g)
     if len(set(shapes)) > 1:
@@ -261,69 +167,25 @@ defjvp(
 
 
 def first_fundamental_form(f_u: ndarray, f_v: ndarray) -> ndarray:
-    """Return g = [[f_u·f_u, f_u·f_v], [f_u·f_v, f_v·f_v]].
-
-    Parameters
-    ----------
-    f_u, f_v : array, shape (..., F, 3)
-        Partial derivatives.
-
-    Returns
-    -------
-    array, shape (..., F, 2, 2)
-    """
+    """Return g = [[f_u·f_u, f_u·f_v], [f_u·f_v, f_v·f_v]]."""
     return symmetric_matrices(dot(f_u, f_u), dot(f_u, f_v), dot(f_v, f_v))
 
 
 def first_fundamental_form_differential(
     f_u: ndarray, f_v: ndarray, h_u: ndarray, h_v: ndarray
 ) -> ndarray:
-    """Return the derivative of g along a deformation h.
-
-    Parameters
-    ----------
-    f_u, f_v : array, shape (..., F, 3)
-        Partial derivatives of the surface.
-    h_u, h_v : array, shape (..., F, 3)
-        Partial derivatives of the deformation.
-
-    Returns
-    -------
-    array, shape (..., F, 2, 2)
-    """
+    """Return the derivative of g along a deformation h."""
     return symmetric_matrices(2 * dot(f_u, h_u), dot(f_u, h_v) + dot(h_u, f_v), 2 * dot(f_v, h_v))
 
 
 def unit_normals(f_u: ndarray, f_v: ndarray) -> ndarray:
-    """Return n = f_u × f_v / ‖f_u × f_v‖; not defined on triangles without area.
-
-    Parameters
-    ----------
-    f_u, f_v : array, shape (..., F, 3)
-        Partial derivatives.
-
-    Returns
-    -------
-    array, shape (..., F, 3)
-    """
+    """Return n = f_u × f_v / ‖f_u × f_v‖; not defined on triangles without area."""
     area_vectors = np.cross(f_u, f_v)
     return area_vectors / np.sqrt(dot(area_vectors, area_vectors))[..., None]
 
 
 def unit_normals_differential(f_u: ndarray, f_v: ndarray, h_u: ndarray, h_v: ndarray) -> ndarray:
-    """Return the derivative of n along a deformation h.
-
-    Parameters
-    ----------
-    f_u, f_v : array, shape (..., F, 3)
-        Partial derivatives of the surface.
-    h_u, h_v : array, shape (..., F, 3)
-        Partial derivatives of the deformation.
-
-    Returns
-    -------
-    array, shape (..., F, 3)
-    """
+    """Return the derivative of n along a deformation h."""
     area_vectors = np.cross(f_u, f_v)
     areas = np.sqrt(dot(area_vectors, area_vectors))[..., None]
     normals = area_vectors / areas
@@ -332,37 +194,12 @@ def unit_normals_differential(f_u: ndarray, f_v: ndarray, h_u: ndarray, h_v: nda
 
 
 def is_degenerate(f_u: ndarray, f_v: ndarray, bound: float = DEGENERATE) -> ndarray:
-    """Tell the triangles on which g is singular to working precision, see `Derivatives`.
-
-    Parameters
-    ----------
-    f_u, f_v : array, shape (..., F, 3)
-        Partial derivatives.
-    bound : float
-        See `follow_up`.
-
-    Returns
-    -------
-    array of bool, shape (..., F)
-    """
+    """Tell the triangles on which g is singular to working precision, see `Derivatives`."""
     return follow_up(f_u, f_v, bound).degenerate
 
 
 def refuse_degenerate(degenerate: ndarray, name: str = "the surface") -> None:
-    """Refuse surfaces with triangles without area.
-
-    Parameters
-    ----------
-    degenerate : array of bool, shape (..., F)
-        Which triangles of the surfaces have no area.
-    name : str
-        Name of the argument, for messages.
-
-    Raises
-    ------
-    DegenerateSurfaceError
-        If there is one.
-    """
+    """Refuse surfaces with triangles without area."""
     refuse_triangles(
         degenerate,
         f"every triangle of {name} must have an area, for its normal to exist and g to be "
@@ -372,17 +209,7 @@ def refuse_degenerate(degenerate: ndarray, name: str = "the surface") -> None:
 
 
 def refuse_triangles(bad: ndarray, message: str, error: type[Exception]) -> None:
-    """Raise an error naming the first bad triangle, its surface if there are several, the count.
-
-    Parameters
-    ----------
-    bad : array of bool, shape (..., F)
-        Triangles to refuse.
-    message : str
-        What was expected.
-    error : type
-        Class of the error.
-    """
+    """Raise an error naming the first bad triangle, its surface if there are several, the count."""
     if not bad.any():
         return
     *leading, triangle = (int(i) for i in np.argwhere(bad)[0])
@@ -390,3 +217,68 @@ def refuse_triangles(bad: ndarray, message: str, error: type[Exception]) -> None
     count = int(bad.sum())
     others = "" if count == 1 else f", the first of {count} such triangles"
     raise error(f"{message}; found otherwise at triangle {triangle}{where}{others}")
+
+
+def triangle_frames(points: ndarray, operator: object) -> ndarray:
+    """Return the matrices with columns f_u, f_v and n."""
+    f_u, f_v = partial_derivatives(points, operator)
+    return np.stack([f_u, f_v, unit_normals(f_u, f_v)], axis=-1)
+
+
+def polar_frames(f_u: ndarray, f_v: ndarray) -> ndarray:
+    r"""Return the orthonormal frames of polar decompositions, and the normal as third column.
+
+    The differential of a surface is df = Q √g with Q isometric. In the plane of the triangle, Q is
+    df plus its cofactors, divided by :math:`\mathrm{tr}\sqrt g`:
+
+    .. math:: Q = (f_u + f_v \times n, \; f_v + n \times f_u) / \mathrm{tr}\sqrt g
+    """
+    n = unit_normals(f_u, f_v)
+    q_u, q_v = f_u + np.cross(f_v, n), f_v + np.cross(n, f_u)
+    trace = np.sqrt(dot(q_u, q_u))[..., None]
+    return np.stack([q_u / trace, q_v / trace, n], axis=-1)
+
+
+def deformation_gradients(before: ndarray, after: ndarray) -> ndarray:
+    """Return the matrices that take one surface's triangles and normals to another's."""
+    return after @ np.linalg.inv(before)
+
+
+def stacked_derivatives(frames: ndarray) -> ndarray:
+    """Return f_u of all triangles, then f_v, as the template's operator does."""
+    return np.concatenate([frames[..., 0], frames[..., 1]], axis=-2)
+
+
+def cotangent_laplacian(f: ndarray, faces: ndarray) -> csr_array:
+    r"""Return the matrix L of the Dirichlet energy hᵀL h of functions linear on every triangle.
+
+    :math:`h^T L h = \sum_t w_t (h_u^2 + h_v^2)`; open and non-manifold meshes have it as well.
+    """
+    corners = f[faces]
+    rows, columns, entries = [], [], []
+    for corner in range(3):
+        # The angle at a corner weighs the edge between the two others.
+        left, right = faces[:, (corner + 1) % 3], faces[:, (corner + 2) % 3]
+        one = corners[:, (corner + 1) % 3] - corners[:, corner]
+        other = corners[:, (corner + 2) % 3] - corners[:, corner]
+        sine = onp.linalg.norm(onp.cross(one, other), axis=1)
+        half_cotangent = 0.5 * onp.sum(one * other, axis=1) / sine
+        rows += [left, right, left, right]
+        columns += [left, right, right, left]
+        entries += [half_cotangent, half_cotangent, -half_cotangent, -half_cotangent]
+    places = onp.concatenate(rows), onp.concatenate(columns)
+    return csr_array((onp.concatenate(entries), places), shape=(len(f), len(f)))
+
+
+def vertex_normals(points: ndarray, faces: ndarray) -> ndarray:
+    """Return unit normals of the vertices, averaged over their triangles with areas as weights."""
+    one, two, three = (points[corners] for corners in faces.T)
+    areas = onp.repeat(onp.cross(two - one, three - one), 3, axis=0)
+    sums = [onp.bincount(faces.ravel(), column, len(points)) for column in areas.T]
+    return unit_vectors(onp.stack(sums, axis=1))
+
+
+def unit_vectors(vectors: ndarray) -> ndarray:
+    """Return vectors at unit length; zero vectors stay zero."""
+    lengths = onp.linalg.norm(vectors, axis=-1, keepdims=True)
+    return onp.divide(vectors, lengths, out=onp.zeros_like(vectors), where=lengths > 0)

@@ -1,10 +1,17 @@
-"""Threads for bulk work: fixed chunks, so that results do not depend on how many threads run."""
+"""Threads and tiles for bulk work, whose results do not depend on how many threads run.
+
+Rows of features are filled up with zeros, which add nothing to a distance, to whole vector
+registers: F⁺ is F rounded up to a multiple of `LANES`. Sums run over chunks of triangles, always
+the same ones, and over chunks in double precision: the bits of a distance depend on its two points
+alone, not on other points, tiles or threads.
+"""
 
 from __future__ import annotations
 
+import math
 import os
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
@@ -28,22 +35,7 @@ Result = TypeVar("Result")
 
 
 def in_chunks(task: Callable[[int, int], Result], size: int, *, threaded: bool) -> list[Result]:
-    """Return the results of a task on `N_CHUNKS` consecutive parts of range(size).
-
-    Parameters
-    ----------
-    task : callable
-        Called with the first and last + 1 index of each part; should release the interpreter lock.
-    size : int
-        Number of items.
-    threaded : bool
-        Whether to run in threads; small tasks are faster without.
-
-    Returns
-    -------
-    list
-        In the order of the parts.
-    """
+    """Return the results of a task on `N_CHUNKS` consecutive parts of range(size)."""
     ends = np.linspace(0, size, N_CHUNKS + 1).astype(np.int64)
     run = _pool().map if threaded else map
     return list(run(task, ends[:-1], ends[1:]))
@@ -52,21 +44,7 @@ def in_chunks(task: Callable[[int, int], Result], size: int, *, threaded: bool) 
 def sums_in_chunks(
     task: Callable[[int, int], tuple[Any, ...]], size: int, *, threaded: bool
 ) -> tuple[Any, ...]:
-    """Return the sums of what a task returns for parts of range(size).
-
-    Parameters
-    ----------
-    task : callable
-        Called with the first and last + 1 index of each part, returns numbers and new arrays.
-    size : int
-        Number of items.
-    threaded : bool
-        Whether to run in threads.
-
-    Returns
-    -------
-    tuple
-    """
+    """Return the sums of what a task returns for parts of range(size)."""
     first, *others = in_chunks(task, size, threaded=threaded)
     totals = list(first)
     for part in others:
@@ -76,24 +54,7 @@ def sums_in_chunks(
 
 
 def thread_count(n_jobs: int | None) -> int:
-    """Return the number of threads that `n_jobs` asks for.
-
-    Parameters
-    ----------
-    n_jobs : int or None
-        Number of threads: None is 1, -1 is one a core.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the number is not an integer.
-    ArgumentError
-        If it is 0 or below -1.
-    """
+    """Return the number of threads that `n_jobs` asks for."""
     if n_jobs is None:
         return 1
     n_jobs = whole_number(n_jobs, "n_jobs")
@@ -107,22 +68,7 @@ def thread_count(n_jobs: int | None) -> int:
 def mapped(
     task: Callable[[Item], Result], items: Iterable[Item], n_threads: int
 ) -> Iterator[Result]:
-    """Yield the results of a task in the order of its items; after a failure no task begins.
-
-    Parameters
-    ----------
-    task : callable
-        Takes an item.
-    items : iterable
-        Items.
-    n_threads : int
-        Number of threads; one is the calling thread.
-
-    Yields
-    ------
-    object
-        What the task returns for an item.
-    """
+    """Yield the results of a task in the order of its items; after a failure no task begins."""
     if n_threads == 1:
         yield from map(task, items)
         return
@@ -134,17 +80,7 @@ def mapped(
 
 
 def for_each(task: Callable[[Item], Any], items: Iterable[Item], n_threads: int) -> None:
-    """Do a task for every item, as `mapped` does.
-
-    Parameters
-    ----------
-    task : callable
-        Takes an item.
-    items : iterable
-        Items.
-    n_threads : int
-        Number of threads; one is the calling thread.
-    """
+    """Do a task for every item, as `mapped` does."""
     for _ in mapped(task, items, n_threads):
         pass
 
@@ -154,10 +90,6 @@ def single_threaded_libraries() -> Iterator[None]:
     """Keep libraries in the calling thread, for code that runs threads of its own.
 
     Idle threads of OpenBLAS and OpenMP wait in a busy loop, on cores that others need.
-
-    Yields
-    ------
-    None
     """
     _limit.enter()
     try:
@@ -205,19 +137,7 @@ _limit = _SharedLimit()
 
 
 def combine_rows(coefficients: ndarray, rows: ndarray) -> ndarray:
-    """Return coefficients @ rows for long rows.
-
-    Parameters
-    ----------
-    coefficients : array, shape (m, K)
-        Coefficients.
-    rows : array, shape (K, n)
-        Long rows, C-contiguous.
-
-    Returns
-    -------
-    array, shape (m, n)
-    """
+    """Return coefficients @ rows for long rows."""
     combined = np.empty((len(coefficients), rows.shape[1]))
 
     def task(first: int, last: int) -> None:
@@ -228,19 +148,7 @@ def combine_rows(coefficients: ndarray, rows: ndarray) -> ndarray:
 
 
 def pair_with_rows(vectors: ndarray, rows: ndarray) -> ndarray:
-    """Return vectors @ rows.T for long rows.
-
-    Parameters
-    ----------
-    vectors : array, shape (m, n)
-        Long vectors.
-    rows : array, shape (K, n)
-        Long rows, C-contiguous.
-
-    Returns
-    -------
-    array, shape (m, K)
-    """
+    """Return vectors @ rows.T for long rows."""
 
     def task(first: int, last: int) -> ndarray:
         total = np.zeros((len(vectors), len(rows)))
@@ -253,19 +161,7 @@ def pair_with_rows(vectors: ndarray, rows: ndarray) -> ndarray:
 
 
 def quadratic_form(matrix: sparse.csr_array, rows: ndarray) -> ndarray:
-    """Return rows @ matrix @ rows.T for long rows.
-
-    Parameters
-    ----------
-    matrix : csr_array, shape (n, n)
-        Sparse matrix.
-    rows : array, shape (K, n)
-        Long rows, C-contiguous.
-
-    Returns
-    -------
-    array, shape (K, K)
-    """
+    """Return rows @ matrix @ rows.T for long rows."""
     columns = np.empty((rows.shape[1], rows.shape[0]))
     threaded = _is_large(rows)
 
@@ -294,3 +190,86 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.cache_clear)
     # Nor does whoever holds the lock of the limit.
     os.register_at_fork(after_in_child=_limit.keep_own)
+
+
+LANES = 64
+"""Rows of features are as long as a multiple of this."""
+
+CHUNK = 512
+"""Triangles summed in the precision of the features before they join the sum over all."""
+
+LARGEST, SMALLEST = 1e15, 1e-15
+"""Squares of numbers beyond these, and their products, leave the range of single precision."""
+
+UNDERFLOW = 1e-34
+"""What a square too small for single precision may add to a sum."""
+
+# Pairs times values of one tile, so that features, which come from far in memory, are used often.
+_TILE_WORK = 320_000_000
+# Tiles for each of several threads, which then end at nearly the same time.
+_TILES_A_THREAD = 4
+
+
+def slices(n: int, size: int) -> Iterator[slice]:
+    """Yield consecutive parts of range(n), all but the last of one size."""
+    for start in range(0, n, size):
+        yield slice(start, min(start + size, n))
+
+
+def of_one_kind(array: ndarray) -> ndarray:
+    """Return a read-only C-contiguous array, the kind that loops are compiled for.
+
+    Loops over another kind would be compiled again, and could add up in another order.
+    """
+    view = np.ascontiguousarray(array).view()
+    view.flags.writeable = False
+    return view
+
+
+def padded(shape: tuple[int, ...], precision: str) -> ndarray:
+    """Return zeros with rows of whole vector registers."""
+    *leading, length = shape
+    whole = -(-length // LANES) * LANES
+    return np.zeros((*leading, whole), dtype=np.float32 if precision == "single" else np.float64)
+
+
+def rounding(gap: float, features: ndarray) -> float:
+    """Return a bound on the rounding error of a point's features, as a distance."""
+    return math.sqrt(gap) if features.dtype == np.float32 else 0.0
+
+
+def in_tiles(
+    run: Callable[[tuple[tuple[ndarray, ...], tuple[ndarray, ...]]], ndarray],
+    a: Sequence[ndarray],
+    b: Sequence[ndarray],
+    n_threads: int,
+) -> ndarray:
+    """Return sums over pairs, computed tile by tile in threads."""
+    within = all(one is other for one, other in zip(a, b, strict=True))
+    a, b = tuple(map(of_one_kind, a)), tuple(map(of_one_kind, b))
+    n_a, n_b = len(a[0]), len(b[0])
+    squared = np.zeros((n_a, n_b))
+    n_values = max(1, *(one[:1].size for one in a))
+    n_pairs = _TILE_WORK / n_values
+    if n_threads > 1:
+        n_pairs = min(n_pairs, n_a * n_b / (_TILES_A_THREAD * n_threads))
+    # Whole blocks of four, by which some loops go.
+    size = 4 * int(np.clip(0.25 * math.sqrt(n_pairs) + 0.5, 2, 16))
+
+    rows = [(i, tuple(one[i] for one in a)) for i in slices(n_a, size)]
+    columns = rows if within else [(j, tuple(one[j] for one in b)) for j in slices(n_b, size)]
+    places = [
+        (row, column)
+        for row in rows
+        for column in columns
+        if not within or row[0].start <= column[0].start
+    ]
+    tiles = mapped(run, ((row[1], column[1]) for row, column in places), n_threads)
+    for ((i, _), (j, _)), tile in zip(places, tiles, strict=True):
+        if within and i == j:
+            tile = np.triu(tile, 1)
+            tile += tile.T
+        elif within:
+            squared[j, i] = tile.T
+        squared[i, j] = tile
+    return squared

@@ -5,6 +5,9 @@ n, the area ratio A = ‖f_u × f_v‖, and e = f_u·f_u, m = f_u·f_v. On a tri
 are 0. Slopes of a sum over triangles by the numbers of a record, each taken for independent, become
 slopes by the vertices. Arrays of records hold each number of many triangles in a row, so that loops
 over triangles run in vector registers. Definitions are in `riemhuman.kernels.surface`.
+
+Orthonormal frames: at corners q₁, q₂, q₃ of a triangle, e₁ runs along q₂ − q₁, e₂ across it within
+the plane and e₃ is the normal; q₂ − q₁ = p e₁ and q₃ − q₁ = q e₁ + r e₂.
 """
 
 from __future__ import annotations
@@ -14,11 +17,9 @@ import math
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.compiled import FUSED, compiled
-from riemhuman.kernels.moving_frames import fill_axes
+from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.kernels.surface import DEGENERATE, NEARLY_DEGENERATE
-from riemhuman.kernels.threads import in_chunks
-from riemhuman.kernels.tiles import of_one_kind
+from riemhuman.kernels.threads import in_chunks, of_one_kind
 
 LENGTH = 12
 """Numbers in a record: three of f_u, three of f_v, three of n, then A, e and m."""
@@ -29,21 +30,7 @@ _WORTH_THREADS = 5_000
 
 @compiled(forceinline=True)
 def derivatives(f: ndarray, i: int, face: ndarray, frame: ndarray, both: ndarray) -> None:
-    """Fill f_u, then f_v, of one triangle.
-
-    Parameters
-    ----------
-    f : array, shape (V, n_times, 3)
-        Surfaces, vertex by vertex.
-    i : int
-        Which of them.
-    face : array of int, shape (3,)
-        Corners.
-    frame : array, shape (3,)
-        Template frame: 1/u₂, 1/v₃, u₃/(v₃u₂).
-    both : array, shape (6,) or longer
-        Filled.
-    """
+    """Fill f_u, then f_v, of one triangle."""
     one, two, three = face[0], face[1], face[2]
     for k in range(3):
         edge = f[two, i, k] - f[one, i, k]
@@ -55,17 +42,7 @@ def derivatives(f: ndarray, i: int, face: ndarray, frame: ndarray, both: ndarray
 def first_forms(
     u0: float, u1: float, u2: float, v0: float, v1: float, v2: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Return e = f_u·f_u, m = f_u·f_v, f_u × f_v and its length A, 0 for triangles without area.
-
-    Parameters
-    ----------
-    u0, u1, u2, v0, v1, v2 : float
-        f_u and f_v.
-
-    Returns
-    -------
-    e, m, n0, n1, n2, area : float
-    """
+    """Return e = f_u·f_u, m = f_u·f_v, f_u × f_v and its length A, 0 for triangles without area."""
     n0, n1, n2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
     squared = n0 * n0 + n1 * n1 + n2 * n2
     e = u0 * u0 + u1 * u1 + u2 * u2
@@ -78,23 +55,7 @@ def first_forms(
 def triangle(
     f: ndarray, faces: ndarray, frames: ndarray, t: int
 ) -> tuple[float, float, float, float, float, float]:
-    """Return the `first_forms` of a triangle of one surface.
-
-    Parameters
-    ----------
-    f : array, shape (V, 3)
-        Surface.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    frames : array, shape (F, 3)
-        Template frames.
-    t : int
-        Which triangle.
-
-    Returns
-    -------
-    e, m, n0, n1, n2, area : float
-    """
+    """Return the `first_forms` of a triangle of one surface."""
     one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
     scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
     x, y, z = f[two, 0] - f[one, 0], f[two, 1] - f[one, 1], f[two, 2] - f[one, 2]
@@ -112,19 +73,6 @@ def nearly_degenerate_triangles(surfaces: ndarray, faces: ndarray, frames: ndarr
     """Tell the triangles of many surfaces that have no area, or hardly more than none.
 
     The definition is `riemhuman.kernels.surface.is_degenerate` with the bound `NEARLY_DEGENERATE`.
-
-    Parameters
-    ----------
-    surfaces : array, shape (n, V, 3)
-        Surfaces, C-contiguous.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    frames : array, shape (F, 3)
-        Template frames.
-
-    Returns
-    -------
-    array of bool, shape (n, F)
     """
     degenerate = np.empty((len(surfaces), len(faces)), dtype=bool)
 
@@ -146,19 +94,7 @@ def _mark_nearly_degenerate(f: ndarray, faces: ndarray, frames: ndarray, marked:
 
 @compiled
 def mark_degenerate(f: ndarray, faces: ndarray, frames: ndarray, marked: ndarray) -> None:
-    """Mark the triangles of a surface that have no area.
-
-    Parameters
-    ----------
-    f : array, shape (V, 3)
-        Surface.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    frames : array, shape (F, 3)
-        Template frames.
-    marked : array of bool, shape (F,)
-        Filled.
-    """
+    """Mark the triangles of a surface that have no area."""
     for t in range(len(faces)):
         marked[t] = triangle(f, faces, frames, t)[5] == 0.0
 
@@ -167,21 +103,7 @@ def mark_degenerate(f: ndarray, faces: ndarray, frames: ndarray, marked: ndarray
 def fill_records(
     f: ndarray, faces: ndarray, frames: ndarray, first: int, last: int, records: ndarray
 ) -> None:
-    """Fill the records of the triangles from `first` to `last`.
-
-    Parameters
-    ----------
-    f : array, shape (V, n_times, 3)
-        Surfaces, vertex by vertex.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    frames : array, shape (F, 3)
-        Template frames: 1/u₂, 1/v₃, u₃/(v₃u₂).
-    first, last : int
-        The first triangle, and the one behind the last.
-    records : array, shape (n_times, 12, last - first)
-        Filled.
-    """
+    """Fill the records of the triangles from `first` to `last`."""
     for i in range(f.shape[1]):
         record = records[i]
         for t in range(first, last):
@@ -217,22 +139,7 @@ def add_gradient(
     last: int,
     gradient: ndarray,
 ) -> None:
-    """Add slopes by records up to slopes by vertices; triangles without area have none.
-
-    Parameters
-    ----------
-    records, slopes : array, shape (n_times, 12, last - first)
-        Records of triangles, and slopes by their numbers. The slopes by f_u and f_v are
-        overwritten.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    frames : array, shape (F, 3)
-        Template frames.
-    first, last : int
-        The first triangle, and the one behind the last.
-    gradient : array, shape (V, n_times, 3)
-        Added to.
-    """
+    """Add slopes by records up to slopes by vertices; triangles without area have none."""
     for i in range(len(records)):
         slope = slopes[i]
         _join(records[i], slope)
@@ -335,22 +242,152 @@ def _add_blocks(
 
 
 def add_blocks(blocks: ndarray, f: ndarray, faces: ndarray, forms: ndarray) -> None:
-    """Add quadratic forms of the derivatives of deformations, as forms of the nine corner numbers.
-
-    Parameters
-    ----------
-    blocks : array, shape (F, 9, 9)
-        Added to; rows and columns run over the coordinates of the first, second, third corner.
-    f : array, shape (V, 3)
-        Surface, whose triangles have an area.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    forms : array, shape (F, 6, 6)
-        Symmetric forms of the components of ∂₁h and ∂₂h, see `surface.frame_components`.
-    """
+    """Add quadratic forms of `surface.frame_components` as forms of the nine corner numbers."""
     surface = of_one_kind(f)[:, None]
 
     def run(first: int, last: int) -> None:
         _add_blocks(surface, faces, forms, first, last, blocks)
 
     in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS)
+
+
+# Below this many triangles times surfaces, threads cost more than they bring.
+_WORTH_THREADS_WITH_FRAMES = 20_000
+
+
+@compiled(inline="always")
+def frame_of(surfaces: ndarray, face: ndarray, i: int) -> tuple[float, ...]:
+    """Return the frame of a triangle at time i."""
+    one, two, three = face[0], face[1], face[2]
+    x0 = surfaces[two, i, 0] - surfaces[one, i, 0]
+    x1 = surfaces[two, i, 1] - surfaces[one, i, 1]
+    x2 = surfaces[two, i, 2] - surfaces[one, i, 2]
+    y0 = surfaces[three, i, 0] - surfaces[one, i, 0]
+    y1 = surfaces[three, i, 1] - surfaces[one, i, 1]
+    y2 = surfaces[three, i, 2] - surfaces[one, i, 2]
+    n0, n1, n2 = x1 * y2 - x2 * y1, x2 * y0 - x0 * y2, x0 * y1 - x1 * y0
+    squared = n0 * n0 + n1 * n1 + n2 * n2
+    xx = x0 * x0 + x1 * x1 + x2 * x2
+    if squared <= DEGENERATE * xx * (y0 * y0 + y1 * y1 + y2 * y2):
+        squared, xx = 0.0, 1.0
+    double_area, p = math.sqrt(squared), math.sqrt(xx)
+    over_p = 1.0 / p
+    over_r = p / double_area if squared > 0.0 else 0.0
+    flat = over_p * over_r
+    x0, x1, x2 = x0 * over_p, x1 * over_p, x2 * over_p
+    n0, n1, n2 = n0 * flat, n1 * flat, n2 * flat
+    skew = (y0 * x0 + y1 * x1 + y2 * x2) * flat
+    z0, z1, z2 = n1 * x2 - n2 * x1, n2 * x0 - n0 * x2, n0 * x1 - n1 * x0
+    area = 0.5 * double_area
+    return area, over_p, over_r, skew, x0, x1, x2, z0, z1, z2, n0, n1, n2
+
+
+@compiled(inline="always")
+def fill_axes(
+    surfaces: ndarray, face: ndarray, i: int, axes: ndarray
+) -> tuple[float, float, float, float]:
+    """Fill e₁, e₂, e₃ of a triangle at time i as rows, and return what else `frame_of` does."""
+    area, over_p, over_r, skew, a0, a1, a2, b0, b1, b2, c0, c1, c2 = frame_of(surfaces, face, i)
+    axes[0, 0], axes[0, 1], axes[0, 2] = a0, a1, a2
+    axes[1, 0], axes[1, 1], axes[1, 2] = b0, b1, b2
+    axes[2, 0], axes[2, 1], axes[2, 2] = c0, c1, c2
+    return area, over_p, over_r, skew
+
+
+@compiled(inline="always")
+def derivatives_in_frame(
+    vectors: ndarray, face: ndarray, i: int, frame: tuple[float, ...]
+) -> tuple[float, ...]:
+    """Return M_kj = e_k·∂_j h, the derivatives of a deformation h along e₁ and e₂."""
+    _, over_p, over_r, skew, a0, a1, a2, b0, b1, b2, c0, c1, c2 = frame
+    one, two, three = face[0], face[1], face[2]
+    x0 = vectors[two, i, 0] - vectors[one, i, 0]
+    x1 = vectors[two, i, 1] - vectors[one, i, 1]
+    x2 = vectors[two, i, 2] - vectors[one, i, 2]
+    y0 = over_r * (vectors[three, i, 0] - vectors[one, i, 0]) - skew * x0
+    y1 = over_r * (vectors[three, i, 1] - vectors[one, i, 1]) - skew * x1
+    y2 = over_r * (vectors[three, i, 2] - vectors[one, i, 2]) - skew * x2
+    x0, x1, x2 = over_p * x0, over_p * x1, over_p * x2
+    return (
+        a0 * x0 + a1 * x1 + a2 * x2,
+        a0 * y0 + a1 * y1 + a2 * y2,
+        b0 * x0 + b1 * x1 + b2 * x2,
+        b0 * y0 + b1 * y1 + b2 * y2,
+        c0 * x0 + c1 * x1 + c2 * x2,
+        c0 * y0 + c1 * y1 + c2 * y2,
+    )
+
+
+@compiled(inline="always")
+def add_to_corners(
+    slopes: ndarray, face: ndarray, i: int, frame: tuple[float, ...], entries: tuple[float, ...]
+) -> None:
+    """Add the slopes at the corners of a function with slopes Γ_kj in e_k·∂_j h.
+
+    The transpose of `derivatives_in_frame`.
+    """
+    _, over_p, over_r, skew, a0, a1, a2, b0, b1, b2, c0, c1, c2 = frame
+    k11, k12, k21, k22, k31, k32 = entries
+    k11, k21, k31 = (
+        over_p * k11 - skew * k12,
+        over_p * k21 - skew * k22,
+        over_p * k31 - skew * k32,
+    )
+    k12, k22, k32 = over_r * k12, over_r * k22, over_r * k32
+    one, two, three = face[0], face[1], face[2]
+    x0, y0 = k11 * a0 + k21 * b0 + k31 * c0, k12 * a0 + k22 * b0 + k32 * c0
+    x1, y1 = k11 * a1 + k21 * b1 + k31 * c1, k12 * a1 + k22 * b1 + k32 * c1
+    x2, y2 = k11 * a2 + k21 * b2 + k31 * c2, k12 * a2 + k22 * b2 + k32 * c2
+    slopes[one, i, 0] -= x0 + y0
+    slopes[one, i, 1] -= x1 + y1
+    slopes[one, i, 2] -= x2 + y2
+    slopes[two, i, 0] += x0
+    slopes[two, i, 1] += x1
+    slopes[two, i, 2] += x2
+    slopes[three, i, 0] += y0
+    slopes[three, i, 1] += y1
+    slopes[three, i, 2] += y2
+
+
+@compiled(inline="always")
+def fill_edges(surfaces: ndarray, face: ndarray, i: int, edges: ndarray) -> float:
+    """Fill the edges q₂ − q₁ and q₃ − q₁ of a triangle at time i; return its area."""
+    one, two, three = face[0], face[1], face[2]
+    xx = yy = 0.0
+    for d in range(3):
+        edges[0, d] = surfaces[two, i, d] - surfaces[one, i, d]
+        edges[1, d] = surfaces[three, i, d] - surfaces[one, i, d]
+        xx += edges[0, d] * edges[0, d]
+        yy += edges[1, d] * edges[1, d]
+    n0 = edges[0, 1] * edges[1, 2] - edges[0, 2] * edges[1, 1]
+    n1 = edges[0, 2] * edges[1, 0] - edges[0, 0] * edges[1, 2]
+    n2 = edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0]
+    squared = n0 * n0 + n1 * n1 + n2 * n2
+    return 0.5 * math.sqrt(squared) if squared > DEGENERATE * xx * yy else 0.0
+
+
+@compiled(inline="always")
+def add_area_slope(
+    slopes: ndarray, face: ndarray, i: int, edges: ndarray, area: float, factor: float
+) -> None:
+    """Add the slope of a triangle's area at its corners, times a factor."""
+    xx = edges[0, 0] ** 2 + edges[0, 1] ** 2 + edges[0, 2] ** 2
+    xy = edges[0, 0] * edges[1, 0] + edges[0, 1] * edges[1, 1] + edges[0, 2] * edges[1, 2]
+    yy = edges[1, 0] ** 2 + edges[1, 1] ** 2 + edges[1, 2] ** 2
+    factor /= 4.0 * area
+    for d in range(3):
+        at_two = factor * (yy * edges[0, d] - xy * edges[1, d])
+        at_three = factor * (xx * edges[1, d] - xy * edges[0, d])
+        slopes[face[1], i, d] += at_two
+        slopes[face[2], i, d] += at_three
+        slopes[face[0], i, d] -= at_two + at_three
+
+
+def by_vertex(surfaces: ndarray) -> ndarray:
+    """Return surfaces vertex by vertex, or back."""
+    return np.ascontiguousarray(np.swapaxes(surfaces, 0, 1))
+
+
+def is_worth_threads(surfaces: ndarray, faces: ndarray) -> bool:
+    """Tell whether loops over the triangles of surfaces gain from threads."""
+    return len(faces) * surfaces.shape[1] > _WORTH_THREADS_WITH_FRAMES

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from riemhuman.bodies import correspondence_matrix
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.triangle_frames import (
+from riemhuman.kernels.surface import (
     deformation_gradients,
     stacked_derivatives,
     triangle_frames,

@@ -20,14 +20,16 @@ import numpy as np
 from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.kernels.special_orthogonal import log, nearest_rotations
-from riemhuman.kernels.surface import is_degenerate as is_degenerate_triangle
-from riemhuman.kernels.surface import partial_derivatives, refuse_degenerate, unit_normals
-from riemhuman.kernels.triangle_frames import (
+from riemhuman.kernels.rotations import log, nearest_rotations
+from riemhuman.kernels.surface import (
     deformation_gradients,
+    partial_derivatives,
+    refuse_degenerate,
     stacked_derivatives,
     triangle_frames,
+    unit_normals,
 )
+from riemhuman.kernels.surface import is_degenerate as is_degenerate_triangle
 from riemhuman.learned._weight_files import Weights
 from riemhuman.surfaces import Template
 

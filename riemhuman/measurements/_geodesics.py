@@ -21,7 +21,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.compilation import compiled
 
 SurfacePoint = tuple[int, ndarray]
 """Number of a triangle, and barycentric coordinates in it, shape (3,)."""

@@ -17,7 +17,7 @@ from autograd.extend import defvjp, primitive
 from numpy import ndarray
 from scipy.spatial import ConvexHull
 
-from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.compilation import compiled
 
 LENGTH, HULL, EXTENT = 0, 1, 2
 """Sizes of a section: its length, the length of its convex hull, its extent."""

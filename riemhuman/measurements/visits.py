@@ -13,7 +13,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array
 from riemhuman.geometry import AlignedSurfaces
-from riemhuman.kernels.vertex_normals import vertex_normals
+from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements.measurement_set import DATA, MeasurementSet
 from riemhuman.measurements.measuring import Measurements, in_standard_pose
 from riemhuman.surfaces.procrustes import procrustes

@@ -34,8 +34,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from riemhuman.errors import NotDefinedError
 from riemhuman.geometry import EbinMetric, FlatMetric, NormalFieldMetric, RotationFieldMetric
-from riemhuman.kernels.compiled import compiled
-from riemhuman.kernels.special_orthogonal import axial, transpose
+from riemhuman.kernels.compilation import compiled
+from riemhuman.kernels.rotations import axial, transpose
 from riemhuman.motions._frames import Motion, frame_runs
 
 # Steps in which the length of the spline is measured, for every side and chord.

@@ -25,7 +25,7 @@ import math
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.compilation import compiled
 
 # Chords' ends are moved by 0, 1 or 2 steps either way; then the steps are halved.
 _REACH = 2

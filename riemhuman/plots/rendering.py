@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
+from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.plots.colors import SKIN
 
 # Directions to the lights in the viewer's frame (right, up, towards the eye), and their strengths.

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 from scipy.spatial import cKDTree
 
 from riemhuman.geometry import ElasticMetric
-from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
+from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.registration._fitting_steps import Prior, take_step
 from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riemhuman.kernels.compiled import SUM, compiled
+from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.registration._posed_body import (
     ModelSamples,
     Pose,

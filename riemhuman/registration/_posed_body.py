@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.bodies import BodyModel
-from riemhuman.kernels.compiled import compiled
-from riemhuman.kernels.vertex_normals import vertex_normals
+from riemhuman.kernels.compilation import compiled
+from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._scan_preparation import thinned
 
 

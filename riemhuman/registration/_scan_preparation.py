@@ -10,7 +10,7 @@ from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
+from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.registration.scans import FEWEST_POINTS, Scan
 
 # A fit gains nothing from more points.

@@ -18,8 +18,8 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.rotations import rotation_matrix
+from riemhuman.kernels.surface import vertex_normals
 from riemhuman.kernels.threads import mapped, single_threaded_libraries
-from riemhuman.kernels.vertex_normals import vertex_normals
 from riemhuman.progress import ProgressBar
 from riemhuman.registration._closest_points import ScanTree, fit_closest, fit_elastic
 from riemhuman.registration._posed_body import Pose, pose_body

@@ -14,7 +14,7 @@ from riemhuman.io.files import file_path
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.points import load_points
 from riemhuman.io.text_tables import read_named_rows
-from riemhuman.kernels.vertex_normals import unit_vectors
+from riemhuman.kernels.surface import unit_vectors
 from riemhuman.units import UNITS
 
 FEWEST_POINTS = 200

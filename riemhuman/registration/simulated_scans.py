@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.checks import Rng, generator, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.kernels.vertex_normals import vertex_normals
+from riemhuman.kernels.surface import vertex_normals
 from riemhuman.surfaces.measures import triangle_areas
 
 _HOLE_METRES = 0.06

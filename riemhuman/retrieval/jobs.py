@@ -34,8 +34,7 @@ from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.io.arrays import load_array
 from riemhuman.io.fingerprint import describe, digest, library_version
 from riemhuman.io.job_folder import JobFolder, are_marks, mark
-from riemhuman.kernels.threads import thread_count
-from riemhuman.kernels.tiles import slices
+from riemhuman.kernels.threads import slices, thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.retrieval._cluster import compute_parts
 from riemhuman.solvers.path_comparison import PairsOfPoints, PathDistances

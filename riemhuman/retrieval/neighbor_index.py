@@ -11,8 +11,7 @@ from numpy import ndarray
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.projections import GrowingRows, Projection
-from riemhuman.kernels.threads import thread_count
-from riemhuman.kernels.tiles import slices
+from riemhuman.kernels.threads import slices, thread_count
 
 # Number of points that are added at a time.
 _BLOCK = 64

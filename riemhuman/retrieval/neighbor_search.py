@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.tiles import slices
+from riemhuman.kernels.threads import slices
 from riemhuman.retrieval.neighbor_index import NeighborIndex
 
 # Number of queries that are answered together.

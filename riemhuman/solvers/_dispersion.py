@@ -13,7 +13,7 @@ from riemhuman.checks import real_array
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, StretchInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.kernels.tiles import slices
+from riemhuman.kernels.threads import slices
 from riemhuman.solvers.paths import rounding_energy
 from riemhuman.surfaces.measures import triangle_areas
 

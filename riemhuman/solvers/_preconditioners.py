@@ -17,9 +17,14 @@ from scipy import linalg, sparse
 
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.kernels.block_triangles import WIDTHS, eliminate, solve_lower, solve_upper
-from riemhuman.kernels.elimination import elimination_of
-from riemhuman.kernels.laplacian import cotangent_laplacian
+from riemhuman.kernels.elimination import (
+    WIDTHS,
+    eliminate,
+    elimination_of,
+    solve_lower,
+    solve_upper,
+)
+from riemhuman.kernels.surface import cotangent_laplacian
 
 _INDEFINITE = (
     "the matrix of the metric is not positive semidefinite, or not finite; "

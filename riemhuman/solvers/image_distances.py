@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, RiemannianMetric
-from riemhuman.kernels.triangle_frames import stacked_derivatives, triangle_frames
+from riemhuman.kernels.surface import stacked_derivatives, triangle_frames
 from riemhuman.surfaces.template import Template
 from riemhuman.terms.sum import SumOfTerms
 

@@ -11,13 +11,13 @@ from numpy import ndarray
 
 from riemhuman.checks import one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.special_orthogonal import nearest_rotations
-from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.kernels.triangle_frames import (
+from riemhuman.kernels.rotations import nearest_rotations
+from riemhuman.kernels.surface import (
     deformation_gradients,
     stacked_derivatives,
     triangle_frames,
 )
+from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
 from riemhuman.solvers.minimization import Minimum
 from riemhuman.solvers.paths import rounded

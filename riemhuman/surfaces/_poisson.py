@@ -70,7 +70,7 @@ class PoissonInterpolator:
     def rotations(self, start: ndarray, end: ndarray) -> ndarray:
         """Return the shortest rotations of the triangles between two surfaces, shape (F, 3)."""
         # Imported here because loading numba takes long.
-        from riemhuman.kernels.turns import triangle_turns
+        from riemhuman.surfaces._triangle_rotations import triangle_turns
 
         return triangle_turns(start, end, self._faces)
 
@@ -87,7 +87,7 @@ class PoissonInterpolator:
         triangle gets the rotation vector closest to its neighbour's. Limbs may then rotate by up
         to 2π.
         """
-        from riemhuman.kernels.turns import unwrap_turns
+        from riemhuman.surfaces._triangle_rotations import unwrap_turns
 
         angles = np.linalg.norm(rotations, axis=1)
         # sin(angle / 2) / angle, also where the angle is 0.
@@ -115,7 +115,7 @@ class PoissonInterpolator:
         """Return the surfaces (n, V, 3) between two surfaces at some times (n,) in [0, 1]."""
         if len(times) == 0:
             return np.empty((0, *start.shape))
-        from riemhuman.kernels.turns import turned_sources
+        from riemhuman.surfaces._triangle_rotations import turned_sources
 
         if rotations is None:
             rotations = self.rotations(start, end)

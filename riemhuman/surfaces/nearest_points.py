@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from riemhuman.kernels.compiled import compiled
-from riemhuman.kernels.tiles import of_one_kind, slices
+from riemhuman.kernels.compilation import compiled
+from riemhuman.kernels.threads import of_one_kind, slices
 
 # Nearest vertices whose triangles are searched first.
 _N_VERTICES = 3

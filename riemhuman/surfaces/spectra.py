@@ -13,7 +13,7 @@ from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
 from riemhuman.checks import one_of, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.kernels.laplacian import cotangent_laplacian
+from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.optional import import_optional
 from riemhuman.representation import Record
 from riemhuman.surfaces.template import Template
@@ -99,7 +99,7 @@ def spectrum(
     n_eigenvalues : int
         Number of eigenvalues.
     laplacian : {"cotangent", "robust"}
-        The cotangent Laplacian, see `riemhuman.kernels.laplacian.cotangent_laplacian`, or the
+        The cotangent Laplacian, see `riemhuman.kernels.surface.cotangent_laplacian`, or the
         intrinsic Delaunay Laplacian of Sharp and Crane, "A Laplacian for Nonmanifold Triangle
         Meshes", SGP 2020, which also works for slivers, triangles without area and edges with more
         than two triangles. The second needs the package robust_laplacian.

@@ -1,6 +1,6 @@
 """Terms of surface metrics, one a file, and the driver that runs a weighted sum of them."""
 
-from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.compilation import compiled
 from riemhuman.terms.cone import ConeTerm, EbinTerm
 from riemhuman.terms.flat import FlatTerm
 from riemhuman.terms.normals import NormalTerm

@@ -11,8 +11,8 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.kernels import sphere
-from riemhuman.kernels.linear import entry
-from riemhuman.kernels.scalars import (
+from riemhuman.kernels.differentiable import (
+    entry,
     hyperbolic_sine_cardinal,
     inverse_hyperbolic_sine_cardinal,
     product_minus_square,

@@ -1,6 +1,6 @@
 """Angles and hyperbolic distances by polynomials, without branches, in both precisions.
 
-Loops over pairs call them with `coefficients_for` the type of their features. NumPy's functions
+Loops over pairs call them with the `precision_flag` of their features. NumPy's functions
 would be called once for each number, several times slower.
 """
 
@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
-from riemhuman.kernels.compiled import FUSED, compiled
+from riemhuman.kernels.compilation import FUSED, compiled
 
 # θ²/p for p in [0, 2]; the largest relative errors are 1e-8 and 1e-16.
 _SINGLE_ARC = (1.0, 0.0833329484, 0.0111162076, 0.00176024658, 0.000380191312, -2.4703817e-05)
@@ -46,8 +45,8 @@ _SINE += (1.6907591059828979e-15,)
 # sin(2a)/(2a) as a function of a² in [0, π²/4]: the next term of the series is below 1e-17.
 _DOUBLE_SINE = tuple((-4.0) ** k / math.factorial(2 * k + 1) for k in range(15))
 
-_IN_SINGLE = tuple(
-    tuple(np.float32(c) for c in fit) for fit in (_SINGLE_ARC, _SINGLE_LOGARITHM, _SINGLE_SINE)
+_SINGLE_ARC, _SINGLE_LOGARITHM, _SINGLE_SINE = (
+    tuple(map(np.float32, fit)) for fit in (_SINGLE_ARC, _SINGLE_LOGARITHM, _SINGLE_SINE)
 )
 
 _LOWEST_SINGLE = np.float32(math.sqrt(0.5)).view(np.int32)
@@ -59,9 +58,13 @@ LARGEST_RATIO = 0.01
 _DEGREES = {np.dtype(np.float32): 7, np.dtype(np.float64): 12}
 
 
-def coefficients_for(dtype: np.dtype) -> Any:
-    """Return the coefficients of all fits in single precision; None stands for double precision."""
-    return _IN_SINGLE if dtype == np.float32 else None
+def precision_flag(dtype: np.dtype) -> bool | None:
+    """Return True for single and None for double precision.
+
+    The branch is known when a loop is compiled, so that coefficients are constants. Numba types
+    both branches, which therefore return one type.
+    """
+    return True if dtype == np.float32 else None
 
 
 @compiled(forceinline=True, fastmath=FUSED)
@@ -74,17 +77,16 @@ def polynomial(coefficients: tuple[float, ...], x: float) -> float:
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def squared_short_arc(chord: float, single: Any) -> float:
+def squared_short_arc(chord: float, single: bool | None) -> float:
     """Return θ² of unit vectors at the squared chord p = ‖n − m‖² ≤ 2."""
-    # Branches on what is None are taken when this is compiled.
     if single is None:
-        return chord * polynomial(_ARC, chord)
-    return chord * polynomial(single[0], chord)
+        return chord * type(chord)(polynomial(_ARC, chord))
+    return chord * polynomial(_SINGLE_ARC, chord)
 
 
 @compiled(forceinline=True, fastmath=FUSED)
 def squared_angle(
-    x1: float, y1: float, z1: float, x2: float, y2: float, z2: float, single: Any
+    x1: float, y1: float, z1: float, x2: float, y2: float, z2: float, single: bool | None
 ) -> float:
     """Return the squared angle between unit vectors n₁ and n₂ in R³.
 
@@ -117,33 +119,33 @@ def squared_angle_and_slope(chord: float, acute: bool) -> tuple[float, float]:
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def _split(x: float, single: Any) -> tuple[float, float]:
+def _split(x: float, single: bool | None) -> tuple[float, float]:
     """Return k and 2⁻ᵏ, for x > 0, such that 2⁻ᵏ x lies in [√½, √2), from the bits of x."""
     if single is None:
         k = (np.float64(x).view(np.int64) - _LOWEST) >> 52
-        return np.float64(k), np.int64((1023 - k) << 52).view(np.float64)
+        return type(x)(k), type(x)(np.int64((1023 - k) << 52).view(np.float64))
     bits = np.int32(np.float32(x).view(np.int32) - _LOWEST_SINGLE)
     k = np.int32(bits >> np.int32(23))
     scale = np.int32(np.int32(np.int32(127) - k) << np.int32(23))
-    return np.float32(k), np.int32(scale).view(np.float32)
+    return type(x)(k), type(x)(np.int32(scale).view(np.float32))
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def hyperbolic_length(m: float, sinh: float, single: Any) -> float:
+def hyperbolic_length(m: float, sinh: float, single: bool | None) -> float:
     """Return ℓ = log(1 + m + sinh ℓ), where m = cosh ℓ − 1; NaN where sinh ℓ overflows."""
     real = type(m)
     growth = m + sinh
     exponent, scale = _split(real(1.0) + growth, single)
     fraction = growth * scale + (scale - real(1.0))
     if single is None:
-        quotient = polynomial(_LOGARITHM, fraction)
+        quotient = real(polynomial(_LOGARITHM, fraction))
     else:
-        quotient = polynomial(single[1], fraction)
+        quotient = polynomial(_SINGLE_LOGARITHM, fraction)
     return exponent * real(math.log(2.0)) + fraction * quotient + real(0.0) * growth
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def squared_length(m: float, single: Any) -> float:
+def squared_length(m: float, single: bool | None) -> float:
     """Return ℓ², where m = cosh ℓ − 1 ≥ 0; NaN where m² overflows."""
     length = hyperbolic_length(m, np.sqrt(m * (m + type(m)(2.0))), single)
     return length * length
@@ -159,14 +161,14 @@ def squared_length_and_slope(m: float) -> tuple[float, float]:
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def half_sine_squared(squared: float, single: Any) -> float:
+def half_sine_squared(squared: float, single: bool | None) -> float:
     """Return sin²(min(½ψ, ½π)) from ¼ψ²."""
     limit = type(squared)(0.25 * math.pi**2)
     # This way round, NaN stays NaN.
     squared = limit if squared > limit else squared
     if single is None:
-        return squared * polynomial(_SINE, squared)
-    return squared * polynomial(single[2], squared)
+        return squared * type(squared)(polynomial(_SINE, squared))
+    return squared * polynomial(_SINGLE_SINE, squared)
 
 
 @compiled(forceinline=True, fastmath=FUSED)

@@ -30,23 +30,23 @@ from autograd.extend import defvjp, primitive
 from numpy import ndarray
 
 from riemhuman.checks import metric_weight
-from riemhuman.kernels.compiled import FUSED, SUM, compiled
-from riemhuman.kernels.scalars import (
+from riemhuman.kernels.compilation import FUSED, SUM, compiled
+from riemhuman.kernels.differentiable import (
     inverse_hyperbolic_sine_cardinal,
     sine_cardinal,
     square_root,
 )
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.tiles import CHUNK, LARGEST, SMALLEST, UNDERFLOW, of_one_kind
+from riemhuman.kernels.threads import CHUNK, LARGEST, SMALLEST, UNDERFLOW, of_one_kind
 from riemhuman.kernels.triangles import triangle
 from riemhuman.terms._polynomial_fits import (
     LARGEST_RATIO,
-    coefficients_for,
     excess_at_pi,
     half_angle_fit,
     half_sine_squared,
     half_sine_squared_and_slope,
     polynomial,
+    precision_flag,
     squared_angle,
     squared_angle_and_slope,
     squared_length,
@@ -211,7 +211,7 @@ class ConeTerm(Term):
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
         real, squared = a.dtype.type, np.zeros((len(a), len(b)))
-        fits = coefficients_for(a.dtype)
+        single = precision_flag(a.dtype)
         if self.c == 0.0 and self.b <= LARGEST_RATIO * self.a:
             ratio = self.b / self.a
             scale, fit = real(1.0 / excess_at_pi(ratio)), half_angle_fit(ratio, a.dtype)
@@ -219,7 +219,7 @@ class ConeTerm(Term):
         else:
             stretch = real(0.25 * self.angle_per_length**2)
             turn = real(0.25 * self.angle_per_turn**2) if self.c > 0.0 else None
-            _tile(a, b, stretch, turn, None, fits, a is b, squared)
+            _tile(a, b, stretch, turn, None, single, a is b, squared)
         return 16.0 * self.b * squared
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
@@ -505,7 +505,7 @@ def _chunk(
     scale: float,
     turn: float | None,
     fit: tuple[float, ...] | None,
-    single: Any,
+    single: bool | None,
     first: int,
     last: int,
 ) -> float:
@@ -541,7 +541,7 @@ def _tile(
     scale: float,
     turn: float | None,
     fit: tuple[float, ...] | None,
-    single: Any,
+    single: bool | None,
     within: bool,
     squared: ndarray,
 ) -> None:

@@ -28,27 +28,19 @@ from numpy import ndarray
 from scipy.sparse import csr_array
 
 from riemhuman.kernels import surface, triangles
-from riemhuman.kernels.compiled import compiled
-from riemhuman.kernels.moving_frames import (
+from riemhuman.kernels.compilation import compiled
+from riemhuman.kernels.threads import sums_in_chunks
+from riemhuman.kernels.triangles import (
     add_to_corners,
     derivatives_in_frame,
     frame_of,
     is_worth_threads,
 )
-from riemhuman.kernels.threads import sums_in_chunks
 from riemhuman.terms.quadratic import QuadraticTerm, Slopes
 
 
 class FirstOrderWeights(NamedTuple):
-    """Weights of the parts of the first-order change.
-
-    Attributes
-    ----------
-    a1, b1, c1, d1 : float
-        Weights of |dh_m|², |dh_+|², |dh_⊥|² and |dh_0|², with areas of the moving surface.
-    bend : float
-        Weight of |dh_⊥|² with areas of the template, as the paper's family has it.
-    """
+    """Weights of the parts of the first-order change."""
 
     a1: float = 0.0
     b1: float = 0.0
@@ -57,13 +49,7 @@ class FirstOrderWeights(NamedTuple):
     bend: float = 0.0
 
     def forms(self) -> tuple[ndarray, ndarray]:
-        """Return the quadratic forms of `surface.frame_components`, by area of both surfaces.
-
-        Returns
-        -------
-        moving, still : array, shape (6, 6)
-            Per area of the moving surface, and of the template.
-        """
+        """Return the quadratic forms of `surface.frame_components`, by area of both surfaces."""
         a1, b1, c1, d1, bend = self
         moving = onp.zeros((6, 6))
         moving[[0, 3], [0, 3]], moving[[0, 3], [3, 0]] = 0.5 * (b1 + a1), 0.5 * (b1 - a1)
@@ -75,17 +61,7 @@ class FirstOrderWeights(NamedTuple):
 
     @classmethod
     def from_forms(cls, moving: ndarray, still: ndarray) -> FirstOrderWeights | None:
-        """Return the weights that have these forms, or None if there are none.
-
-        Parameters
-        ----------
-        moving, still : array, shape (6, 6)
-            See `forms`.
-
-        Returns
-        -------
-        FirstOrderWeights or None
-        """
+        """Return the weights that have these forms, or None if there are none."""
         found = cls(
             a1=moving[0, 0] - moving[0, 3],
             b1=moving[0, 0] + moving[0, 3],
@@ -101,15 +77,7 @@ class FirstOrderWeights(NamedTuple):
 
 
 class FirstOrderTerm(QuadraticTerm):
-    """The weighted sum of the parts, integrated.
-
-    Parameters
-    ----------
-    template : Template
-        The template.
-    weights : FirstOrderWeights
-        Weights of the parts.
-    """
+    """The weighted sum of the parts, integrated."""
 
     def __init__(self, template: Any, weights: FirstOrderWeights) -> None:
         self.template, self.weights = template, weights

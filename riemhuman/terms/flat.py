@@ -8,9 +8,9 @@ from abc import abstractmethod
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.compiled import SUM, compiled, squared_differences
+from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.tiles import CHUNK, LARGEST, UNDERFLOW, of_one_kind, padded, rounding
+from riemhuman.kernels.threads import CHUNK, LARGEST, UNDERFLOW, of_one_kind, padded, rounding
 from riemhuman.terms.term import Fields, Term
 
 # Numbers summed in the precision of the features before they join the sum over all.
@@ -77,24 +77,7 @@ class FlatTerm(Term):
 
 
 def vector_features(vectors: ndarray, weights: ndarray, precision: str) -> tuple[ndarray, ndarray]:
-    """Return the features of sets of vectors with a weighted sum of squares for squared norm.
-
-    Parameters
-    ----------
-    vectors : array, shape (n, m, k)
-        n sets of m vectors.
-    weights : array, shape (m,)
-        Weights w of the vectors.
-    precision : {"single", "double"}
-        Precision of the features.
-
-    Returns
-    -------
-    features : array, shape (n, (mk)⁺)
-        Components times √w.
-    rounding : array, shape (n,)
-        Bound on the distance to the vectors that the features stand for.
-    """
+    """Return the features of sets of vectors with a weighted sum of squares for squared norm."""
     scaled = np.sqrt(weights)[:, None] * vectors
     flat = of_one_kind(scaled.reshape(len(vectors), vectors.shape[1] * vectors.shape[2]))
     features = padded(flat.shape, precision)
@@ -106,20 +89,7 @@ def vector_features(vectors: ndarray, weights: ndarray, precision: str) -> tuple
 
 @compiled(fastmath=SUM)
 def pack_vector(vector: ndarray, kept: ndarray) -> float:
-    """Write a vector; return the squared distance to what is written.
-
-    Parameters
-    ----------
-    vector : array, shape (n,)
-        The vector, see `riemhuman.kernels.tiles.of_one_kind`.
-    kept : array of float32 or float64, shape (at least n,)
-        Features.
-
-    Returns
-    -------
-    float
-        Infinite where single precision has no room for it.
-    """
+    """Write a vector; return the squared distance to what is written."""
     gap = UNDERFLOW * len(vector)
     for k in range(len(vector)):
         kept[k] = vector[k]
@@ -129,28 +99,62 @@ def pack_vector(vector: ndarray, kept: ndarray) -> float:
 
 @compiled
 def _tile(a: ndarray, b: ndarray, within: bool, squared: ndarray) -> None:
-    n_values, n_rows, n_columns = a.shape[1], len(a), len(b)
-    for first in range(0, n_values, _CHUNK):
-        last = min(first + _CHUNK, n_values)
-        for j in range(0, n_columns, 4):
-            # At the edge, the last vector comes again.
-            end = n_columns - 1
-            columns = (j, min(j + 1, end), min(j + 2, end), min(j + 3, end))
-            n_above = min(j + 4, n_rows) if within else n_rows
-            n_whole = n_above - n_above % 4
-            for i in range(0, n_whole, 4):
-                rows = (i, i + 1, i + 2, i + 3)
-                _add(squared, i, j, squared_differences(a, b, rows, columns, first, last))
-            for i in range(n_whole, n_above):
-                _add(squared, i, j, squared_differences(a, b, (i,), columns, first, last))
+    """Add the squared distances of rows, 4 × 4 pairs at a time; rows at the edge come again."""
+    end_a, end_b = len(a) - 1, len(b) - 1
+    for first in range(0, a.shape[1], _CHUNK):
+        last = min(first + _CHUNK, a.shape[1])
+        for j in range(0, len(b), 4):
+            columns = (j, min(j + 1, end_b), min(j + 2, end_b), min(j + 3, end_b))
+            for i in range(0, min(j + 4, len(a)) if within else len(a), 4):
+                rows = (i, min(i + 1, end_a), min(i + 2, end_a), min(i + 3, end_a))
+                sums = _block(a, b, rows, columns, first, last)
+                for k in range(4):
+                    for m in range(4):
+                        if i + k <= end_a and j + m <= end_b:
+                            squared[i + k, j + m] += sums[k][m]
 
 
-@compiled(forceinline=True)
-def _add(squared: ndarray, i: int, j: int, sums: tuple[float, ...]) -> None:
-    """Add the sums of rows from the i-th on with four columns from the j-th on."""
-    for k in range(len(sums)):
-        if j + k % 4 < squared.shape[1]:
-            squared[i + k // 4, j + k % 4] += sums[k]
+Four = tuple[float, float, float, float]
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _block(
+    a: ndarray,
+    b: ndarray,
+    rows: tuple[int, int, int, int],
+    columns: tuple[int, int, int, int],
+    first: int,
+    last: int,
+) -> tuple[Four, Four, Four, Four]:
+    """Return Σ_t (a[k, t] − b[m, t])² for four rows and four columns.
+
+    As in a product of matrices, each number that is read serves four sums.
+    """
+    a0, a1, a2, a3 = (
+        a[rows[0], first:last],
+        a[rows[1], first:last],
+        a[rows[2], first:last],
+        a[rows[3], first:last],
+    )
+    b0, b1, b2, b3 = (
+        b[columns[0], first:last],
+        b[columns[1], first:last],
+        b[columns[2], first:last],
+        b[columns[3], first:last],
+    )
+    zero = a.dtype.type(0.0)
+    s0 = s1 = s2 = s3 = (zero, zero, zero, zero)
+    for t in range(last - first):
+        y = (b0[t], b1[t], b2[t], b3[t])
+        s0, s1 = _add(s0, a0[t], y), _add(s1, a1[t], y)
+        s2, s3 = _add(s2, a2[t], y), _add(s3, a3[t], y)
+    return s0, s1, s2, s3
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _add(sums: Four, x: float, y: Four) -> Four:
+    d0, d1, d2, d3 = x - y[0], x - y[1], x - y[2], x - y[3]
+    return sums[0] + d0 * d0, sums[1] + d1 * d1, sums[2] + d2 * d2, sums[3] + d3 * d3
 
 
 def flat_distances(a: ndarray, b: ndarray) -> ndarray:
@@ -158,16 +162,6 @@ def flat_distances(a: ndarray, b: ndarray) -> ndarray:
 
     A product of matrices, ‖a‖² + ‖b‖² − 2 ⟨a, b⟩, loses the digits of what is close; with these
     pairs summed again by differences, it takes no less time.
-
-    Parameters
-    ----------
-    a, b : array of float32 or float64, shape (n_a, k⁺) and (n_b, k⁺)
-        Vectors, see `vector_features`; for the distances within one set, one array twice, and what
-        is above the diagonal counts.
-
-    Returns
-    -------
-    array, shape (n_a, n_b)
     """
     squared = np.zeros((len(a), len(b)))
     _tile(a, b, a is b, squared)

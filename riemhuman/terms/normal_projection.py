@@ -17,10 +17,10 @@ from scipy.sparse import csr_array
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.kernels import surface
-from riemhuman.kernels.compiled import compiled
-from riemhuman.kernels.moving_frames import fill_edges, is_worth_threads
+from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import apply_operator
 from riemhuman.kernels.threads import sums_in_chunks
+from riemhuman.kernels.triangles import fill_edges, is_worth_threads
 from riemhuman.terms.quadratic import QuadraticTerm, Slopes
 from riemhuman.terms.zeroth_order import corner_averages
 
@@ -29,26 +29,7 @@ _CANCELLED = 1e-12
 
 
 def vertex_normals(f: ndarray, template: Any, averages: csr_array) -> ndarray:
-    """Return unit normals at the vertices: the definition.
-
-    Parameters
-    ----------
-    f : array, shape (..., V, 3)
-        Surfaces.
-    template : Template
-        The template.
-    averages : csr_array, shape (F, V)
-        See `riemhuman.terms.zeroth_order.corner_averages`.
-
-    Returns
-    -------
-    array, shape (..., V, 3)
-
-    Raises
-    ------
-    DegenerateSurfaceError
-        If the area vectors around a vertex cancel.
-    """
+    """Return unit normals at the vertices: the definition."""
     first = surface.derivatives(f, template.differential_operator)
     area_vectors = template.face_areas[:, None] * first.area_vectors
     sums = apply_operator(averages.T, area_vectors)
@@ -68,17 +49,7 @@ def vertex_normals(f: ndarray, template: Any, averages: csr_array) -> ndarray:
 
 
 def mixed_edges(faces: ndarray) -> ndarray:
-    """Return the edges whose two triangles turn opposite sides up, as both pass them one way.
-
-    Parameters
-    ----------
-    faces : array of int, shape (F, 3)
-        Triangles. Edges that more than two of them share say nothing.
-
-    Returns
-    -------
-    array of int, shape (n, 2)
-    """
+    """Return the edges whose two triangles turn opposite sides up, as both pass them one way."""
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     edges, edge_of_side = onp.unique(onp.sort(sides, axis=1), axis=0, return_inverse=True)
     edge_of_side = edge_of_side.reshape(-1)
@@ -87,39 +58,13 @@ def mixed_edges(faces: ndarray) -> ndarray:
 
 
 def project(h: ndarray, f: ndarray, template: Any, averages: csr_array) -> ndarray:
-    """Return P_f h = ⟨h, n⟩ n: the definition.
-
-    Parameters
-    ----------
-    h : array, shape (..., V, 3)
-        Deformations.
-    f : array, shape (..., V, 3)
-        Surfaces.
-    template : Template
-        The template.
-    averages : csr_array, shape (F, V)
-        See `riemhuman.terms.zeroth_order.corner_averages`.
-
-    Returns
-    -------
-    array, shape (..., V, 3)
-    """
+    """Return P_f h = ⟨h, n⟩ n: the definition."""
     normals = vertex_normals(f, template, averages)
     return surface.dot(h, normals)[..., None] * normals
 
 
 def matrix(normals: ndarray) -> csr_array:
-    """Return the matrix P of the projection.
-
-    Parameters
-    ----------
-    normals : array, shape (V, 3)
-        Unit normals.
-
-    Returns
-    -------
-    csr_array, shape (3V, 3V)
-    """
+    """Return the matrix P of the projection."""
     coordinates = onp.arange(normals.size).reshape(-1, 3)
     blocks = normals[:, :, None] * normals[:, None, :]
     columns = onp.broadcast_to(coordinates[:, None, :], blocks.shape)
@@ -170,20 +115,7 @@ def _add_slopes(
 
 
 class NormalProjections:
-    """The projections at surfaces, and the way back for slopes, in compiled loops.
-
-    Parameters
-    ----------
-    surfaces : array, shape (V, n, 3)
-        Surfaces, vertex by vertex.
-    faces : array of int, shape (F, 3)
-        Triangles.
-
-    Attributes
-    ----------
-    exist : bool
-        Whether no normals around a vertex cancel.
-    """
+    """The projections at surfaces, and the way back for slopes, in compiled loops."""
 
     def __init__(self, surfaces: ndarray, faces: ndarray) -> None:
         self._surfaces, self._faces = surfaces, faces
@@ -200,33 +132,11 @@ class NormalProjections:
         self._normals = sums / self._lengths
 
     def project(self, vectors: ndarray) -> ndarray:
-        """Return P h.
-
-        Parameters
-        ----------
-        vectors : array, shape (V, n, 3)
-            Deformations h.
-
-        Returns
-        -------
-        array, shape (V, n, 3)
-        """
+        """Return P h."""
         return self._along(vectors) * self._normals
 
     def slopes(self, vectors: ndarray, slopes: ndarray) -> tuple[ndarray, ndarray]:
-        """Return slopes in h and in the surfaces from slopes in P h.
-
-        Parameters
-        ----------
-        vectors : array, shape (V, n, 3)
-            Deformations h.
-        slopes : array, shape (V, n, 3)
-            Slopes in P h.
-
-        Returns
-        -------
-        vector_slopes, surface_slopes : array, shape (V, n, 3)
-        """
+        """Return slopes in h and in the surfaces from slopes in P h."""
         along = self._along(slopes)
         in_normals = self._along(vectors) * slopes + along * vectors
         tangential = in_normals - self._along(in_normals) * self._normals
@@ -249,20 +159,7 @@ class NormalProjections:
 
 
 class NormalPartTerm(QuadraticTerm):
-    """A term of the normal parts of deformations, ⟨P h, P k⟩.
-
-    Parameters
-    ----------
-    template : Template
-        The template.
-    term : QuadraticTerm
-        The term of the parts.
-
-    Raises
-    ------
-    ArgumentError
-        If the triangles are not consistently oriented.
-    """
+    """A term of the normal parts of deformations, ⟨P h, P k⟩."""
 
     is_translation_invariant = False
     is_reparametrization_invariant = True

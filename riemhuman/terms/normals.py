@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import autograd.numpy as np
 from autograd.extend import defvjp, primitive
 from numpy import ndarray
 
-from riemhuman.kernels.compiled import SUM, compiled
-from riemhuman.kernels.scalars import square_root
+from riemhuman.kernels.compilation import SUM, compiled
+from riemhuman.kernels.differentiable import square_root
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.tiles import CHUNK, UNDERFLOW
+from riemhuman.kernels.threads import CHUNK, UNDERFLOW
 from riemhuman.kernels.triangles import triangle
 from riemhuman.terms._polynomial_fits import (
-    coefficients_for,
+    precision_flag,
     squared_angle,
     squared_angle_and_slope,
 )
@@ -95,7 +94,7 @@ class NormalTerm(Term):
         largest, squared = areas.max(), np.zeros((len(a), len(b)))
         relative = np.zeros(a.shape[2], dtype=a.dtype)
         relative[: len(areas)] = areas / largest
-        _tile(a, b, relative, coefficients_for(a.dtype), a is b, squared)
+        _tile(a, b, relative, precision_flag(a.dtype), a is b, squared)
         return largest * squared
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
@@ -108,15 +107,6 @@ def squared_arc(p: ndarray, q: ndarray) -> ndarray:
 
     No digits are lost near 0 and π, as they are with the arc cosine of n₁·n₂. At antipodal
     points, where θ² has no derivative, the subgradient 0 in q is taken.
-
-    Parameters
-    ----------
-    p, q : array, shape (...)
-        Squared lengths of the difference and the sum of unit vectors.
-
-    Returns
-    -------
-    array, shape (...)
     """
     return 4.0 * np.arctan2(np.sqrt(p), np.sqrt(q)) ** 2
 
@@ -217,7 +207,9 @@ def _pack_surface(
 
 
 @compiled(forceinline=True, fastmath=SUM)
-def _chunk(a: ndarray, b: ndarray, weights: ndarray, single: Any, first: int, last: int) -> float:
+def _chunk(
+    a: ndarray, b: ndarray, weights: ndarray, single: bool | None, first: int, last: int
+) -> float:
     x1, y1, z1 = a[0, first:last], a[1, first:last], a[2, first:last]
     x2, y2, z2 = b[0, first:last], b[1, first:last], b[2, first:last]
     w = weights[first:last]
@@ -229,7 +221,7 @@ def _chunk(a: ndarray, b: ndarray, weights: ndarray, single: Any, first: int, la
 
 @compiled
 def _tile(
-    a: ndarray, b: ndarray, weights: ndarray, single: Any, within: bool, squared: ndarray
+    a: ndarray, b: ndarray, weights: ndarray, single: bool | None, within: bool, squared: ndarray
 ) -> None:
     n_values = a.shape[2]
     for first in range(0, n_values, CHUNK):

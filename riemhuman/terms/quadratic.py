@@ -12,23 +12,13 @@ from scipy.sparse import csr_array
 
 from riemhuman.checks import values_of
 from riemhuman.kernels import surface
-from riemhuman.kernels.moving_frames import by_vertex
+from riemhuman.kernels.triangles import by_vertex
 
 Slopes = tuple[float, ndarray, ndarray]
 
 
 class QuadraticTerm(ABC):
-    """A term of a metric on surfaces, given by its inner product.
-
-    Attributes
-    ----------
-    is_translation_invariant : bool
-        Whether translations cost nothing.
-    is_stretch_invariant : bool
-        Whether changes of the lengths of edges cost nothing.
-    is_reparametrization_invariant : bool
-        Whether deformations tangential to a surface cost nothing.
-    """
+    """A term of a metric on surfaces, given by its inner product."""
 
     is_translation_invariant = True
     is_stretch_invariant = False
@@ -36,76 +26,23 @@ class QuadraticTerm(ABC):
 
     @abstractmethod
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
-        """Return the inner product of deformations, by `autograd.numpy`: the definition.
-
-        Parameters
-        ----------
-        h, k : array, shape (..., V, 3)
-            Deformations.
-        f : array, shape (..., V, 3)
-            Surfaces whose triangles have an area.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        """Return the inner product of deformations, by `autograd.numpy`: the definition."""
 
     @abstractmethod
     def matrix(self, f: ndarray) -> csr_array:
-        """Return the matrix M of the inner product, ⟨h, k⟩ = h·(M k), vertices flattened.
-
-        Parameters
-        ----------
-        f : array, shape (V, 3)
-            Surface whose triangles have an area.
-
-        Returns
-        -------
-        csr_array, shape (3V, 3V)
-        """
+        """Return the matrix M of the inner product, ⟨h, k⟩ = h·(M k), vertices flattened."""
 
     def squared_norms(self, vectors: ndarray, surfaces: ndarray) -> float:
-        """Return the sum of the squared norms of deformations, see `squared_norms_and_slopes`.
-
-        Parameters
-        ----------
-        vectors, surfaces : array, shape (V, n, 3)
-            Deformations and surfaces, vertex by vertex.
-
-        Returns
-        -------
-        float
-        """
+        """Return the sum of the squared norms of deformations, see `squared_norms_and_slopes`."""
         return self.squared_norms_and_slopes(vectors, surfaces)[0]
 
     @abstractmethod
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        """Return the sum of the squared norms of deformations, each at its surface, and its slopes.
-
-        Parameters
-        ----------
-        vectors, surfaces : array, shape (V, n, 3)
-            Deformations and surfaces, vertex by vertex.
-
-        Returns
-        -------
-        value : float
-            Infinite where a triangle has no area.
-        vector_slopes, surface_slopes : array, shape (V, n, 3)
-            Slopes in the deformations and in the surfaces.
-        """
+        """Return the sum of the squared norms of deformations at surfaces, and its slopes."""
 
 
 class SumOfQuadraticTerms:
-    """The driver of a sum of terms that are given by their inner products.
-
-    Parameters
-    ----------
-    terms : sequence of QuadraticTerm
-        The terms.
-    template : Template
-        The template.
-    """
+    """The driver of a sum of terms that are given by their inner products."""
 
     term_class = QuadraticTerm
 
@@ -113,24 +50,7 @@ class SumOfQuadraticTerms:
         self.terms, self.template = tuple(terms), template
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
-        """Return the inner product of deformations.
-
-        Parameters
-        ----------
-        h, k : array, shape (..., V, 3)
-            Deformations.
-        f : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (...)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle of a surface has no area.
-        """
+        """Return the inner product of deformations."""
         self._refuse_degenerate(f)
         total: Any = 0.0
         for term in self.terms:
@@ -138,22 +58,7 @@ class SumOfQuadraticTerms:
         return total
 
     def matrix(self, surfaces: ndarray) -> csr_array:
-        """Return the matrix of the inner product, the mean over surfaces.
-
-        Parameters
-        ----------
-        surfaces : array, shape (n, V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        csr_array, shape (3V, 3V)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle of a surface has no area.
-        """
+        """Return the matrix of the inner product, the mean over surfaces."""
         self._refuse_degenerate(surfaces)
         size = surfaces[0].size
         total = csr_array((size, size))
@@ -163,22 +68,7 @@ class SumOfQuadraticTerms:
         return total / len(surfaces)
 
     def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
-        r"""Return n Σ G at the midpoints of the n segments of a path, and its gradient.
-
-        Parameters
-        ----------
-        path : array, shape (n_times, V, 3)
-            Surfaces.
-        gradient : bool
-            Whether to compute the gradient.
-
-        Returns
-        -------
-        energy : float
-            Infinite where a triangle halfway between two surfaces has no area.
-        gradient : array, shape (n_times, V, 3), or None
-            Gradient with respect to all surfaces.
-        """
+        """Return n Σ G at the midpoints of the n segments of a path, and its gradient."""
         n_segments = len(path) - 1
         surfaces, steps = by_vertex(0.5 * (path[:-1] + path[1:])), by_vertex(np.diff(path, axis=0))
         if not gradient:

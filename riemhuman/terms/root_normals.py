@@ -7,9 +7,9 @@ import math
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import Derivatives
-from riemhuman.kernels.tiles import of_one_kind
+from riemhuman.kernels.threads import of_one_kind
 from riemhuman.kernels.triangles import triangle
 from riemhuman.terms.flat import FlatTerm, pack_vector
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.compiled import FUSED, SUM, compiled
-from riemhuman.kernels.special_orthogonal import quaternions
-from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.tiles import CHUNK, UNDERFLOW, of_one_kind
-from riemhuman.kernels.triangle_frames import polar_frames
-from riemhuman.terms._polynomial_fits import coefficients_for, squared_short_arc
+from riemhuman.kernels.compilation import FUSED, SUM, compiled
+from riemhuman.kernels.rotations import quaternions
+from riemhuman.kernels.surface import Derivatives, dot, polar_frames
+from riemhuman.kernels.threads import CHUNK, UNDERFLOW, of_one_kind
+from riemhuman.terms._polynomial_fits import precision_flag, squared_short_arc
 from riemhuman.terms.normals import squared_arc
 from riemhuman.terms.term import Fields, Term
 
@@ -76,7 +73,7 @@ class RotationTerm(Term):
         largest, squared = areas.max(), np.zeros((len(a), len(b)))
         relative = np.zeros(a.shape[2], dtype=a.dtype)
         relative[: len(areas)] = areas / largest
-        _tile(a, b, relative, coefficients_for(a.dtype), a is b, squared)
+        _tile(a, b, relative, precision_flag(a.dtype), a is b, squared)
         return 4.0 * largest * squared
 
 
@@ -103,7 +100,7 @@ def _squared_half_angle(
     x2: float,
     y2: float,
     z2: float,
-    single: Any,
+    single: bool | None,
 ) -> float:
     real = type(x1)
     near = w1 * w2 + x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)
@@ -113,7 +110,9 @@ def _squared_half_angle(
 
 
 @compiled(forceinline=True, fastmath=SUM)
-def _chunk(a: ndarray, b: ndarray, weights: ndarray, single: Any, first: int, last: int) -> float:
+def _chunk(
+    a: ndarray, b: ndarray, weights: ndarray, single: bool | None, first: int, last: int
+) -> float:
     w1, x1, y1, z1 = a[0, first:last], a[1, first:last], a[2, first:last], a[3, first:last]
     w2, x2, y2, z2 = b[0, first:last], b[1, first:last], b[2, first:last], b[3, first:last]
     weight = weights[first:last]
@@ -127,7 +126,7 @@ def _chunk(a: ndarray, b: ndarray, weights: ndarray, single: Any, first: int, la
 
 @compiled
 def _tile(
-    a: ndarray, b: ndarray, weights: ndarray, single: Any, within: bool, squared: ndarray
+    a: ndarray, b: ndarray, weights: ndarray, single: bool | None, within: bool, squared: ndarray
 ) -> None:
     n_values = a.shape[2]
     for first in range(0, n_values, CHUNK):

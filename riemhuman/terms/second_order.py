@@ -19,38 +19,20 @@ from scipy.sparse import csr_array, diags_array, eye_array, kron
 
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels import surface
-from riemhuman.kernels.compiled import compiled
-from riemhuman.kernels.laplacian import cotangent_laplacian
-from riemhuman.kernels.moving_frames import (
+from riemhuman.kernels.compilation import compiled
+from riemhuman.kernels.surface import apply_operator, cotangent_laplacian
+from riemhuman.kernels.threads import sums_in_chunks
+from riemhuman.kernels.triangles import (
     add_area_slope,
     fill_edges,
     is_worth_threads,
 )
-from riemhuman.kernels.surface import apply_operator
-from riemhuman.kernels.threads import sums_in_chunks
 from riemhuman.terms.quadratic import QuadraticTerm, Slopes
 from riemhuman.terms.zeroth_order import corner_averages, vertex_areas
 
 
 def surrounded_vertices(faces: ndarray, n_vertices: int) -> ndarray:
-    """Tell which vertices are interior, neither on a border nor outside all triangles.
-
-    Parameters
-    ----------
-    faces : array of int, shape (F, 3)
-        Triangles.
-    n_vertices : int
-        Number of vertices V.
-
-    Returns
-    -------
-    array of bool, shape (V,)
-
-    Raises
-    ------
-    ArgumentError
-        If more than two triangles share an edge: functions have no Laplacian there.
-    """
+    """Tell which vertices are interior, neither on a border nor outside all triangles."""
     sides = onp.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     edges, counts = onp.unique(sides, axis=0, return_counts=True)
     if counts.max() > 2:
@@ -66,25 +48,7 @@ def surrounded_vertices(faces: ndarray, n_vertices: int) -> ndarray:
 
 
 class SecondOrderTerm(QuadraticTerm):
-    """w Σ_v ⟨(L h)_v, (L k)_v⟩/A_v over the vertices that triangles surround.
-
-    Parameters
-    ----------
-    template : Template
-        The template.
-    weight : float
-        w > 0.
-
-    Attributes
-    ----------
-    surrounded : array of bool, shape (V,)
-        See `surrounded_vertices`.
-
-    Raises
-    ------
-    ArgumentError
-        If more than two triangles share an edge.
-    """
+    """w Σ_v ⟨(L h)_v, (L k)_v⟩/A_v over the vertices that triangles surround."""
 
     def __init__(self, template: Any, weight: float) -> None:
         self.template, self.weight = template, weight

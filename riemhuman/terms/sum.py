@@ -15,8 +15,7 @@ from numpy import ndarray
 from scipy.sparse import csr_array
 
 from riemhuman.kernels import surface, triangles
-from riemhuman.kernels.threads import sums_in_chunks
-from riemhuman.kernels.tiles import in_tiles, of_one_kind, padded, rounding
+from riemhuman.kernels.threads import in_tiles, of_one_kind, padded, rounding, sums_in_chunks
 from riemhuman.terms.term import Fields, Term
 
 Features = tuple[ndarray, ...]
@@ -31,22 +30,6 @@ class SumOfTerms:
     """A weighted sum of terms on the surfaces over a template, which others have checked.
 
     Features are what distances need to know of surfaces: of each term an array, and its rounding.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-        The terms.
-    template : Template
-        The template.
-
-    Attributes
-    ----------
-    n_arrays : int
-        Number of arrays in the features.
-    needs_area : bool
-        Whether a term needs the area of triangles.
-    areas : array, shape (F,)
-        Template areas.
     """
 
     term_class = Term
@@ -62,24 +45,7 @@ class SumOfTerms:
         return type(self), (self.terms, self.template)
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
-        """Return the inner product of the derivatives of the fields along h and k.
-
-        Parameters
-        ----------
-        h, k : array, shape (..., V, 3)
-            Deformations.
-        f : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (...)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle of a surface has no area.
-        """
+        """Return the inner product of the derivatives of the fields along h and k."""
         operator = self.template.differential_operator
         first = surface.derivatives(f, operator)
         surface.refuse_degenerate(first.degenerate, "base_point")
@@ -99,24 +65,7 @@ class SumOfTerms:
         return total
 
     def features(self, points: ndarray, precision: str) -> Features:
-        """Return the features of surfaces.
-
-        Parameters
-        ----------
-        points : array, shape (n, V, 3)
-            Surfaces.
-        precision : {"single", "double"}
-            Precision of the features of terms that know single precision.
-
-        Returns
-        -------
-        tuple of array, each of shape (n, ...)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a term needs the area of a triangle that has none.
-        """
+        """Return the features of surfaces."""
         faces, frames, areas = self._faces, self._frames, self.areas
         found: Features = ()
         for term in self.terms:
@@ -135,36 +84,14 @@ class SumOfTerms:
         return found
 
     def rounding(self, features: Features) -> ndarray:
-        """Return a bound on the rounding error of each point's features, as a distance.
-
-        Parameters
-        ----------
-        features : tuple of array
-            Features of n points.
-
-        Returns
-        -------
-        array, shape (n,)
-        """
+        """Return a bound on the rounding error of each point's features, as a distance."""
         total: Any = 0.0
         for term, gaps in zip(self.terms, features[1::2], strict=True):
             total = total + term.weight * gaps**2
         return onp.sqrt(total)
 
     def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
-        """Return all squared distances between two sets of points.
-
-        Parameters
-        ----------
-        a, b : tuple of array
-            Features; one object twice for the distances within one set.
-        n_threads : int
-            Number of threads.
-
-        Returns
-        -------
-        array, shape (n_a, n_b)
-        """
+        """Return all squared distances between two sets of points."""
 
         def run(pair: tuple[Features, Features]) -> ndarray:
             total: Any = 0.0
@@ -175,22 +102,7 @@ class SumOfTerms:
         return in_tiles(run, a[::2], b[::2], n_threads)
 
     def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
-        """Return the closed-form path energy n Σ d²(f_i, f_{i+1}) and its gradient.
-
-        Parameters
-        ----------
-        path : array, shape (n_times, V, 3)
-            Surfaces f_i.
-        gradient : bool
-            Whether the gradient is wanted.
-
-        Returns
-        -------
-        energy : float
-            Infinite where a surface has no fields.
-        gradient : array, shape (n_times, V, 3), or None
-            Gradient with respect to all surfaces, 0 in triangles without area.
-        """
+        """Return the closed-form path energy n Σ d²(f_i, f_{i+1}) and its gradient."""
         faces, frames, areas = self._faces, self._frames, self.areas
         # Vertex by vertex, all times together: what one triangle reads lies close together.
         by_vertex = onp.ascontiguousarray(onp.swapaxes(path, 0, 1))
@@ -227,26 +139,7 @@ class SumOfTerms:
         weights: ndarray,
         other_faces: ndarray | None = None,
     ) -> tuple[ndarray, ndarray]:
-        """Return the squared distances of one surface from others, and the slope of their sum.
-
-        Parameters
-        ----------
-        point : array, shape (V, 3)
-            Surface f.
-        others : array, shape (n, V, 3)
-            Surfaces f_i.
-        weights : array, shape (n,)
-            Weights w_i > 0.
-        other_faces : array of int, shape (F, 3), optional
-            Where the corners of the others' triangles are, by default where those of f are.
-
-        Returns
-        -------
-        squared : array, shape (n,)
-            d²(f_i, f), infinite where a surface has no fields.
-        gradient : array, shape (V, 3)
-            Gradient of Σ_i w_i d²(f_i, f) with respect to f, 0 in triangles without area.
-        """
+        """Return the squared distances of one surface from others, and the slope of their sum."""
         faces, frames, areas = self._faces, self._frames, self.areas
         other_faces = faces if other_faces is None else other_faces
         f = of_one_kind(point)[:, None]
@@ -276,22 +169,7 @@ class SumOfTerms:
         return squared / weights, gradient[:, 0]
 
     def matrix(self, surfaces: ndarray) -> csr_array:
-        """Return the matrix of the inner product, the mean over surfaces.
-
-        Parameters
-        ----------
-        surfaces : array, shape (n, V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        csr_array, shape (3V, 3V)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle of a surface has no area.
-        """
+        """Return the matrix of the inner product, the mean over surfaces."""
         blocks = onp.zeros((len(self._faces), 9, 9))
         for f in surfaces:
             first = surface.derivatives(f, self.template.differential_operator)
@@ -312,17 +190,7 @@ class SumOfTerms:
 
 
 class TermOfFields(SumOfTerms):
-    """One term on fields that are no surface's.
-
-    Parameters
-    ----------
-    term : Term
-        The term.
-    template : Template
-        The template.
-    fields_of : callable
-        Takes points to their fields, each of shape (n, F, ...).
-    """
+    """One term on fields that are no surface's."""
 
     def __init__(self, term: Term, template: Any, fields_of: Callable[[ndarray], Fields]) -> None:
         super().__init__([term], template)
@@ -333,23 +201,7 @@ class TermOfFields(SumOfTerms):
 
 
 def field_features(term: Term, fields: Fields, areas: ndarray, precision: str) -> Features:
-    """Return the features of fields of one term, and their rounding.
-
-    Parameters
-    ----------
-    term : Term
-        The term.
-    fields : tuple of array, each of shape (n, F, ...)
-        Fields.
-    areas : array, shape (F,)
-        Template areas.
-    precision : {"single", "double"}
-        Precision of the features.
-
-    Returns
-    -------
-    tuple of array, each of shape (n, ...)
-    """
+    """Return the features of fields of one term, and their rounding."""
     fields = tuple(map(of_one_kind, fields))
     kept, gaps = _room(term, len(fields[0]), len(areas), precision)
     for i, row in enumerate(kept):

@@ -18,7 +18,7 @@ from autograd import value_and_grad
 from numpy import ndarray
 
 from riemhuman.checks import metric_weight
-from riemhuman.kernels.linear import differential
+from riemhuman.kernels.differentiable import differential
 from riemhuman.kernels.surface import Derivatives, follow_up
 from riemhuman.kernels.triangles import LENGTH, fill_records
 from riemhuman.representation import constructor_text

@@ -22,26 +22,6 @@ def checked_terms(terms: Any, term_class: type) -> tuple[Any, ...]:
     """Return the terms of a metric after checking that loops over triangles can run them.
 
     A loop trusts the shapes of the fields; wrong ones would have it write beyond its arrays.
-
-    Parameters
-    ----------
-    terms : sequence of Term or QuadraticTerm
-        The terms.
-    term_class : type
-        What each of them must be.
-
-    Returns
-    -------
-    tuple
-
-    Raises
-    ------
-    ArgumentError
-        If there is no term, or a term's fields or squared distances of ordinary triangles are not
-        finite or do not have the shape that `Term` says, or the fields of a triangle depend on
-        other triangles.
-    ArgumentTypeError
-        If something else is found in place of a term or of a field.
     """
     if not isinstance(terms, Sequence) or isinstance(terms, str):
         raise ArgumentTypeError(f"terms must be a sequence of terms; found {terms!r}")

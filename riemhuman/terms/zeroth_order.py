@@ -14,31 +14,19 @@ from numpy import ndarray
 from scipy.sparse import csr_array, diags_array, eye_array, kron
 
 from riemhuman.kernels import surface
-from riemhuman.kernels.compiled import compiled
-from riemhuman.kernels.moving_frames import (
+from riemhuman.kernels.compilation import compiled
+from riemhuman.kernels.surface import apply_operator
+from riemhuman.kernels.threads import sums_in_chunks
+from riemhuman.kernels.triangles import (
     add_area_slope,
     fill_edges,
     is_worth_threads,
 )
-from riemhuman.kernels.surface import apply_operator
-from riemhuman.kernels.threads import sums_in_chunks
 from riemhuman.terms.quadratic import QuadraticTerm, Slopes
 
 
 def corner_averages(faces: ndarray, n_vertices: int) -> csr_array:
-    """Return the matrix that takes values at vertices to their means over triangles.
-
-    Parameters
-    ----------
-    faces : array of int, shape (F, 3)
-        Triangles.
-    n_vertices : int
-        Number of vertices V.
-
-    Returns
-    -------
-    csr_array, shape (F, V)
-    """
+    """Return the matrix that takes values at vertices to their means over triangles."""
     ends = np.arange(0, faces.size + 1, 3)
     return csr_array(
         (np.full(faces.size, 1.0 / 3.0), faces.ravel(), ends), shape=(len(faces), n_vertices)
@@ -46,35 +34,13 @@ def corner_averages(faces: ndarray, n_vertices: int) -> csr_array:
 
 
 def vertex_areas(f: ndarray, template: Any, averages: csr_array) -> ndarray:
-    """Return a third of the area of the triangles around each vertex, differentiably.
-
-    Parameters
-    ----------
-    f : array, shape (..., V, 3)
-        Surfaces whose triangles have an area.
-    template : Template
-        The template.
-    averages : csr_array, shape (F, V)
-        See `corner_averages`.
-
-    Returns
-    -------
-    array, shape (..., V)
-    """
+    """Return a third of the area of the triangles around each vertex, differentiably."""
     first = surface.derivatives(f, template.differential_operator)
     return apply_operator(averages.T, (template.face_areas * first.areas)[..., None])[..., 0]
 
 
 class ZerothOrderTerm(QuadraticTerm):
-    """w Σ_v A_v ⟨h_v, k_v⟩ with the vertex areas A of the surface.
-
-    Parameters
-    ----------
-    template : Template
-        The template.
-    weight : float
-        w > 0.
-    """
+    """w Σ_v A_v ⟨h_v, k_v⟩ with the vertex areas A of the surface."""
 
     is_translation_invariant = False
 

@@ -6,7 +6,7 @@ from cases import sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric, pairwise
-from riemhuman.kernels import tiles
+from riemhuman.kernels import threads
 from riemhuman.retrieval import NearestNeighbors
 
 TEMPLATE = sphere_template()
@@ -95,7 +95,7 @@ def test_more_tiles_than_rows(metric, n_jobs, monkeypatch):
     """Tiles of compiled loops are as small as they get, and there are dozens of them."""
     points = surfaces(TEMPLATE, 83, rng=3)
     expected = metric.dist_pairwise(points, precision="double")
-    monkeypatch.setattr(tiles, "_TILE_WORK", 1)
+    monkeypatch.setattr(threads, "_TILE_WORK", 1)
     for precision, tolerance in (("single", 2e-5), ("double", 0)):
         found = metric.dist_pairwise(points, n_jobs, precision=precision)
         np.testing.assert_allclose(found, expected, rtol=tolerance)

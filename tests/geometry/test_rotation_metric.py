@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RotationMetric, SRNFMetric
-from riemhuman.kernels.triangle_frames import polar_frames
+from riemhuman.kernels.surface import polar_frames
 from riemhuman.retrieval import scores
 from riemhuman.solvers import BasisPath
 from riemhuman.surfaces import DeformationBasis, Template

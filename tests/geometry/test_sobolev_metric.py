@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SobolevMetric, SRNFMetric
-from riemhuman.kernels.laplacian import cotangent_laplacian
+from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.solvers import (
     BasisPath,
     DiscreteExponential,

@@ -5,8 +5,13 @@ import pytest
 from block_patterns import KINDS, couplings
 from scipy import linalg, sparse
 
-from riemhuman.kernels.block_triangles import WIDTHS, eliminate, solve_lower, solve_upper
-from riemhuman.kernels.elimination import elimination_of
+from riemhuman.kernels.elimination import (
+    WIDTHS,
+    eliminate,
+    elimination_of,
+    solve_lower,
+    solve_upper,
+)
 
 
 def positive_definite(coupled):

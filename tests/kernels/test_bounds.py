@@ -7,15 +7,10 @@ from cases import open_template, surfaces
 from interpreted import check_bounds
 from scipy.sparse import bsr_array
 
-from riemhuman.kernels import (
-    block_triangles,
-    moving_frames,
-    special_orthogonal,
-    triangles,
-    turns,
-)
+from riemhuman.kernels import elimination, rotations, triangles
 from riemhuman.kernels.elimination import elimination_of
-from riemhuman.kernels.tiles import of_one_kind
+from riemhuman.kernels.threads import of_one_kind
+from riemhuman.surfaces import _triangle_rotations
 
 TEMPLATE = open_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
@@ -26,7 +21,7 @@ FORMS += np.swapaxes(FORMS, 1, 2)
 def test_loops_over_single_surfaces(monkeypatch):
     start, end = surfaces(TEMPLATE, 2, rng=4, size=0.8)
     times = np.array([0.0, 0.3, 1.0])
-    vectors = turns.triangle_turns(start, end, FACES)
+    vectors = _triangle_rotations.triangle_turns(start, end, FACES)
 
     def blocks():
         added = np.zeros((len(FACES), 9, 9))
@@ -34,11 +29,13 @@ def test_loops_over_single_surfaces(monkeypatch):
         return [added]
 
     calls = [
-        lambda: turns.triangle_turns(start, end, FACES),
-        lambda: turns.turned_sources(start, end, vectors, times, FACES, FRAMES, AREAS),
+        lambda: _triangle_rotations.triangle_turns(start, end, FACES),
+        lambda: _triangle_rotations.turned_sources(
+            start, end, vectors, times, FACES, FRAMES, AREAS
+        ),
         blocks,
     ]
-    check_bounds(monkeypatch, [moving_frames, triangles, turns], calls)
+    check_bounds(monkeypatch, [triangles, _triangle_rotations], calls)
 
 
 def test_records_and_slopes(monkeypatch):
@@ -67,16 +64,16 @@ def test_trees_of_turns(monkeypatch):
 
     def unwrapped():
         found = 3.0 * vectors
-        turns.unwrap_turns(found, quaternions, np.arange(6), ends, neighbours)
+        _triangle_rotations.unwrap_turns(found, quaternions, np.arange(6), ends, neighbours)
         return [found]
 
-    check_bounds(monkeypatch, [turns], [unwrapped])
+    check_bounds(monkeypatch, [_triangle_rotations], [unwrapped])
 
 
 def test_nearest_rotations(monkeypatch):
     matrices = np.eye(3) + 0.1 * np.random.default_rng(6).standard_normal((4, 3, 3))
-    calls = [lambda: [special_orthogonal.nearest_rotations(matrices)]]
-    check_bounds(monkeypatch, [special_orthogonal], calls)
+    calls = [lambda: [rotations.nearest_rotations(matrices)]]
+    check_bounds(monkeypatch, [rotations], calls)
 
 
 @pytest.mark.parametrize("lanes", [(0,), None])
@@ -92,11 +89,9 @@ def test_elimination(monkeypatch, lanes):
         lower, pivots, x = np.zeros((len(found.rows), 9)), np.empty((n, 3)), sides.copy()
         lower[found.targets] = blocks.data.reshape(-1, 9)[found.sources]
         where = (found.ends, found.rows)
-        block_triangles.eliminate(
-            *where, found.columns, found.row_ends, found.by_row, lower, pivots
-        )
-        block_triangles.solve_lower(*where, lower, x, lanes)
-        block_triangles.solve_upper(*where, lower, x, lanes)
+        elimination.eliminate(*where, found.columns, found.row_ends, found.by_row, lower, pivots)
+        elimination.solve_lower(*where, lower, x, lanes)
+        elimination.solve_upper(*where, lower, x, lanes)
         return [lower, pivots, x]
 
-    check_bounds(monkeypatch, [block_triangles], [solved])
+    check_bounds(monkeypatch, [elimination], [solved])

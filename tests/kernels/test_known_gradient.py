@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from autograd import grad, hessian, value_and_grad
 
-from riemhuman.kernels.known_gradient import with_known_gradient
+from riemhuman.kernels.differentiable import with_known_gradient
 
 X = np.array([[0.3, -1.2], [2.0, 0.7]])
 

@@ -5,8 +5,7 @@ import pytest
 from cases import open_template, sphere_template, surfaces
 from parametric_surfaces import sphere
 
-from riemhuman.kernels.laplacian import cotangent_laplacian
-from riemhuman.kernels.surface import partial_derivatives
+from riemhuman.kernels.surface import cotangent_laplacian, partial_derivatives
 from riemhuman.surfaces.template import Template
 
 

@@ -8,7 +8,7 @@ from cases import surfaces
 from scipy.sparse import csr_array, csr_matrix
 from scipy.sparse import random as random_matrix
 
-from riemhuman.kernels.linear import differential, entry
+from riemhuman.kernels.differentiable import differential, entry
 from riemhuman.kernels.surface import apply_operator
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from autograd import grad
 
-from riemhuman.kernels import moving_frames, triangles
+from riemhuman.kernels import triangles
 from riemhuman.kernels.surface import DEGENERATE
 
 N_VERTICES, N_TIMES, TIME = 6, 3, 1
@@ -48,24 +48,24 @@ def triangle_area(q):
 def test_frames(corners, monkeypatch):
     surfaces, q = corners
     axes, ((p, skewed), (_, r)) = axes_and_sides(q)
-    found = moving_frames.frame_of.py_func(surfaces, FACE, TIME)
+    found = triangles.frame_of.py_func(surfaces, FACE, TIME)
     numbers = [triangle_area(q), 1 / p, 1 / r, skewed / (p * r)]
     np.testing.assert_allclose(found, [*numbers, *axes.ravel()], atol=1e-13)
-    monkeypatch.setattr(moving_frames, "frame_of", moving_frames.frame_of.py_func)
+    monkeypatch.setattr(triangles, "frame_of", triangles.frame_of.py_func)
     filled = np.empty((3, 3))
-    four = moving_frames.fill_axes.py_func(surfaces, FACE, TIME, filled)
+    four = triangles.fill_axes.py_func(surfaces, FACE, TIME, filled)
     np.testing.assert_array_equal([*four, *filled.ravel()], found)
 
 
 def test_derivatives_and_their_transpose(corners, noise):
     surfaces, q = corners
-    frame = moving_frames.frame_of.py_func(surfaces, FACE, TIME)
-    found = moving_frames.derivatives_in_frame.py_func(noise, FACE, TIME, frame)
+    frame = triangles.frame_of.py_func(surfaces, FACE, TIME)
+    found = triangles.derivatives_in_frame.py_func(noise, FACE, TIME, frame)
     expected = derivatives(q, noise[FACE, TIME])
     np.testing.assert_allclose(np.reshape(found, (3, 2)), expected, atol=1e-13)
     entries = np.random.default_rng(2).standard_normal(6)
     slopes = np.ones_like(noise)
-    moving_frames.add_to_corners.py_func(slopes, FACE, TIME, frame, tuple(entries))
+    triangles.add_to_corners.py_func(slopes, FACE, TIME, frame, tuple(entries))
     added = slopes - 1.0
     units = np.eye(9).reshape(9, 3, 3)
     wanted = [np.sum(entries * derivatives(q, h).ravel()) for h in units]
@@ -77,10 +77,10 @@ def test_derivatives_and_their_transpose(corners, noise):
 def test_edges_and_the_slope_of_the_area(corners):
     surfaces, q = corners
     edges, slopes = np.empty((2, 3)), np.ones_like(surfaces)
-    area = moving_frames.fill_edges.py_func(surfaces, FACE, TIME, edges)
+    area = triangles.fill_edges.py_func(surfaces, FACE, TIME, edges)
     assert area == pytest.approx(triangle_area(q), rel=1e-14)
     np.testing.assert_array_equal(edges, [q[1] - q[0], q[2] - q[0]])
-    moving_frames.add_area_slope.py_func(slopes, FACE, TIME, edges, area, 0.7)
+    triangles.add_area_slope.py_func(slopes, FACE, TIME, edges, area, 0.7)
     added = slopes - 1.0
     np.testing.assert_allclose(added[FACE, TIME], 0.7 * grad(triangle_area)(q), atol=1e-13)
     added[FACE, TIME] = 0.0
@@ -92,11 +92,11 @@ def test_triangles_without_area(corners, at):
     surfaces, _ = corners
     one, two, three = FACE
     surfaces[three, TIME] = (1 - at) * surfaces[one, TIME] + at * surfaces[two, TIME]
-    area, _, over_r, skew, *axes = moving_frames.frame_of.py_func(surfaces, FACE, TIME)
+    area, _, over_r, skew, *axes = triangles.frame_of.py_func(surfaces, FACE, TIME)
     assert (area, over_r, skew) == (0.0, 0.0, 0.0)
     assert np.isfinite(axes).all()
     assert not np.any(axes[3:])
-    assert moving_frames.fill_edges.py_func(surfaces, FACE, TIME, np.empty((2, 3))) == 0.0
+    assert triangles.fill_edges.py_func(surfaces, FACE, TIME, np.empty((2, 3))) == 0.0
 
 
 @pytest.mark.parametrize("share", [0.99, 1.01], ids=["below", "above"])
@@ -106,27 +106,27 @@ def test_how_thin_a_triangle_may_be(share, size):
     height = 0.3 * share * np.sqrt(DEGENERATE)
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.3, height, 0.0]])
     surfaces = size * corners[:, None]
-    area, _, over_r, *_ = moving_frames.frame_of.py_func(surfaces, np.arange(3), 0)
-    by_edges = moving_frames.fill_edges.py_func(surfaces, np.arange(3), 0, np.empty((2, 3)))
+    area, _, over_r, *_ = triangles.frame_of.py_func(surfaces, np.arange(3), 0)
+    by_edges = triangles.fill_edges.py_func(surfaces, np.arange(3), 0, np.empty((2, 3)))
     area_there = size**2 * height / 2
     expected = [area_there, area_there, 1 / (size * height)] if share > 1 else [0.0, 0.0, 0.0]
     np.testing.assert_allclose([area, by_edges, over_r], expected, rtol=1e-12)
 
 
 def test_vertex_by_vertex(noise):
-    found = moving_frames.by_vertex(noise)
+    found = triangles.by_vertex(noise)
     np.testing.assert_array_equal(found, np.moveaxis(noise, 1, 0))
     assert found.flags.c_contiguous
     large = np.broadcast_to(0.0, (20_001, 3))
-    assert moving_frames.is_worth_threads(np.empty((4, 1, 3)), large)
-    assert not moving_frames.is_worth_threads(np.empty((4, 1, 3)), large[1:])
-    assert moving_frames.is_worth_threads(np.empty((4, 2, 3)), large[:10_001])
+    assert triangles.is_worth_threads(np.empty((4, 1, 3)), large)
+    assert not triangles.is_worth_threads(np.empty((4, 1, 3)), large[1:])
+    assert triangles.is_worth_threads(np.empty((4, 2, 3)), large[:10_001])
 
 
 @pytest.mark.parametrize(("along", "beside"), [*itertools.permutations(range(3), 2)])
 def test_triangles_as_thin_as_rounding_errors_have_no_area(along, beside):
     one, other = np.eye(3)[along], 0.5 * np.eye(3)[along] + 1e-9 * np.eye(3)[beside]
     f, face = np.stack([np.zeros(3), one, other])[:, None], np.arange(3)
-    assert moving_frames.frame_of.py_func(f, face, 0)[:3] == (0.0, 1.0, 0.0)
-    assert moving_frames.fill_edges.py_func(f, face, 0, np.empty((2, 3))) == 0.0
+    assert triangles.frame_of.py_func(f, face, 0)[:3] == (0.0, 1.0, 0.0)
+    assert triangles.fill_edges.py_func(f, face, 0, np.empty((2, 3))) == 0.0
     assert triangles.first_forms.py_func(*one, *other)[-1] == 0.0

@@ -5,7 +5,7 @@ import pytest
 from autograd import grad
 from oracles import mp
 
-from riemhuman.kernels import scalars
+from riemhuman.kernels import differentiable
 
 VALUES = (-30.0, -2.0, -1e-3, -1e-9, 0.0, 1e-300, 1e-9, 1e-4, 0.5, 3.0, 50.0)
 
@@ -19,9 +19,12 @@ def _strict_floats():
 @pytest.mark.parametrize(
     ("function", "exact"),
     [
-        (scalars.sine_cardinal, lambda x: mp.sin(x) / x if x else mp.mpf(1)),
-        (scalars.hyperbolic_sine_cardinal, lambda x: mp.sinh(x) / x if x else mp.mpf(1)),
-        (scalars.inverse_hyperbolic_sine_cardinal, lambda x: x / mp.sinh(x) if x else mp.mpf(1)),
+        (differentiable.sine_cardinal, lambda x: mp.sin(x) / x if x else mp.mpf(1)),
+        (differentiable.hyperbolic_sine_cardinal, lambda x: mp.sinh(x) / x if x else mp.mpf(1)),
+        (
+            differentiable.inverse_hyperbolic_sine_cardinal,
+            lambda x: x / mp.sinh(x) if x else mp.mpf(1),
+        ),
     ],
 )
 def test_cardinal_functions(function, exact):
@@ -36,19 +39,19 @@ def test_cardinal_functions(function, exact):
 
 
 def test_far_values_do_not_overflow():
-    assert scalars.inverse_hyperbolic_sine_cardinal(1e4) == 0.0
-    assert scalars.inverse_hyperbolic_sine_cardinal(-1e4) == 0.0
+    assert differentiable.inverse_hyperbolic_sine_cardinal(1e4) == 0.0
+    assert differentiable.inverse_hyperbolic_sine_cardinal(-1e4) == 0.0
 
 
 def test_square_root():
     np.testing.assert_array_equal(
-        scalars.square_root(np.array([0.0, 4.0, -1e-17])), [0.0, 2.0, 0.0]
+        differentiable.square_root(np.array([0.0, 4.0, -1e-17])), [0.0, 2.0, 0.0]
     )
     np.testing.assert_array_equal(
-        [grad(scalars.square_root)(x) for x in (0.0, 4.0, -1e-17)], [0.0, 0.25, 0.0]
+        [grad(differentiable.square_root)(x) for x in (0.0, 4.0, -1e-17)], [0.0, 0.25, 0.0]
     )
-    np.testing.assert_allclose(grad(grad(scalars.square_root))(4.0), -1 / 32)
-    assert grad(grad(scalars.square_root))(0.0) == 0.0
+    np.testing.assert_allclose(grad(grad(differentiable.square_root))(4.0), -1 / 32)
+    assert grad(grad(differentiable.square_root))(0.0) == 0.0
 
 
 def test_product_minus_square_is_exact():
@@ -60,9 +63,9 @@ def test_product_minus_square_is_exact():
         exact = [
             float(mp.mpf(x) * mp.mpf(y) - mp.mpf(z) ** 2) for x, y, z in zip(a, b, c, strict=True)
         ]
-        np.testing.assert_allclose(scalars.product_minus_square(a, b, c), exact, rtol=1e-15)
+        np.testing.assert_allclose(differentiable.product_minus_square(a, b, c), exact, rtol=1e-15)
         with pytest.raises(AssertionError):
             # What plain arithmetic would give.
             np.testing.assert_allclose(a * b - c**2, exact, rtol=1e-15)
     for argument, expected in ((0, 3.0), (1, 2.0), (2, -10.0)):
-        assert grad(scalars.product_minus_square, argument)(2.0, 3.0, 5.0) == expected
+        assert grad(differentiable.product_minus_square, argument)(2.0, 3.0, 5.0) == expected

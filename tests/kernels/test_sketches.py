@@ -5,7 +5,7 @@ import pytest
 from cases import TEMPLATES, sphere_template, surfaces
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
-from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
+from riemhuman.kernels.projections import patch_coordinates, triangle_patches
 
 WEIGHTS = [(0.0, 0.0, 1.0), (1.0, 1e-4, 0.0), (1.0, 1.0, 0.0), (2.0, 0.05, 0.3)]
 

@@ -7,7 +7,7 @@ import pytest
 from oracles import taylor_slope
 from scipy.spatial.transform import Rotation
 
-from riemhuman.kernels import special_orthogonal as so3
+from riemhuman.kernels import rotations as so3
 from riemhuman.kernels.rotations import cross_product_matrix
 
 ANGLES = [0.0, 1e-12, 1e-6, 0.3, 2.0, 3.1, np.pi - 1e-9, np.pi]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from riemhuman.kernels.tiles import LARGEST, SMALLEST, UNDERFLOW, in_tiles, of_one_kind
+from riemhuman.kernels.threads import LARGEST, SMALLEST, UNDERFLOW, in_tiles, of_one_kind
 
 
 @pytest.mark.parametrize("within", [True, False])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from cases import TEMPLATES, sphere_template, surfaces
 
-from riemhuman.kernels.surface import partial_derivatives
-from riemhuman.kernels.triangle_frames import (
+from riemhuman.kernels.surface import (
     deformation_gradients,
+    partial_derivatives,
     polar_frames,
     stacked_derivatives,
     triangle_frames,

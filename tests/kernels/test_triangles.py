@@ -7,9 +7,9 @@ from autograd import grad
 from cases import open_template, surfaces
 
 from riemhuman.kernels import triangles
-from riemhuman.kernels.moving_frames import by_vertex
 from riemhuman.kernels.surface import DEGENERATE
-from riemhuman.kernels.tiles import of_one_kind
+from riemhuman.kernels.threads import of_one_kind
+from riemhuman.kernels.triangles import by_vertex
 
 TEMPLATE = open_template()
 FACES, FRAMES = TEMPLATE.faces, TEMPLATE.frame_coefficients

@@ -3,7 +3,7 @@
 import numpy as np
 from parametric_surfaces import sphere
 
-from riemhuman.kernels.vertex_normals import vertex_normals
+from riemhuman.kernels.surface import vertex_normals
 
 
 def test_normals_of_a_sphere_point_away_from_its_centre():

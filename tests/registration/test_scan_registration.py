@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
-from riemhuman.kernels.vertex_normals import vertex_normals
+from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration import ScanRegistration, simulated_scan
 
 

@@ -8,7 +8,7 @@ from scipy import sparse
 
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import FlatMetric, RiemannianMetric, VectorSpace
-from riemhuman.kernels.laplacian import cotangent_laplacian
+from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.solvers import _preconditioners
 from riemhuman.solvers._preconditioners import (
     BlockCholeskyFactor,

@@ -19,7 +19,7 @@ from riemhuman.errors import (
     DegenerateSurfaceError,
     MissingDependencyError,
 )
-from riemhuman.kernels.laplacian import cotangent_laplacian
+from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.surfaces import spectrum
 from riemhuman.surfaces.spectra import harmonics
 from riemhuman.surfaces.template import Template

@@ -6,9 +6,9 @@ from cases import deformations, open_template, surfaces
 from interpreted import check_bounds
 from scipy.spatial.distance import cdist
 
-from riemhuman.kernels import moving_frames, surface, triangles
-from riemhuman.kernels.moving_frames import by_vertex
-from riemhuman.kernels.tiles import of_one_kind
+from riemhuman.kernels import surface, triangles
+from riemhuman.kernels.threads import of_one_kind
+from riemhuman.kernels.triangles import by_vertex
 from riemhuman.terms import (
     ConeTerm,
     EbinTerm,
@@ -70,7 +70,7 @@ def test_features(monkeypatch, precision):
 @pytest.mark.parametrize("quadratic", QUADRATIC, ids=lambda term: type(term).__name__)
 def test_squared_norms(monkeypatch, quadratic):
     h, f = (by_vertex(make(TEMPLATE, 2, rng=6)) for make in (deformations, surfaces))
-    modules = (first_order, moving_frames, normal_projection, second_order, zeroth_order)
+    modules = (first_order, triangles, normal_projection, second_order, zeroth_order)
     calls = [
         lambda: quadratic.squared_norms_and_slopes(h, f),
         lambda: [quadratic.squared_norms(h, f)],
@@ -105,14 +105,8 @@ def test_pairs(monkeypatch, module, term):
 @pytest.mark.parametrize("shape", [(7, 6), (4, 1), (3, 9)])
 def test_flat_pairs(monkeypatch, shape):
     """Four rows and four columns at a time, at the edges fewer."""
-
-    def squared_differences(a, b, rows, columns, first, last):
-        pairs = ((a[i, first:last], b[j, first:last]) for i in rows for j in columns)
-        return tuple(np.sum((one - other) ** 2) for one, other in pairs)
-
-    monkeypatch.setattr(flat, "squared_differences", squared_differences)
     monkeypatch.setattr(flat, "_tile", flat._tile.py_func)
-    monkeypatch.setattr(flat, "_add", flat._add.py_func)
+    monkeypatch.setattr(flat, "_block", flat._block.py_func)
     monkeypatch.setattr(flat, "_CHUNK", 5)
     a, b = (of_one_kind(np.random.default_rng(n).standard_normal((n, 12))) for n in shape)
     np.testing.assert_allclose(flat.flat_distances(a, b), cdist(a, b) ** 2)

@@ -12,7 +12,7 @@ from cases import deformations, sphere_template, surfaces
 import riemhuman.terms
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels import surface, triangles
-from riemhuman.kernels.tiles import of_one_kind
+from riemhuman.kernels.threads import of_one_kind
 from riemhuman.terms import (
     ConeTerm,
     EbinTerm,

@@ -5,7 +5,7 @@ import pytest
 from cases import open_template, sphere_template, surfaces, triangle_template
 
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.kernels import surface, tiles, triangles
+from riemhuman.kernels import surface, threads, triangles
 from riemhuman.surfaces.template import Template
 from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, RotationTerm, flat
 from riemhuman.terms.sum import SumOfTerms, TermOfFields, field_features
@@ -43,15 +43,15 @@ def features_of(term, template, points, precision):
 def marked(template, points):
     """Return the triangles that the compiled loop finds to have no area."""
     found = np.empty((len(points), template.n_faces), dtype=bool)
-    for f, row in zip(tiles.of_one_kind(points), found, strict=True):
+    for f, row in zip(threads.of_one_kind(points), found, strict=True):
         triangles.mark_degenerate(f, template.faces, template.frame_coefficients, row)
     return found
 
 
 def split(features, length):
     """Return features and the zeros that fill up their rows, or fail."""
-    assert features.shape[-1] % tiles.LANES == 0
-    assert features.shape[-1] - length < tiles.LANES
+    assert features.shape[-1] % threads.LANES == 0
+    assert features.shape[-1] - length < threads.LANES
     np.testing.assert_array_equal(features[..., length:], 0.0)
     return features[..., :length]
 
@@ -165,8 +165,8 @@ def test_the_driver_takes_fields_that_are_no_surfaces():
 def test_range_of_single_precision():
     """Squares of what is kept, and products of squares, stay within its range."""
     limits = np.finfo(np.float32)
-    assert limits.max > tiles.LARGEST**2
-    assert limits.tiny < tiles.SMALLEST**2
+    assert limits.max > threads.LARGEST**2
+    assert limits.tiny < threads.SMALLEST**2
     x, y, s = np.zeros((8, 1)), np.ones((8, 1)), np.ones((8, 1))
     x[0], x[1] = 0.95e15, -1.05e15
     y[2], y[3], y[4], y[5] = 0.95e15, 1.05e15, 1.05e-15, 0.95e-15
@@ -212,7 +212,7 @@ def test_every_number_of_a_sum_may_be_too_small_for_single_precision(name, n_fac
     areas[-1] = 4.0
     fields = tuple(np.repeat(np.asarray(field)[None], n_faces, axis=1) for field in fields)
     _, rounding = field_features(term, fields, areas, "single")
-    expected = tiles.UNDERFLOW * n_faces * numbers * scale(4.0)
+    expected = threads.UNDERFLOW * n_faces * numbers * scale(4.0)
     np.testing.assert_allclose(rounding**2, expected, rtol=1e-12)
 
 
@@ -220,4 +220,4 @@ def test_normals_of_surfaces_may_be_that_small_too():
     corners = np.array([[0.0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 1, 0]])
     template = Template(corners, np.array([[0, 1, 2], [0, 2, 3]]))
     _, rounding = features_of(NormalTerm(), template, corners[None], "single")
-    np.testing.assert_allclose(rounding**2, tiles.UNDERFLOW * 2 * 2.0, rtol=1e-12)
+    np.testing.assert_allclose(rounding**2, threads.UNDERFLOW * 2 * 2.0, rtol=1e-12)

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from riemhuman.kernels import threads, tiles
+from riemhuman.kernels import threads
 from riemhuman.terms import EbinTerm, NormalTerm, flat
 from riemhuman.terms.sum import field_features
 
@@ -29,7 +29,7 @@ def unit_normals(n, rng):
     return normals / np.linalg.norm(normals, axis=2, keepdims=True)
 
 
-WEIGHTS = tiles.of_one_kind(np.random.default_rng(3).uniform(0.0, 1e-3, F))
+WEIGHTS = threads.of_one_kind(np.random.default_rng(3).uniform(0.0, 1e-3, F))
 
 
 def in_threads(term, a, b, n_threads=1):
@@ -41,7 +41,7 @@ def in_threads(term, a, b, n_threads=1):
             return flat.flat_distances(*rows, *columns)
         return term.squared_distances(*rows, *columns, WEIGHTS)
 
-    return tiles.in_tiles(run, (a,), (b,), n_threads)
+    return threads.in_tiles(run, (a,), (b,), n_threads)
 
 
 def ebin_pairs(precision, n_a=23, n_b=11, n_threads=1, lam=0.3):
@@ -116,7 +116,7 @@ def test_bits_do_not_depend_on_company(name, precision, monkeypatch):
     np.testing.assert_array_equal(within, distances(a, a.copy()))
     np.testing.assert_array_equal(within, within.T)
     np.testing.assert_array_equal(np.diag(within), 0.0)
-    monkeypatch.setattr(tiles, "_TILE_WORK", 1)
+    monkeypatch.setattr(threads, "_TILE_WORK", 1)
     np.testing.assert_array_equal(distances(a, b), whole)
     np.testing.assert_array_equal(distances(a, a, n_threads=2), within)
 
@@ -159,7 +159,7 @@ def test_rounding_bounds_the_distance_to_what_is_kept(lam):
     x, y, s = metric_fields(3, 0)
     double, _ = field_features(EbinTerm(lam=lam), (x, y, s), WEIGHTS, "double")
     single, rounding = field_features(EbinTerm(lam=lam), (x, y, s), WEIGHTS, "single")
-    pair = (tiles.of_one_kind(double), tiles.of_one_kind(single.astype(float)))
+    pair = (threads.of_one_kind(double), threads.of_one_kind(single.astype(float)))
     gaps = np.sqrt(np.diag(EbinTerm(lam=lam).squared_distances(*pair, WEIGHTS)))
     assert np.all(gaps <= rounding * (1 + 1e-6))
     # The bound is no waste either.

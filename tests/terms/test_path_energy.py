@@ -15,7 +15,7 @@ from riemhuman.geometry import (
     SRNFMetric,
     SurfaceMetric,
 )
-from riemhuman.kernels.tiles import of_one_kind
+from riemhuman.kernels.threads import of_one_kind
 from riemhuman.terms import (
     EbinTerm,
     FlatTerm,

@@ -9,8 +9,8 @@ from cases import TEMPLATES, deformations, open_template, sphere_template, surfa
 from oracles import taylor_slope
 
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.kernels import moving_frames
-from riemhuman.kernels.moving_frames import by_vertex
+from riemhuman.kernels import triangles
+from riemhuman.kernels.triangles import by_vertex
 from riemhuman.surfaces.template import Template
 from riemhuman.terms import normal_projection, second_order
 from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
@@ -91,7 +91,7 @@ def test_threads_give_the_same_bits(name, monkeypatch):
     term = terms_over(template)[name]
     f, h = surfaces(template, 4, rng=6), deformations(template, 4, rng=7)
     alone = compiled(term, h, f)
-    monkeypatch.setattr(moving_frames, "_WORTH_THREADS", 0)
+    monkeypatch.setattr(triangles, "_WORTH_THREADS", 0)
     for one, other in zip(alone, compiled(term, h, f), strict=True):
         np.testing.assert_array_equal(one, other)
 

@@ -9,7 +9,7 @@ from oracles import taylor_slope
 
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, RotationMetric, SurfaceMetric
-from riemhuman.kernels.tiles import of_one_kind
+from riemhuman.kernels.threads import of_one_kind
 from riemhuman.terms import NormalTerm, RotationTerm
 from riemhuman.terms.sum import field_features
 

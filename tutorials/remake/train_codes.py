@@ -33,7 +33,7 @@ from riemhuman.bodies import BodyModel
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, FileError
 from riemhuman.geometry import AlignedSurfaces
-from riemhuman.kernels.special_orthogonal import log, nearest_rotations
+from riemhuman.kernels.rotations import log, nearest_rotations
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.learned import IntrinsicExtrinsicCodes, ShapePoseCodes
 from riemhuman.learned._codes import FOLDER, PairedCodes

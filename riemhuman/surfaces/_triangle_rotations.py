@@ -11,11 +11,9 @@ import math
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.compiled import compiled
-from riemhuman.kernels.moving_frames import fill_axes
-from riemhuman.kernels.threads import in_chunks
-from riemhuman.kernels.tiles import of_one_kind
-from riemhuman.kernels.triangles import derivatives
+from riemhuman.kernels.compilation import compiled
+from riemhuman.kernels.threads import in_chunks, of_one_kind
+from riemhuman.kernels.triangles import derivatives, fill_axes
 
 # Below this many triangles, threads cost more than they bring.
 _WORTH_THREADS = 5_000
@@ -93,18 +91,6 @@ def triangle_turns(start: ndarray, end: ndarray, faces: ndarray) -> ndarray:
 
     The rotational part of the map that takes f_u, f_v and the normal at the start to those at the
     end.
-
-    Parameters
-    ----------
-    start, end : array, shape (V, 3)
-        Surfaces whose triangles have an area.
-    faces : array of int, shape (F, 3)
-        Triangles.
-
-    Returns
-    -------
-    array, shape (F, 3)
-        Rotation vectors: unit axes times angles in [0, π].
     """
     turns = np.empty((len(faces), 3))
     ends = of_one_kind(start)[:, None], of_one_kind(end)[:, None]
@@ -138,19 +124,6 @@ def unwrap_turns(
 
     The neighbours are those of the tree of least differences between rotations, which grows from
     its root by the least difference first (Prim's algorithm).
-
-    Parameters
-    ----------
-    turns : array, shape (F, 3)
-        Rotation vectors, changed in place.
-    quaternions : array, shape (F, 4)
-        The same rotations as unit quaternions.
-    roots : array of int, shape (F,)
-        Triangles in the order in which they may be roots; those reached before are not.
-    ends : array of int, shape (F + 1,)
-        Neighbours of triangle t are ``neighbours[ends[t] : ends[t + 1]]``.
-    neighbours : array of int, shape (n,)
-        Triangles.
     """
     done = np.zeros(len(turns), dtype=np.bool_)
     for root in roots:
@@ -236,26 +209,6 @@ def turned_sources(
     With J = (f_u, f_v) at the start, J' at the end and R the rotation of a triangle, the
     derivatives wanted at time t are :math:`R^t ((1 - t) J + t R^\top J')`, where R^t turns by t
     times the angle.
-
-    Parameters
-    ----------
-    start, end : array, shape (V, 3)
-        Surfaces.
-    turns : array, shape (F, 3)
-        Rotation vectors of the triangles.
-    times : array, shape (n_times,)
-        Times in [0, 1].
-    faces : array of int, shape (F, 3)
-        Triangles.
-    frames : array, shape (F, 3)
-        Template frames: 1/u₂, 1/v₃, u₃/(v₃u₂).
-    areas : array, shape (F,)
-        Template areas w_t.
-
-    Returns
-    -------
-    array, shape (V, n_times, 3)
-        Weighted transpose of the derivative operator, applied to the derivatives wanted.
     """
     shape = (len(start), len(times), 3)
     ends = of_one_kind(start)[:, None], of_one_kind(end)[:, None]

@@ -7,8 +7,8 @@ from scipy.linalg import polar
 from scipy.sparse import coo_array, csgraph
 from scipy.spatial.transform import Rotation
 
-from riemhuman.kernels import turns as kernel
-from riemhuman.kernels.tiles import of_one_kind
+from riemhuman.kernels.threads import of_one_kind
+from riemhuman.surfaces import _triangle_rotations as kernel
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
 each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
