@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from riemhuman.checks import Rng, generator, real_array, real_number, whole_numb
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import sample_count, stack_samples
-from riemhuman.geometry.pairwise import Bulk
+from riemhuman.geometry.pairwise import Bulk, SumOfFactors
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.motions._frames import (
     Motion,
@@ -20,7 +21,6 @@ from riemhuman.motions._frames import (
     increasing_times,
     read_motion,
 )
-from riemhuman.terms.sum import Features
 
 if TYPE_CHECKING:
     from riemhuman.geometry import AlignedSurfaces
@@ -359,33 +359,10 @@ class RateDependentMetric(RiemannianMetric):
     @property
     def bulk(self) -> Bulk:
         """The bulk work of the metric on frames, time by time."""
-        return _OverTime(self.metric.bulk, self.time_weights)
+        return SumOfFactors(
+            [(partial(_at, t=t), w, self.metric.bulk) for t, w in enumerate(self.time_weights)]
+        )
 
 
-class _OverTime(Bulk):
-    """Features of all frames, and weighted sums of their squared distances."""
-
-    def __init__(self, bulk: Bulk, weights: ndarray) -> None:
-        self._bulk, self._weights, self.n_arrays = bulk, weights, bulk.n_arrays
-
-    def features(self, points: ndarray, precision: str) -> Features:
-        frames = self._bulk.features(points.reshape(-1, *points.shape[2:]), precision)
-        return tuple(f.reshape(*points.shape[:2], *f.shape[1:]) for f in frames)
-
-    def rounding(self, features: Features) -> ndarray:
-        squares = [
-            w * self._bulk.rounding(_at(features, t)) ** 2 for t, w in enumerate(self._weights)
-        ]
-        return np.sqrt(np.sum(squares, axis=0))
-
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
-        total: Any = 0.0
-        for t, weight in enumerate(self._weights):
-            at_a = _at(a, t)
-            at_b = at_a if b is a else _at(b, t)
-            total = total + weight * self._bulk.squared_distances(at_a, at_b, n_threads)
-        return total
-
-
-def _at(features: Features, t: int) -> Features:
-    return tuple(np.ascontiguousarray(feature[:, t]) for feature in features)
+def _at(points: ndarray, t: int) -> ndarray:
+    return np.ascontiguousarray(points[:, t])
