@@ -38,9 +38,6 @@ class TestResample:
         straight = rh.motions.MotionSpace(space, 3, solver).resample(motions[0][:2])
         np.testing.assert_allclose(straight[1], motions[0][:2].mean(axis=0))
 
-    def test_motions_that_are_made_on_demand(self, motion_space, open_motions):
-        assert motion_space.resample(open_motions[0]).shape == motion_space.shape
-
     @pytest.mark.parametrize(
         ("options", "message"),
         [
@@ -54,10 +51,6 @@ class TestResample:
     def test_bad_times(self, motion_space, motions, options, message):
         with pytest.raises(rh.RiemhumanError, match=message):
             motion_space.resample(motions[0][:3], **options)
-
-    def test_one_frame(self, motion_space, motions):
-        with pytest.raises(rh.RiemhumanError, match="at least 2 frames; found 1"):
-            motion_space.resample(motions[0][:1])
 
 
 class TestParts:
@@ -97,10 +90,6 @@ class TestRateDependentMetric:
         vector = motions[1][:7] - base
         moved = motion_space.metric.squared_dist(base, base + step * vector) / step**2
         assert motion_space.metric.squared_norm(vector, base) == pytest.approx(moved, rel=1e-2)
-
-    def test_speed_counts(self, motion_space, full_motion):
-        slow, fast = full_motion[:13:2], full_motion[::6]
-        assert motion_space.metric.dist(slow, fast) > 0.1
 
     def test_the_space(self, motion_space):
         points = motion_space.random_point(2, bound=0.5, rng=0)

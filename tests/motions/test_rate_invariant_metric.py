@@ -136,9 +136,3 @@ def test_start_counts_by_its_weight(space, pose, motions):
     ]
     start = 2.0 * float(pose.squared_dist(motions[0][0], motions[1][0]))
     assert squares[1] - squares[0] == pytest.approx(start, rel=1e-9)
-
-
-def test_clusters_are_those_of_the_motions(space, motions):
-    distances = rh.motions.RateInvariantMetric(rh.motions.MotionSpace(space)).dist_pairwise(motions)
-    labels = rh.statistics.KMedoids(3).fit(distances).labels_
-    assert len(set(labels[[0, 3]])) == len(set(labels[[1, 4]])) == 1
