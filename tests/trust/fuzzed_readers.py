@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
 import pickle
 import warnings
 from collections.abc import Callable
@@ -17,18 +16,17 @@ from unittest import mock
 import h5py
 import numpy as np
 from model_pickles import smpl_fields, smpl_pickle
-from trust.fuzzing import ARCHIVES, BYTES, HDF5, PICKLES, Mutation, archive, array_file
+from trust.fuzzing import ARCHIVES, BYTES, HDF5, PICKLES, Mutation, archive
 
 import riemhuman as rh
 from riemhuman.bodies import BodyModel, convert_model
-from riemhuman.datasets import load_amass, load_bodies, load_dfaust, load_faust
+from riemhuman.datasets import load_amass, load_bodies, load_dfaust
 from riemhuman.datasets.shrec import load_shrec14
 from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import DamagedFileWarning
 from riemhuman.io.arrays import load_arrays
 from riemhuman.io.job_folder import JobFolder
 from riemhuman.io.meshes import load_mesh, save_mesh
-from riemhuman.report._storage import ResultStore
 from riemhuman.retrieval import pairwise_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
 
@@ -92,11 +90,8 @@ def written(folder: Path) -> Files:
 
 def mesh_file(name: str) -> Files:
     vertices, faces = template().vertices, template().faces
-    file = Path(name)
-    save_mesh(file, vertices, faces)
-    content = {name: file.read_bytes()}
-    file.unlink()
-    return content
+    save_mesh(Path(name), vertices, faces)
+    return _content_of(name)
 
 
 def ply(order: str) -> Files:
@@ -249,16 +244,6 @@ def read_labelled(folder: Path) -> None:
     assert bodies.subject.max() < len(bodies.subject_names)
 
 
-def faust_files() -> Files:
-    names = ("tr_reg_003.ply", "tr_reg_014.ply")
-    return {name: ply("binary_little_endian")["a.ply"] for name in names}
-
-
-def read_faust(folder: Path) -> None:
-    bodies = load_faust(folder, allow_missing=True)
-    finite(bodies.points, (len(bodies.points), None, 3))
-
-
 def shrec_files() -> Files:
     classes = "PSB 1\n3 3\n\nAnn 0 2\n0\n1\n\nMen 0 0\n\nBob Men 1\n2\n"
     meshes = {f"{i}.off": mesh_file("a.off")["a.off"] for i in range(3)}
@@ -273,13 +258,39 @@ def read_shrec(folder: Path) -> None:
         check_mesh(*mesh)
 
 
+def stl_file() -> Files:
+    template().to_trimesh().export("a.stl")
+    return _content_of("a.stl")
+
+
+def glb_file() -> Files:
+    rh.save_glb("a.glb", surfaces(2), template().faces)
+    return _content_of("a.glb")
+
+
+def _content_of(name: str) -> Files:
+    content = {name: Path(name).read_bytes()}
+    Path(name).unlink()
+    return content
+
+
+def points_file() -> Files:
+    rows = "\n".join(" ".join(map(str, row)) for row in template().vertices)
+    return {"a.xyz": f"# made up\n{rows}\n".encode()}
+
+
+def read_points(folder: Path) -> None:
+    points, faces, normals = rh.io.load_points(folder / "a.xyz")
+    finite(points, (None, 3))
+    assert faces is None
+    assert normals is None or normals.shape == points.shape
+
+
 def latent(ending: str) -> Files:
     vectors = np.random.default_rng(4).normal(size=(5, 3)).round(6)
     ids = ["a", "b", "c", "d", "e"]
     if ending == "npz":
         return {"v.npz": archive({"ids": np.array(ids), "vectors": vectors}, compressed=True)}
-    if ending == "npy":
-        return {"v.npy": array_file(vectors)}
     rows = ["id,x,y,z"] + [
         f'"{name}",' + ",".join(map(str, row)) for name, row in zip(ids, vectors, strict=True)
     ]
@@ -349,32 +360,6 @@ def read_job(folder: Path) -> None:
         )
 
 
-def store_file() -> Files:
-    Path("store").mkdir()
-    ResultStore(Path("store"), {}).step("step", {"x": 1}, _computed)
-    files = written(Path("store"))
-    for name in files:
-        (Path("store") / name).unlink()
-    Path("store").rmdir()
-    return files
-
-
-def _computed() -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    return {"distances": np.arange(6.0)}, {"nn": 1.0}
-
-
-def read_store(folder: Path) -> None:
-    step = ResultStore(folder, {}).step("step", {"x": 1}, _computed)
-    assert np.array_equal(step.arrays["distances"], np.arange(6.0))
-    json.dumps(step.record)
-
-
-def read_arrays(folder: Path) -> None:
-    for name, array in load_arrays(folder / "basis.npz", []).items():
-        assert isinstance(name, str)
-        assert not array.dtype.hasobject
-
-
 def read_without_care(folder: Path) -> None:
     """Do what no reader may, so that it is known to be noticed."""
     file = folder / "model.pkl"
@@ -386,10 +371,11 @@ def read_without_care(folder: Path) -> None:
 READERS: dict[str, Reader] = {
     "ply text": Reader(lambda: ply("ascii"), ("a.ply",), read_mesh("a.ply")),
     "ply little": Reader(lambda: ply("binary_little_endian"), ("a.ply",), read_mesh("a.ply")),
-    "ply big": Reader(lambda: ply("binary_big_endian"), ("a.ply",), read_mesh("a.ply")),
     "obj": Reader(obj, ("a.obj",), read_mesh("a.obj")),
     "off": Reader(lambda: mesh_file("a.off"), ("a.off",), read_mesh("a.off")),
-    "arrays": Reader(basis_file, ("basis.npz",), read_arrays, ARCHIVES),
+    "stl": Reader(stl_file, ("a.stl",), read_mesh("a.stl")),
+    "glb": Reader(glb_file, ("a.glb",), read_mesh("a.glb")),
+    "points": Reader(points_file, ("a.xyz",), read_points),
     "basis": Reader(basis_file, ("basis.npz",), read_basis, ARCHIVES),
     "model archive": Reader(
         lambda: {"m.npz": archive(model_fields(), compressed=True)},
@@ -413,10 +399,8 @@ READERS: dict[str, Reader] = {
     "amass, smpl-h": Reader(amass_file, ("a/b_poses.npz",), read_amass, ARCHIVES),
     "amass, smpl-x": Reader(lambda: amass_file(True), ("a/b_poses.npz",), read_amass, ARCHIVES),
     "labels": Reader(labelled_files, ("labels.csv", "labels.csv", "b_1.off"), read_labelled),
-    "faust": Reader(faust_files, ("tr_reg_014.ply",), read_faust),
     "classes": Reader(shrec_files, ("test.cla", "test.cla", "1.off"), read_shrec),
     "latent npz": Reader(lambda: latent("npz"), ("v.npz",), read_latent("npz"), ARCHIVES),
-    "latent npy": Reader(lambda: latent("npy"), ("v.npy",), read_latent("npy")),
     "latent csv": Reader(lambda: latent("csv"), ("v.csv",), read_latent("csv")),
     "index": Reader(index_file, ("index.npz",), read_index, ARCHIVES),
     "job": Reader(
@@ -431,10 +415,6 @@ READERS: dict[str, Reader] = {
         ),
         read_job,
     ),
-    "job, complete": Reader(
-        lambda: job_files(True), ("job/manifest.json", "job/digests.npy", "job/D.npy"), read_job
-    ),
-    "store": Reader(store_file, ("step.npz",), read_store),
     "careless": Reader(
         lambda: {"model.pkl": pickle.dumps([1, "two", {"three": 3.0}], 2)},
         ("model.pkl",),
