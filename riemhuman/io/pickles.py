@@ -255,15 +255,18 @@ def _dense(value: Any, depth: int) -> np.ndarray:
         return _array(value, kind)
     if kind in ("Ch", "Select"):
         return _chumpy(_attributes(value), kind, depth)
-    items = value if isinstance(value, (list, tuple)) else [value]
-    numbers = [_array(item, "scalar") if _kind(item) == "scalar" else item for item in items]
-    if all(
-        isinstance(item, (int, float, np.ndarray))
-        or (isinstance(item, str) and len(item) <= _LONGEST_TEXT)
-        for item in numbers
-    ):
-        return np.asarray(numbers if isinstance(value, (list, tuple)) else numbers[0])
-    raise FileFormatError(f"holds {_describe(value)} in place of an array")
+    numbers = []
+    for item in value if isinstance(value, (list, tuple)) else [value]:
+        number = _array(item, "scalar") if _kind(item) == "scalar" else item
+        # Checked one by one: a long text may be repeated any number of times.
+        if not (
+            isinstance(number, (int, float))
+            or (isinstance(number, str) and len(number) <= _LONGEST_TEXT)
+            or (isinstance(number, np.ndarray) and number.nbytes <= _LONGEST_TEXT)
+        ):
+            raise FileFormatError(f"holds {_describe(value)} in place of an array")
+        numbers.append(number)
+    return np.asarray(numbers if isinstance(value, (list, tuple)) else numbers[0])
 
 
 def _array(record: _Record, kind: str) -> np.ndarray:
@@ -332,6 +335,8 @@ def _chumpy(state: dict[str, Any], kind: str, depth: int) -> np.ndarray:
         return _dense(state["x"], depth + 1)
     source = _dense(state["a"], depth + 1).ravel()
     indices = _dense(state["idxs"], depth + 1).ravel()
+    if source.dtype.kind not in "fiub":  # a long text may be selected any number of times
+        raise FileFormatError("holds a chumpy Select from an array that holds no numbers")
     if indices.dtype.kind not in "iu" or (
         indices.size and not 0 <= indices.min() <= indices.max() < len(source)
     ):

@@ -1,43 +1,41 @@
-"""Hostile files that were once read, waited for or stumbled over: each is refused now."""
+"""Hostile files: small ones that ask for much memory, lead out of arrays, or never end."""
 
 import io
-import json
 import os
 import struct
+import time
 import tracemalloc
-import warnings
 import zipfile
 import zlib
+from contextlib import contextmanager
 
 import h5py
 import numpy as np
 import pytest
-from model_pickles import pickled
+from model_pickles import Call, Ch, Raw, Select, Sparse, pickled, smpl_fields
+from scipy import sparse
 from trust.fuzzed_readers import (
     READERS,
     amass_file,
     amass_model,
     index_file,
-    latent,
+    job_files,
     metric,
     model_fields,
     ply,
     read_job,
-    read_store,
     surfaces,
     template,
 )
 from trust.fuzzing import archive, array_file, array_header
 
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import integer_array, real_number
+from riemhuman.checks import real_number
 from riemhuman.datasets import load_amass, load_bodies, load_dfaust
 from riemhuman.datasets.shrec import load_shrec14, read_classes
 from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import (
-    ArgumentError,
     ArgumentTypeError,
-    DamagedFileWarning,
     FileError,
     FileFormatError,
     RiemhumanError,
@@ -45,7 +43,6 @@ from riemhuman.errors import (
 from riemhuman.io.arrays import load_array, load_arrays
 from riemhuman.io.meshes import load_mesh
 from riemhuman.io.pickles import load_pickled_arrays
-from riemhuman.retrieval import pairwise_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -75,9 +72,6 @@ def test_pipes_and_devices_are_not_waited_for(valid, put):
     target = folder / reader.targets[0]
     target.unlink()
     put(target)
-    if reader.read is read_store and not target.is_symlink():
-        reader.read(folder)  # what is no step is computed again, but through no link
-        return
     with pytest.raises(RiemhumanError):
         reader.read(folder)
 
@@ -131,16 +125,11 @@ def test_a_zip_bomb_is_not_unpacked(tmp_path):
         assert found.getinfo("vectors.npy").file_size > n_bytes
     tracemalloc.start()
     try:
-        with pytest.raises(FileFormatError, match="far more room than a file of its size"):
+        with pytest.raises(FileFormatError, match="far more memory than a file of its size"):
             load_arrays(file, ["vectors"])
         assert tracemalloc.get_traced_memory()[1] < 2**26
     finally:
         tracemalloc.stop()
-
-
-def test_zeros_that_compress_well_are_read(tmp_path):
-    np.savez_compressed(tmp_path / "a.npz", a=np.zeros((2000, 2000)))
-    assert load_arrays(tmp_path / "a.npz", ["a"])["a"].shape == (2000, 2000)
 
 
 @pytest.mark.parametrize("shape", [[10**12], [10**6, 10**6, 10**6], [-1, -1], [2**62, 4]])
@@ -162,13 +151,6 @@ def test_no_memory_for_data_that_are_not_there(shape, tmp_path):
         assert tracemalloc.get_traced_memory()[1] < 2**24
     finally:
         tracemalloc.stop()
-
-
-def test_no_memory_for_a_header_that_is_not_there(tmp_path):
-    content = array_header([3])
-    (tmp_path / "a.npy").write_bytes(content[:8] + b"\xff\xff\xff\x7f" + content[12:] + bytes(24))
-    with pytest.raises(FileFormatError, match="its header claims 2147483647 bytes"):
-        load_array(tmp_path / "a.npy")
 
 
 def test_entries_of_no_size_are_not_counted_in_billions(tmp_path):
@@ -206,13 +188,6 @@ def test_characters_that_do_not_exist(tmp_path):
     assert load_arrays(tmp_path / "a.npz", ["a"])["a"][0] == "ä"
 
 
-def test_whole_numbers_that_do_not_fit():
-    for array in ([2.0**63], np.array([2**63], np.uint64), [-1e300]):
-        with pytest.raises(ArgumentError, match="at most 64 bits"):
-            integer_array(array, "faces", ("n",))
-    assert integer_array([2.0**62, -(2.0**63)], "faces", ("n",)).tolist() == [2**62, -(2**63)]
-
-
 def test_messages_do_not_quote_all_of_a_file(tmp_path):
     long = "x" * 10_000
     with pytest.raises(ArgumentTypeError) as caught:
@@ -241,7 +216,7 @@ def test_numbers_of_thousands_of_digits(tmp_path):
     digits = "1" * 5000
     content = ply("ascii")["a.ply"].replace(b"vertex 6", b"vertex " + digits.encode())
     (tmp_path / "0.ply").write_bytes(content)
-    with pytest.raises(FileFormatError, match="is not valid: 'element vertex 111"):
+    with pytest.raises(FileFormatError, match="declares 'element vertex 111"):
         load_mesh(tmp_path / "0.ply")
     (tmp_path / "a.cla").write_text(f"PSB 1 1 2 Ann 0 2 000 {digits}")
     with pytest.raises(FileError, match="lacks 1 of the 2 meshes"):
@@ -250,16 +225,6 @@ def test_numbers_of_thousands_of_digits(tmp_path):
     (tmp_path / "a.cla").write_text(f"PSB 1 {digits} 2")
     with pytest.raises(FileFormatError, match="number of classes"):
         read_classes(tmp_path / "a.cla")
-
-
-def test_subjects_of_thousands_of_digits_are_sorted(tmp_path):
-    reader = READERS["labels"]
-    for name, content in reader.files().items():
-        (tmp_path / name).write_bytes(content)
-    larger = "2" * 5000
-    rows = f"file,subject,pose\nb_0.off,{larger},a\nb_1.off,10,a\nb_2.off,9,a\n"
-    (tmp_path / "labels.csv").write_text(rows)
-    assert load_bodies(tmp_path).subject_names == ("9", "10", larger)
 
 
 def test_coordinates_whose_areas_overflow(tmp_path):
@@ -285,14 +250,6 @@ def test_motions_of_no_body(name, tmp_path):
     (tmp_path / "b.npz").write_bytes(archive(fields))
     with pytest.raises(FileFormatError, match=r"must be angles|beyond 1e\+50"):
         load_amass(tmp_path / "b.npz", amass_model())[0][:]
-
-
-def test_an_escape_that_there_is_none_of(tmp_path):
-    (tmp_path / "a.pkl").write_bytes(b"(dS'\\hello'\nI1\ns.")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        with pytest.raises(FileFormatError, match="malformed or cut off"):
-            load_pickled_arrays(tmp_path / "a.pkl", [])
 
 
 def test_text_of_a_pickle_that_does_not_exist(tmp_path):
@@ -342,18 +299,8 @@ def test_hdf5_damaged_within(tmp_path):
     content = READERS["dynamic faust"].files()["a.hdf5"]
     position = content.index(b"HEAP")
     (tmp_path / "a.hdf5").write_bytes(content[:position] + b"\0\0" + content[position + 2 :])
-    with pytest.raises(FileFormatError, match="is damaged"):
+    with pytest.raises(FileFormatError, match="is damaged|cannot read"):
         load_dfaust(tmp_path / "a.hdf5")
-
-
-def test_latent_files_of_another_kind(tmp_path):
-    (tmp_path / "v.npy").write_bytes(array_header([3])[:10] + b"(" * 118 + bytes(24))
-    with pytest.raises(FileFormatError, match="not an .npy file"):
-        LatentVectors.from_file(tmp_path / "v.npy")
-    content = latent("npz")["v.npz"].replace(b"ids.npy", b"ids.npx")
-    (tmp_path / "v.npz").write_bytes(content)
-    with pytest.raises(FileFormatError, match="lacks the fields ids"):
-        LatentVectors.from_file(tmp_path / "v.npz")
 
 
 @pytest.fixture
@@ -411,26 +358,6 @@ def test_an_index_whose_arrays_do_not_fit(name, change, index):
         load(**{name: change(arrays[name])})
 
 
-def test_an_index_with_pivots_of_another_type(index):
-    arrays, load = index
-    neighbors = load(pivots=arrays["pivots"].astype(np.uint64))
-    expected = load().kneighbors(surfaces(2), 2)
-    np.testing.assert_array_equal(neighbors.kneighbors(surfaces(2), 2), expected)
-
-
-def test_features_of_a_job_that_lead_nowhere_are_computed_again(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    files = READERS["job"].files()
-    (tmp_path / "job").mkdir(exist_ok=True)
-    for file, content in files.items():
-        (tmp_path / file).write_bytes(content)
-    features = np.load(tmp_path / "job" / "features_0.npy")
-    np.save(tmp_path / "job" / "features_0.npy", features.byteswap())
-    with pytest.warns(DamagedFileWarning, match=r"features_0.npy is damaged.*points\[0:"):
-        distances = pairwise_job(metric(), surfaces(4), tmp_path / "job")
-    np.testing.assert_array_equal(distances, metric().dist_pairwise(surfaces(4)))
-
-
 @pytest.mark.parametrize(
     ("name", "content"),
     [
@@ -446,7 +373,7 @@ def test_features_of_a_job_that_lead_nowhere_are_computed_again(tmp_path, monkey
 def test_a_job_whose_files_are_not_its_own(name, content, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "job").mkdir()
-    for file, valid_content in READERS["job, complete"].files().items():
+    for file, valid_content in job_files(True).items():
         (tmp_path / "job").mkdir(exist_ok=True)
         (tmp_path / file).write_bytes(valid_content)
     (tmp_path / "job" / name).write_bytes(content)
@@ -454,21 +381,226 @@ def test_a_job_whose_files_are_not_its_own(name, content, tmp_path, monkeypatch)
         read_job(tmp_path)
 
 
-@pytest.mark.parametrize("layout", [{}, {"tile": 0, "block": 1}, {"tile": 2.5, "block": "x"}])
-def test_a_job_with_a_layout_that_is_none(layout, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    files = READERS["job"].files()
-    (tmp_path / "job").mkdir(exist_ok=True)
-    for file, content in files.items():
-        (tmp_path / file).write_bytes(content)
-    manifest = json.loads(files["job/manifest.json"]) | {"layout": layout}
-    (tmp_path / "job" / "manifest.json").write_text(json.dumps(manifest))
-    with pytest.raises(FileFormatError, match="manifest"):
-        read_job(tmp_path)
+EDGES = [-(2**63), -(2**31) - 1, -2, -1, 2**31, 2**32, 2**62, 2**63 - 1]
 
 
-def test_a_result_with_an_array_missing_is_computed_anew(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    content = READERS["store"].files()["step.npz"].replace(b"distances.npy", b"distances.npx")
-    (tmp_path / "step.npz").write_bytes(content)
-    read_store(tmp_path)
+@contextmanager
+def bounded(n_bytes=2**27, seconds=5):
+    """Bound the memory that Python and NumPy take, and the time."""
+    started = time.process_time()
+    tracemalloc.start()
+    try:
+        yield
+        assert tracemalloc.get_traced_memory()[1] < n_bytes
+    finally:
+        tracemalloc.stop()
+    assert time.process_time() - started < seconds
+
+
+def csc(changes):
+    matrix = Sparse(sparse.csc_matrix(np.eye(3)), changes=changes)
+    return pickled({"J_regressor": matrix, "notes": "of old"})
+
+
+@pytest.mark.parametrize("number", EDGES)
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("name", ["indptr", "indices"])
+def test_indices_of_sparse_matrices_are_checked_before_arithmetic(tmp_path, name, place, number):
+    valid = np.array([0, 1, 2, 3] if name == "indptr" else [0, 1, 2], np.int64)
+    changed = valid.copy()
+    changed[min(place, len(valid) - 1)] = number
+    (tmp_path / "m.pkl").write_bytes(csc({name: changed}))
+    with pytest.raises(FileFormatError, match="csc matrix"):
+        load_pickled_arrays(tmp_path / "m.pkl", ["J_regressor"])
+
+
+@pytest.mark.parametrize(
+    "starts",
+    [[0, 2**63 - 1, -2, 3], [0, 2**62, -(2**62), 3], [0, 2**63 - 1, 2**63 - 1, 3], [0, 5, 1, 3]],
+)
+def test_starts_whose_differences_wrap_around(tmp_path, starts):
+    # The first of these once wrote beyond a buffer and ended the interpreter.
+    for kind in (np.int64, np.uint64):
+        starts = np.array(starts, np.int64).astype(kind)
+        (tmp_path / "m.pkl").write_bytes(csc({"indptr": starts}))
+        with pytest.raises(FileFormatError, match="csc matrix whose indptr is malformed"):
+            load_pickled_arrays(tmp_path / "m.pkl", ["J_regressor"])
+
+
+@pytest.mark.parametrize("number", EDGES)
+def test_chosen_entries_at_the_edges_of_their_type(tmp_path, number):
+    select = Select(Ch(np.arange(4.0)), np.array([0, number, 1]), None)
+    (tmp_path / "m.pkl").write_bytes(pickled({"shapedirs": select}))
+    with pytest.raises(FileFormatError, match="indices outside its array"):
+        load_pickled_arrays(tmp_path / "m.pkl", ["shapedirs"])
+
+
+def test_a_sparse_matrix_of_any_shape_stays_sparse(tmp_path):
+    huge = {"_shape": (10**6, 10**6), "indptr": np.zeros(10**6 + 1, np.int8)}
+    empty = Sparse(sparse.csc_matrix((3, 3)), changes=huge)
+    fields = smpl_fields(n_vertices=20) | {"weights": empty, "J_regressor": empty}
+    (tmp_path / "m.pkl").write_bytes(pickled(fields))
+    with bounded(), pytest.raises(FileFormatError, match="weights must not be a sparse matrix"):
+        BodyModel.from_file(tmp_path / "m.pkl")
+
+
+def test_selections_of_selections_take_no_memory(tmp_path):
+    zeros = np.zeros(20_000, np.int8)
+    (tmp_path / "m.pkl").write_bytes(with_memo(zeros, depth=6))
+    with bounded(2**25, 2):
+        found = load_pickled_arrays(tmp_path / "m.pkl", ["shapedirs"])
+    assert found["shapedirs"].nbytes == zeros.nbytes
+
+
+def with_memo(zeros, depth):
+    """Return a pickle in which each choice is made by the one before, out of the one before."""
+    content = b"\x80\x02}(U\x09shapedirs" + pickled(Select(Ch(zeros), zeros, None))[2:-1] + b"q\x00"
+    for number in range(depth):
+        before = Raw(b"h" + bytes([number]))
+        chosen = pickled(Select(before, before, None))[2:-1]
+        content += b"U\x09shapedirs" + chosen + b"q" + bytes([number + 1])
+    return content + b"u."
+
+
+def test_long_texts_are_not_multiplied(tmp_path):
+    long = np.array([b"x" * 4000])
+    chosen = Select(Ch(long), np.zeros(200_000, np.int8), None)
+    scalar = Call("numpy.core.multiarray scalar", (dtype_of("S4000"), b"x" * 4000))
+    listed = Raw(b"](" + pickled(scalar)[2:-1] + b"q\x07" + b"h\x07" * 40_000 + b"e")
+    for value in (chosen, listed):
+        (tmp_path / "m.pkl").write_bytes(pickled({"shapedirs": value}))
+        with bounded(2**25), pytest.raises(FileFormatError):
+            load_pickled_arrays(tmp_path / "m.pkl", ["shapedirs"])
+
+
+def dtype_of(code):
+    state = (3, "|", None, None, None, -1, -1, 0)
+    return Raw(pickled(Call("numpy dtype", (code, 0, 1)))[2:-1] + pickled(state)[2:-1] + b"b")
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.bool_, np.float16, np.uint16, "S1", "U1"])
+def test_memory_is_counted_in_the_type_that_arrays_will_have(tmp_path, kind):
+    n = 2**27 // (8 if kind not in ("S1", "U1") else 64)
+    np.savez_compressed(tmp_path / "a.npz", vectors=np.zeros(n + 100_000 * 8, kind))
+    assert (tmp_path / "a.npz").stat().st_size < 2**17
+    with bounded(2**24), pytest.raises(FileFormatError, match="far more memory"):
+        load_arrays(tmp_path / "a.npz", ["vectors"])
+
+
+def hdf5_of(path, **sequences):
+    with h5py.File(path, "w") as file:
+        file["faces"] = np.array([[0, 1, 2], [1, 2, 3]])
+        for name, options in sequences.items():
+            file.create_dataset(name.removeprefix("s"), **options)
+    return path
+
+
+def test_chunks_larger_than_their_data(tmp_path):
+    options = {"shape": (4, 3, 5), "maxshape": (None, None, None), "dtype": "f4"}
+    for chunks in ((4, 3, 4_000_000), (40_000, 1, 1000), (2**20, 2**5, 1)):
+        file = hdf5_of(
+            tmp_path / "a.hdf5",
+            s50002_hips=options | {"chunks": chunks, "compression": "gzip"},
+        )
+        with pytest.raises(FileFormatError, match=OUTSIDE):
+            load_dfaust(file)
+    file = hdf5_of(tmp_path / "a.hdf5", s50002_hips=options | {"chunks": (40, 3, 1000)})
+    assert load_dfaust(file)[0][:].shape == (5, 4, 3)
+
+
+@pytest.mark.parametrize("n_frames", [2**62, 2**61 + 1, 10**9])
+def test_shapes_whose_product_wraps_around(tmp_path, n_frames):
+    chunks = {"chunks": (4, 3, 64), "dtype": "f8"}
+    file = hdf5_of(tmp_path / "a.hdf5", s50002_hips={"shape": (4, 3, n_frames)} | chunks)
+    with pytest.raises(FileFormatError, match=OUTSIDE):
+        load_dfaust(file)
+
+
+def test_frames_that_an_archive_claims_only(tmp_path):
+    n_frames = 10**12
+    header = {"descr": "<f8", "fortran_order": False, "shape": (n_frames, 3)}
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, width in (("trans", 3), ("poses", 156), ("betas", 16)):
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                shape = header | {"shape": (n_frames, width)}
+                np.lib.format.write_array_header_1_0(member, shape)
+            info = archive.getinfo(f"{name}.npy")
+            info.file_size += n_frames * width * 8
+        with archive.open("mocap_framerate.npy", "w") as member:
+            np.lib.format.write_array(member, np.array(60.0))
+    model = BodyModel(**model_arguments())
+    with bounded(2**25), pytest.raises(FileFormatError, match="far more memory"):
+        load_amass(tmp_path / "a.npz", model)
+
+
+def model_arguments():
+    fields = smpl_fields(n_vertices=20)
+    names = {"f": "faces", "J_regressor": "joint_regressor"}
+    return {names.get(name, name): array for name, array in fields.items()}
+
+
+def test_a_billion_vectors_without_numbers(tmp_path):
+    np.save(tmp_path / "v.npy", np.empty((10**18, 0)))
+    with bounded(2**22, 1), pytest.raises(FileFormatError, match="n_vectors, n_numbers"):
+        LatentVectors.from_file(tmp_path / "v.npy")
+
+
+@pytest.mark.parametrize("ids", [np.zeros(2**21, np.int8), np.full(2**20, "a")])
+def test_ids_are_compared_before_they_become_texts(tmp_path, ids):
+    np.savez_compressed(tmp_path / "v.npz", ids=ids, vectors=np.zeros((len(ids), 1), np.int8))
+    with bounded(2**26), pytest.raises(FileFormatError, match="ids must differ; repeated ids"):
+        LatentVectors.from_file(tmp_path / "v.npz")
+
+
+def test_a_name_that_is_there_twice(tmp_path):
+    np.save(tmp_path / "a.npy", np.ones(3))
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.write(tmp_path / "a.npy", "vectors.npy")
+        with pytest.warns(UserWarning, match="Duplicate name"):
+            archive.write(tmp_path / "a.npy", "vectors.npy")
+    with pytest.raises(FileFormatError, match="holds vectors twice"):
+        load_arrays(tmp_path / "a.npz", ["vectors"])
+
+
+@pytest.mark.parametrize("names", [("vectors", "vectors.npy"), ("vectors.npy", "vectors")])
+def test_a_name_with_and_without_its_ending(tmp_path, names):
+    # NumPy takes the one, and this library would take the other.
+    np.save(tmp_path / "a.npy", np.ones(3))
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        for name in names:
+            archive.write(tmp_path / "a.npy", name)
+    with pytest.raises(FileFormatError, match="holds vectors twice"):
+        load_arrays(tmp_path / "a.npz", ["vectors"])
+
+
+def test_nothing_stands_before_an_archive(tmp_path):
+    np.savez(tmp_path / "a.npz", a=np.ones(3))
+    content = (tmp_path / "a.npz").read_bytes()
+    (tmp_path / "a.npz").write_bytes(b"#!/bin/sh\n" + content)
+    with pytest.raises(FileFormatError, match="does not begin at the first byte"):
+        load_arrays(tmp_path / "a.npz", ["a"])
+
+
+@pytest.mark.parametrize("extra", [b"\0", b"\n", bytes(8), b"\x93NUMPY"])
+def test_bytes_behind_an_array_are_noticed(tmp_path, extra):
+    np.save(tmp_path / "v.npy", np.ones((3, 2)))
+    content = (tmp_path / "v.npy").read_bytes()
+    (tmp_path / "v.npy").write_bytes(content + extra)
+    with zipfile.ZipFile(tmp_path / "v.npz", "w") as archive:
+        archive.writestr("vectors.npy", content + extra)
+    for read in (
+        lambda: load_array(tmp_path / "v.npy"),
+        lambda: load_array(tmp_path / "v.npy", mode="r"),
+        lambda: load_arrays(tmp_path / "v.npz", ["vectors"]),
+    ):
+        with pytest.raises(FileFormatError, match="takes 48 bytes; found"):
+            read()
+
+
+@pytest.mark.parametrize("name", ["vectors", "vertex_weights", "explained_variance", "mean"])
+@pytest.mark.parametrize("shape", [(0,), (10**15, 0), (0, 10**15, 3), (1, 10**12, 0)])
+def test_arrays_without_numbers_claim_nothing(tmp_path, name, shape):
+    fields = {"format_version": np.array(1), "vectors": np.eye(3).reshape(3, 1, 3)}
+    np.savez(tmp_path / "b.npz", **fields | {name: np.empty(shape)})
+    with bounded(2**22, 1), pytest.raises(RiemhumanError):
+        DeformationBasis.load(tmp_path / "b.npz")
