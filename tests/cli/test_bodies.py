@@ -51,26 +51,6 @@ def test_motion_into_a_file(run, scans, moved, tmp_path):
     assert (tmp_path / "moved.glb").read_bytes()[:4] == b"glTF"
 
 
-def test_a_terminal_shows_how_many_meshes_are_done(run, scans, tmp_path, monkeypatch):
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    files = [scans / f"body_{number}.ply" for number in (0, 1)]
-    onto = ("--onto", scans / "body_20.ply")
-    finished = run("transfer", *files, *onto, "-o", tmp_path / "moved.npz")
-    assert "100%" in finished.err
-    assert "| 2/2 [" in finished.err
-    assert "%" not in run("transfer", *files, *onto, "-o", tmp_path / "two.npz", "-q").err
-
-
-def test_poses_into_a_file(run, scans, bodies, tmp_path):
-    files = [scans / f"body_{number}.ply" for number in (0, 1)]
-    options = ("--onto", scans / "body_20.ply", "--transfer", "pose", "--json")
-    finished = run("transfer", *files, *options, "-o", tmp_path / "moved.npz")
-    assert json.loads(finished.out)["transfer"] == "pose"
-    space = AlignedSurfaces(Template(bodies.points[0], bodies.template.faces), equip=False)
-    expected = MotionTransfer(transfer="pose").solve(space, bodies.points[:2], bodies.points[20])
-    np.testing.assert_array_equal(np.load(tmp_path / "moved.npz")["path"], expected)
-
-
 def test_disentangled_body(run, scans, bodies, tmp_path):
     files = (scans / "body_0.ply", scans / "body_21.ply")
     finished = run("disentangle", *files, "-o", tmp_path / "both.ply", "--json")
@@ -81,15 +61,6 @@ def test_disentangled_body(run, scans, bodies, tmp_path):
     record = json.loads(finished.out)
     assert record["shape_distance"] == expected.shape_dist
     assert record["pose_distance"] == expected.pose_dist
-
-
-def test_disentangled_in_a_basis(run, scans, bodies, tmp_path):
-    DeformationBasis.from_laplacian(bodies.template, 6).save(tmp_path / "basis.npz")
-    files = (scans / "body_0.ply", scans / "body_21.ply")
-    options = ("--basis", tmp_path / "basis.npz", "--pose-weight", 10)
-    finished = run("disentangle", *files, "-o", tmp_path / "both.obj", *options)
-    assert "converged          yes, after" in finished.out
-    assert load_mesh(tmp_path / "both.obj")[0].shape == (1202, 3)
 
 
 def test_failures_of_transfer(refused, scans, tmp_path):
@@ -129,13 +100,6 @@ def test_align_takes_out_rigid_motions(run, scans, bodies, tmp_path):
     found, _ = load_mesh(tmp_path / "aligned" / "body_20.ply")
     np.testing.assert_allclose(found, procrustes(bodies.points[20], bodies.points[0]), atol=1e-6)
     assert (tmp_path / "aligned" / "aligned.html").exists()
-
-
-def test_align_brings_units_and_axes(run, turned, bodies, tmp_path):
-    options = ("--unit", "millimetres", "--up", "z")
-    assert run("align", turned, "-o", tmp_path / "aligned", *options).code == 0
-    found, _ = load_mesh(tmp_path / "aligned" / "a.ply")
-    np.testing.assert_allclose(found, bodies.points[0], atol=1e-5)
 
 
 def test_units_and_axes_make_other_verbs_measure_the_same(run, turned, scans):

@@ -61,12 +61,6 @@ def test_examples_parse(capsys, monkeypatch, name):
             assert make_parser("", "", "").parse_args(words).run
 
 
-def test_version(capsys):
-    with pytest.raises(SystemExit, match="0"):
-        main(["--version"])
-    assert capsys.readouterr().out == f"riemhuman {riemhuman.__version__}\n"
-
-
 def test_help_loads_nothing_heavy():
     code = (
         "import sys\nfrom riemhuman.cli import main\n"
@@ -196,14 +190,6 @@ def test_what_may_have_been_meant(capsys, arguments, meant):
     assert meant in capsys.readouterr().err
 
 
-def test_what_nothing_is_near_to_is_refused_with_what_there_is(capsys):
-    with pytest.raises(SystemExit):
-        main(["xyzzy"])
-    said = capsys.readouterr().err
-    assert "did you mean" not in said
-    assert "disentangle" in said
-
-
 def test_the_shell_completes_names_and_options(tmp_path):
     pytest.importorskip("argcomplete")
 
@@ -249,17 +235,3 @@ def test_notes_stand_above_bars(capsys, monkeypatch):
     before, after = written.split("\r\x1b[Kriemhuman: one is unreadable\n")
     assert before.endswith("\r")
     assert "1/3" in after
-
-
-def test_notes_in_a_log_file_have_no_signs_of_a_terminal(capsys):
-    note("one is unreadable")
-    assert capsys.readouterr().err == "riemhuman: one is unreadable\n"
-
-
-def test_quiet(capsys, monkeypatch):
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    reporter = Reporter(quiet=True)
-    assert not reporter.bars
-    with reporter.task("Reading"):
-        pass
-    assert capsys.readouterr().err == ""

@@ -8,7 +8,7 @@ import shutil
 import numpy as np
 import pytest
 
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io import save_mesh
 from riemhuman.solvers import BasisPath, path_distances
 from riemhuman.surfaces import DeformationBasis, Template, procrustes
@@ -43,26 +43,6 @@ def test_dist_is_that_of_the_library(run, scans, bodies, options, weights):
     assert record["metric"]["a"] == weights[0]
     plain = run("dist", scans / NAMES[0], scans / NAMES[3], *options)
     assert float(plain.out) == pytest.approx(expected, rel=1e-9)
-
-
-def test_dist_with_another_template_and_srnf(run, scans, bodies, tmp_path):
-    bodies.template.save(tmp_path / "template.obj")
-    files = (scans / NAMES[0], scans / NAMES[3])
-    pair = bodies.points[[0, 20]]
-    finished = run("dist", *files, "--pose", "--template", tmp_path / "template.obj", "--json")
-    expected = metric_of(bodies.template, 0, 0, 1).dist(*pair)
-    assert json.loads(finished.out)["distance"] == expected
-    finished = run("dist", *files, "--srnf", "--json")
-    expected = SRNFMetric(AlignedSurfaces(bodies.template)).dist(*pair)
-    assert json.loads(finished.out)["distance"] == pytest.approx(expected, rel=1e-12)
-
-
-def test_align_takes_rigid_motions_out(run, scans, bodies, tmp_path):
-    turned = bodies.points[0] @ np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]) + 3.0
-    save_mesh(tmp_path / "turned.off", turned, bodies.template.faces)
-    files = (scans / NAMES[0], tmp_path / "turned.off")
-    assert float(run("dist", *files, "--pose").out) > 1.0
-    assert float(run("dist", *files, "--pose", "--align").out) < 1e-6
 
 
 @pytest.mark.parametrize("options", [[], ["--pose", "--align"], ["--precision", "single"]])

@@ -72,14 +72,6 @@ def test_matrix(run, folder, people, tmp_path, by):
     assert float(single.out) == pytest.approx(arrays["distances"][0, 1], rel=1e-6)
 
 
-def test_matrix_as_a_table(run, folder, people, tmp_path):
-    file = tmp_path / "D.csv"
-    assert run("motions", "matrix", folder, "-o", file, "--components", "5", "-q").code == 0
-    rows = [line.split(",") for line in file.read_text(encoding="utf-8").splitlines()]
-    assert rows[0][1:] == [each.name for each in people]
-    assert rows[1][1] == "0.0"
-
-
 def test_alignment(run, people, tmp_path):
     options = ("--n-times", "5", "-q")
     assert run("motions", "align", *people[:2], "-o", tmp_path / "both.html", *options).code == 0

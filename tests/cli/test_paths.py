@@ -174,14 +174,6 @@ def test_mean_is_that_of_the_library(run, scans, bodies, tmp_path, align):
     np.testing.assert_array_equal(faces, bodies.template.faces)
 
 
-def test_mean_of_a_folder(run, scans, tmp_path):
-    options = ("--pose", "--n-components", 3)
-    finished = run("mean", scans, "-o", tmp_path / "mean.ply", *options)
-    assert "Mean of 6, (a, λ, c) = (0, 0, 1)" in finished.err
-    assert "converged   yes, after" in finished.out
-    assert load_mesh(tmp_path / "mean.ply")[0].shape == (1202, 3)
-
-
 def test_failures_of_mean(refused, scans, tmp_path):
     one = scans / "body_0.ply"
     assert "ending must be" in refused("mean", one, "-o", tmp_path / "mean.npz")

@@ -73,12 +73,6 @@ def test_landmarks_reach_the_registration(scan, marks, tmp_path, monkeypatch):
     np.testing.assert_array_equal(seen["head"], [0.0, 1600.0, 0.0])
 
 
-def test_landmarks_are_those_of_one_scan(scan, marks, tmp_path, capsys):
-    arguments = ["--landmarks", str(marks), "-o", str(tmp_path / "bodies")]
-    assert main(["register", str(scan.parent), "--coarse", *arguments]) == 2
-    assert "--landmarks is for one scan" in capsys.readouterr().err
-
-
 def test_bodies_are_not_written_among_the_scans(scan, capsys):
     assert main(["register", str(scan.parent), "-o", str(scan.parent), "--coarse"]) == 2
     assert "name another folder" in capsys.readouterr().err

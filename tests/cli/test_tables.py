@@ -72,18 +72,6 @@ def test_reads_a_labelled_folder(tmp_path, capsys):
     assert "--labels needs --bodies FOLDER" in capsys.readouterr().err
 
 
-def test_tables_as_json(capsys):
-    assert main(["tables", "--resolution", "coarse", "--json"]) == 0
-    captured = capsys.readouterr()
-    tables = json.loads(captured.out)
-    assert "4,950 distances" in captured.err
-    scores = tables["Who is it?"]["shape metric (1, 0.0001, 0)"]
-    assert (
-        scores["nn"] > 90 > 20 > tables["How do they stand?"]["shape metric (1, 0.0001, 0)"]["nn"]
-    )
-    assert scores["n_queries"] == 100
-
-
 def test_natural_and_other_people(capsys):
     choice = ["--resolution", "coarse", "--json", "--quiet", "--open", "natural"]
     found = []
@@ -131,13 +119,6 @@ def test_all_representations(monkeypatch, capsys):
     assert records[-6]["scores"]["nn"] == 100.0
 
 
-def test_refuses_a_missing_folder(tmp_path, capsys):
-    assert main(["tables", "--faust", str(tmp_path / "absent")]) == 2
-    captured = capsys.readouterr()
-    assert "absent" in captured.err
-    assert "Traceback" not in captured.err
-
-
 def test_keyboard_interrupt_ends_quietly(monkeypatch, capsys):
     def interrupt(*arguments):
         raise KeyboardInterrupt
@@ -174,13 +155,6 @@ def test_view_shows_meshes_motions_and_paths(run, scans, bodies, tmp_path):
     assert '"n_frames":3' in (tmp_path / "path.html").read_text(encoding="utf-8")
 
 
-def test_view_refuses(refused, scans, tmp_path):
-    assert "must be .html" in refused("view", scans, "-o", tmp_path / "page.png")
-    save_arrays(tmp_path / "other.npz", {"vectors": np.zeros(3)})
-    assert "path" in refused("view", tmp_path / "other.npz", "-o", tmp_path / "page.html")
-    assert not (tmp_path / "page.html").exists()
-
-
 @pytest.mark.parametrize("options", [[], ["--by", "pose"], ["--method", "t-sne"]], ids=str)
 def test_plot_draws_a_map(run, scans, matrix, tmp_path, options):
     picture = tmp_path / "map.svg"
@@ -212,12 +186,6 @@ def test_scores_are_those_of_the_library(run, scans, matrix):
     assert found["subject"]["mean_average_precision"] == people.mean_average_precision
     printed = run("scores", matrix, "--labels", scans / LABELS).out
     assert f"{people.first_tier:8.1f}" in printed.splitlines()[1]
-
-
-def test_scores_refuse_labels_of_other_files(refused, matrix, tmp_path):
-    table = tmp_path / "labels.csv"
-    table.write_text("file,subject,pose\nother.ply,anna,sits\n", encoding="utf-8")
-    assert "rows without a mesh: other.ply" in refused("scores", matrix, "--labels", table)
 
 
 def test_meshes_without_labels_are_left_out_if_they_may(run, refused, scans, matrix, tmp_path):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from cases import sphere_template, surfaces
 
-from riemhuman.errors import ArgumentError, MissingDependencyError
-from riemhuman.plots.body_plots import per_area, plot_body, plot_path
+from riemhuman.errors import ArgumentError
+from riemhuman.plots.body_plots import plot_body, plot_path
 from riemhuman.plots.colors import colour_limit
 
 TEMPLATE = sphere_template()
@@ -62,26 +62,12 @@ def test_a_strip_may_be_spaced_and_coloured():
         assert seen.argmax() == color.argmax()
 
 
-def test_values_per_area_integrate_to_their_sum():
-    values = np.arange(TEMPLATE.n_faces, dtype=float)
-    density = per_area(values, TEMPLATE.vertices, TEMPLATE.faces)
-    np.testing.assert_allclose(density * TEMPLATE.face_areas, values)
-
-
 def test_one_triangle_does_not_rule_the_scale():
     values = np.ones(1000)
     values[0] = 1e6
     assert colour_limit(values) == 1.0
     assert colour_limit(np.zeros(5)) == 0.0
     assert colour_limit(np.array([0.0] * 999 + [2.0])) == 2.0
-
-
-def test_axes_given_are_used():
-    from matplotlib.figure import Figure
-
-    ax = Figure().subplots()
-    assert plot_body(TEMPLATE.vertices, TEMPLATE.faces, ax=ax, height=20) is ax
-    assert plot_path(PATH, TEMPLATE.faces, ax=ax, height=20) is ax
 
 
 @pytest.mark.parametrize(
@@ -98,12 +84,6 @@ def test_axes_given_are_used():
 def test_bad_arguments(call, message):
     with pytest.raises(ArgumentError, match=message):
         call()
-
-
-def test_without_matplotlib(monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install 'riemhuman\[plot\]'"):
-        plot_body(TEMPLATE.vertices, TEMPLATE.faces)
 
 
 def test_the_room_loads_without_matplotlib_or_display():

@@ -51,19 +51,6 @@ def test_nothing_lies_behind_the_drawing():
     assert pixels[0, 0].tolist() == [1, 1, 1, 1]
 
 
-def test_the_same_figure_is_the_same_file():
-    assert small_figure() == small_figure()
-
-
-def test_the_style_of_the_session_is_left_alone():
-    import matplotlib
-
-    before = dict(matplotlib.rcParams)
-    with figure_style():
-        assert matplotlib.rcParams["text.color"] != before["text.color"]
-    assert dict(matplotlib.rcParams) == before
-
-
 @pytest.mark.parametrize("n_classes", [2, 10, 25])
 def test_classes_are_told_apart_on_either_ground(n_classes):
     colors = class_colors(n_classes)

@@ -6,7 +6,7 @@ from scipy.spatial.distance import pdist, squareform
 
 from riemhuman.errors import ArgumentError, MissingDependencyError
 from riemhuman.plots._figures import new_figure
-from riemhuman.plots.maps import crosses, embed, free_places, leader_end, plot_embedding, stress
+from riemhuman.plots.maps import crosses, embed, plot_embedding, stress
 
 POINTS = np.random.default_rng(0).normal(size=(12, 2))
 DISTANCES = squareform(pdist(POINTS))
@@ -82,30 +82,6 @@ def test_lines_cross_no_name_as_drawn(nine_bodies):
             assert not crosses(start, end, middle, np.array([box.width, box.height]) / 2)
     for index, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[index + 1 :])
-
-
-def test_a_line_ends_at_the_edge_of_its_body():
-    below = leader_end(np.array([0.0, -3.0]), np.zeros(2), 0.4)
-    np.testing.assert_allclose(below, [0, -0.65])
-    aside = leader_end(np.array([-3.0, -0.16]), np.zeros(2), 0.4)
-    np.testing.assert_allclose(aside, [-0.4, -0.16])
-    inside = np.array([0.1, 0.0])
-    np.testing.assert_allclose(leader_end(inside, np.zeros(2), 0.4), inside)
-
-
-def test_lines_cross_boxes_or_pass_them():
-    reach = np.array([1.0, 0.5])
-    ends = np.array([[3.0, 0.0], [-1.5, 0.0], [-3.0, 2.0], [3.0, 4.0]])
-    start = np.array([-2.0, 0.0])
-    assert crosses(start, ends, np.zeros(2), reach).tolist() == [True, False, False, False]
-
-
-def test_places_lie_within_the_map():
-    positions, labels = clusters(3)
-    centres = np.stack([positions[labels == k].mean(axis=0) for k in range(10)])
-    places = np.stack(free_places(positions, centres, np.array([4.5, 4.8]), np.full(10, 0.4)))
-    assert places.min() > 0
-    assert (places < [4.5, 4.8]).all()
 
 
 def test_the_bar_is_as_long_as_it_says_in_both_directions(nine_bodies):

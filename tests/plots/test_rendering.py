@@ -92,12 +92,6 @@ def test_views_rotate_about_the_vertical_and_then_rise(view, right, up):
     np.testing.assert_allclose(view.rotate(np.array(up, float)), [0, 1, 0], atol=1e-12)
 
 
-def test_triangles_without_area_are_legal():
-    vertices = np.concatenate([TRIANGLE, TRIANGLE[:1]])
-    picture = render(vertices, [[0, 1, 2], [0, 0, 1], [0, 3, 1]], view=FRONT, height=20)
-    assert picture[..., 3].any()
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -8,13 +8,7 @@ import pytest
 
 from riemhuman.errors import ArgumentError
 from riemhuman.plots.maps import plot_embedding
-from riemhuman.plots.result_plots import (
-    plot_confusion,
-    plot_energy,
-    plot_precision_recall,
-    plot_sweep,
-)
-from riemhuman.retrieval.rankings import confusion, precision_recall
+from riemhuman.plots.result_plots import plot_confusion, plot_energy, plot_sweep
 
 LABELS = np.repeat([0, 1, 2], 4)
 POSITIONS = np.random.default_rng(0).normal(size=(12, 2)) + 8 * np.eye(3)[LABELS][:, :2]
@@ -54,23 +48,6 @@ def test_energy_is_drawn_as_it_is():
     assert [text.get_text() for text in several.get_legend().get_texts()] == ["a", "b"]
 
 
-def test_precision_and_recall_are_those_of_the_function():
-    ax = plot_precision_recall({"mine": DISTANCES, "other": DISTANCES**2}, LABELS)
-    np.testing.assert_allclose(
-        ax.lines[0].get_xydata().T, 100 * np.stack(precision_recall(DISTANCES, LABELS))
-    )
-    assert len(ax.lines) == 2
-
-
-def test_confusion_writes_its_counts():
-    counts = confusion(DISTANCES, LABELS)
-    ax = plot_confusion(DISTANCES, LABELS, ["one", "two", "three"])
-    np.testing.assert_array_equal(ax.images[0].get_array(), counts)
-    written = {text.get_position(): text.get_text() for text in ax.texts}
-    assert written == {(j, i): str(counts[i, j]) for i, j in np.argwhere(counts)}
-    assert [tick.get_text() for tick in ax.get_yticklabels()] == ["one", "two", "three"]
-
-
 def contrast(one, other):
     """Return the contrast of two colours, as the Web Content Accessibility Guidelines define it."""
     linear = [
@@ -102,13 +79,6 @@ def test_what_is_written_on_the_page_reads_on_its_ground():
         color = dict(re.findall(r"--(\w+): (#[0-9a-f]+);", theme))
         for written in ("ink", "quiet", "accent"):
             assert contrast(to_rgba(color[written]), to_rgba(color["ground"])) >= 4.5
-
-
-def test_sweep_writes_its_scores():
-    scores = np.array([[1.0, 50.0], [99.6, 100.0]])
-    ax = plot_sweep(scores, [1e-4, 1.0], ["0", "a = 0"])
-    assert [text.get_text() for text in ax.texts] == ["1", "50", "100", "100"]
-    assert [tick.get_text() for tick in ax.get_yticklabels()] == ["0.0001", "1"]
 
 
 @pytest.mark.parametrize(

@@ -47,13 +47,6 @@ def test_coordinates_are_kept_to_half_a_step():
     assert step.max() < np.ptp(PATH) / 60000
 
 
-def test_flat_surfaces_are_kept_too():
-    packed, low, step = quantize(PATH * [1, 1, 0])
-    assert not packed[..., 2].any()
-    assert low[2] == 0
-    assert np.isfinite(step).all()
-
-
 def test_a_path_travels_whole():
     data = payload_of(view_path({"first": PATH, "second": PATH[::-1]}, TEMPLATE.faces))
     assert data["n_vertices"] == TEMPLATE.n_vertices
@@ -65,13 +58,6 @@ def test_a_path_travels_whole():
         packed = unpacked(body["frames"], np.uint16, PATH[0].size).reshape(PATH.shape)
         found = np.array(body["low"]) + np.array(body["step"]) * packed
         np.testing.assert_allclose(found, path, atol=1e-4)
-
-
-def test_paths_side_by_side_are_one_choice():
-    viewer = view_path({"a": PATH, "b": PATH}, TEMPLATE.faces, side_by_side=True, title="Both")
-    (choice,) = payload_of(viewer)["choices"]
-    assert [body["label"] for body in choice["bodies"]] == ["a", "b"]
-    assert "<fieldset hidden>" in viewer.fragment("one")
 
 
 def test_values_become_colours_of_vertices():
@@ -178,18 +164,6 @@ def test_page_shows_both_the_curve_and_matched_frames(aligned, tmp_path):
     assert re.findall("<figcaption>(.*?)</figcaption>", page) == ["0 %", "50 %", "100 %"]
     assert page.count('class="viewer"') == 1
     assert "$" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
-
-
-def test_motions_of_different_lengths(aligned):
-    with pytest.raises(rh.RiemhumanError, match="second must have the shape of first"):
-        rh.plots.AlignedMotions(aligned.first, aligned.second[:2], aligned.faces, aligned.warp)
-
-
-def test_small_meshes_stay():
-    ball = trimesh.creation.icosphere(1)
-    kept, faces = decimate(ball.vertices, ball.faces, 100)
-    np.testing.assert_array_equal(kept, np.arange(len(ball.vertices)))
-    np.testing.assert_array_equal(faces, ball.faces)
 
 
 def test_a_sphere_stays_a_closed_sphere_of_its_own_vertices():

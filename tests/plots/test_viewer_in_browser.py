@@ -212,16 +212,6 @@ def test_speed_and_loop(browser, opened):
     browser.wait_for("return document.querySelector('[data-part=play]').textContent === 'Play'")
 
 
-def test_another_choice_keeps_the_moment(browser, opened):
-    opened("paths")
-    browser.find("input[type=range]").click()
-    time = state(browser, "time")
-    assert 0.4 < time < 0.6
-    browser.find("input[type=radio][value='1']").click()
-    assert browser.run("return document.querySelector('.viewer').dataset.choice") == "back"
-    assert state(browser, "time") == time
-
-
 @pytest.mark.parametrize("width", [400, 1000])
 def test_labels_stay_inside_the_stage(browser, opened, width):
     opened("many", width)
@@ -235,12 +225,6 @@ def test_labels_stay_inside_the_stage(browser, opened, width):
         for label in labels:
             assert left - 0.5 <= label[0] <= label[2] <= right + 0.5
             assert top - 0.5 <= label[1] <= label[3] <= bottom + 0.5
-
-
-def test_the_page_says_what_it_shows(browser, opened):
-    opened("paths")
-    assert browser.find("h1").text == "Two paths"
-    assert browser.find("h1 + p").text == "From one to another."
 
 
 def test_stills_stand_in_where_there_is_no_webgl(pages):

@@ -1,12 +1,69 @@
-"""Steps that are computed once."""
+"""The folder of a report, and steps that are computed once."""
 
-from contextlib import contextmanager
+import json
 
 import numpy as np
 import pytest
 
-from riemhuman.errors import FileError
-from riemhuman.report._storage import ResultStore, fingerprint
+from riemhuman.errors import ArgumentTypeError, FileError
+from riemhuman.report._storage import _MARKER as MARKER
+from riemhuman.report._storage import _SUBFOLDERS as SUBFOLDERS
+from riemhuman.report._storage import (
+    ResultStore,
+    check_folder,
+    fingerprint,
+    open_folder,
+    write_provenance,
+)
+
+
+def enter(path):
+    """Open a folder, and close it again."""
+    with open_folder(path):
+        pass
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_new_and_empty_folders_are_taken(tmp_path, there):
+    folder = tmp_path / "a" / "b"
+    if there:
+        folder.mkdir(parents=True)
+    with open_folder(folder) as opened:
+        assert opened == folder
+    assert {entry.name for entry in folder.iterdir()} == {MARKER, *SUBFOLDERS[:3]}
+
+
+def test_an_earlier_report_is_taken_and_keeps_its_files(tmp_path):
+    with open_folder(tmp_path / "report"):
+        pass
+    write_provenance(tmp_path / "report", {"status": "finished"})
+    (tmp_path / "report" / "results" / "one.npz").write_bytes(b"1")
+    with open_folder(tmp_path / "report"):
+        pass
+    assert (tmp_path / "report" / "results" / "one.npz").read_bytes() == b"1"
+    assert json.loads((tmp_path / "report" / MARKER).read_text())["status"] == "begun"
+
+
+@pytest.mark.parametrize("marker", [None, "{}", "[]", "not json", '{"made_by": "others"}'])
+def test_a_folder_with_something_else_is_left_alone(tmp_path, marker):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    if marker is not None:
+        (tmp_path / MARKER).write_text(marker)
+    before = sorted(entry.name for entry in tmp_path.iterdir())
+    for function in (check_folder, enter):
+        with pytest.raises(FileError, match="holds other files; the report needs a new or"):
+            function(tmp_path)
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == before
+
+
+def test_a_file_is_no_folder(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="is a file"):
+        enter(tmp_path / "file")
+    with pytest.raises(FileError, match="cannot be written"):
+        enter(tmp_path / "file" / "below")
+    with pytest.raises(ArgumentTypeError, match="output must be the path of a folder; found 7"):
+        enter(7)
 
 
 class Counted:
@@ -78,29 +135,6 @@ def test_an_interruption_leaves_no_file(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         ResultStore(tmp_path, {}).step("one", {}, interrupted)
     assert not list(tmp_path.iterdir())
-
-
-def test_progress_lasts_as_long_as_the_work(tmp_path):
-    said = []
-
-    @contextmanager
-    def watch(name):
-        said.append(f"{name} begins")
-        yield
-        said.append(f"{name} ends")
-
-    def compute():
-        said.append("work")
-        return {}, {}
-
-    for _ in range(2):
-        ResultStore(tmp_path, {}, watch).step("one", {}, compute, "One")
-    assert said == ["One begins", "work", "One ends"]
-
-
-def test_a_folder_that_is_not_there(tmp_path):
-    with pytest.raises(FileError, match="cannot be written"):
-        ResultStore(tmp_path / "absent", {}).step("one", {}, Counted())
 
 
 def test_fingerprints_tell_arrays_apart():

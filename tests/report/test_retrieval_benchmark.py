@@ -83,17 +83,6 @@ def test_descriptors_by_their_two_methods(few):
     assert min(shape.seconds_per_body, shape.seconds_per_pair) > 0
 
 
-def test_describe_all_gets_the_threads(few):
-    class Batched(Heights):
-        def describe_all(self, bodies, n_jobs=None):
-            self.n_jobs = n_jobs
-            return np.arange(len(bodies), dtype=float)[:, None]
-
-    batched = Batched()
-    benchmark(few, {"batched": batched}, n_jobs=2)
-    assert batched.n_jobs == 2
-
-
 def test_a_refusal_is_told_and_the_others_go_on(few):
     class Refusing(Heights):
         def describe(self, vertices, faces):

@@ -5,9 +5,8 @@ import io
 import re
 
 import numpy as np
-import pytest
 
-from riemhuman.report._page import Column, Table, written
+from riemhuman.report._page import Column, Table
 
 ROWS = [
     {"name": "a < b", "score": 99.0 + 1 / 3, "time": 0.25, "count": 3, "note": "x"},
@@ -35,15 +34,6 @@ def test_the_file_keeps_all_digits():
     assert [float(row[1]) for row in rest] == [row["score"] for row in ROWS]
     assert [row[2] for row in rest] == ["0.25", "", "0.125"]
     assert [row[4] for row in rest] == ["x", "", "y, z"]
-
-
-def test_columns_without_values_are_in_the_file_alone():
-    rows = [{"name": "a", "empty": None, "some": None}, {"name": "b", "empty": None, "some": 1.0}]
-    columns = (Column("name", "Name"), Column("empty", "Empty", "d"), Column("some", "Some", "g"))
-    table = Table("gaps", "Gaps.", columns, rows)
-    assert "Empty" not in table.html()
-    assert "Some" in table.html()
-    assert table.csv().startswith("name,empty,some")
 
 
 def test_the_file_is_no_program():
@@ -78,24 +68,3 @@ def test_text_is_escaped_and_hidden_columns_stay_in_the_file():
     assert "Note" not in html
     assert 'href="tables/made-up.csv"' in html
     assert html.count('scope="row"') == 3
-
-
-def test_a_number_in_running_text_is_tied_to_its_cell():
-    number = TABLE.number(0, "score")
-    assert f'value="{ROWS[0]["score"]!r}"' in number
-    assert number.endswith(">99.3</data>")
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (None, ""),
-        (np.nan, ""),
-        (True, "yes"),
-        (np.False_, "no"),
-        (0.1, "0.1"),
-        (np.float32(2), "2.0"),
-    ],
-)
-def test_values_as_written(value, text):
-    assert written(value) == text

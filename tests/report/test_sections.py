@@ -1,0 +1,133 @@
+"""Choices of bodies, sentences about results, and the section on measurements."""
+
+import csv
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from riemhuman.measurements import Measurements
+from riemhuman.plots.body_plots import plot_measurement_lines
+from riemhuman.report import _body_sections as sections
+from riemhuman.report._body_sections import measurement_section
+from riemhuman.report._experiments import group_within, pair_across, pair_within
+from riemhuman.retrieval import scores
+from riemhuman.surfaces.template import Template
+
+SUBJECT = np.repeat([0, 1, 2], 3)
+POSE = np.tile([0, 1, 2], 3)
+DISTANCES = np.abs(np.subtract.outer(np.arange(9.0) ** 2, np.arange(9.0) ** 2))
+
+
+def test_pairs_within_a_class_by_distance():
+    # Of the first person: 0-1 is 1 apart, 1-2 is 3, 0-2 is 4.
+    assert [pair_within(DISTANCES, SUBJECT, POSE, s) for s in (0.0, 0.5, 1.0)] == [
+        (0, 1),
+        (1, 2),
+        (0, 2),
+    ]
+    assert pair_within(DISTANCES, POSE, SUBJECT, 1.0) == (0, 6)
+
+
+def test_pairs_across_classes():
+    assert pair_across(DISTANCES, SUBJECT, POSE, 0.0) == (0, 4)
+    assert pair_across(DISTANCES, SUBJECT, POSE, 1.0) == (0, 8)
+
+
+def test_nothing_to_choose():
+    alone = np.arange(9)
+    assert pair_within(DISTANCES, alone, POSE, 0.5) is None
+    assert pair_within(DISTANCES, 0 * alone, 0 * alone, 0.5) is None
+    assert pair_across(DISTANCES, 0 * alone, POSE, 0.5) is None
+
+
+def test_groups_hold_one_of_each():
+    np.testing.assert_array_equal(group_within(POSE, SUBJECT, 5), [0, 3, 6])
+    np.testing.assert_array_equal(group_within(POSE, SUBJECT, 2), [0, 6])
+    uneven = np.array([0, 1, 1, 1, 0])
+    np.testing.assert_array_equal(group_within(uneven, np.array([0, 0, 1, 1, 1]), 5), [0, 4])
+
+
+RNG = np.random.default_rng(0)
+LABELS = np.repeat(np.arange(5), 4)
+
+
+def rows_of(distances, labels):
+    found = scores(distances, labels)
+    return [{"representation": "pose", "first_tier": found.first_tier}]
+
+
+def far_from_one_another():
+    """Return distances under which the others of a class come last."""
+    return np.where(LABELS[:, None] == LABELS, 2.0, 1.0) * (1 - np.eye(20))
+
+
+def test_below_chance_is_said_where_it_is_so():
+    distances = far_from_one_another()
+    assert "more than the 0.0 % of the pose" in sections.below_chance(
+        rows_of(distances, LABELS), "pose", LABELS
+    )
+    assert sections.below_chance(rows_of(3 - distances, LABELS), "pose", LABELS) == ""
+
+
+def test_chance_is_what_random_orders_give():
+    labels = RNG.permutation(LABELS)
+    found = []
+    for _ in range(300):
+        distances = RNG.uniform(size=(20, 20))
+        distances = distances + distances.T
+        np.fill_diagonal(distances, 0)
+        found.append(scores(distances, labels).first_tier)
+    assert np.mean(found) == pytest.approx(sections.chance_of_tier(labels), abs=1.5)
+
+
+def test_best_weights_are_those_of_the_rows():
+    rows = [
+        {"a": 1.0, "lam": lam, "c": c, "shape_mean_average_precision": s,
+         "pose_mean_average_precision": p}
+        for (lam, c), s, p in zip(
+            [(1e-4, 0.0), (1e-4, 1.0), (None, 1.0)], [20.0, 70.0, 30.0], [50.0, 50.0, 40.0],
+            strict=True,
+        )
+    ]  # fmt: skip
+    said = sections.best_weights(rows)
+    assert "people with a = 1, λ = 0.0001, c = 1: mAP 70.0 %" in said
+    assert "poses with a = 1, λ = 0.0001, c = 0 (and 1 other choice): mAP 50.0 %" in said
+    alone = [{key: row[key] for key in row if "pose" not in key} for row in rows]
+    assert "poses" not in sections.best_weights(alone)
+
+
+def test_neighbours_of_a_map():
+    positions = np.stack([LABELS, 0.01 * np.arange(20)], axis=1).astype(float)
+    assert sections.kept_neighbours(positions, LABELS) == 100
+    assert sections.kept_neighbours(positions, np.arange(20) % 2) < 100
+
+
+def test_people_have_their_measurements(report_page, nine_bodies):
+    with (report_page.parent / "tables" / "measurements.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["person"] for row in rows] == [nine_bodies.subject_names[k] for k in (0, 5, 8)]
+    own = Measurements(nine_bodies.model, ["waist girth"])
+    values = own.measure(nine_bodies.points[:3], pose="standard").values
+    assert float(rows[0]["waist girth"]) == pytest.approx(float(values.mean()), abs=1e-6)
+    assert "Girths, lengths and volumes" in report_page.read_text(encoding="utf-8")
+
+
+def test_other_templates_have_no_section():
+    vertices = np.random.default_rng(0).normal(size=(4, 3))
+    template = Template(vertices, [[0, 1, 2], [0, 2, 3]])
+    bodies = SimpleNamespace(template=template)
+    materials = SimpleNamespace(bodies=bodies, output=None)
+    assert measurement_section(materials) is None
+
+
+def test_every_tape_is_drawn_on_every_side(nine_bodies):
+    pytest.importorskip("matplotlib")
+    tapes = Measurements(nine_bodies.model).lines(nine_bodies.points[0])
+    figure = plot_measurement_lines(
+        nine_bodies.points[0], nine_bodies.template.faces, tapes, height=60
+    )
+    n_curves = sum(map(len, tapes.values()))
+    assert [len(axes.lines) for axes in figure.axes] == [n_curves] * 3
+    listed = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert listed == [name for name, curves in tapes.items() if curves]
