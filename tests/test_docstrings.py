@@ -1,6 +1,7 @@
 """Public names have a numpydoc docstring whose parameters are those of the signature."""
 
 import dataclasses
+import enum
 import functools
 import importlib
 import inspect
@@ -95,7 +96,9 @@ def signature_names(function):
     except ValueError:  # a class of C, such as an enumeration or an exception
         return []
     names = [prefixes.get(value.kind, "") + name for name, value in parameters.items()]
-    is_inherited = inspect.isclass(function) and function.__init__ is object.__init__
+    is_inherited = inspect.isclass(function) and (
+        function.__init__ is object.__init__ or issubclass(function, enum.Enum)
+    )
     if is_inherited or names == ["*args", "**kwargs"]:
         return []
     return names[1:] if names[:1] in (["self"], ["cls"]) else names
