@@ -173,7 +173,8 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
     _, part = connected_components(graph, directed=False)
     extents = np.ptp(vertices[used], axis=0)
     closed = bool((n_triangles == 2).all())
-    oriented = bool((n_directed == 1).all())
+    inward = rh.registration.find_inward_triangles(vertices, faces)
+    oriented = bool((n_directed == 1).all()) and len(np.unique(inward)) == 1
     areas = triangle_areas(vertices, faces)
     corners = vertices[faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
@@ -192,6 +193,7 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
         "boundary_edges": int((n_triangles == 1).sum()),
         "non_manifold_edges": int((n_triangles > 2).sum()),
         "consistently_oriented": oriented,
+        "triangles_facing_inward": int(inward.sum()),
         "unused_vertices": len(vertices) - len(used),
         "coincident_vertices": len(vertices) - len(np.unique(vertices, axis=0)),
         # Those whose height is zero up to rounding.

@@ -52,6 +52,10 @@ from riemhuman.errors import ArgumentError, FileError
         "--sequence", "the scans show one person in motion; each fit starts from the previous one"
     ),
     flag("--untrusted", "also write a body that is not trusted"),
+    flag(
+        "--keep-axes",
+        "write bodies at the positions of the scans (default: on the ground, y up, facing z)",
+    ),
 )
 def _register(options: argparse.Namespace) -> Answer:
     if options.model is not None and options.coarse:
@@ -84,7 +88,8 @@ def _register_file(options: argparse.Namespace) -> Answer:
         note(f"{options.scans} is not trusted: {result.message}")
         if not options.untrusted:
             return Answer("no body is written; --untrusted writes it nevertheless", trusted=False)
-    rh.save_mesh(options.output, result.points, registration.model.faces)
+    points = result.points if options.keep_axes else result.upright_points
+    rh.save_mesh(options.output, points, registration.model.faces)
     distance = 1000.0 * np.median(result.distances[~result.background])
     return Answer(
         f"{distance:.1f} mm from the scan in the median, {100 * result.matched.mean():.0f} % of "
@@ -108,6 +113,7 @@ def _register_folder(options: argparse.Namespace) -> Answer:
         options.scans,
         options.output,
         sequence=options.sequence,
+        keep_axes=options.keep_axes,
         progress=options.reporter.bars,
     )
     with options.reporter.task("Page"):

@@ -7,7 +7,7 @@ from riemhuman.registration.scan_registration import (
     TemplateRegistration,
     transfer_model,
 )
-from riemhuman.registration.scans import Scan, load_landmarks, load_scan
+from riemhuman.registration.scans import Scan, find_inward_triangles, load_landmarks, load_scan
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "ScanRegistration",
     "SimulatedScan",
     "TemplateRegistration",
+    "find_inward_triangles",
     "load_landmarks",
     "load_scan",
     "read_records",

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from riemhuman.bodies import BodyModel
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.registration._scan_preparation import thinned
+from riemhuman.registration._scan_preparation import thin_points
 
 
 class ModelSamples(NamedTuple):
@@ -45,7 +45,7 @@ def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
         numbers = np.arange(len(vertices))
         shares = areas
     else:
-        numbers = thinned(vertices, n_samples, np.random.default_rng(0))
+        numbers = thin_points(vertices, n_samples, np.random.default_rng(0))
         # Neighbours are near in their normals too, so that the two sides of a thin part keep their
         # own areas.
         near = np.concatenate([vertices, 0.05 * normals], axis=1)

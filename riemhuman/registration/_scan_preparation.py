@@ -11,12 +11,17 @@ from scipy.spatial import cKDTree
 
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
-from riemhuman.registration.scans import FEWEST_POINTS, Scan
+from riemhuman.registration.scans import FEWEST_POINTS, Scan, find_inward_triangles, mesh_parts
 
 # A fit gains nothing from more points.
 _MOST_POINTS = 20_000
 _FIRST_POINTS = 80_000
 
+# Points farther from the median than this are strays.
+_FAR_METRES = 10.0
+# A loose point is sparse if its so-manieth neighbour is farther than this, and this multiple of the
+# usual distance.
+_N_CLOSE, _SPARSE_METRES, _SPARSE = 6, 0.03, 3.0
 _CELL_METRES = 0.05
 # Separate parts with a smaller share of the points count as strays.
 _STRAY = 0.004
@@ -37,9 +42,10 @@ class PreparedScan:
 
     points: np.ndarray
     normals: np.ndarray
-    background: np.ndarray
-    up: np.ndarray | None
-    estimated: bool
+    background: np.ndarray  # (N,) which points of the whole scan are floor or strays
+    up: np.ndarray | None  # upward normal of the floor, if there is one
+    estimated: bool  # whether the normals were estimated from the points alone
+    parts: np.ndarray | None = None  # (n,) connected parts of a mesh that has several
 
 
 def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
@@ -50,11 +56,13 @@ def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
         numbers = np.unique(scan.faces)
     if len(numbers) > _FIRST_POINTS:
         numbers = np.sort(rng.choice(numbers, _FIRST_POINTS, replace=False))
-    numbers = numbers[thinned(scan.points[numbers], _MOST_POINTS, rng)]
+    far = np.abs(scan.points - np.median(scan.points, axis=0)).max(axis=1) > _FAR_METRES
+    numbers = numbers[~far[numbers]]
+    numbers = numbers[thin_points(scan.points[numbers], _MOST_POINTS, rng)]
     points = scan.points[numbers]
     estimated = scan.normals is None and (scan.faces is None or not has_one_side(scan.faces))
     normals = estimate_normals(points) if estimated else _scan_normals(scan, numbers)
-    background = np.zeros(len(scan.points), dtype=bool)
+    background = far
     if not surroundings:
         return PreparedScan(points, normals, background, None, estimated)
     floor = _find_floor(points, normals, rng)
@@ -64,6 +72,8 @@ def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
         background |= scan.points @ up < height + _NEAR_FLOOR_METRES
         keep = ~background[numbers]
         points, normals, numbers = points[keep], normals[keep], numbers[keep]
+    if scan.faces is None:
+        background |= _find_sparse_points(scan.points, ~background)
     background |= _find_strays(scan.points, ~background)
     keep = ~background[numbers]
     if keep.sum() < FEWEST_POINTS:
@@ -72,21 +82,24 @@ def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
             f"{FEWEST_POINTS} are needed"
         )
     points, normals = points[keep], normals[keep]
+    parts = None
     if estimated and background.any():
         normals = estimate_normals(points)  # the background may have flipped signs
-    return PreparedScan(points, normals, background, up, estimated)
+    elif scan.normals is None and scan.faces is not None:
+        parts = mesh_parts(len(scan.points), scan.faces)[numbers[keep]]
+    return PreparedScan(points, normals, background, up, estimated, parts)
 
 
 def _scan_normals(scan: Scan, numbers: np.ndarray) -> np.ndarray:
     """Return the normals of a scan or of its triangles, smoothed and outward."""
     points = scan.points[numbers]
-    if scan.normals is not None:
-        normals = scan.normals[numbers]
-    else:
+    if scan.normals is None:
         assert scan.faces is not None
-        normals = vertex_normals(scan.points, scan.faces)[numbers]
-    normals = smooth_normals(points, normals)
-    return normals if faces_outward(points, normals) else -normals
+        inward = find_inward_triangles(scan.points, scan.faces)
+        faces = np.where(inward[:, np.newaxis], scan.faces[:, ::-1], scan.faces)
+        return smooth_normals(points, vertex_normals(scan.points, faces)[numbers])
+    normals = smooth_normals(points, scan.normals[numbers])
+    return normals if np.sum((points - points.mean(axis=0)) * normals) >= 0 else -normals
 
 
 def _find_floor(
@@ -116,6 +129,15 @@ def _find_floor(
     if above.mean() < _ABOVE_FLOOR or not is_wide:
         return None
     return up, float(centre @ up)
+
+
+def _find_sparse_points(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return which loose points are far from their neighbours: remnants of floors and stands."""
+    sparse_points = np.zeros(len(points), dtype=bool)
+    chosen = points[wanted]
+    distances = cKDTree(chosen).query(chosen, k=min(_N_CLOSE + 1, len(chosen)))[0][:, -1]
+    sparse_points[wanted] = distances > max(_SPARSE_METRES, _SPARSE * np.median(distances))
+    return sparse_points
 
 
 def _find_strays(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
@@ -188,13 +210,12 @@ def has_one_side(faces: np.ndarray) -> bool:
     return bool(twice <= _MIXED * len(edges))
 
 
-def faces_outward(points: np.ndarray, normals: np.ndarray) -> bool:
-    """Return whether normals point away from the centre of their points, on the whole."""
-    return bool(np.sum((points - points.mean(axis=0)) * normals) >= 0)
+def thin_points(points: np.ndarray, n_points: int, rng: np.random.Generator) -> np.ndarray:
+    """Return the numbers of about a given number of points, spread evenly, in ascending order.
 
-
-def thinned(points: np.ndarray, n_points: int, rng: np.random.Generator) -> np.ndarray:
-    """Return the numbers of about a given number of points, spread evenly."""
+    One point is chosen in each cube of a grid, whose width is found by bisection, so that dense
+    parts do not outweigh others.
+    """
     if len(points) <= n_points:
         return np.arange(len(points))
     order = rng.permutation(len(points))

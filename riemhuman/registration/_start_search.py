@@ -12,7 +12,7 @@ from riemhuman.bodies import BodyModel
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._fitting_steps import Prior, anneal
 from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body, rotation, sample_model
-from riemhuman.registration._scan_preparation import thinned
+from riemhuman.registration._scan_preparation import thin_points
 from riemhuman.registration._start_poses import (
     UP_POSES,
     arms_of,
@@ -81,6 +81,7 @@ class StartSearch:
 
     def __init__(self, model: BodyModel) -> None:
         self.model = model
+        self.root = int(np.flatnonzero(model.parents < 0)[0])
         self._samples: dict[int | None, ModelSamples] = {}
 
     def samples(self, n_samples: int | None) -> ModelSamples:
@@ -144,14 +145,13 @@ class StartSearch:
 
     def _starts(self, names: list[str], up: np.ndarray, centre: np.ndarray) -> list[Candidate]:
         body = self.samples(_ROUNDS[0].n_model)
-        root = int(np.flatnonzero(self.model.parents < 0)[0])
         upright = _rotation_between(_UP, up)
         betas = np.zeros(self.model.n_betas)
         starts = []
         for name in names:
             for angle in np.arange(_N_HEADINGS) * (2.0 * np.pi / _N_HEADINGS):
                 local = self.poses[name].copy()
-                local[root] = upright @ rotation(angle * _UP) @ local[root]
+                local[self.root] = upright @ rotation(angle * _UP) @ local[self.root]
                 pose = Pose(local, betas, np.zeros(3))
                 shift = centre - body.areas @ pose_body(body, pose)[0]
                 prior = Prior(self.poses[name], self.precisions, betas, 1.0)
@@ -175,7 +175,7 @@ class StartSearch:
     def _advance(self, candidates: list[Candidate], each: Round, target: Target) -> list[Candidate]:
         """Return the likeliest candidates after one round, the best first."""
         body = self.samples(each.n_model)
-        chosen = thinned(target.points, each.n_scan, np.random.default_rng(0))
+        chosen = thin_points(target.points, each.n_scan, np.random.default_rng(0))
         scan = target.points[chosen].astype(np.float32)
         normals = target.normals[chosen].astype(np.float32)
         known = np.full((len(body.areas), 3), np.nan)

@@ -24,16 +24,21 @@ from riemhuman.io.files import file_path, read_bytes
 from riemhuman.io.meshes import save_mesh
 from riemhuman.io.points import POINT_SUFFIXES, load_points
 from riemhuman.progress import ProgressBar
-from riemhuman.registration._scan_preparation import thinned
-from riemhuman.registration.scan_registration import RegisteredScan, ScanRegistration
+from riemhuman.registration._scan_preparation import thin_points
+from riemhuman.registration.scan_registration import (
+    RegisteredScan,
+    ScanRegistration,
+    apply_transform,
+)
 from riemhuman.registration.scans import Scan, in_metres
 
 UNTRUSTED, RECORDS = "untrusted", "registrations"
-_VERSION = 1
+_VERSION = 2
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
 _FIELDS = ("trusted", "message", "likelihood", "median_distance", "matched_share")
-_ARRAYS = ("points", "faces", "up", "matched", "shown", "shown_distances", "betas", "pose", "trans")
+_BODY = ("points", "faces", "up", "transform", "matched", "shown", "shown_distances")
+_ARRAYS = (*_BODY, "betas", "pose", "trans")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +60,9 @@ class ScanRecord:
     matched_share : float
         Share of the vertices that match the scan.
     arrays : dict of str to array
-        Points and faces of the body, the direction up, the matched vertices, some points of the
-        scan and their distances, and betas, pose and trans; empty if the scan could not be
-        registered.
+        Points and faces of the body, the direction up, the transform to upright axes, the matched
+        vertices, some points of the scan and their distances, and betas, pose and trans, all in
+        the axes of the scan; empty if the scan could not be registered.
 
     Examples
     --------
@@ -82,6 +87,7 @@ def register_folder(
     output: str | os.PathLike[str],
     *,
     sequence: bool = False,
+    keep_axes: bool = False,
     progress: bool = False,
 ) -> list[ScanRecord]:
     """Register the scans of a folder.
@@ -99,6 +105,10 @@ def register_folder(
         Folder to write, made if need be.
     sequence : bool
         Whether the scans show one person in motion, so that each starts from the one before.
+    keep_axes : bool
+        Whether to write bodies at the positions of the scans, in metres. By default, they stand on
+        the ground, y up, facing z (`RegisteredScan.transform`); those of a sequence are moved like
+        its first body.
     progress : bool
         Whether to show a progress bar.
 
@@ -130,16 +140,22 @@ def register_folder(
             place.mkdir(exist_ok=True)
         except OSError as error:
             raise FileError(f"{place} cannot be made: {error.strerror or error}") from error
-    identity = _identity(registration, sequence)
-    records, before = [], None
+    identity = _identity(registration, sequence, keep_axes)
+    records: list[ScanRecord] = []
+    before: RegisteredScan | None = None
+    transform = np.eye(4) if keep_axes else None
     for file in ProgressBar(files, desc="Scans", unit="scan", disable=not progress):
         key = hashlib.sha256(identity + read_bytes(file)).hexdigest()
-        record = _kept(folder, file.stem, key)
+        record = _completed_record(folder, file.stem, key)
+        is_new = record is None
         if record is None:
-            record, before = _registered(registration, file, before if sequence else None)
-            _write(folder, record, key)
+            record, before = _register_file(registration, file, before if sequence else None)
         else:
             before = None
+        if sequence and transform is None:
+            transform = record.arrays.get("transform")
+        if is_new:
+            _write(folder, record, key, transform)
         records.append(record)
     return records
 
@@ -151,9 +167,11 @@ def scan_files(folder: str | os.PathLike[str]) -> list[Path]:
     files = sorted((each for each in files if each.is_file()), key=lambda f: natural_key(f.name))
     if not files:
         raise FileError(f"{place} holds no scans; they end in {', '.join(POINT_SUFFIXES)}")
-    for one, other in pairwise(files):
-        if one.stem == other.stem:
-            raise FileError(f"{one.name} and {other.name} would become one body {one.stem}.ply")
+    for first, second in pairwise(files):
+        if first.stem == second.stem:
+            raise FileError(
+                f"{first.name} and {second.name} would become one body {first.stem}.ply"
+            )
     return files
 
 
@@ -207,11 +225,12 @@ def worst_first(records: list[ScanRecord]) -> list[ScanRecord]:
 def record_of(name: str, scan: Scan, result: RegisteredScan, faces: np.ndarray) -> ScanRecord:
     """Return the record of a registered scan."""
     seen = np.flatnonzero(~result.background)
-    shown = seen[thinned(scan.points[seen], _N_SHOWN, np.random.default_rng(0))]
+    shown = seen[thin_points(scan.points[seen], _N_SHOWN, np.random.default_rng(0))]
     arrays: dict[str, Any] = {
         "points": result.points,
         "faces": faces,
         "up": result.up,
+        "transform": result.transform,
         "matched": result.matched,
         "shown": scan.points[shown].astype(np.float32),
         "shown_distances": result.distances[shown].astype(np.float32),
@@ -230,7 +249,7 @@ def record_of(name: str, scan: Scan, result: RegisteredScan, faces: np.ndarray) 
     )
 
 
-def _registered(
+def _register_file(
     registration: ScanRegistration, file: Path, before: RegisteredScan | None
 ) -> tuple[ScanRecord, RegisteredScan | None]:
     try:
@@ -242,23 +261,26 @@ def _registered(
     return record, result if result.trusted else None
 
 
-def _identity(registration: ScanRegistration, sequence: bool) -> bytes:
+def _identity(registration: ScanRegistration, sequence: bool, keep_axes: bool) -> bytes:
     """Return a digest of what a registration depends on beside the scan."""
-    digest = hashlib.sha256(repr((_VERSION, registration.unit, registration.up, sequence)).encode())
+    options = (_VERSION, registration.unit, registration.up, sequence, keep_axes)
+    digest = hashlib.sha256(repr(options).encode())
     model = registration.model
     for array in (model.template.vertices, model.faces, model.shapedirs, model.weights):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.digest()
 
 
-def _write(folder: Path, record: ScanRecord, key: str) -> None:
-    """Write the body, and then its record, which marks it as complete."""
+def _write(folder: Path, record: ScanRecord, key: str, transform: np.ndarray | None) -> None:
+    """Write the body, moved by a transform or its own, and then its record, which completes it."""
     (folder / f"{record.name}.ply").unlink(missing_ok=True)
     (folder / UNTRUSTED / f"{record.name}.ply").unlink(missing_ok=True)
     if record.arrays:
         place = folder if record.trusted else folder / UNTRUSTED
         place.mkdir(exist_ok=True)
-        save_mesh(place / f"{record.name}.ply", record.arrays["points"], record.arrays["faces"])
+        motion = record.arrays["transform"] if transform is None else transform
+        points = apply_transform(motion, record.arrays["points"])
+        save_mesh(place / f"{record.name}.ply", points, record.arrays["faces"])
     fields = {name: np.array(getattr(record, name)) for name in _FIELDS}
     save_arrays(
         folder / RECORDS / f"{record.name}.npz",
@@ -267,7 +289,7 @@ def _write(folder: Path, record: ScanRecord, key: str) -> None:
     )
 
 
-def _kept(folder: Path, name: str, key: str) -> ScanRecord | None:
+def _completed_record(folder: Path, name: str, key: str) -> ScanRecord | None:
     """Return the record of a scan from an earlier run, if its files are complete."""
     file = folder / RECORDS / f"{name}.npz"
     if not file.is_file():
@@ -285,16 +307,16 @@ def _kept(folder: Path, name: str, key: str) -> ScanRecord | None:
 
 
 def _read(file: Path) -> ScanRecord:
-    found = load_arrays(file, _FIELDS, _ARRAYS)
+    fields = load_arrays(file, _FIELDS, _ARRAYS)
     for name in ("points", "shown"):
-        if name in found:
-            real_array(found[name], f"{name} of {file}", ("n", 3), batched=False)
+        if name in fields:
+            real_array(fields[name], f"{name} of {file}", ("n", 3), batched=False)
     return ScanRecord(
         name=file.stem,
-        trusted=bool(found["trusted"]),
-        message=str(found["message"]),
-        likelihood=float(found["likelihood"]),
-        median_distance=float(found["median_distance"]),
-        matched_share=float(found["matched_share"]),
-        arrays={name: found[name] for name in _ARRAYS if name in found},
+        trusted=bool(fields["trusted"]),
+        message=str(fields["message"]),
+        likelihood=float(fields["likelihood"]),
+        median_distance=float(fields["median_distance"]),
+        matched_share=float(fields["matched_share"]),
+        arrays={name: fields[name] for name in _ARRAYS if name in fields},
     )

@@ -65,6 +65,10 @@ class RegisteredScan:
         Which points of the scan were classified as floor or strays.
     up : array, shape (3,)
         The direction up in the scan.
+    transform : array, shape (4, 4)
+        The rigid motion from the axes of the scan, metres, to upright ones: y points up, the body
+        faces z, and its lowest point is at the height 0, with the centre of the box around it on
+        the axis. Without a body model, the axes stay those of the scan.
     unit : str
         The unit of the scan.
 
@@ -88,7 +92,13 @@ class RegisteredScan:
     correspondence: SurfacePoints
     background: np.ndarray
     up: np.ndarray
+    transform: np.ndarray
     unit: str
+
+    @property
+    def upright_points(self) -> np.ndarray:
+        """The registered surface in upright axes, facing z, on the ground; shape (V, 3), metres."""
+        return apply_transform(self.transform, self.points)
 
     def __repr__(self) -> str:
         share = 100.0 * self.matched.mean()
@@ -109,6 +119,8 @@ _N_ROTATED, _N_PASSES, _LEAST_GAIN = 1000, 2, 0.002
 _MATCHED_METRES = 0.02
 # A landmark farther from the scan's median point is in another unit, or of another scan.
 _FARTHEST_LANDMARK = 5.0
+# Cosine of the pelvis' left with the horizontal below which the forward direction is used instead.
+_LEAST_LEVEL = 0.3
 # Joints that move a smaller share of the vertices are ignored.
 _LIMB = 0.01
 # A frame whose likelihood falls by more than this below the one before is searched from scratch.
@@ -176,8 +188,9 @@ class ScanRegistration:
 
         Parameters
         ----------
-        scan : path, Scan, array_like or pair
-            A file; points, shape (N, 3), or (N, 6) with normals; or vertices and faces.
+        scan : path, Scan, mesh, array_like or pair
+            A file; a mesh of trimesh, PyVista or meshio; points, shape (N, 3), or (N, 6) with
+            normals; or vertices and faces.
         landmarks : mapping of str to array_like, shape (3,), optional
             Positions of joints of the model in the scan, in its unit, within some centimetres.
         start : RegisteredScan, optional
@@ -190,10 +203,11 @@ class ScanRegistration:
         Raises
         ------
         ArgumentTypeError
-            If the scan does not hold numbers.
+            If the scan does not hold numbers, or landmarks are no mapping.
         ArgumentError
             If a shape is wrong, an entry is not finite, too few points are left, the size is not
-            that of a body, or the model has no joint with the name of a landmark.
+            that of a body, the model has no joint with the name of a landmark, or a landmark is not
+            in the scan.
         FileError
             If the file is missing or cannot be read.
         FileFormatError
@@ -290,7 +304,7 @@ class ScanRegistration:
             return self._search.run(target, up)
 
         candidates = search(True)
-        if not scan.estimated:
+        if not scan.estimated and scan.parts is None:
             return candidates, scan
         normals, agreement = self._orient_normals(scan, candidates[0].pose)
         if agreement < _AGREEMENT:
@@ -299,11 +313,16 @@ class ScanRegistration:
         return candidates, replace(scan, normals=normals)
 
     def _orient_normals(self, scan: PreparedScan, pose: Pose) -> tuple[np.ndarray, float]:
-        """Return estimated normals oriented like the body's, and the share that were before."""
+        """Return normals oriented like the body's, and the share that were before.
+
+        Parts of a mesh are oriented as a whole, estimated normals one by one.
+        """
         body = self._search.samples(_N_DENSE)
         points, normals = (each[body.numbers >= 0] for each in pose_body(body, pose))
         near = cKDTree(points).query(scan.points, k=min(5, len(points)))[1]
         cosines = np.einsum("nkx,nx->n", normals[near], scan.normals)
+        if scan.parts is not None:
+            cosines = np.bincount(scan.parts, cosines)[scan.parts]
         signs = np.where(cosines < 0, -1.0, 1.0)
         return signs[:, np.newaxis] * scan.normals, float(np.mean(cosines >= 0))
 
@@ -401,8 +420,32 @@ class ScanRegistration:
             correspondence=places,
             background=scan.background,
             up=best.up,
+            transform=_upright_transform(points, pose.local[self._search.root], best.up),
             unit=whole.unit,
         )
+
+
+def apply_transform(transform: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return points, shape (n, 3), after a rigid motion, shape (4, 4)."""
+    moved: np.ndarray = points @ transform[:3, :3].T + transform[:3, 3]
+    return moved
+
+
+def _upright_transform(points: np.ndarray, root: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Return the rigid motion to y up, facing z, of a body with this rotation of its pelvis."""
+    # The left side stays level in people who bend forward; models have x to the left, z forward.
+    left = root[:, 0] - (root[:, 0] @ up) * up
+    if np.linalg.norm(left) < _LEAST_LEVEL:  # someone who lies on one side
+        left = np.cross(up, root[:, 2])
+    left /= np.linalg.norm(left)
+    rotation = np.stack([left, up, np.cross(left, up)])
+    rotated = points @ rotation.T
+    low, high = rotated.min(axis=0), rotated.max(axis=0)
+    transform = np.eye(4)
+    transform[:3, :3] = rotation
+    transform[:3, 3] = -0.5 * (low + high)
+    transform[1, 3] = -low[1]
+    return transform
 
 
 def _pose(fit: ModelFit) -> Pose:
@@ -539,6 +582,7 @@ class TemplateRegistration:
             correspondence=places,
             background=np.zeros(len(whole), dtype=bool),
             up=np.array([0.0, 1.0, 0.0]),
+            transform=np.eye(4),
             unit=whole.unit,
         )
 

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse import csgraph
 
 from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path
 from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.io.meshes import as_arrays
 from riemhuman.io.points import load_points
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.kernels.surface import unit_vectors
@@ -23,6 +26,11 @@ FEWEST_POINTS = 200
 # centimetres and millimetres, so that one unit fits at most.
 _EXTENTS = (0.4, 4.0)
 _INFERRED_UNITS = ("metres", "centimetres", "millimetres")
+# Coordinates beyond this multiple of the scan's size are mistakes in a file, not strays.
+_LARGEST_OUTLIER = 1e6
+# A part of a mesh has a sign of its own if its triangles look away from its centre by more than
+# this share of their distance from it, and if it has more than this share of the area.
+_LEAST_CURVATURE, _LEAST_AREA = 0.12, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +143,60 @@ def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     return dict(zip(rows, positions, strict=True))
 
 
+def find_inward_triangles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return which triangles face inward; scanners join parts of opposite orientations.
+
+    The triangles of a connected part face outward if they look away from the centre of the part.
+    Parts that are small or nearly flat are oriented like the whole mesh.
+
+    Parameters
+    ----------
+    points : array, shape (V, 3)
+        Vertices.
+    faces : array of int, shape (F, 3)
+        Triangles; those of a connected part are consistently oriented.
+
+    Returns
+    -------
+    inward : array of bool, shape (F,)
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> inward_faces = bodies.template.faces[:, ::-1]
+    >>> bool(rh.registration.find_inward_triangles(bodies[0], inward_faces).all())
+    True
+    """
+    corners = points[faces]
+    centres = corners.mean(axis=1)
+    directed = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(directed, axis=1)
+
+    def outwardness(part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far each part looks away from its centre, between -1 and 1, and its area."""
+        area = np.maximum(np.bincount(part, areas), np.finfo(float).tiny)
+        middle = np.stack([np.bincount(part, areas * x) for x in centres.T], axis=1)
+        offsets = centres - (middle / area[:, np.newaxis])[part]
+        along = np.bincount(part, np.einsum("fx,fx->f", offsets, directed))
+        most = np.bincount(part, np.linalg.norm(offsets, axis=1) * areas)
+        return along / np.maximum(most, np.finfo(float).tiny), area
+
+    part = mesh_parts(len(points), faces)[faces[:, 0]]
+    own, area = outwardness(part)
+    together, _ = outwardness(np.zeros(len(faces), dtype=np.int64))
+    decided = (np.abs(own) > _LEAST_CURVATURE) & (area > _LEAST_AREA * area.sum())
+    return np.where(decided, own < 0, together[0] < 0)[part]
+
+
+def mesh_parts(n_vertices: int, faces: np.ndarray) -> np.ndarray:
+    """Return the number of the connected part of every vertex."""
+    ends = faces[:, [0, 1, 1, 2]].reshape(-1, 2).T
+    graph = sparse.coo_array((np.ones(ends.shape[1]), ends), shape=(n_vertices, n_vertices))
+    labels: np.ndarray = csgraph.connected_components(graph, directed=False)[1]
+    return labels
+
+
 def as_scan(scan: Any, unit: str | None = None) -> Scan:
     """Return a scan in metres."""
     if isinstance(scan, Scan):
@@ -144,6 +206,8 @@ def as_scan(scan: Any, unit: str | None = None) -> Scan:
     if isinstance(scan, tuple) and len(scan) == 2:
         vertices, faces = check_mesh(*scan, names=("the vertices of scan", "the faces of scan"))
         return in_metres(vertices, faces, None, unit=unit)
+    if hasattr(scan, "faces") or hasattr(scan, "cells"):
+        return in_metres(*as_arrays(scan), None, unit=unit)
     values = np.asarray(real_array(scan, "scan", ("N", "C"), batched=False), dtype=np.float64)
     if values.shape[1] not in (3, 6):
         raise ArgumentError(
@@ -167,6 +231,12 @@ def in_metres(
     # Percentiles, because a few strays may be far away.
     low, high = np.percentile(points, [1.0, 99.0], axis=0)
     extent = float((high - low).max())
+    farthest = np.abs(points - np.median(points, axis=0)).max(axis=1)
+    if farthest.max() > _LARGEST_OUTLIER * extent:
+        raise ArgumentError(
+            f"{name}: point {int(farthest.argmax())} is {farthest.max():.3g} away from a scan of "
+            f"size {extent:.3g}"
+        )
     if unit is None:
         fitting = [
             each

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy import ndarray
-from scipy.spatial.transform import Rotation
 
 from riemhuman.io.files import write_text
 from riemhuman.plots.colors import VALUE_COLORS, value_colors
@@ -100,7 +98,10 @@ def _sentence(message: str) -> str:
 
 def _pictures(record: ScanRecord) -> list[Image]:
     """Return pictures of the scan, the body and the distances, at one scale and in one light."""
-    body, scan = (_facing(record, record.arrays[n].astype(float)) for n in ("points", "shown"))
+    transform = record.arrays["transform"]
+    body, scan = (
+        record.arrays[name] @ transform[:3, :3].T + transform[:3, 3] for name in ("points", "shown")
+    )
     faces = record.arrays["faces"]
     view = View()
     window = window_around(np.concatenate([body, scan]), view)
@@ -120,22 +121,3 @@ def _pictures(record: ScanRecord) -> list[Image]:
         Image(alt, image_source(picture), picture.shape[1], picture.shape[0])
         for alt, picture in pictures.items()
     ]
-
-
-def _facing(record: ScanRecord, points: ndarray) -> ndarray:
-    """Return points with y up and, if the pose is known, with the body facing the viewer."""
-    upright = _upright(points, record.arrays["up"])
-    if "pose" not in record.arrays:
-        return upright
-    # The pelvis, which comes first; models face z.
-    forward = Rotation.from_rotvec(record.arrays["pose"][0]).apply([0.0, 0.0, 1.0])
-    x, _, z = _upright(forward, record.arrays["up"])
-    return upright @ Rotation.from_rotvec([0.0, -np.arctan2(x, z), 0.0]).as_matrix().T
-
-
-def _upright(points: ndarray, up: ndarray) -> ndarray:
-    """Return points with y up."""
-    axis = int(np.argmax(np.abs(up)))
-    # Cyclic exchanges of axes are rotations; if the axis points down, half a turn follows.
-    rotated = np.roll(points, 1 - axis, axis=-1)
-    return rotated * [1.0, -1.0, -1.0] if up[axis] < 0 else rotated

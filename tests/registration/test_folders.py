@@ -34,7 +34,11 @@ def test_trusted_bodies_are_registered_meshes(registered, registration):
     assert [record.trusted for record in records] == [True, False, False]
     points, faces = rh.load_mesh(output / "anna.ply")
     np.testing.assert_array_equal(faces, registration.model.faces)
-    np.testing.assert_array_equal(points, records[0].arrays["points"])
+    arrays = records[0].arrays
+    transform = arrays["transform"]
+    moved = arrays["points"] @ transform[:3, :3].T + transform[:3, 3]
+    np.testing.assert_allclose(points, moved, atol=1e-12)
+    assert abs(points[:, 1].min()) < 1e-9
     assert sorted(each.name for each in output.glob("*.ply")) == ["anna.ply"]
     assert (output / "untrusted" / "box.ply").is_file()
 

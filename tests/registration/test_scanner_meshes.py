@@ -1,0 +1,97 @@
+"""Scans as scanners make them: inward parts, sparse floors, outliers; bodies written upright."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+import riemhuman as rh
+from riemhuman.registration import ScanRegistration, find_inward_triangles, simulated_scan
+
+FOREARMS = ("left_elbow", "left_wrist", "right_elbow", "right_wrist")
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return rh.datasets.load_open_bodies("coarse")
+
+
+@pytest.fixture(scope="module")
+def registration(bodies):
+    return ScanRegistration(bodies.model, up="y")
+
+
+@pytest.fixture(scope="module")
+def inverted_arms(bodies):
+    """Return a scan in three parts, whose forearms face inward, and these triangles."""
+    scan = simulated_scan(bodies[17], bodies.template.faces, rng=17, n_points=8000, mesh=True)
+    names = bodies.model.joint_names
+    owners = bodies.model.weights.argmax(axis=1)[cKDTree(scan.body).query(scan.points)[1]]
+    on_arm = np.isin(owners, [names.index(name) for name in FOREARMS])[scan.faces]
+    arms, others = scan.faces[on_arm.all(axis=1)], scan.faces[~on_arm.any(axis=1)]
+    faces = np.concatenate([others, arms[:, ::-1]])
+    return scan, faces, np.repeat([False, True], [len(others), len(arms)])
+
+
+def test_parts_that_face_inward_are_found(inverted_arms):
+    scan, faces, inward = inverted_arms
+    assert np.mean(find_inward_triangles(scan.points, faces) == inward) > 0.99
+    assert np.mean(find_inward_triangles(scan.points, faces[:, ::-1]) == ~inward) > 0.99
+
+
+def test_a_scan_with_arms_that_face_inward_is_registered(registration, inverted_arms):
+    scan, faces, _ = inverted_arms
+    result = registration.solve((scan.points, faces))
+    assert result.trusted, result.message
+    assert np.linalg.norm(result.points - scan.body, axis=1).max() < 0.03
+
+
+def test_the_sparse_remnant_of_a_floor_is_background(registration, bodies):
+    scan = simulated_scan(bodies[3], bodies.template.faces, rng=3, n_points=8000, turn=False)
+    rng = np.random.default_rng(3)
+    floor = rng.uniform(-0.5, 0.5, (196, 3)) * [1.0, 0.004, 1.0]
+    floor += [*scan.body[:, :1].mean(axis=0), scan.body[:, 1].min(), scan.body[:, 2].mean()]
+    result = registration.solve(np.concatenate([scan.points, floor]))
+    assert result.trusted, result.message
+    assert result.background[-len(floor) :].mean() > 0.85
+    assert not result.background[: -len(floor)].any()
+
+
+def test_far_points_are_background_and_impossible_ones_are_named(registration, bodies):
+    points = simulated_scan(bodies[0], bodies.template.faces, rng=0, n_points=2000).points
+    result = registration.solve(np.concatenate([points, [[1000.0, 0.0, 0.0]]]))
+    assert result.background[-1]
+    assert result.trusted, result.message
+    with pytest.raises(rh.errors.ArgumentError, match=r"point 2000 is 1e\+308 away from a scan"):
+        registration.solve(np.concatenate([points, [[0.0, 1e308, 0.0]]]))
+
+
+def test_landmarks_are_a_mapping_to_places_in_the_scan(registration, bodies):
+    with pytest.raises(rh.errors.ArgumentError, match=r"left_wrist'\] must be in the scan"):
+        registration.solve(bodies[0], landmarks={"left_wrist": [0.0, 1e200, 0.0]})
+    with pytest.raises(rh.errors.ArgumentTypeError, match="must be a mapping of joints"):
+        registration.solve(bodies[0], landmarks=[[0.0, 1.0, 0.0]])
+
+
+def test_bodies_are_moved_to_stand_upright_and_face_the_viewer(bodies):
+    """A squatting body, which bends forward, in a scan with z up and any heading."""
+    scan = simulated_scan(bodies[9], bodies.template.faces, rng=1, n_points=6000, turn=False)
+    motion = Rotation.from_euler("yx", [70.0, 90.0], degrees=True).as_matrix()
+    registration = ScanRegistration(bodies.model, up="z")
+    result = registration.solve(scan.points @ motion.T + [3.0, 2.0, 1.0])
+    assert result.trusted, result.message
+    moved = result.points @ result.transform[:3, :3].T + result.transform[:3, 3]
+    np.testing.assert_allclose(result.upright_points, moved, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(result.transform[:3, :3]), 1.0)
+    assert abs(moved[:, 1].min()) < 1e-9
+    # The open bodies face z within a few degrees.
+    body = scan.body - [*(0.5 * (scan.body.min(axis=0) + scan.body.max(axis=0)))]
+    body[:, 1] += -body[:, 1].min()
+    assert np.linalg.norm(moved - body, axis=1).mean() < 0.03
+
+
+def test_mesh_objects_are_scans(registration, bodies):
+    mesh = rh.io.to_trimesh(bodies[0], bodies.template.faces)
+    result = registration.solve(mesh)
+    assert result.trusted, result.message
+    assert np.linalg.norm(result.points - bodies[0], axis=1).mean() < 0.005
