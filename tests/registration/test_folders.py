@@ -1,13 +1,10 @@
 """Folders of scans: what is written, what a second run leaves, and what is damaged."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration, read_records, register_folder, simulated_scan
-from riemhuman.report.registered_scans import scan_section
 
 
 @pytest.fixture(scope="module")
@@ -77,14 +74,6 @@ def test_the_page_shows_every_scan(registered):
     assert text.count("not trusted</strong>") == 2
     assert text.count('alt="body registered to the scan anna"') == 1
     assert text.count('class="colour-bar"') == 1
-
-
-def test_the_page_writes_messages_as_sentences(registered):
-    messages = "the scan does not look like a body", "box.npy: it has 10 points."
-    records = [replace(registered[2][1], message=message) for message in messages]
-    text = scan_section(records).html()
-    assert "<p>The scan does not look like a body.</p>" in text
-    assert "<p>box.npy: it has 10 points.</p>" in text
 
 
 def test_folders_without_scans_are_refused(tmp_path, registration):
