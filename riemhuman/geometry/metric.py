@@ -94,6 +94,9 @@ class RiemannianMetric:
     is_translation_invariant: bool = False
     """Whether translating one of two surfaces leaves their distance unchanged."""
 
+    is_rotation_invariant: bool = False
+    """Whether rotating one of two surfaces leaves their distance unchanged."""
+
     is_stretch_invariant: bool = False
     """Whether longer or shorter edges leave the distance of two surfaces unchanged."""
 

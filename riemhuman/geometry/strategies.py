@@ -78,10 +78,12 @@ class MeanSolver(Protocol):
         points: ndarray,
         weights: ndarray | None = None,
         initial_point: ndarray | None = None,
+        exponent: int = 2,
     ) -> Any:
         """Return an object with `point`, the mean, and `variance`.
 
-        It may have all else that `riemhuman.solvers.MeanResult` has.
+        It may have all else that `riemhuman.solvers.MeanResult` has. `riemhuman.FrechetMean` passes
+        `metric`, `points` and `weights` alone, `riemhuman.GeometricMedian` also ``exponent=1``.
         """
 
 

@@ -171,6 +171,10 @@ class SurfaceMetric(MetricOfTerms):
     driver = SumOfTerms
     is_translation_invariant = True
 
+    @property
+    def is_rotation_invariant(self) -> bool:  # type: ignore[override]
+        return all(term.is_rotation_invariant for term in self.terms)
+
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         """Return the sum of the squared distances of fields (equation 5)."""
         first_a = self._derivatives(self.space.check_point(point_a, "point_a"))
@@ -201,8 +205,8 @@ class SurfaceMetric(MetricOfTerms):
         straight path between the ends, by the sum of the vertices' distances.
         """
         path = self.check_points(path, "path")
-        rotations = all(term.is_rotation_invariant for term in self.terms)
-        return still_path(path, self.space.template.vertex_areas, rotations=rotations)
+        areas = self.space.template.vertex_areas
+        return still_path(path, areas, rotations=self.is_rotation_invariant)
 
     def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
         """Return coordinates from the charts of those terms that have one.

@@ -6,7 +6,7 @@ from riemhuman.solvers.geodesic_regression import GeodesicRegression
 from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath, PoissonPath
 from riemhuman.solvers.inverted_triangles import inverted_triangles
 from riemhuman.solvers.logarithm import DiscreteLogarithm, LogarithmResult
-from riemhuman.solvers.means import BasisMean, GradientDescentMean, StreamingMean, StreamingMedian
+from riemhuman.solvers.means import BasisMean, FrechetMean, GeometricMedian, GradientDescentMean
 from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.parallel_transport import PoleLadder, SchildLadder, TransportResult
 from riemhuman.solvers.path_comparison import (
@@ -44,6 +44,8 @@ __all__ = [
     "ExponentialResult",
     "FiniteDifferenceEnergy",
     "GeodesicRegression",
+    "FrechetMean",
+    "GeometricMedian",
     "GradientDescentMean",
     "Interrupted",
     "LinearPath",
@@ -65,8 +67,6 @@ __all__ = [
     "SegmentEnergy",
     "ShapeTransfer",
     "Status",
-    "StreamingMean",
-    "StreamingMedian",
     "TangentPCA",
     "TransportResult",
     "compare_paths",

@@ -30,10 +30,10 @@ from riemhuman.solvers.paths import rounded
 if TYPE_CHECKING:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
 
-# A normal that turns further within one time step belongs to a triangle that has turned over.
+# A triangle whose normal rotates further within one time step, by more than 120°, has turned over.
 _LEAST_COSINE = -0.5
 
-# Of a turn by 60 degrees.
+# Of a rotation by 60 degrees.
 _FAR_COSINE = 0.5
 
 # A triangle that has lost as much of its area within one time step is about to vanish.
@@ -48,21 +48,16 @@ _RIDGE = 1e-6
 # Relative changes of a point's entries that count as rounding errors.
 _ROUNDING = 1e-7
 
+# Earlier steps that the search for a root combines.
+_MEMORY = 20
+
+# A step of that search is halved while the residual would grow by more than this factor.
+_GROWTH = 2.0
+_MOST_HALVINGS = 8
+
 
 class Triple(NamedTuple):
-    r"""Three points that solve the equation, and how they were found.
-
-    Attributes
-    ----------
-    points : array, shape (3, \*shape)
-        x, y and z.
-    n_iterations, n_evaluations : int
-        Iterations, and evaluations of the equation.
-    error : float
-        Residual of the equation, as a share of the length of the two segments.
-    converged : bool
-        Whether the error is within the tolerance.
-    """
+    r"""Points x, y and z, shape (3, \*shape); `error` is a share of the length of two segments."""
 
     points: ndarray
     n_iterations: int
@@ -72,23 +67,13 @@ class Triple(NamedTuple):
 
 
 @dataclass(frozen=True)
-class MiddleEquation:
+class GeodesicEquation:
     """The equation for one metric, with the unknown point in a basis or free in all coordinates.
 
-    In variables preconditioned by the metric's matrix at the middle point, the derivative of the
-    equation is the identity up to the length of the segments, see `find_root`.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric.
-    basis : DeformationBasis, optional
-        Directions in which the unknown point may leave its first guess, and against which the
-        equation is tested; by default all coordinates.
-    tolerance : float
-        Error at which to stop, as a share of the length of the two segments.
-    max_iter : int
-        Most iterations.
+    Preconditioned by the metric's matrix at the middle point, the derivative of the equation is the
+    identity up to the length of the segments, see `find_root`. The unknown point leaves its first
+    guess along the basis, against which the equation is tested. The tolerance is a share of the
+    length of the two segments.
     """
 
     metric: RiemannianMetric
@@ -97,75 +82,46 @@ class MiddleEquation:
     max_iter: int = 50
 
     def next_point(self, before: ndarray, middle: ndarray) -> Triple:
-        r"""Continue from two points by one more segment of the same velocity.
-
-        Parameters
-        ----------
-        before, middle : array, shape (\*shape,)
-            x and y.
-
-        Returns
-        -------
-        Triple
-        """
+        """Continue from x and y by one more segment of the same velocity."""
         guess = 2.0 * middle - before
 
         def triple(shift: ndarray) -> ndarray:
-            return np.stack([before, middle, self._regular(guess + shift)])
+            return np.stack([before, middle, self._project(guess + shift)])
 
         return self._solve(triple, middle, -4.0, 4.0 * self._squared_dist(before, middle))
 
     def both_sides(self, middle: ndarray, displacement: ndarray) -> Triple:
-        r"""Find the points y ± v + w around a point.
-
-        Parameters
-        ----------
-        middle : array, shape (\*shape,)
-            y.
-        displacement : array, shape (\*shape,)
-            v.
-
-        Returns
-        -------
-        Triple
-        """
+        """Find the points y ± v + w around y."""
 
         def triple(shift: ndarray) -> ndarray:
-            before = self._regular(middle - displacement + shift)
-            return np.stack([before, middle, self._regular(middle + displacement + shift)])
+            before = self._project(middle - displacement + shift)
+            return np.stack([before, middle, self._project(middle + displacement + shift)])
 
         squared_norm = float(self.metric.squared_norm(displacement, middle))
         return self._solve(triple, middle, -8.0, 4.0 * squared_norm)
 
     def middle_point(self, start: ndarray, end: ndarray) -> Triple:
-        r"""Halve the segment between two points.
-
-        Parameters
-        ----------
-        start, end : array, shape (\*shape,)
-            x and z.
-
-        Returns
-        -------
-        Triple
-        """
-        guess = self._regular(0.5 * (start + end))
+        """Halve the segment between x and z."""
+        guess = self._project(0.5 * (start + end))
 
         def triple(shift: ndarray) -> ndarray:
-            return np.stack([start, self._regular(guess + shift), end])
+            return np.stack([start, self._project(guess + shift), end])
 
         return self._solve(triple, guess, 8.0, self._squared_dist(start, end))
 
-    def _steady(self, shift: ndarray) -> ndarray:
-        """Take out translations that the metric does not see: the centroid then moves uniformly."""
+    def _project(self, point: ndarray) -> ndarray:
+        return self.metric.space.projection(point)
+
+    def _squared_dist(self, start: ndarray, end: ndarray) -> float:
+        return float(self.metric.energy(np.stack([start, end])))
+
+    def _without_translation(self, shift: ndarray) -> ndarray:
+        """Remove translations that the metric does not measure: centroids then move uniformly."""
         metric = self.metric
         if not metric.is_translation_invariant:
             return shift
         space: Any = metric.space
         return shift - centroid(shift, space.template.vertex_areas)
-
-    def _regular(self, point: ndarray) -> ndarray:
-        return self.metric.space.projection(point)
 
     @single_threaded_libraries()
     def _solve(
@@ -177,23 +133,24 @@ class MiddleEquation:
     ) -> Triple:
         """Solve for the shift.
 
-        The equation's derivative by it is about `derivative` times the metric's matrix, and the
-        energy of the path of three points about `energy`.
+        The equation's derivative by the shift is about `derivative` times the metric's matrix, and
+        the energy of the path of three points about `energy`.
         """
         metric, shape = self.metric, middle.shape
-        unit = max(energy, self._rounding(middle)) or 1.0
+        # A step may be no longer than rounding errors.
+        near = self._project(rounded(middle, _ROUNDING))
+        unit = max(energy, self._squared_dist(middle, near)) or 1.0
         directions, factor = self._preconditioner(middle, abs(derivative) / unit)
         scale = np.sign(derivative) / unit
 
         def shift_of(variables: ndarray) -> ndarray:
             if directions is None:
-                return self._steady(variables.reshape(shape))
-            shift = factor.solve_transposed(variables[:, None])[:, 0]
-            return (shift @ directions).reshape(shape)
+                return self._without_translation(variables.reshape(shape))
+            return (variables @ directions).reshape(shape)
 
-        def equation(variables: ndarray) -> ndarray | tuple[ndarray, ndarray] | None:
+        def equation(variables: ndarray) -> tuple[ndarray, ndarray] | None:
             points = triple(shift_of(variables))
-            if _sizes_away(metric.space, middle, points) > _FAR:
+            if _sizes_moved(metric.space, middle, points) > _FAR:
                 return None
             if not np.all(metric.space.belongs(points)):
                 return None
@@ -202,31 +159,18 @@ class MiddleEquation:
                 return None
             pull_back, _ = make_vjp(metric.space.projection, points[1])
             slope = scale * np.ravel(pull_back(gradient[1]))
-            if directions is None:
-                # The whole inverse is much faster than its triangles one by one.
-                return factor.inverse(slope[:, None])[:, 0], slope
-            return factor.solve((directions @ slope)[:, None])[:, 0]
+            slope = slope if directions is None else directions @ slope
+            return factor.inverse(slope[:, None])[:, 0], slope
 
-        found = find_root(
-            equation,
-            np.zeros(middle.size if directions is None else len(directions)),
-            tolerance=self.tolerance,
-            max_iter=self.max_iter,
-        )
+        start = np.zeros(middle.size if directions is None else len(directions))
+        root = find_root(equation, start, tolerance=self.tolerance, max_iter=self.max_iter)
         return Triple(
-            triple(shift_of(found.x)),
-            found.n_iterations,
-            found.n_evaluations,
-            found.residual,
-            bool(found.residual <= self.tolerance),
+            triple(shift_of(root.x)),
+            root.n_iterations,
+            root.n_evaluations,
+            root.residual,
+            bool(root.residual <= self.tolerance),
         )
-
-    def _squared_dist(self, start: ndarray, end: ndarray) -> float:
-        return float(self.metric.energy(np.stack([start, end])))
-
-    def _rounding(self, point: ndarray) -> float:
-        """Return the energy of a step that is no longer than rounding errors."""
-        return self._squared_dist(point, self._regular(rounded(point, _ROUNDING)))
 
     def _preconditioner(
         self, middle: ndarray, scale: float
@@ -243,24 +187,12 @@ class MiddleEquation:
         return directions, CholeskyFactor(scale * gram)
 
 
-def turns_far(metric: RiemannianMetric, path: ndarray) -> bool:
-    r"""Tell whether a triangle turns by more than 60 degrees within one step of a path.
+def rotates_far(metric: RiemannianMetric, path: ndarray) -> bool:
+    """Return whether a triangle of surfaces rotates by more than 60 degrees within one step.
 
     Then there may be two next points: a fold of skin that snaps has passed the one where the
     derivative of the equation is singular. The path of least energy takes one, the exponential
     the other.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric.
-    path : array, shape (n_nodes, \*shape)
-        A path.
-
-    Returns
-    -------
-    bool
-        False where points are no surfaces.
     """
     space = metric.space
     if not space.is_surface_space:
@@ -270,22 +202,7 @@ def turns_far(metric: RiemannianMetric, path: ndarray) -> bool:
 
 
 def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
-    r"""Return how a step has left the manifold, or "" if it has not.
-
-    Points leave the manifold where they do not belong to it, and where a triangle is inverted: its
-    normal has turned by more than 120 degrees.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric.
-    before, after : array, shape (\*shape,)
-        A point of the manifold, and the next one.
-
-    Returns
-    -------
-    str
-    """
+    """Return how a step has left the manifold, or "": a triangle may have turned over."""
     space = metric.space
     if not np.isfinite(after).all():
         return "entries are not finite"
@@ -305,27 +222,8 @@ def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> s
     return f"triangle {worst} degenerates: its normal has turned over"
 
 
-def _sizes_away(space: Any, before: ndarray, after: ndarray) -> float:
-    """Return how far the vertices of a surface have moved, in units of its size; else 0."""
-    if not space.is_surface_space:
-        return 0.0
-    return float(np.abs(after - before).max() / np.ptp(before))
-
-
-def vanishing(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
-    r"""Return which triangle of a surface is about to vanish, or "" if none.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric.
-    before, after : array, shape (\*shape,)
-        Two points, one time step apart.
-
-    Returns
-    -------
-    str
-    """
+def vanishing_triangle(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
+    """Return which triangle of a surface has lost half of its area within one step, or ""."""
     space = metric.space
     if not space.is_surface_space:
         return ""
@@ -337,26 +235,15 @@ def vanishing(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
     return f"triangle {least} degenerates: one step left {shares[least]:.0%} of its area"
 
 
-# Earlier steps that the next one is found from.
-_MEMORY = 20
-
-# A step is halved while the residual would grow by more than this factor.
-_GROWTH = 2.0
-_MOST_HALVINGS = 8
+def _sizes_moved(space: Any, before: ndarray, after: ndarray) -> float:
+    """Return how far the vertices of a surface have moved, in units of its size; else 0."""
+    if not space.is_surface_space:
+        return 0.0
+    return float(np.abs(after - before).max() / np.ptp(before))
 
 
 class Root(NamedTuple):
-    """The result of a search for a root.
-
-    Attributes
-    ----------
-    x : array, shape (n,)
-        The best point evaluated.
-    residual : float
-        Norm of the function there.
-    n_iterations, n_evaluations : int
-        Steps, and evaluations of the function.
-    """
+    """The best point evaluated, shape (n,), with the norm of the function there."""
 
     x: ndarray
     residual: float
@@ -365,102 +252,79 @@ class Root(NamedTuple):
 
 
 def find_root(
-    function: Callable[[ndarray], ndarray | tuple[ndarray, ndarray] | None],
+    function: Callable[[ndarray], tuple[ndarray, ndarray] | None],
     start: ndarray,
     *,
     tolerance: float,
     max_iter: int,
 ) -> Root:
-    """Find a root of a function whose derivative is near the identity.
+    """Find a root of a function F whose derivative is near the identity.
 
     Anderson acceleration of x ← x − F(x): the combination of the last steps that would have reduced
     F most (Walker and Ni, "Anderson acceleration for fixed-point iterations", SIAM Journal on
-    Numerical Analysis 49, 2011). Steps that leave the domain, or make F much larger, are halved.
-
-    Parameters
-    ----------
-    function : callable
-        Maps x to F(x), shape (n,), or to None outside its domain. If lengths are measured by a
-        positive matrix A, it maps x to F(x) and A F(x).
-    start : array, shape (n,)
-        Where to start.
-    tolerance : float
-        Norm of F at which to stop.
-    max_iter : int
-        Largest number of steps.
-
-    Returns
-    -------
-    Root
-        Its residual is infinite if the start is outside the domain.
+    Numerical Analysis 49, 2011). The function returns F(x) and A F(x), for a positive matrix A that
+    measures lengths, or None outside its domain. Steps that leave the domain, or make F much
+    larger, are halved. The residual is infinite if the start is outside the domain.
     """
-    x, found = start, function(start)
+    x, values = start, function(start)
     n_evaluations = 1
-    if found is None:
+    if values is None:
         return Root(start, np.inf, 0, n_evaluations)
-    value, dual = found if isinstance(found, tuple) else (found, found)
+    value, dual = values
     best = Root(x, _length(value, dual), 0, n_evaluations)
-    memory = _Memory(euclidean=dual is value)
+    memory = _Memory()
     for iteration in range(1, max_iter + 1):
         if best.residual <= tolerance:
             break
         direction = memory.direction(value, dual)
         for _ in range(_MOST_HALVINGS):
-            found = function(x + direction)
+            values = function(x + direction)
             n_evaluations += 1
-            if found is not None:
-                new_value, new_dual = found if isinstance(found, tuple) else (found, found)
-                residual = _length(new_value, new_dual)
+            if values is not None:
+                residual = _length(*values)
                 if residual <= _GROWTH * _length(value, dual):
                     break
             direction = 0.5 * direction
-        if found is None:
+        if values is None:
             break
-        memory.add(direction, new_value - value, new_dual - dual)
-        x, value, dual = x + direction, new_value, new_dual
+        memory.add(direction, values[0] - value, values[1] - dual)
+        x, (value, dual) = x + direction, values
         if residual < best.residual:
             best = Root(x, residual, iteration, n_evaluations)
     return best._replace(n_evaluations=n_evaluations)
 
 
 class _Memory:
-    """The last steps, with what they changed in F and in A F."""
+    """The last steps, with their changes of F and of A F."""
 
-    def __init__(self, euclidean: bool) -> None:
-        self._euclidean = euclidean
+    def __init__(self) -> None:
         self._steps: list[ndarray] = []
         self._changes: list[ndarray] = []
         self._duals: list[ndarray] = []
-        # Of changes in F with changes in A F.
+        # Of changes of F with changes of A F.
         self._products = np.empty((0, 0))
 
     def add(self, step: ndarray, change: ndarray, dual: ndarray) -> None:
-        """Remember a step, and forget the oldest ones."""
+        """Remember a step, and forget the oldest one where there are many."""
         if len(self._steps) == _MEMORY:
-            for kept in (self._steps, self._changes, self._duals):
-                del kept[0]
+            for rows in (self._steps, self._changes, self._duals):
+                del rows[0]
             self._products = self._products[1:, 1:]
         self._steps.append(step)
         self._changes.append(change)
         self._duals.append(dual)
-        if not self._euclidean:
-            column = np.array([other @ dual for other in self._changes])
-            row = np.array([change @ other for other in self._duals[:-1]])
-            self._products = np.vstack([self._products, row])
-            self._products = np.column_stack([self._products, column])
+        column = np.array([earlier @ dual for earlier in self._changes])
+        row = np.array([change @ earlier for earlier in self._duals[:-1]])
+        self._products = np.column_stack([np.vstack([self._products, row]), column])
 
     def direction(self, value: ndarray, dual: ndarray) -> ndarray:
         """Return the next step from a point with the values F and A F."""
         direction = -value
-        if not self._steps:
-            return direction
-        if self._euclidean:
-            weights = np.linalg.lstsq(np.stack(self._changes, axis=1), value, rcond=None)[0]
-        else:
+        if self._steps:
             shares = np.array([change @ dual for change in self._changes])
             weights = np.linalg.lstsq(self._products, shares, rcond=None)[0]
-        for weight, step, change in zip(weights, self._steps, self._changes, strict=True):
-            direction -= weight * (step - change)
+            for weight, step, change in zip(weights, self._steps, self._changes, strict=True):
+                direction -= weight * (step - change)
         return direction
 
 

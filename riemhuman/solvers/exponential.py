@@ -16,10 +16,10 @@ from riemhuman.checks import real_array, real_number, values_of, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, NotDefinedError, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.solvers._geodesic_equation import (
-    MiddleEquation,
+    GeodesicEquation,
     degeneration,
-    turns_far,
-    vanishing,
+    rotates_far,
+    vanishing_triangle,
 )
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.results import Result, Status, finish
@@ -27,6 +27,15 @@ from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # A step whose equation is off by more than this share of its length has lost the geodesic.
 _LOST = 1e-3
+
+# Of the linear equations for derivatives.
+_TOLERANCE = 1e-9
+_MAX_ITER = 1000
+_OUT_OF_ITERATIONS = 7  # as SciPy counts reasons to stop
+
+# Which of the three points a shift moves: the last one, or both sides of the start.
+_LAST = np.array([0.0, 0.0, 1.0])
+_SIDES = np.array([1.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,7 +94,7 @@ class DiscreteExponential:
     r"""exp in n steps, by the discrete geodesic equation.
 
     The first step is symmetric: of the points x₀ ± v/n + w, x₀ is the middle. Every following point
-    solves the discrete geodesic equation, see `MiddleEquation`. The error of the end
+    solves the discrete geodesic equation, see `GeodesicEquation`. The error of the end
     point is of second order in the time step 1/n, and the squared speed along the path is
     constant up to that order. On surfaces the distance of each segment has a closed form.
 
@@ -101,8 +110,8 @@ class DiscreteExponential:
     max_iter : int
         Largest number of iterations of each step.
     n_doublings : int
-        How often `solve` may begin anew with steps half as long, over all coordinates, where a
-        triangle turns by more than 60 degrees within one.
+        How often `solve` may begin anew with steps half as long, where a step fails or, over all
+        coordinates, a triangle rotates by more than 60 degrees within one.
 
     Examples
     --------
@@ -122,7 +131,7 @@ class DiscreteExponential:
     n_steps: int = 10
     tolerance: float = 1e-8
     max_iter: int = 50
-    n_doublings: int = 1
+    n_doublings: int = 2
 
     def __post_init__(self) -> None:
         whole_number(self.n_steps, "n_steps", minimum=1)
@@ -161,10 +170,29 @@ class DiscreteExponential:
         """
         base_point = metric.check_points(values_of(base_point, "base_point")[None], "base_point")[0]
         velocity = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
-        n_doublings = self.n_doublings if self.basis is None else 0
-        found = self._walk(metric, [base_point], self.n_steps, self.n_steps, velocity, n_doublings)
-        finish(self, found)
-        return found
+        result = self._follow(metric, velocity, base_point)
+        return finish(self, result)
+
+    def _follow(
+        self, metric: RiemannianMetric, velocity: ndarray, base_point: ndarray
+    ) -> ExponentialResult:
+        """Return the geodesic with the fewest steps that serve, without a warning."""
+        n_iterations = n_evaluations = 0
+        for doubling in range(self.n_doublings + 1):
+            n_steps = self.n_steps * 2**doubling
+            result, is_fine = self._walk(
+                metric,
+                [base_point],
+                n_steps,
+                n_steps,
+                velocity,
+                stop_early=doubling < self.n_doublings,
+            )
+            n_iterations += result.n_iterations
+            n_evaluations += result.n_evaluations
+            if is_fine:
+                break
+        return replace(result, n_iterations=n_iterations, n_evaluations=n_evaluations)
 
     def extend(self, metric: RiemannianMetric, path: ndarray, n_steps: int) -> ExponentialResult:
         r"""Continue a discrete geodesic beyond its end, with the same time step.
@@ -197,9 +225,8 @@ class DiscreteExponential:
         if len(path) < 2:
             raise ArgumentError(f"path must have at least two times; found {len(path)}")
         n_steps = whole_number(n_steps, "n_steps", minimum=1)
-        found = self._walk(metric, list(path), len(path) - 1, n_steps)
-        finish(self, found)
-        return found
+        result, _ = self._walk(metric, list(path), len(path) - 1, n_steps)
+        return finish(self, result)
 
     def derivatives(
         self, metric: RiemannianMetric, path: ndarray, tangent_vec: ndarray, covectors: ndarray
@@ -222,8 +249,8 @@ class DiscreteExponential:
         Returns
         -------
         by_tangent_vec, by_base_point : array, shape (\*shape,)
-            Exact where the equations determine the path up to motions that the metric does not see,
-            as for closed surfaces.
+            Exact where the equations determine the path up to motions that the metric does not
+            measure, as for closed surfaces.
 
         Raises
         ------
@@ -250,103 +277,68 @@ class DiscreteExponential:
         steps_per_unit: int,
         n_steps: int,
         velocity: ndarray | None = None,
-        n_doublings: int = 0,
-    ) -> ExponentialResult:
+        stop_early: bool = False,
+    ) -> tuple[ExponentialResult, bool]:
         """Add points, the first of them by a velocity if there is one.
 
-        Where a step turns a triangle too far, all are made anew, half as long.
+        Return also whether all steps were possible and short enough; stop early at one that is not.
         """
-        start = points[0]
         displacement = None if velocity is None else velocity / steps_per_unit
         direction = points[-1] - points[-2] if displacement is None else displacement
         basis = None if self.basis is None else self.basis.extend(direction[None])
-        equation = MiddleEquation(metric, basis, self.tolerance, self.max_iter)
+        equation = GeodesicEquation(metric, basis, self.tolerance, self.max_iter)
         n_iterations = n_evaluations = 0
-        stop, unsolved = "", ""
+        stop, unsolved, is_fine = "", "", True
         for step in range(1, n_steps + 1):
-            where = f"step {step} of {n_steps}"
             if step == 1 and displacement is not None:
-                found = equation.both_sides(points[0], displacement)
+                triple = equation.both_sides(points[0], displacement)
             else:
-                found = equation.next_point(points[-2], points[-1])
-            n_iterations += found.n_iterations
-            n_evaluations += found.n_evaluations
-            is_made = found.error <= _LOST and np.all(metric.space.belongs(found.points[2]))
-            if n_doublings and is_made and turns_far(metric, found.points[1:]):
-                again = self._walk(
-                    metric, [start], 2 * steps_per_unit, 2 * n_steps, velocity, n_doublings - 1
-                )
-                return replace(
-                    again,
-                    n_iterations=n_iterations + again.n_iterations,
-                    n_evaluations=n_evaluations + again.n_evaluations,
-                )
-            stop = degeneration(metric, points[-1], found.points[2])
-            if not stop and found.error > _LOST:
-                stop = vanishing(metric, *points[-2:]) if len(points) > 1 else ""
+                triple = equation.next_point(points[-2], points[-1])
+            n_iterations += triple.n_iterations
+            n_evaluations += triple.n_evaluations
+            stop = degeneration(metric, points[-1], triple.points[2])
+            if not stop and triple.error > _LOST:
+                stop = vanishing_triangle(metric, *points[-2:]) if len(points) > 1 else ""
                 stop = stop or (
-                    "no next point solves the geodesic equation; use more steps, or a metric that "
-                    "sees more: a > 0 and c > 0"
+                    "no next point solves the geodesic equation; use more steps, or a metric with "
+                    "a > 0 and c > 0"
                 )
             if stop:
-                stop = f"{where}: {stop}"
+                stop = f"step {step} of {n_steps}: {stop}"
                 break
-            if not found.converged:
-                unsolved = f"{where}: the equation is solved to {found.error:.1e} only"
-            points.append(found.points[2])
+            if not triple.converged:
+                error = f"the equation is solved to {triple.error:.1e} only"
+                unsolved = f"step {step} of {n_steps}: {error}"
+            points.append(triple.points[2])
+            if self.basis is None and stop_early and rotates_far(metric, triple.points[1:]):
+                is_fine = False
+                break
         path = np.stack(points)
         squared = [float(metric.energy(np.stack(pair))) for pair in pairwise(path)]
-        return ExponentialResult(
+        status = Status.STALLED if unsolved else Status.CONVERGED
+        if stop:
+            status = Status.OUTSIDE_MANIFOLD
+        result = ExponentialResult(
             path,
             steps_per_unit**2 * np.array(squared),
             steps_per_unit,
             complete=not stop,
             n_iterations=n_iterations,
             n_evaluations=n_evaluations,
-            status=(
-                Status.OUTSIDE_MANIFOLD
-                if stop
-                else Status.STALLED
-                if unsolved
-                else Status.CONVERGED
-            ),
+            status=status,
             message=stop or unsolved or "all steps were made",
         )
-
-
-_TOLERANCE = 1e-9
-_MAX_ITER = 1000
-_OUT_OF_ITERATIONS = 7  # as SciPy counts reasons to stop
-
-# Which of the three points a shift moves: the last one, or both sides of the start.
-_LAST = np.array([0.0, 0.0, 1.0])
-_SIDES = np.array([1.0, 0.0, 1.0])
+        return result, is_fine and not stop
 
 
 def derivatives_of_exponential(
     metric: RiemannianMetric, path: ndarray, velocity: ndarray, covectors: ndarray
 ) -> tuple[ndarray, ndarray]:
-    r"""Return the derivatives of a function of a discrete geodesic, see the module.
+    """Return the derivatives of a function of a discrete geodesic: the adjoint method.
 
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        Metric on an open set of a vector space, such as surfaces.
-    path : array, shape (n_nodes, \*shape)
-        Discrete geodesic over unit time, with all coordinates free.
-    velocity : array, shape (\*shape,)
-        The initial velocity it was found for.
-    covectors : array, shape (n_nodes, \*shape)
-        Derivatives of the function with respect to the points.
-
-    Returns
-    -------
-    by_velocity, by_start : array, shape (\*shape,)
-
-    Warns
-    -----
-    ConvergenceWarning
-        If a linear equation was not solved within the tolerance.
+    Of every three neighbours x, y, z, y makes E = d²(x, y) + d²(y, z) stationary. Derivatives of
+    the function with respect to z are passed on to x and y, from the end to the start, by one
+    linear equation with the second derivatives of E for each point.
     """
     covectors = np.array(covectors)
     for last in range(len(path) - 1, 1, -1):
@@ -385,10 +377,10 @@ def _without_shift(
         return along(np.tensordot(moved, shift, axes=0))[1]
 
     factor = metric_factor(metric, points[1][None], 1.0)
-    multiplier = _solved(factor, by_shift, along_shift, covector)
-    found = -along(middle(multiplier))
-    found[2] += covector
-    return found
+    multiplier = _least_squares(factor, by_shift, along_shift, covector)
+    derivatives = -along(middle(multiplier))
+    derivatives[2] += covector
+    return derivatives
 
 
 def _second_derivatives(metric: RiemannianMetric, points: ndarray) -> Callable[[ndarray], ndarray]:
@@ -400,7 +392,7 @@ def _second_derivatives(metric: RiemannianMetric, points: ndarray) -> Callable[[
     return along
 
 
-def _solved(
+def _least_squares(
     factor: CholeskyFactor,
     matrix: Callable[[ndarray], ndarray],
     transposed: Callable[[ndarray], ndarray],
@@ -408,7 +400,7 @@ def _solved(
 ) -> ndarray:
     """Return the shortest least-squares solution of A x = b, in variables of the factor.
 
-    Motions that the metric does not see are in the kernels of A and of its transpose.
+    Motions that the metric does not measure are in the kernels of A and of its transpose.
     """
     shape, size = right.shape, right.size
 

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
+from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.kernels.drift import steady_path
-from riemhuman.solvers._geodesic_equation import MiddleEquation, degeneration, turns_far
+from riemhuman.solvers._geodesic_equation import GeodesicEquation, degeneration, rotates_far
 from riemhuman.solvers.basis_path import BasisPath
+from riemhuman.solvers.exponential import DiscreteExponential
 from riemhuman.solvers.path_straightening import PathStraightening, refine_path
-from riemhuman.solvers.paths import check_end_points, linear_path, rounding_energy
+from riemhuman.solvers.paths import check_end_points, linear_path
 from riemhuman.solvers.results import (
     PathResult,
     Result,
@@ -24,16 +27,17 @@ from riemhuman.solvers.results import (
     finish,
 )
 from riemhuman.surfaces.deformation_basis import DeformationBasis
+from riemhuman.surfaces.procrustes import procrustes
 
 # How well a path must be minimised for its first step to be known to some digits.
 _TOLERANCE = 1e-11
 
-# Energy of a path in the basis, as a share of that of a path that also turns limbs, up to which
+# How well a path is minimised before it is known whether its steps are short enough.
+_LOOSE_TOLERANCE = 1e-4
+
+# Energy of a path in the basis, as a share of that of a path that also rotates limbs, up to which
 # the exponential need not know more than the basis.
 _WORTH_JOINING = 1.01
-
-# Shares of the length of the path by which the norm of the velocity may differ from it.
-_SAME_SPEED = 0.1
 
 
 @dataclass(frozen=True, repr=False)
@@ -49,11 +53,14 @@ class LogarithmResult(Result):
     energy : float
         Energy of the path: the squared norm of the velocity, up to the second order of the time
         step.
+    end_error : float
+        Largest distance by which an entry of the exponential of the velocity differs from the
+        point, in units of the points, after a rigid motion where the metric ignores rotations;
+        infinite where the exponential ends early.
     n_iterations, n_evaluations : int
-        Iterations, and evaluations of energy and gradient, for the path and the velocity.
+        Iterations, and evaluations of energy and gradient, for path, velocity and exponential.
     converged : bool
-        Whether path and velocity were found within their tolerances, and the norm of the velocity
-        is about the length of the path.
+        Whether the exponential of the velocity comes back to the point.
     message : str
         Why it stopped.
 
@@ -73,39 +80,42 @@ class LogarithmResult(Result):
     tangent_vec: ndarray
     path: ndarray
     energy: float
+    end_error: float = np.nan
 
 
 @dataclass(frozen=True)
 class DiscreteLogarithm:
     r"""log from the first step of a geodesic x₀, x₁, …, xₙ: v = n (x₁ − x₋₁)/2.
 
-    The point x₋₁ continues the geodesic backwards by one step. `DiscreteExponential` with as many
-    steps and the same basis is the inverse, up to the tolerances; both differ from the continuous
-    maps by the second order of the time step 1/n.
+    The point x₋₁ continues the geodesic backwards by one step. The logarithm tries its own inverse,
+    the `DiscreteExponential` with as many steps, and has converged where that comes back to the
+    point. Else, and where a step is too long for the equations, it halves the steps. Both maps
+    differ from the continuous ones by the second order of the time step 1/n.
 
     Parameters
     ----------
     basis : DeformationBasis, optional
         Deformations that span the geodesic together with the difference of the ends: its surfaces
-        differ from the start by these alone. If a path that turns limbs has at least 1 % less
-        energy, its displacements are added; the inverse is then
-        ``DiscreteExponential(basis.extend(result.path - base_point))``. By default all coordinates
-        are free.
+        differ from the start by these alone. If a path that rotates limbs has at least 1 % less
+        energy, its displacements are added, see `inverse`. By default all coordinates are free.
     n_steps : int
         Steps in unit time.
     geodesic_solver : object, optional
-        Solver for the path, with `n_steps` + 1 times. By default `BasisPath` with the basis
-        or `PathStraightening` without, both with
-        narrow tolerances.
+        Solver for the path; its number of points is that of the steps, which are not halved. By
+        default `BasisPath` with the basis or `PathStraightening` without, both with narrow
+        tolerances.
     tolerance : float
-        Largest error of the backward step's equation, as a share of the length of its two segments.
+        Largest error of the equations, as a share of the length of two segments.
     max_iter : int
-        Largest number of iterations of the backward step.
+        Largest number of iterations for each equation.
     n_doublings : int
-        How often the steps may be halved where a triangle turns by more than 60 degrees within
-        one, over all coordinates and without another `geodesic_solver`: a fold of skin that snaps
-        within one step takes its path of least energy to a place that the exponential does not
-        reach. The inverse is then ``DiscreteExponential(n_steps=len(result.path) - 1)``.
+        How often the number of steps may be doubled, where the exponential does not come back, the
+        step before the start degenerates or, over all coordinates, a triangle rotates by more than
+        60 degrees within a step: a fold of skin that snaps within one step takes its path of least
+        energy to a place that the exponential does not reach.
+    end_tolerance : float
+        Largest `end_error` of a logarithm that has converged, in units of the points: by default
+        0.1 mm for bodies in metres.
 
     Examples
     --------
@@ -115,9 +125,11 @@ class DiscreteLogarithm:
     >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
     >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
     >>> end = bodies[0] + 0.02 * basis.vectors[8]
-    >>> result = rh.solvers.DiscreteLogarithm(basis, n_steps=4).solve(metric, end, bodies[0])
-    >>> result.tangent_vec.shape
-    (1202, 3)
+    >>> solver = rh.solvers.DiscreteLogarithm(basis, n_steps=4)
+    >>> result = solver.solve(metric, end, bodies[0])
+    >>> back = solver.inverse(result).solve(metric, result.tangent_vec, bodies[0])
+    >>> bool(abs(back.end - end).max() < 1e-4)
+    True
     """
 
     basis: DeformationBasis | None = None
@@ -125,12 +137,14 @@ class DiscreteLogarithm:
     geodesic_solver: GeodesicSolver | None = None
     tolerance: float = 1e-8
     max_iter: int = 50
-    n_doublings: int = 1
+    n_doublings: int = 2
+    end_tolerance: float = 1e-4
 
     def __post_init__(self) -> None:
         whole_number(self.n_steps, "n_steps", minimum=1)
         whole_number(self.n_doublings, "n_doublings", minimum=0)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        real_number(self.end_tolerance, "end_tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
@@ -157,77 +171,137 @@ class DiscreteLogarithm:
         Warns
         -----
         ConvergenceWarning
-            If the path or the backward step was not found within its tolerance.
+            If the exponential of the velocity does not come back to the point.
         """
         start, end = check_end_points(metric, base_point, point)
-        found = self._geodesic(metric, start, end)
-        path = found.path
-        basis = None if self.basis is None else self.basis.extend(path[1:] - start)
-        equation = MiddleEquation(metric, basis, self.tolerance, self.max_iter)
-        n_steps = len(path) - 1
+        if self.geodesic_solver is not None:
+            path = complete_path_result(self.geodesic_solver.solve(metric, start, end))
+            result = self._logarithm(metric, path, end)
+        else:
+            with catch_warnings():
+                # Whether a path is good enough is for the exponential to say.
+                simplefilter("ignore", ConvergenceWarning)
+                result = self._by_doubling(metric, start, end)
+        return finish(self, result)
+
+    def inverse(self, result: LogarithmResult) -> DiscreteExponential:
+        """Return the exponential that takes the velocity back to the point.
+
+        Parameters
+        ----------
+        result : LogarithmResult
+            Result of this solver.
+
+        Returns
+        -------
+        DiscreteExponential
+            With as many steps as the path; with a basis, the displacements of the path added.
+        """
+        n_steps = len(result.path) - 1
+        return DiscreteExponential(
+            self._joined_basis(result.path), n_steps, self.tolerance, self.max_iter
+        )
+
+    def _joined_basis(self, path: ndarray) -> DeformationBasis | None:
+        return None if self.basis is None else self.basis.extend(path[1:] - path[0])
+
+    def _by_doubling(
+        self, metric: RiemannianMetric, start: ndarray, end: ndarray
+    ) -> LogarithmResult:
+        """Return the logarithm with the fewest steps that serve."""
+        n_evaluations, initial_path = 0, None
+        for doubling in range(self.n_doublings + 1):
+            n_steps = self.n_steps * 2**doubling
+            may_double = doubling < self.n_doublings
+            find = self._over_all if self.basis is None else self._over_basis
+            path, exact = find(metric, start, end, n_steps, initial_path)
+            n_evaluations += path.n_evaluations
+            if may_double and self._has_long_steps(metric, path.path):
+                initial_path = refine_path(path.path, 2 * n_steps)
+                continue
+            path = exact.solve(metric, start, end, initial_path=path.path)
+            result = self._logarithm(metric, path, end)
+            n_evaluations += result.n_evaluations
+            if result.converged or not may_double:
+                break
+            initial_path = refine_path(path.path, 2 * n_steps)
+        return replace(result, n_evaluations=n_evaluations)
+
+    def _has_long_steps(self, metric: RiemannianMetric, path: ndarray) -> bool:
+        """Return whether a triangle rotates too far, or no step before the start exists."""
+        if self.basis is None and rotates_far(metric, path):
+            return True
+        equation = GeodesicEquation(metric, self._joined_basis(path), self.tolerance, self.max_iter)
         backward = equation.next_point(path[1], path[0])
-        before = backward.points[2]
-        message = found.message
-        gone = degeneration(metric, path[0], before)
-        if gone or not backward.converged:
-            message = f"the step before the start: {gone or f'error {backward.error:.1e}'}"
-        tangent_vec = 0.5 * n_steps * (path[1] - before)
-        speed, length = float(metric.norm(tangent_vec, start)), np.sqrt(found.energy)
-        rounding = np.sqrt(rounding_energy(metric, start))
-        agree = abs(speed - length) <= max(_SAME_SPEED * length, n_steps * rounding)
-        if not agree:
-            message = f"the velocity has norm {speed:.4g}, the path length {length:.4g}; {message}"
-        if self.basis is None and self.geodesic_solver is None and turns_far(metric, path):
-            message += "; a triangle turns far within one step: the exponential may end elsewhere"
-        result = LogarithmResult(
-            tangent_vec,
-            path,
-            found.energy,
-            n_iterations=found.n_iterations + backward.n_iterations,
-            n_evaluations=found.n_evaluations + backward.n_evaluations,
-            status=Status.of(found.converged and backward.converged and not gone and agree),
+        return not backward.converged or bool(degeneration(metric, path[0], backward.points[2]))
+
+    def _logarithm(
+        self, metric: RiemannianMetric, found: PathResult, end: ndarray
+    ) -> LogarithmResult:
+        """Return the initial velocity of a path, tried by its exponential."""
+        path = found.path
+        if self.basis is None and metric.is_translation_invariant:
+            # As the exponential moves surfaces along translations, which the metric ignores.
+            space: Any = metric.space
+            path = steady_path(path, space.template.vertex_areas)
+        equation = GeodesicEquation(metric, self._joined_basis(path), self.tolerance, self.max_iter)
+        backward = equation.next_point(path[1], path[0])
+        tangent_vec = 0.5 * (len(path) - 1) * (path[1] - backward.points[2])
+        result = LogarithmResult(tangent_vec, path, found.energy)
+        forward = self.inverse(result)._follow(metric, tangent_vec, path[0])
+        reached = forward.end
+        if metric.is_rotation_invariant and metric.space.is_surface_space:
+            # Neither map determines rotations that the metric ignores.
+            reached = procrustes(reached, end)
+        end_error = float(np.abs(reached - end).max()) if forward.complete else np.inf
+        if end_error <= self.end_tolerance:
+            message = f"the exponential comes back to within {end_error:.1e}"
+        else:
+            message = (
+                f"the exponential ends {end_error:.1e} from the point in {forward.n_steps} steps "
+                f"({forward.message}; path: {found.message}; step before the start: error "
+                f"{backward.error:.1e})"
+            )
+        return replace(
+            result,
+            end_error=end_error,
+            n_iterations=found.n_iterations + backward.n_iterations + forward.n_iterations,
+            n_evaluations=found.n_evaluations + backward.n_evaluations + forward.n_evaluations,
+            status=Status.CONVERGED if end_error <= self.end_tolerance else Status.STALLED,
             message=message,
         )
-        finish(self, result)
-        return result
 
-    def _geodesic(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
-        n_nodes = self.n_steps + 1
-        if self.geodesic_solver is not None:
-            return complete_path_result(self.geodesic_solver.solve(metric, start, end))
-        if self.basis is None:
-            found = self._over_all(metric, start, end)
-            if metric.is_translation_invariant:
-                # As the exponential moves surfaces where the metric does not say.
-                space: Any = metric.space
-                found = replace(found, path=steady_path(found.path, space.template.vertex_areas))
-            return found
+    def _over_all(
+        self,
+        metric: RiemannianMetric,
+        start: ndarray,
+        end: ndarray,
+        n_steps: int,
+        initial_path: ndarray | None,
+    ) -> tuple[PathResult, PathStraightening]:
+        """Return a path over all coordinates, and the solver that minimises it to the end."""
+        solver = PathStraightening(n_steps + 1, tolerance=_LOOSE_TOLERANCE, remove_drift=False)
+        path = solver.solve(metric, start, end, initial_path=initial_path)
+        return path, replace(solver, tolerance=_TOLERANCE)
+
+    def _over_basis(
+        self,
+        metric: RiemannianMetric,
+        start: ndarray,
+        end: ndarray,
+        n_steps: int,
+        initial_path: ndarray | None,
+    ) -> tuple[PathResult, BasisPath]:
+        """Return a path over the basis, and the solver that minimises it to the end."""
+        assert self.basis is not None
         basis = self.basis.extend((end - start)[None])
-        solver = BasisPath(basis, n_nodes, remove_drift=False)
-        first = solver.solve(metric, start, end)
+        solver = BasisPath(basis, n_steps + 1, remove_drift=False)
+        free = solver.solve(metric, start, end)
         # The exponential can follow what the path has in the basis.
-        initial = start + basis.project(first.path - start)
+        initial = start + basis.project(free.path - start)
         if not np.isfinite(metric.energy_and_gradient(initial)[0]):
-            initial = linear_path(start, end, n_nodes)
+            initial = linear_path(start, end, n_steps + 1)
         within = solver.solve(metric, start, end, initial_path=initial)
-        least = within if within.energy <= _WORTH_JOINING * first.energy else first
-        joined = self.basis.extend(least.path[1:] - start)
-        solver = replace(solver, basis=joined, tolerance=_TOLERANCE)
-        return solver.solve(metric, start, end, initial_path=least.path)
-
-    def _over_all(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
-        """Return the path over all vertices, with twice the steps where triangles turn too far."""
-        solver = PathStraightening(self.n_steps + 1, remove_drift=False)
-        exact = replace(solver, tolerance=_TOLERANCE)
-        if self.n_doublings == 0 or self.n_steps == 1:
-            return exact.solve(metric, start, end)
-        found = solver.solve(metric, start, end)
-        path = found.path
-        for _ in range(self.n_doublings):
-            if not turns_far(metric, path):
-                break
-            n_segments = 2 * (len(path) - 1)
-            exact = replace(exact, n_nodes=n_segments + 1)
-            path = refine_path(path, n_segments)
-        ending = exact.solve(metric, start, end, initial_path=path)
-        return replace(ending, n_evaluations=found.n_evaluations + ending.n_evaluations)
+        path = within if within.energy <= _WORTH_JOINING * free.energy else free
+        joined = self.basis.extend(path.path[1:] - start)
+        return path, replace(solver, basis=joined, tolerance=_TOLERANCE)

@@ -1,10 +1,9 @@
-"""Karcher means over a basis of deformations: Algorithm 2 of the paper."""
+"""Fréchet means and geometric medians: the estimators, and the strategies that they are given."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -12,23 +11,14 @@ from autograd.core import make_vjp
 from numpy import ndarray
 
 from riemhuman.checks import one_of, real_number, values_of, whole_number
-from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.strategies import MeanSolver
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.solvers._dispersion import (
-    AreaCheck,
-    Dispersion,
-    MeanDistance,
-    StreamedDispersion,
-    check_weights,
-    seeing_lengths,
-)
-from riemhuman.solvers._preconditioners import CholeskyFactor
-from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
-from riemhuman.solvers.paths import rounding_energy
+from riemhuman.solvers._dispersion import AreaCheck, Dispersion, dispersion_of, metric_of_search
+from riemhuman.solvers._lbfgs import LBFGS, Minimum
+from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.results import MeanResult, Status, complete_mean_result, finish
 
 if TYPE_CHECKING:
@@ -36,17 +26,45 @@ if TYPE_CHECKING:
 
 STARTS = ("lowest", "first", "medoid", "euclidean")
 
+# Default tolerances: over a basis each iteration gains much, in all coordinates the last ones gain
+# little and cost a second each at full resolution.
+_TOLERANCE = 1e-8
+_TOLERANCE_OF_ALL = 1e-5
+
+# In all coordinates, share of the value that the second half of the iterations may have gained: of
+# soft directions, such as a limb as a whole, the preconditioner promises too little.
+_RECENT_DECREASE = 3e-3
+
+# Tolerance of means that are only a start: those of a sample, and those from which medians begin.
+_ROUGH_TOLERANCE = 1e-4
+
+# Iterations after which the metric's matrix is factored anew: in all coordinates it changes much
+# as limbs straighten.
+_REFRESH = 25
+_REFRESH_OF_ALL = 10
+
+# Standard deviations by which distances are smoothed near 0, where they have no gradient.
+_SMOOTHING = 1e-6
+
+# Share of the largest distance below which a point's distance does not enlarge its weight further.
+_LEAST_DISTANCE = 1e-9
+
+_SMALLEST_STEP = 1e-6
+
 
 @dataclass(frozen=True)
-class BasisMean(InheritsDocstrings, MeanSolver):
-    r"""The point x̄ = x₀ + Σ_j β_j D_j of least weighted mean squared distance.
+class BasisMean(MeanSolver):
+    r"""The point x̄ = x₀ + Σ_j β_j D_j of least mean squared distance, over a basis or over all.
 
-    Algorithm 2 of the paper, with the coefficients preconditioned by the metric's Gram matrix.
+    Algorithm 2 of the paper: minimisation by L-BFGS, preconditioned by the metric's matrix. With
+    a basis the result is the mean over the span of the basis and of the points' differences, and
+    its message says so. Without a basis the search goes on from there in all coordinates, and
+    `converged` speaks of the mean among all points of the space.
 
     Parameters
     ----------
     basis : DeformationBasis, optional
-        Deformations D_j; without them, the differences of the points alone.
+        Deformations D_j; by default all coordinates are free.
     start : str
         x₀: "first", the first point as in the paper; "medoid", the best of the points; "euclidean",
         their arithmetic mean, or the medoid if the mean is no point of the space; "lowest", the
@@ -56,14 +74,19 @@ class BasisMean(InheritsDocstrings, MeanSolver):
         describes how one body moves, and not how bodies differ in build; the paper's algorithm does
         without.
     companion_weight : float
-        An elastic metric of normals alone, a = 0, does not see the lengths of edges: in its means,
-        arms stretch and shrink like rubber. This weight times the metric (1, 1, 0), in units of c,
-        is therefore added during the search; 0 adds nothing.
-    tolerance : float
+        An elastic metric of normals alone, a = 0, does not measure the lengths of edges: in its
+        means, arms stretch and shrink like rubber. This weight times the metric (1, 1, 0), in units
+        of c, is therefore added during the search; 0 adds nothing. The result minimises the sum of
+        the two, so another point may have a smaller variance by the metric alone.
+    tolerance : float, optional
         Stop when a Newton step would gain at most this share of the variance, as far as the
-        preconditioned gradient tells.
+        preconditioned gradient tells. By default 1e-8 over a basis, and in all coordinates 1e-5
+        where moreover the second half of the iterations has gained less than 0.3 %.
     max_iter : int
         Largest number of iterations.
+    sample_size : int
+        Where points come in batches, number of points of the sample from whose mean the search
+        starts and whose differences join the basis: evenly spaced among all.
     callback : callable, optional
         Called with (iteration, variance, point) after each iteration.
     progress : bool
@@ -76,17 +99,19 @@ class BasisMean(InheritsDocstrings, MeanSolver):
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
     >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
-    >>> result = rh.solvers.BasisMean(basis).solve(metric, bodies.points[:30:10])
-    >>> result.point.shape, result.converged
-    ((1202, 3), True)
+    >>> over_basis = rh.solvers.BasisMean(basis).solve(metric, bodies.points[:30:10])
+    >>> mean = rh.solvers.BasisMean().solve(metric, bodies.points[:30:10])
+    >>> mean.converged, mean.variance < over_basis.variance
+    (True, True)
     """
 
     basis: DeformationBasis | None = None
     start: str = "lowest"
     with_differences: bool = True
     companion_weight: float = 1.0
-    tolerance: float = 1e-8
+    tolerance: float | None = None
     max_iter: int = 500
+    sample_size: int = 64
     callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
 
@@ -95,27 +120,35 @@ class BasisMean(InheritsDocstrings, MeanSolver):
             raise ArgumentError("with_differences must be True where there is no basis")
         one_of(self.start, "start", STARTS)
         real_number(self.companion_weight, "companion_weight", minimum=0.0)
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        if self.tolerance is not None:
+            real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
+        whole_number(self.sample_size, "sample_size", minimum=1)
 
     def solve(
         self,
         metric: RiemannianMetric,
-        points: ndarray,
+        points: Any,
         weights: ndarray | None = None,
         initial_point: ndarray | None = None,
+        exponent: int = 2,
     ) -> MeanResult:
         r"""Find the mean.
 
         Parameters
         ----------
+        points : array, shape (n, \*shape), or iterable of batches, arrays of shape (m, \*shape)
+            Every evaluation reads the batches once.
         initial_point : array, shape (\*shape,), optional
             x₀, instead of `start`.
+        exponent : int
+            2 for the mean, 1 for the geometric median.
 
         Returns
         -------
         MeanResult
-            `variance` is that of the metric alone; `variances` include the companion metric.
+            `variance` is that of the metric alone; `variances` include the companion metric, and
+            are mean distances for medians.
 
         Raises
         ------
@@ -129,29 +162,30 @@ class BasisMean(InheritsDocstrings, MeanSolver):
         ConvergenceWarning
             If the stopping test was not met.
         StretchInvarianceWarning
-            If neither the metric nor a companion sees the lengths of edges.
+            If neither the metric nor a companion measures the lengths of edges.
         """
-        searched = seeing_lengths(metric, self.companion_weight)
-        dispersion = Dispersion(searched, points, weights)
-        origin = self._origin(dispersion, initial_point)
-        alone = dispersion if searched is metric else Dispersion(metric, points, weights)
-        return self._result(dispersion, alone, origin)
-
-    def _result(self, dispersion: Dispersion, alone: Dispersion, origin: ndarray) -> MeanResult:
-        """Search from a point; `alone` is by the metric without a companion."""
-        family = _Family(alone.metric.space, origin, self._directions(dispersion, origin))
-        minimum = self._minimize(dispersion, family)
-        point, variance = family.point(minimum.x), minimum.value
-        if alone is not dispersion:
-            variance = alone.value(point)
-        result = MeanResult(
-            point,
-            variance,
-            minimum.values,
-            **minimum.outcome,
-        )
-        finish(self, result)
-        return result
+        of_search = metric_of_search(metric, self.companion_weight)
+        dispersion = dispersion_of(of_search, points, weights, self.sample_size)
+        in_batches = dispersion.sample is not dispersion
+        point = self._origin(dispersion.sample, initial_point)
+        if in_batches or exponent == 1:
+            tolerance = max(self.tolerance or 0.0, _ROUGH_TOLERANCE)
+            rough = replace(self, tolerance=tolerance, callback=None, progress=False)
+            point, mean = rough._over_basis(dispersion.sample, point)
+            if mean.status is Status.INTERRUPTED:
+                return finish(self, MeanResult(point, mean.value, mean.values, **mean.outcome))
+            if exponent == 1 and mean.value > 0.0:
+                dispersion = dispersion.changed(smoothing=_SMOOTHING * np.sqrt(mean.value))
+                if in_batches:
+                    point, _ = rough._over_basis(dispersion.sample, point)
+        point, minimum = self._over_basis(dispersion, point)
+        if self.basis is None and minimum.status is not Status.INTERRUPTED:
+            point, minimum = self._over_all(dispersion, point, minimum)
+        variance = minimum.value
+        if of_search is not metric or dispersion.smoothing is not None:
+            variance = dispersion.changed(metric).value(point)
+        result = MeanResult(point, variance, minimum.values, **minimum.outcome)
+        return finish(self, result)
 
     def _origin(self, dispersion: Dispersion, initial_point: ndarray | None) -> ndarray:
         space, points = dispersion.metric.space, dispersion.points
@@ -162,17 +196,18 @@ class BasisMean(InheritsDocstrings, MeanSolver):
             return points[0]
         candidates = []
         if self.start in ("medoid", "lowest"):
-            candidates.append(points[dispersion.medoid()])
+            candidates.append(dispersion.medoid())
         if self.start in ("euclidean", "lowest"):
             average = space.projection(np.tensordot(dispersion.weights, points, axes=1))
             # Bodies that face each other average to a flat one: then the medoid is left.
             is_sound = np.all(space.belongs(average))
-            candidates = [*candidates, average] if is_sound else [points[dispersion.medoid()]]
+            candidates = [*candidates, average] if is_sound else [dispersion.medoid()]
         if len(candidates) == 1:
             return candidates[0]
         return min(candidates, key=dispersion.value)
 
-    def _directions(self, dispersion: Dispersion, origin: ndarray) -> ndarray:
+    def _directions(self, points: ndarray, origin: ndarray) -> ndarray:
+        """Return the basis and, across it, the differences of points, as rows."""
         flat = np.zeros((0, origin.size)) if self.basis is None else self.basis.flat
         if flat.shape[1] != origin.size:
             raise ArgumentError(
@@ -181,94 +216,152 @@ class BasisMean(InheritsDocstrings, MeanSolver):
             )
         if not self.with_differences:
             return flat
-        differences = dispersion.points.reshape(len(dispersion.points), -1) - origin.ravel()
+        differences = points.reshape(len(points), -1) - origin.ravel()
         outside = differences - (differences @ flat.T) @ flat
         # The few right singular vectors, from the matrix of inner products.
         squares, axes = np.linalg.eigh(outside @ outside.T)
-        kept = squares > 1e-12 * max(squares.max(), np.abs(origin).max() ** 2)
-        rows = axes[:, kept].T @ outside / np.sqrt(squares[kept, None])
+        is_known = squares > 1e-12 * max(squares.max(), np.abs(origin).max() ** 2)
+        rows = axes[:, is_known].T @ outside / np.sqrt(squares[is_known, None])
         return np.concatenate([flat, rows])
 
-    @single_threaded_libraries()
-    def _minimize(self, dispersion: Dispersion, family: _Family) -> Minimum:
-        """Return the coefficients β of least variance."""
-        start = np.zeros(len(family.directions))
-        origin = family.point(start)
-        variance, _ = dispersion.value_and_gradient(origin)
-        if not np.isfinite(variance):
-            dispersion.value(origin)  # names the triangle without area, if the metric can
-        floor = dispersion.floor(origin)
-        # Distances of points that coincide to rounding error have no gradient to follow.
-        if variance <= floor:
-            values = np.array([variance])
-            return Minimum(start, variance, values, n_evaluations=1, message="all points coincide")
+    def _over_basis(self, dispersion: Dispersion, origin: ndarray) -> tuple[ndarray, Minimum]:
+        """Return the best point over the basis and the differences of the points."""
+        directions = self._directions(dispersion.points, origin)
+        vectors = directions.reshape(-1, *origin.shape)
 
-        def around(coefficients: ndarray) -> LocalProblem:
-            point = family.point(coefficients)
-            vectors = family.directions.reshape(len(start), *point.shape)
-            gram = dispersion.metric.gram_matrix(vectors, point)
-            factor = CholeskyFactor(dispersion.curvature(variance) * gram / variance)
+        def factor_at(point: ndarray, scale: float) -> CholeskyFactor:
+            return CholeskyFactor(scale * dispersion.metric.gram_matrix(vectors, point))
 
-            def position(variables: ndarray) -> ndarray:
-                return coefficients + factor.solve_transposed(variables)
-
-            def objective(variables: ndarray) -> tuple[float, ndarray]:
-                point, pull_back = family.point_and_pull_back(position(variables))
-                value, gradient = dispersion.value_and_gradient(point)
-                return value / variance, factor.solve(pull_back(gradient)) / variance
-
-            return LocalProblem(objective, position, variance)
-
-        areas = AreaCheck(family.space, dispersion.points)
-
-        def report(iteration: int, value: float, coefficients: ndarray) -> None:
-            point = family.point(coefficients)
-            areas.refuse_collapse(point)
-            if self.callback is not None:
-                self.callback(iteration, value, point)
-
-        return minimize_in_rounds(
-            around,
-            start,
+        family = _Family(dispersion.metric.space, origin, directions)
+        point, minimum = self._minimize(
+            dispersion,
+            family,
+            factor_at,
+            refresh=_REFRESH,
             max_iter=self.max_iter,
-            expected_decrease=self.tolerance,
-            floor=floor,
-            callback=report,
-            progress=self.progress,
-            description="mean",
+            tolerance=self.tolerance or _TOLERANCE,
+            callback=self.callback,
         )
+        if self.basis is None:
+            return point, minimum
+        message = f"{minimum.message}, over the span of {len(directions)} deformations"
+        return point, replace(minimum, message=message)
+
+    def _over_all(
+        self, dispersion: Dispersion, origin: ndarray, earlier: Minimum
+    ) -> tuple[ndarray, Minimum]:
+        """Return the best point in all coordinates, with the iterations of an earlier search."""
+
+        def factor_at(point: ndarray, scale: float) -> CholeskyFactor:
+            return metric_factor(dispersion.metric, point[None], 1.0 / scale)
+
+        def report(iteration: int, value: float, point: ndarray) -> None:
+            if self.callback is not None:
+                self.callback(earlier.n_iterations + iteration, value, point)
+
+        point, minimum = self._minimize(
+            dispersion,
+            _Family(dispersion.metric.space, origin),
+            factor_at,
+            refresh=_REFRESH_OF_ALL,
+            max_iter=self.max_iter - earlier.n_iterations,
+            tolerance=self.tolerance or _TOLERANCE_OF_ALL,
+            recent_decrease=np.inf if self.tolerance else _RECENT_DECREASE,
+            callback=report,
+        )
+        both = replace(
+            minimum,
+            values=np.concatenate([earlier.values[:-1], minimum.values]),
+            n_iterations=earlier.n_iterations + minimum.n_iterations,
+            n_evaluations=earlier.n_evaluations + minimum.n_evaluations,
+        )
+        return point, both
+
+    @single_threaded_libraries()
+    def _minimize(
+        self,
+        dispersion: Dispersion,
+        family: _Family,
+        factor_at: Callable[[ndarray, float], CholeskyFactor],
+        callback: Callable[[int, float, ndarray], Any] | None,
+        **settings: Any,
+    ) -> tuple[ndarray, Minimum]:
+        """Return the best point of a family, and the minimum in its coefficients."""
+        start, space = np.zeros(family.size), dispersion.metric.space
+        variance, _ = dispersion.value_and_gradient(family.origin)
+        if not np.isfinite(variance):
+            dispersion.value(family.origin)  # names the triangle without area, if the metric can
+        floor = dispersion.floor(family.origin)
+        # Distances of points that coincide to rounding error have no gradient to follow.
+        if variance <= floor or not family.size:
+            message = "all points coincide" if variance <= floor else "no direction to search in"
+            values = np.array([variance])
+            minimum = Minimum(start, variance, values, n_evaluations=1, message=message)
+            return family.origin, minimum
+        check_areas = AreaCheck(space, dispersion.points)
+
+        def objective(x: ndarray) -> tuple[float, ndarray]:
+            point, pull_back = family.point_and_pull_back(x)
+            if not np.all(space.belongs(point)):
+                return np.inf, np.zeros_like(x)
+            value, gradient = dispersion.value_and_gradient(point)
+            return value, pull_back(gradient)
+
+        def inverse_hessian_at(x: ndarray) -> Callable[[ndarray], ndarray]:
+            factor = factor_at(family.point(x), dispersion.curvature(variance))
+            return lambda gradient: factor.inverse(gradient[:, None])[:, 0]
+
+        def report(iteration: int, value: float, x: ndarray) -> None:
+            point = family.point(x)
+            check_areas(point)
+            if callback is not None:
+                callback(iteration, value, point)
+
+        minimizer = LBFGS(callback=report, progress="mean" if self.progress else "", **settings)
+        minimum = minimizer.minimize(objective, start, inverse_hessian_at, floor=floor)
+        return family.point(minimum.x), minimum
 
 
 @dataclass(frozen=True)
 class _Family:
-    """The points origin + Σ_j β_j D_j, brought back to the manifold where that is needed."""
+    """The points origin + Σ_j β_j D_j, projected to the manifold; by default D is the identity."""
 
     space: Manifold
     origin: ndarray
-    directions: ndarray
+    directions: ndarray | None = None
+
+    @property
+    def size(self) -> int:
+        return self.origin.size if self.directions is None else len(self.directions)
+
+    def _shifted(self, coefficients: ndarray) -> ndarray:
+        shift = coefficients if self.directions is None else coefficients @ self.directions
+        return self.origin + shift.reshape(self.origin.shape)
 
     def point(self, coefficients: ndarray) -> ndarray:
         """Return the point with these coefficients."""
-        shift = (coefficients @ self.directions).reshape(self.origin.shape)
-        return self.space.projection(self.origin + shift)
+        return self.space.projection(self._shifted(coefficients))
 
     def point_and_pull_back(
         self, coefficients: ndarray
     ) -> tuple[ndarray, Callable[[ndarray], ndarray]]:
         """Return the point, and the map from gradients there to gradients in the coefficients."""
-        shift = (coefficients @ self.directions).reshape(self.origin.shape)
-        transposed, point = make_vjp(self.space.projection, self.origin + shift)
-        return point, lambda gradient: self.directions @ np.ravel(transposed(gradient))
+        transposed, point = make_vjp(self.space.projection, self._shifted(coefficients))
 
+        def pull_back(gradient: ndarray) -> ndarray:
+            flat = np.ravel(transposed(gradient))
+            return flat if self.directions is None else self.directions @ flat
 
-_SMALLEST_STEP = 1e-6
+        return point, pull_back
 
 
 @dataclass(frozen=True)
-class GradientDescentMean(InheritsDocstrings, MeanSolver):
+class GradientDescentMean(MeanSolver):
     """x ← exp_x(step · Σ_i w_i log_x(x_i)), for metrics that have exp and log in closed form.
 
-    The step is halved where the variance would increase.
+    The step is halved where the variance would increase. Medians weight the logarithms by the
+    inverse distances as well (Fletcher, Venkatasubramanian and Joshi, "The geometric median on
+    Riemannian manifolds with application to robust atlas estimation", NeuroImage 45, 2009).
 
     Parameters
     ----------
@@ -276,7 +369,7 @@ class GradientDescentMean(InheritsDocstrings, MeanSolver):
         First step; 1 follows the mean of the logarithms.
     tolerance : float
         Stop when the norm of the mean of the logarithms is at most this share of the standard
-        deviation.
+        deviation, for medians of the mean distance.
     max_iter : int
         Most iterations.
 
@@ -302,9 +395,10 @@ class GradientDescentMean(InheritsDocstrings, MeanSolver):
     def solve(
         self,
         metric: RiemannianMetric,
-        points: ndarray,
+        points: Any,
         weights: ndarray | None = None,
         initial_point: ndarray | None = None,
+        exponent: int = 2,
     ) -> MeanResult:
         r"""Find the mean.
 
@@ -312,8 +406,13 @@ class GradientDescentMean(InheritsDocstrings, MeanSolver):
         ----------
         metric : RiemannianMetric
             A metric with `exp` and `log`.
+        points : array, shape (n, \*shape), or iterable of batches, arrays of shape (m, \*shape)
+            Every evaluation reads the batches once.
         initial_point : array, shape (\*shape,), optional
-            Where to start, by default at the first point of positive weight.
+            Where to start, by default at the first point of positive weight, for medians at the
+            mean.
+        exponent : int
+            2 for the mean, 1 for the geometric median.
 
         Returns
         -------
@@ -331,248 +430,75 @@ class GradientDescentMean(InheritsDocstrings, MeanSolver):
         ConvergenceWarning
             If the stopping test was not met.
         """
-        dispersion = Dispersion(metric, points, weights)
-        used = dispersion.weights > 0
-        weights, points = dispersion.weights[used], dispersion.points[used]
-        point = points[0] if initial_point is None else metric.space.check_point(initial_point)
-        variances = [dispersion.value(point)]
-        floor = rounding_energy(metric, point)
-        n_evaluations, step = 1, self.step
-        converged, message = False, "the most iterations were made"
+        dispersion = dispersion_of(metric, points, weights, sample_size=1)
+        if initial_point is None:
+            point = next(dispersion.batches())[0][0]
+        else:
+            point = metric.space.check_point(initial_point)
+        result = self._descend(dispersion, point)
+        if exponent == 1:
+            smoothing = _LEAST_DISTANCE * np.sqrt(result.variance)
+            median = self._descend(dispersion.changed(smoothing=smoothing), result.point)
+            result = median
+        return finish(self, result)
+
+    def _descend(self, dispersion: Dispersion, point: ndarray) -> MeanResult:
+        metric = dispersion.metric
+        values, n_evaluations = [dispersion.value(point)], 1
+        floor, step = dispersion.floor(point), self.step
+        status, message = Status.MAX_ITER, "the most iterations were made"
         for _ in range(self.max_iter):
-            if variances[-1] <= floor:
-                converged, message = True, "the variance is no more than rounding errors"
+            if values[-1] <= floor:
+                status, message = Status.CONVERGED, "the variance is no more than rounding errors"
                 break
-            direction = np.tensordot(weights, metric.log(points, point), axes=1)
+            direction = _mean_of_logarithms(dispersion, point)
             size = float(metric.norm(direction, point))
-            if size <= self.tolerance * np.sqrt(variances[-1]):
-                converged, message = True, "the mean of the logarithms is below the tolerance"
+            spread = np.sqrt(values[-1]) if dispersion.smoothing is None else values[-1]
+            if size <= self.tolerance * spread:
+                status, message = (
+                    Status.CONVERGED,
+                    "the mean of the logarithms is below the tolerance",
+                )
                 break
             # Without it, rounding errors off the manifold would double with every step.
             candidate = metric.space.projection(metric.exp(step * direction, point))
-            variance = dispersion.value(candidate)
+            value = dispersion.value(candidate)
             n_evaluations += 1
             # Near the mean the variance falls by less than its rounding error.
-            if variance > variances[-1] * (1 + 1e-12):
+            if value > values[-1] * (1 + 1e-12):
                 step *= 0.5
                 if step < _SMALLEST_STEP:
+                    status = Status.STALLED
                     message = "no step along the mean of the logarithms lowers the variance"
                     break
                 continue
             point = candidate
-            variances.append(variance)
-        result = MeanResult(
+            values.append(value)
+        variance = values[-1]
+        if dispersion.smoothing is not None:
+            variance = dispersion.changed().value(point)
+        return MeanResult(
             point,
-            variances[-1],
-            np.array(variances),
-            n_iterations=len(variances) - 1,
+            variance,
+            np.array(values),
+            n_iterations=len(values) - 1,
             n_evaluations=n_evaluations,
-            status=Status.of(converged),
+            status=status,
             message=message,
         )
-        finish(self, result)
-        return result
 
 
-# The mean of the sample is only a start.
-_SAMPLE_TOLERANCE = 1e-4
-
-# Standard deviations by which distances are smoothed near 0.
-_SMOOTHING = 1e-6
-
-
-@dataclass(frozen=True)
-class StreamingMean(BasisMean):
-    r"""`BasisMean` for points that are read batch by batch, such as an array in a file.
-
-    The search starts from the mean of a sample, evenly spaced among the points; then every
-    evaluation of the variance reads all points once. The result is the mean over the basis and the
-    differences of the sample from its mean. Its variance exceeds the minimum by a few times
-    `tolerance`, as a share, so that the mean is about √tolerance standard deviations off.
-
-    Parameters
-    ----------
-    basis : DeformationBasis, optional
-        Deformations D_j; without them, the differences of the sample alone.
-    start : str
-        Start of the search for the mean of the sample, as in `BasisMean`.
-    with_differences : bool
-        Whether to add the differences of the sample from its mean to the basis.
-    tolerance : float
-        Stop when a Newton step would gain at most this share of what is minimised, the variance or
-        the mean distance, as far as the preconditioned gradient tells.
-    callback : callable, optional
-        Called with (iteration, what is minimised, point) after each iteration.
-    sample_size : int
-        Number of points in the sample.
-    batch_size : int
-        Points that are read together.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
-    >>> solver = rh.solvers.StreamingMean(sample_size=4, batch_size=5)
-    >>> result = solver.solve(metric, bodies.points[:12])
-    >>> result.point.shape, result.converged
-    ((1202, 3), True)
-    """
-
-    tolerance: float = 1e-7
-    sample_size: int = 64
-    batch_size: int = 256
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        whole_number(self.sample_size, "sample_size", minimum=1)
-        whole_number(self.batch_size, "batch_size", minimum=1)
-
-    def solve(
-        self,
-        metric: RiemannianMetric,
-        points: Any,
-        weights: ndarray | None = None,
-        initial_point: ndarray | None = None,
-    ) -> MeanResult:
-        r"""Find the mean.
-
-        Parameters
-        ----------
-        points : sequence, shape (n, \*shape)
-            An array, which may be mapped from a file, or any object with a length whose slices are
-            points.
-        initial_point : array, shape (\*shape,), optional
-            Start of the search for the mean of the sample, instead of `start`.
-
-        Returns
-        -------
-        MeanResult
-            `variance` is by the metric alone; `variances` are with the companion's share.
-
-        Raises
-        ------
-        ArgumentError
-            If the points, weights or basis do not fit the metric's space.
-        DegenerateSurfaceError
-            If triangles of the mean shrink away, as between unlike bodies for a small λ.
-
-        Warns
-        -----
-        ConvergenceWarning
-            If the stopping test was not met.
-        StretchInvarianceWarning
-            If neither the metric nor a companion sees how long edges are.
-        """
-        searched = seeing_lengths(metric, self.companion_weight)
-        sample = _Sample(points, weights, self.sample_size)
-        first = self._of_sample(searched, sample, initial_point)
-        streamed = self._streamed(searched, sample, Dispersion)
-        alone = streamed if searched is metric else self._streamed(metric, sample, Dispersion)
-        return self._result(streamed, alone, first.point)
-
-    def _of_sample(
-        self, metric: RiemannianMetric, sample: _Sample, initial_point: ndarray | None
-    ) -> MeanResult:
-        """Return the mean of the sample alone, roughly."""
-        mean = BasisMean(
-            self.basis,
-            start=self.start,
-            with_differences=self.with_differences,
-            companion_weight=0.0,
-            tolerance=max(self.tolerance, _SAMPLE_TOLERANCE),
-            max_iter=self.max_iter,
-        )
-        return mean.solve(metric, sample.points, sample.weights, initial_point)
-
-    def _streamed(
-        self, metric: RiemannianMetric, sample: _Sample, of_batch: Callable[..., Dispersion]
-    ) -> StreamedDispersion:
-        return StreamedDispersion(
-            metric, sample.all, sample.all_weights, self.batch_size, sample.points, of_batch
-        )
-
-
-@dataclass(frozen=True)
-class StreamingMedian(StreamingMean):
-    r"""The point x̄ = x₀ + Σ_j β_j D_j of least weighted mean distance Σ_i w_i d(x_i, x̄).
-
-    As in `StreamingMean`, points are read batch by batch. The search goes from the mean of a sample
-    to the median of the sample; then every evaluation reads all points once. The result is the
-    median over the basis and the differences of the sample from its mean. Its mean distance exceeds
-    the minimum by a few times `tolerance`, as a share, and by at most another millionth, since
-    distances are smoothed where they have no gradient.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> space = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=0.1)
-    >>> solver = rh.solvers.StreamingMedian(sample_size=4, batch_size=5)
-    >>> median = rh.statistics.GeometricMedian(space, solver=solver).fit(bodies.points[:12])
-    >>> median.estimate_.shape
-    (1202, 3)
-    """
-
-    def solve(
-        self,
-        metric: RiemannianMetric,
-        points: Any,
-        weights: ndarray | None = None,
-        initial_point: ndarray | None = None,
-    ) -> MeanResult:
-        r"""Find the median.
-
-        Returns
-        -------
-        MeanResult
-            `variance` is the weighted mean of squared distances, by the metric alone; `variances`
-            are weighted mean distances and include the companion metric.
-
-        Raises
-        ------
-        ArgumentError
-            If the points, weights or basis do not fit the metric's space.
-        DegenerateSurfaceError
-            If triangles of the median vanish, as between dissimilar bodies for a small λ.
-
-        Warns
-        -----
-        ConvergenceWarning
-            If the stopping test was not met.
-        StretchInvarianceWarning
-            If neither the metric nor a companion sees how long edges are.
-        """
-        searched = seeing_lengths(metric, self.companion_weight)
-        sample = _Sample(points, weights, self.sample_size)
-        first = self._of_sample(searched, sample, initial_point)
-        if first.variance == 0.0:
-            return first
-        mean_distance = partial(MeanDistance, smoothing=_SMOOTHING * np.sqrt(first.variance))
-        nearer = replace(self, tolerance=_SAMPLE_TOLERANCE, callback=None)._result(
-            mean_distance(searched, sample.points, sample.weights),
-            Dispersion(searched, sample.points, sample.weights),
-            first.point,
-        )
-        streamed = self._streamed(searched, sample, mean_distance)
-        alone = self._streamed(metric, sample, Dispersion)
-        return self._result(streamed, alone, nearer.point)
-
-
-class _Sample:
-    """Points, and some of them, evenly spaced among those that have a weight."""
-
-    def __init__(self, points: Any, weights: ndarray | None, size: int) -> None:
-        if not len(points):
-            raise ArgumentError("points must hold at least one point; found none")
-        self.all, self.all_weights = points, check_weights(weights, len(points))
-        used = np.flatnonzero(self.all_weights)
-        spaced = np.linspace(0, len(used) - 1, min(size, len(used)))
-        chosen = used[spaced.astype(int)]
-        self.points = np.concatenate([np.asarray(points[i : i + 1]) for i in chosen])
-        self.weights = self.all_weights[chosen]
+def _mean_of_logarithms(dispersion: Dispersion, point: ndarray) -> ndarray:
+    """Return Σ_i w_i log_x(x_i)/Σ_i w_i, for medians with the weights w_i/d(x_i, x)."""
+    total, sum_of_weights = np.zeros(np.shape(point)), 0.0
+    for points, weights in dispersion.batches():
+        logarithms = dispersion.metric.log(points, point)
+        if dispersion.smoothing is not None:
+            squared = dispersion.metric.squared_norm(logarithms, point)
+            weights = weights / np.sqrt(squared + dispersion.smoothing**2)
+        total += np.tensordot(weights, logarithms, axes=1)
+        sum_of_weights += weights.sum()
+    return total / sum_of_weights
 
 
 class FrechetMean(Estimator):
@@ -584,8 +510,7 @@ class FrechetMean(Estimator):
         A manifold equipped with a metric.
     solver : object, optional
         Strategy. By default `GradientDescentMean` where geodesics have a closed form, else
-        `BasisMean` over the differences of the points; a basis of deformations makes better means
-        of surfaces.
+        `BasisMean()`, which frees all coordinates: on surfaces, all vertices.
 
     Attributes
     ----------
@@ -603,10 +528,13 @@ class FrechetMean(Estimator):
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> normals = rh.NormalFields(bodies.template)
-    >>> samples = normals.random_point(3, rng=0)
+    >>> samples = normals.random_point(4, rng=0)
     >>> mean = rh.FrechetMean(normals, solver=rh.solvers.GradientDescentMean()).fit(samples)
     >>> mean.estimate_.shape
     (2400, 3)
+    >>> batches = [samples[:2], samples[2:]]
+    >>> bool(abs(rh.FrechetMean(normals).fit(batches).variance_ - mean.variance_) < 1e-9)
+    True
     """
 
     estimate_: ndarray
@@ -618,13 +546,15 @@ class FrechetMean(Estimator):
         self.space = space
         self.solver = solver
 
-    def fit(self, X: ndarray, y: object = None, weights: ndarray | None = None) -> Self:
+    def fit(self, X: Any, y: object = None, weights: ndarray | None = None) -> Self:
         r"""Find the mean of points.
 
         Parameters
         ----------
-        X : array, shape (n, \*shape)
-            Points.
+        X : array, shape (n, \*shape), or iterable of batches, arrays of shape (m, \*shape)
+            Points. Batches are read once for every evaluation, so that the points need not fit
+            into memory: ``[x[i : i + 256] for i in range(0, len(x), 256)]`` for an array `x` that
+            is mapped from a file, or any object that yields arrays whenever it is iterated over.
         y : object
             Not used.
         weights : array, shape (n,), optional
@@ -635,36 +565,31 @@ class FrechetMean(Estimator):
         Estimator
             The estimator itself.
         """
-        self._keep(self._mean(X, weights))
-        return self
-
-    def _mean(self, X: ndarray, weights: ndarray | None, **start: ndarray) -> MeanResult:
-        """Return the Fréchet mean, as the solver finds it."""
-        metric = self.space.metric
-        solver = default_mean_solver(metric) if self.solver is None else self.solver
-        return complete_mean_result(solver.solve(metric, X, weights, **start))
-
-    def _keep(self, result: MeanResult) -> None:
+        result = complete_mean_result(self._solve(X, weights))
         self.result_ = result
         self.estimate_ = result.point
         self.variance_ = result.variance
         self.n_iter_ = result.n_iterations
+        return self
+
+    def _solve(self, points: Any, weights: ndarray | None, **settings: Any) -> Any:
+        metric, solver = self.space.metric, self.solver
+        if solver is None:
+            # Logarithms found by strategies belong to geodesics, whose lengths are not the
+            # distances of pull-backs: their mean is no descent direction.
+            solver = GradientDescentMean() if metric.has_closed_form_geodesic else BasisMean()
+        return solver.solve(metric, points, weights, **settings)
 
 
 class GeometricMedian(FrechetMean):
-    r"""The point that minimises Σ_i w_i d(x_i, x), by Weiszfeld's algorithm.
-
-    Each round is the Fréchet mean with weights w_i/d(x_i, x) of the last round.
+    r"""The point that minimises Σ_i w_i d(x_i, x).
 
     Parameters
     ----------
+    space : Manifold
+        A manifold equipped with a metric.
     solver : object, optional
-        Strategy for Fréchet means, by default that of `FrechetMean`; or `StreamingMedian`, for the
-        median itself, with its own tolerance.
-    tolerance : float
-        Stop when a round decreases the sum of distances by at most this share.
-    max_iter : int
-        Largest number of rounds.
+        Strategy, by default that of `FrechetMean`; it is asked for ``exponent=1``.
 
     Attributes
     ----------
@@ -673,9 +598,9 @@ class GeometricMedian(FrechetMean):
     variance_ : float
         Weighted mean of the squared distances to it.
     n_iter_ : int
-        Number of rounds.
+        Iterations of the solver.
     result_ : MeanResult
-        Point and variance; `variances` holds the weighted mean distance after every round.
+        Point and variance; `variances` holds the weighted mean distance after every iteration.
 
     Examples
     --------
@@ -688,76 +613,5 @@ class GeometricMedian(FrechetMean):
     [0.5, 0.5]
     """
 
-    def __init__(
-        self,
-        space: Manifold,
-        solver: MeanSolver | None = None,
-        *,
-        tolerance: float = 1e-9,
-        max_iter: int = 200,
-    ) -> None:
-        super().__init__(space, solver)
-        self.tolerance = tolerance
-        self.max_iter = max_iter
-
-    def fit(self, X: ndarray, y: object = None, weights: ndarray | None = None) -> Self:
-        r"""Find the geometric median of points.
-
-        Warns
-        -----
-        ConvergenceWarning
-            If the sum of distances was still decreasing after the last round, or the search was
-            interrupted from the keyboard; the result is then the best point so far.
-        """
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
-        if isinstance(self.solver, StreamingMedian):
-            self._keep(self._mean(X, weights))
-            return self
-        dispersion = Dispersion(self.space.metric, X, weights)
-        mean = self._mean(X, dispersion.weights)
-        point, n_evaluations = mean.point, mean.n_evaluations
-        sums: list[float] = []
-        converged, message = False, "the most rounds were made"
-        for _ in range(self.max_iter):
-            distances = np.sqrt(dispersion.squared_dists(point))
-            sums.append(float(dispersion.weights @ distances))
-            if len(sums) > 1 and sums[-2] - sums[-1] <= self.tolerance * sums[-2]:
-                converged, message = True, "the sum of distances no longer falls"
-                break
-            # A sample that the median has reached keeps a large but finite weight.
-            floor = max(1e-9 * distances.max(), np.finfo(float).tiny)
-            pull = dispersion.weights / np.maximum(distances, floor)
-            mean = self._mean(X, pull, initial_point=point)
-            point = mean.point
-            n_evaluations += mean.n_evaluations
-        result = MeanResult(
-            point,
-            float(dispersion.weights @ dispersion.squared_dists(point)),
-            np.array(sums),
-            n_iterations=len(sums) - 1,
-            n_evaluations=n_evaluations,
-            status=Status.of(converged),
-            message=message,
-        )
-        finish(self, result)
-        self._keep(result)
-        return self
-
-
-def default_mean_solver(metric: RiemannianMetric) -> MeanSolver:
-    """Return a solver for Fréchet means that suits a metric.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric.
-
-    Returns
-    -------
-    GradientDescentMean or BasisMean
-        The first where geodesics have a closed form; else the second, over the differences of the
-        points. Logarithms found by strategies belong to geodesics, whose lengths are not the
-        distances of pull-backs; their mean is no descent direction.
-    """
-    return GradientDescentMean() if metric.has_closed_form_geodesic else BasisMean()
+    def _solve(self, points: Any, weights: ndarray | None, **settings: Any) -> Any:
+        return super()._solve(points, weights, exponent=1)

@@ -15,7 +15,7 @@ from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
-from riemhuman.solvers._geodesic_equation import MiddleEquation, Triple
+from riemhuman.solvers._geodesic_equation import GeodesicEquation, Triple
 from riemhuman.solvers.paths import check_end_points, rounding_energy
 from riemhuman.solvers.results import Result, Status, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -195,7 +195,9 @@ class _Ladder(InheritsDocstrings, TransportSolver):
             basis = self.basis
             if basis is not None:
                 basis = basis.extend(np.stack([path[-1] - path[0], vector]))
-            geometry = _SingleSegments(MiddleEquation(metric, basis, self.tolerance, self.max_iter))
+            geometry = _SingleSegments(
+                GeodesicEquation(metric, basis, self.tolerance, self.max_iter)
+            )
         vectors, floor = [vector], np.sqrt(rounding_energy(metric, path[0]))
         for start, end in pairwise(path):
             length = float(metric.norm(vectors[-1], start))
@@ -216,8 +218,7 @@ class _Ladder(InheritsDocstrings, TransportSolver):
             status=Status.of(converged),
             message=f"{len(path) - 1} rungs{unsolved}",
         )
-        finish(self, result)
-        return result
+        return finish(self, result)
 
     def _rung(self, geometry: _Geometry, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:
         raise NotImplementedError
@@ -231,7 +232,7 @@ class PoleLadder(_Ladder):
     error is of second order in the length of the segments (Guigui and Pennec, "Numerical accuracy
     of ladder schemes for parallel transport on manifolds", Foundations of Computational Mathematics
     22, 2022). On metrics without closed-form geodesics each side of a rung is one discrete segment,
-    see `riemhuman.solvers._geodesic_equation`.
+    see `GeodesicEquation`.
 
     Examples
     --------
@@ -307,7 +308,7 @@ class _ClosedForms:
 class _SingleSegments:
     """Geodesics of one discrete segment."""
 
-    def __init__(self, equation: MiddleEquation) -> None:
+    def __init__(self, equation: GeodesicEquation) -> None:
         self._equation = equation
         self.n_iterations = self.n_evaluations = 0
         self.error = 0.0

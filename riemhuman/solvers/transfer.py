@@ -1,4 +1,26 @@
-"""Bodies with the shape of one body and the pose of another."""
+r"""Motions, changes of shape and poses of one body, transferred to another.
+
+=================================================  ================================================
+From what to what                                  By
+=================================================  ================================================
+A's motion, to B in the pose A starts from         `MotionTransfer`: B repeats the changes
+A's motion, to B in any pose                       ``MotionTransfer(transfer="pose")``: B takes A's
+                                                   poses
+two bodies in one pose, to the first in another    `ShapeTransfer`: it changes as they differ
+A's shape with all its details, in B's pose        `Disentangling`: the body of least distance from
+                                                   A in a metric of shape and from the pose in a
+                                                   metric of poses
+shapes and poses of many bodies, fast              `riemhuman.learned.ShapePoseCodes.transfer`:
+                                                   a trained network, details of skin aside
+=================================================  ================================================
+
+The first three solve one Poisson equation a surface. A triangle of body A and its normal move from
+frame P₀ to frame P; the matrix S = P P₀⁻¹ of this change is applied to the same triangle of body B,
+and the surface whose derivatives come closest to the results solves a Poisson equation (Sumner and
+Popović, "Deformation transfer for triangle meshes", SIGGRAPH 2004; `riemhuman.surfaces.poisson`).
+B thus keeps its own metric field, changed by as much as A's, and its triangles rotate as those of
+A. Poses are transferred by `PoseTransfer`, from which `Disentangling` starts.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +40,9 @@ from riemhuman.kernels.surface import (
     triangle_frames,
 )
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.solvers._lbfgs import LBFGS, Minimum, Operator
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
-from riemhuman.solvers.minimization import Minimum
 from riemhuman.solvers.paths import rounded
-from riemhuman.solvers.quasi_newton import Operator, descend_in_rounds
 from riemhuman.solvers.results import Result, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.measures import triangle_areas
@@ -31,10 +52,11 @@ if TYPE_CHECKING:
 
     from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
 
-# Time of the flow, as a share of the area of a body. Of a variation of wavelength ℓ there remains
-# about exp(−4π²t/ℓ²): of 1.8 m², a half where ℓ = 0.41 m, an arm's girth and more; a quarter of
-# what goes around an arm, 0.3 m, and nine tenths of what changes from a thigh to its shin, 1 m.
-SMOOTHING = 1.0 / 600.0
+AXES = ("world", "body")
+TRANSFERS = ("change", "pose")
+
+# Vertices that have moved by less, in metres, are at rest, as planted feet are.
+_AT_REST = 0.01
 
 # Relative errors of vertices that count as rounding.
 _ROUNDING = 1e-12
@@ -43,269 +65,17 @@ _ROUNDING = 1e-12
 # triangle has no area its normal, and the sum with it, jumps.
 _LEAST_AREA = 1e-6
 
+# Time of the flow, as a share of the area of a body. Of a variation of wavelength ℓ there remains
+# about exp(−4π²t/ℓ²): of 1.8 m², a half where ℓ = 0.41 m, an arm's girth and more; a quarter of
+# what goes around an arm, 0.3 m, and nine tenths of what changes from a thigh to its shin, 1 m.
+_SMOOTHING = 1.0 / 600.0
 
-@dataclass(frozen=True, repr=False)
-class DisentanglingResult(Result):
-    """A surface near one body in shape and near another in pose, and how it was found.
+# How much longer heat flows along bones: see `Disentangling`.
+_BONE_SMOOTHING = 10.0
 
-    Attributes
-    ----------
-    surface : array, shape (V, 3)
-        The surface.
-    turned : array, shape (V, 3)
-        Body A, turned into the pose of B.
-    value : float
-        The weighted sum of the squared distances from A and from `turned`.
-    values : array, shape (n_iterations + 1,)
-        The same at the start and after each iteration, before any basis.
-    shape_dist, pose_dist : float
-        Distances from the two bodies in the respective metric.
-    n_iterations, n_evaluations : int
-        Iterations, and evaluations of the sum and its gradient.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> build = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0)
-    >>> pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
-    >>> result = rh.solvers.Disentangling().solve(build, pose, bodies[0], bodies[13])
-    >>> result.surface.shape
-    (1202, 3)
-    """
-
-    surface: ndarray
-    turned: ndarray
-    value: float
-    values: ndarray
-    shape_dist: float
-    pose_dist: float
-
-
-@dataclass(frozen=True)
-class Disentangling:
-    r"""A body A in the pose of a body B, with all details of A.
-
-    .. math:: \arg\min_f\; w_s\, d_{shape}(f, A)^2 + w_p\, d_{pose}(f, A_B)^2
-
-    A_B is A, turned into the pose of B by a smooth field of rotations, see `SmoothTurn`: the
-    normals of B itself show its build, such as face and chest, as well as its pose. The search
-    starts from A_B and shares the strain of the joints with their neighbours. The result stands
-    where B does and holds the pose as B holds it. Its error against A's own performance of the pose
-    is therefore measured bone by bone, each moved rigidly; that of the whole body mostly shows how
-    differently B holds the pose.
-
-    For the shape metric λ must be large enough for distances not to saturate: (1, 1, 0), and not
-    the (1, 1e-4, 0) of the paper's retrieval, whose gradient vanishes almost everywhere.
-
-    Parameters
-    ----------
-    basis : DeformationBasis, optional
-        Deformations of bodies in motion. With a basis, the result differs from A by these alone: it
-        is the nearest such surface to the minimiser, in least squares.
-    shape_weight, pose_weight : float
-        w_s and w_p.
-    smoothing : float
-        Time of the heat flow of the rotations, as a share of the template's area. The longer, the
-        less of B's build is carried over, and the rounder joints bend.
-    tolerance : float
-        Stop when a Newton step would gain at most this share of the value, as far as the
-        preconditioned gradient tells.
-    max_iter : int
-        Most iterations.
-    callback : callable, optional
-        Called with (iteration, value, surface) after each iteration.
-    progress : bool
-        Whether to show a progress bar.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> build = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0)
-    >>> pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
-    >>> result = rh.solvers.Disentangling().solve(build, pose, bodies[0], bodies[13])
-    >>> result.surface.shape
-    (1202, 3)
-    """
-
-    basis: DeformationBasis | None = None
-    shape_weight: float = 1.0
-    pose_weight: float = 1000.0
-    smoothing: float = SMOOTHING
-    tolerance: float = 1e-3
-    max_iter: int = 300
-    callback: Callable[[int, float, ndarray], Any] | None = None
-    progress: bool = False
-
-    def __post_init__(self) -> None:
-        real_number(self.shape_weight, "shape_weight", minimum=0.0, strict=True)
-        real_number(self.pose_weight, "pose_weight", minimum=0.0, strict=True)
-        real_number(self.smoothing, "smoothing", minimum=0.0, strict=True)
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
-
-    def solve(
-        self,
-        shape_metric: SurfaceMetric,
-        pose_metric: SurfaceMetric,
-        shape: ndarray,
-        pose: ndarray,
-        initial: ndarray | None = None,
-    ) -> DisentanglingResult:
-        """Find the surface.
-
-        Parameters
-        ----------
-        shape_metric, pose_metric : SurfaceMetric
-            Metrics on surfaces over one template.
-        shape : array, shape (V, 3)
-            Body A, which gives the shape.
-        pose : array, shape (V, 3)
-            Body B, which gives the pose.
-        initial : array, shape (V, 3), optional
-            Surface to start from.
-
-        Returns
-        -------
-        DisentanglingResult
-
-        Raises
-        ------
-        ArgumentError
-            If the surfaces, the metrics or the basis do not fit each other.
-        DegenerateSurfaceError
-            If a triangle of a body has no area.
-
-        Warns
-        -----
-        ConvergenceWarning
-            If the stopping test was not met.
-        """
-        space = _common_space(shape_metric, pose_metric)
-        shape = _body(space, shape, "shape")
-        pose = _body(space, pose, "pose")
-        turned = SmoothTurn(space, self.smoothing).solve(shape, pose)
-        start = turned if initial is None else _body(space, initial, "initial")
-        if self.basis is not None:
-            self.basis.check_fits(len(start))
-        sum_ = _WeightedSum(
-            (shape_metric, pose_metric), (self.shape_weight, self.pose_weight), (shape, turned)
-        )
-        areas = [triangle_areas(body, space.template.faces) for body in (shape, start)]
-        minimum = self._minimize(sum_, start, _LEAST_AREA * np.minimum(*areas))
-        surface, value = minimum.x.reshape(start.shape), minimum.value
-        if self.basis is not None:
-            # The metrics see no translations.
-            difference = surface - shape
-            difference -= difference.mean(axis=0)
-            surface = shape + self.basis.project(difference)
-            value = sum_.value_and_gradient(surface)[0]
-        surface = surface + np.mean(pose - surface, axis=0)
-        result = DisentanglingResult(
-            surface,
-            turned,
-            value,
-            minimum.values,
-            float(shape_metric.dist(shape, surface)),
-            float(pose_metric.dist(pose, surface)),
-            **minimum.outcome,
-        )
-        finish(self, result)
-        return result
-
-    def _minimize(self, sum_: _WeightedSum, start: ndarray, least_areas: ndarray) -> Minimum:
-        """Return the surface of least value, as a vector."""
-        value, rounding = sum_.value_and_gradient(start)[0], sum_.rounding(start)
-        if value <= rounding:
-            message = "the start is at no distance from either"
-            return Minimum(start, value, np.array([value]), n_evaluations=1, message=message)
-
-        def objective(x: ndarray) -> tuple[float, ndarray]:
-            surface = x.reshape(start.shape)
-            if np.any(triangle_areas(surface, sum_.faces) < least_areas):
-                return np.inf, np.zeros_like(x)
-            value, gradient = sum_.value_and_gradient(surface)
-            return value, gradient.ravel()
-
-        def inverse_hessian_at(x: ndarray) -> Operator:
-            factor = sum_.factor(x.reshape(start.shape))
-            return lambda gradient: factor.inverse(gradient[:, None])[:, 0]
-
-        def report(iteration: int, value: float, x: ndarray) -> None:
-            if self.callback is not None:
-                self.callback(iteration, value, x.reshape(start.shape))
-
-        with single_threaded_libraries():
-            return descend_in_rounds(
-                objective,
-                start.ravel(),
-                inverse_hessian_at,
-                max_iter=self.max_iter,
-                expected_decrease=self.tolerance,
-                callback=report,
-                progress=self.progress,
-                description="disentangling",
-            )
-
-
-class _WeightedSum:
-    """Σ w d(x, f)² over a few metrics, each with its weight and its point x."""
-
-    def __init__(
-        self,
-        metrics: tuple[SurfaceMetric, ...],
-        weights: tuple[float, ...],
-        points: tuple[ndarray, ...],
-    ) -> None:
-        self.faces = metrics[0].space.template.faces
-        self._terms = list(zip(metrics, weights, points, strict=True))
-
-    def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
-        value, gradient = 0.0, np.zeros_like(surface)
-        for metric, weight, point in self._terms:
-            squared, slopes = metric.energy_and_gradient(np.stack([point, surface]))
-            value += weight * squared
-            gradient += weight * slopes[1]
-        return value, gradient
-
-    def rounding(self, surface: ndarray) -> float:
-        """Return the value between surfaces that are the same to rounding errors."""
-        pair = np.stack([surface, rounded(surface, _ROUNDING)])
-        return sum(weight * float(metric.energy(pair)) for metric, weight, _ in self._terms)
-
-    def factor(self, surface: ndarray) -> CholeskyFactor:
-        """Return the factor of the sum's Hessian, near both points."""
-        matrix: Any = sum(w * m.metric_matrix(surface) for m, w, _ in self._terms)
-        return SparseCholeskyFactor(2.0 * matrix)
-
-
-def _common_space(shape_metric: SurfaceMetric, pose_metric: SurfaceMetric) -> Any:
-    space = shape_metric.space
-    if not space.is_surface_space or space.shape != pose_metric.space.shape:
-        raise ArgumentError(
-            "shape_metric and pose_metric must be metrics on surfaces over one template; found "
-            f"points of shape {space.shape} and {pose_metric.space.shape}"
-        )
-    return space
-
-
-def _body(space: AlignedSurfaces, body: ndarray, name: str) -> ndarray:
-    body = np.asarray(space.check_immersed(body, name))
-    if body.ndim != len(space.shape):
-        raise ArgumentError(
-            f"{name} must be one surface of shape {space.shape}; found {body.shape}"
-        )
-    return body
-
-
-AXES = ("world", "body")
-TRANSFERS = ("change", "pose")
-
-# Vertices that have moved by less, in metres, are still, as planted feet are.
-_STILL = 0.01
+# A limb of radius r that bends by κ radians a metre strains its skin by rκ. Least squares weigh
+# with the inverse of the variance, σ² + (rκ)²; r/σ is 0.05 m over 0.1, as a share of √area.
+_STRAIN_OF_BENDS = 0.37
 
 
 @dataclass(frozen=True)
@@ -315,9 +85,9 @@ class MotionTransfer:
     Parameters
     ----------
     axes : str
-        "world": triangles of both bodies turn about the same axes in space, right where the target
-        stands as the source does; "body": axes are carried from the source's triangles to the
-        target's by the rotation between them, for a target in another pose.
+        "world": triangles of both bodies rotate about the same axes in space, right where the
+        target stands as the source does; "body": axes are carried from the source's triangles to
+        the target's by the rotation between them, for a target in another pose.
     transfer : str
         "change": the target repeats the changes of the source since the reference; if its initial
         pose differs a little, its later poses differ as much, so that hands may end beside the head
@@ -392,23 +162,26 @@ class MotionTransfer:
                 'reference must be left out where transfer="pose": poses are transferred as they '
                 "are, whatever the pose of the target"
             )
-        transfer: _Transfer | _PoseTransfer | None = None
-        frames: list[ndarray] = []
+        areas, moved = space.template.vertex_areas, []
         for k, frame in enumerate(motion):
             frame = _one_surface(space, frame, f"motion[{k}]")
-            if transfer is None:
+            if k == 0:
                 target = _one_surface(space, target, "target")
                 if self.transfer == "pose":
-                    transfer = _PoseTransfer(space, frame, target)
+                    poses, source = PoseTransfer(space), frame
+                    start = poses.solve(target, frame)
                 else:
-                    start = _one_surface(
-                        space, frame if reference is None else reference, "reference"
-                    )
-                    transfer = _Transfer(space, start, target, self.axes)
-            frames.append(transfer.moved(frame))
-        if not frames:
+                    source = frame if reference is None else reference
+                    source, start = _one_surface(space, source, "reference"), target
+                    changes = _ChangeTransfer(space, source, target, self.axes)
+            if self.transfer == "pose":
+                surface = poses.solve(target, frame)
+            else:
+                surface = changes.solve(frame, target + (frame - source))
+            moved.append(_placed(surface, start, frame - source, areas))
+        if not moved:
             raise ArgumentError("motion must have at least one frame; found none")
-        return np.stack(frames)
+        return np.stack(moved)
 
 
 @dataclass(frozen=True)
@@ -416,7 +189,7 @@ class ShapeTransfer:
     """A change of shape, transferred to another pose.
 
     The difference between two bodies in one pose is applied to the first body in another pose: its
-    triangles undergo the same stretches, along axes that turn with them.
+    triangles undergo the same stretches, along axes that rotate with them.
 
     Examples
     --------
@@ -458,20 +231,260 @@ class ShapeTransfer:
             _one_surface(space, body, name)
             for body, name in ((before, "before"), (after, "after"), (target, "target"))
         )
-        transfer = _Transfer(space, before, target, "body")
-        return transfer.moved(after, placed_as=target)
+        return _ChangeTransfer(space, before, target, "body").solve(after, target)
 
 
-class _Transfer:
-    """What takes deformations of a reference to a target."""
+@dataclass(frozen=True, repr=False)
+class DisentanglingResult(Result):
+    """A surface near one body in shape and near another in pose, and how it was found.
+
+    Attributes
+    ----------
+    surface : array, shape (V, 3)
+        The surface.
+    posed : array, shape (V, 3)
+        Body A in the pose of B, from which the search starts.
+    value : float
+        The weighted sum of the squared distances from A and from `posed`.
+    values : array, shape (n_iterations + 1,)
+        The same at the start and after each iteration, before any basis.
+    shape_dist, pose_dist : float
+        Distances from the two bodies in the respective metric.
+    n_iterations, n_evaluations : int
+        Iterations, and evaluations of the sum and its gradient.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> build = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0)
+    >>> pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
+    >>> result = rh.solvers.Disentangling().solve(build, pose, bodies[0], bodies[13])
+    >>> result.surface.shape
+    (1202, 3)
+    """
+
+    surface: ndarray
+    posed: ndarray
+    value: float
+    values: ndarray
+    shape_dist: float
+    pose_dist: float
+
+
+@dataclass(frozen=True)
+class Disentangling:
+    r"""A body A in the pose of a body B, with all details of A.
+
+    .. math:: \arg\min_f\; w_s\, d_{shape}(f, A)^2 + w_p\, d_{pose}(f, A_B)^2
+
+    A_B is A, brought into the pose of B by a smooth field of rotations: the normals of B itself
+    show its build, such as face and chest, as well as its pose. The search starts from A_B and
+    shares the strain of the joints with their neighbours. The result stands where B does and holds
+    the pose as B holds it. Its error against A's own performance of the pose is therefore measured
+    bone by bone, each moved rigidly; that of the whole body mostly shows how differently B holds
+    the pose.
+
+    For the shape metric λ must be large enough for distances not to saturate: (1, 1, 0), and not
+    the (1, 1e-4, 0) of the paper's retrieval, whose gradient vanishes almost everywhere.
+
+    Parameters
+    ----------
+    basis : DeformationBasis, optional
+        Deformations of bodies in motion. With a basis, the result differs from A by these alone: it
+        is the nearest such surface to the minimiser, in least squares.
+    shape_weight, pose_weight : float
+        w_s and w_p.
+    smoothing : float
+        Time of the first heat flow of the rotations, as a share of the template's area. The longer,
+        the less of B's build is carried over, and the rounder joints bend.
+    bone_smoothing : float
+        How much longer heat flows along bones, once joints are known: the larger, the less of B's
+        build is carried over to the torso, and the farther limbs end from where B holds them.
+
+    tolerance : float
+        Stop when a Newton step would gain at most this share of the value, as far as the
+        preconditioned gradient tells.
+    max_iter : int
+        Most iterations.
+    callback : callable, optional
+        Called with (iteration, value, surface) after each iteration.
+    progress : bool
+        Whether to show a progress bar.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> build = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0)
+    >>> pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
+    >>> result = rh.solvers.Disentangling().solve(build, pose, bodies[0], bodies[13])
+    >>> result.surface.shape
+    (1202, 3)
+    """
+
+    basis: DeformationBasis | None = None
+    shape_weight: float = 1.0
+    pose_weight: float = 1000.0
+    smoothing: float = _SMOOTHING
+    bone_smoothing: float = _BONE_SMOOTHING
+    tolerance: float = 1e-3
+    max_iter: int = 300
+    callback: Callable[[int, float, ndarray], Any] | None = None
+    progress: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("shape_weight", "pose_weight", "smoothing", "bone_smoothing", "tolerance"):
+            real_number(getattr(self, name), name, minimum=0.0, strict=True)
+        whole_number(self.max_iter, "max_iter", minimum=1)
+
+    def solve(
+        self,
+        shape_metric: SurfaceMetric,
+        pose_metric: SurfaceMetric,
+        shape: ndarray,
+        pose: ndarray,
+        initial: ndarray | None = None,
+    ) -> DisentanglingResult:
+        """Find the surface.
+
+        Parameters
+        ----------
+        shape_metric, pose_metric : SurfaceMetric
+            Metrics on surfaces over one template.
+        shape : array, shape (V, 3)
+            Body A, which gives the shape.
+        pose : array, shape (V, 3)
+            Body B, which gives the pose.
+        initial : array, shape (V, 3), optional
+            Surface to start from.
+
+        Returns
+        -------
+        DisentanglingResult
+
+        Raises
+        ------
+        ArgumentError
+            If the surfaces, the metrics or the basis do not fit each other.
+        DegenerateSurfaceError
+            If a triangle of a body has no area.
+
+        Warns
+        -----
+        ConvergenceWarning
+            If the stopping test was not met.
+        """
+        space: Any = shape_metric.space
+        if not space.is_surface_space or space.shape != pose_metric.space.shape:
+            raise ArgumentError(
+                "shape_metric and pose_metric must be metrics on surfaces over one template; found "
+                f"points of shape {space.shape} and {pose_metric.space.shape}"
+            )
+        shape = _one_surface(space, shape, "shape")
+        pose = _one_surface(space, pose, "pose")
+        posed = PoseTransfer(space, self.smoothing, self.bone_smoothing).solve(shape, pose)
+        start = posed if initial is None else _one_surface(space, initial, "initial")
+        if self.basis is not None:
+            self.basis.check_fits(len(start))
+        sum_ = _WeightedSum(
+            (shape_metric, pose_metric), (self.shape_weight, self.pose_weight), (shape, posed)
+        )
+        minimum = self._minimize(sum_, shape, start)
+        surface, value = minimum.x.reshape(start.shape), minimum.value
+        if self.basis is not None:
+            # Translations change neither metric.
+            difference = surface - shape
+            difference -= difference.mean(axis=0)
+            surface = shape + self.basis.project(difference)
+            value = sum_.value_and_gradient(surface)[0]
+        surface = surface + np.mean(pose - surface, axis=0)
+        result = DisentanglingResult(
+            surface,
+            posed,
+            value,
+            minimum.values,
+            float(shape_metric.dist(shape, surface)),
+            float(pose_metric.dist(pose, surface)),
+            **minimum.outcome,
+        )
+        return finish(self, result)
+
+    def _minimize(self, sum_: _WeightedSum, shape: ndarray, start: ndarray) -> Minimum:
+        """Return the surface of least value, as a vector."""
+        value, rounding = sum_.value_and_gradient(start)[0], sum_.rounding(start)
+        if value <= rounding:
+            message = "the start is at no distance from either"
+            return Minimum(start, value, np.array([value]), n_evaluations=1, message=message)
+        areas = [triangle_areas(body, sum_.faces) for body in (shape, start)]
+        least_areas = _LEAST_AREA * np.minimum(*areas)
+
+        def objective(x: ndarray) -> tuple[float, ndarray]:
+            surface = x.reshape(start.shape)
+            if np.any(triangle_areas(surface, sum_.faces) < least_areas):
+                return np.inf, np.zeros_like(x)
+            value, gradient = sum_.value_and_gradient(surface)
+            return value, gradient.ravel()
+
+        def inverse_hessian_at(x: ndarray) -> Operator:
+            factor = sum_.factor(x.reshape(start.shape))
+            return lambda gradient: factor.inverse(gradient[:, None])[:, 0]
+
+        def report(iteration: int, value: float, x: ndarray) -> None:
+            if self.callback is not None:
+                self.callback(iteration, value, x.reshape(start.shape))
+
+        minimizer = LBFGS(
+            self.tolerance,
+            self.max_iter,
+            callback=report,
+            progress="disentangling" if self.progress else "",
+        )
+        with single_threaded_libraries():
+            return minimizer.minimize(objective, start.ravel(), inverse_hessian_at)
+
+
+class _WeightedSum:
+    """Σ w d(x, f)² over a few metrics, each with its weight and its point x."""
+
+    def __init__(
+        self,
+        metrics: tuple[SurfaceMetric, ...],
+        weights: tuple[float, ...],
+        points: tuple[ndarray, ...],
+    ) -> None:
+        self.faces = metrics[0].space.template.faces
+        self._terms = list(zip(metrics, weights, points, strict=True))
+
+    def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
+        value, gradient = 0.0, np.zeros_like(surface)
+        for metric, weight, point in self._terms:
+            squared, slopes = metric.energy_and_gradient(np.stack([point, surface]))
+            value += weight * squared
+            gradient += weight * slopes[1]
+        return value, gradient
+
+    def rounding(self, surface: ndarray) -> float:
+        """Return the value between surfaces that are the same to rounding errors."""
+        pair = np.stack([surface, rounded(surface, _ROUNDING)])
+        return sum(weight * float(metric.energy(pair)) for metric, weight, _ in self._terms)
+
+    def factor(self, surface: ndarray) -> CholeskyFactor:
+        """Return the factor of the sum's Hessian, near both points."""
+        matrix: Any = sum(w * m.metric_matrix(surface) for m, w, _ in self._terms)
+        return SparseCholeskyFactor(2.0 * matrix)
+
+
+class _ChangeTransfer:
+    """Deformations of a reference, transferred to a target."""
 
     def __init__(
         self, space: AlignedSurfaces, reference: ndarray, target: ndarray, axes: str
     ) -> None:
         self._operator = space.template.differential_operator
         self._interpolator = space.template.interpolator
-        self._areas = space.template.vertex_areas
-        self._reference, self._target = reference, target
         self._frames = triangle_frames(reference, self._operator)
         self._target_frames = triangle_frames(target, self._operator)
         self._axes = None
@@ -479,115 +492,62 @@ class _Transfer:
             gradients = deformation_gradients(self._frames, self._target_frames)
             self._axes = nearest_rotations(gradients)
 
-    def moved(self, surface: ndarray, placed_as: ndarray | None = None) -> ndarray:
-        """Return the target, deformed as the reference is deformed into this surface."""
+    def solve(self, surface: ndarray, placed_as: ndarray) -> ndarray:
+        """Return the target, deformed as the reference is deformed into this surface.
+
+        The centroid of each connected component is that of `placed_as`.
+        """
         frames = triangle_frames(surface, self._operator)
         gradients = deformation_gradients(self._frames, frames)
         if self._axes is not None:
             gradients = self._axes @ gradients @ np.swapaxes(self._axes, -1, -2)
         derivatives = stacked_derivatives(gradients @ self._target_frames)
-        if placed_as is not None:
-            return self._interpolator.surface_of(derivatives, placed_as)
-        displacement = surface - self._reference
-        moved = self._interpolator.surface_of(derivatives, self._target + displacement)
-        return _placed(moved, self._target, displacement, self._areas)
+        return self._interpolator.surface_of(derivatives, placed_as)
 
 
-class _PoseTransfer:
-    """What makes a target stand as a source does."""
-
-    def __init__(self, space: AlignedSurfaces, first: ndarray, target: ndarray) -> None:
-        self._turn = SmoothTurn(space)
-        self._areas = space.template.vertex_areas
-        self._first, self._target = first, target
-        self._start = self._turn.solve(target, first)
-
-    def moved(self, surface: ndarray) -> ndarray:
-        """Return the target in the pose of a surface."""
-        moved = self._turn.solve(self._target, surface)
-        return _placed(moved, self._start, surface - self._first, self._areas)
-
-
-def _placed(moved: ndarray, start: ndarray, displacement: ndarray, areas: ndarray) -> ndarray:
-    """Return a surface shifted so that it has left its start as far as what is still has."""
-    weights = areas / (_STILL**2 + np.sum(displacement**2, axis=1))
-    return moved + np.average(start + displacement - moved, axis=0, weights=weights)
-
-
-def _one_surface(space: AlignedSurfaces, surface: Any, name: str) -> ndarray:
-    surface = np.asarray(space.check_immersed(surface, name))
-    if surface.ndim != len(space.shape):
-        raise ArgumentError(
-            f"{name} must be one surface of shape {space.shape}; found {surface.shape}"
-        )
-    space.check_scale(surface, name)
-    return surface
-
-
-# How much longer heat flows along bones, once it is known where joints are: the more, the less of
-# B's build, and the farther limbs end from where B holds them. Compared on coarse natural bodies of
-# the seeds 21, 51, 61 and 71.
-_ALONG_BONES = 3.0
-
-# A limb of radius r that bends by κ radians a metre strains its skin by rκ. Least squares weigh
-# with the inverse of the variance, σ² + (rκ)²; r/σ is 0.05 m over 0.1, as a share of √area.
-_STRAIN_OF_BENDS = 0.37
-
-
-class SmoothTurn:
+class PoseTransfer:
     """Brings one body into the pose of another, whatever the build of the other.
 
-    Parameters
-    ----------
-    space : AlignedSurfaces
-        Space of the surfaces.
-    smoothing : float
-        Time of the first heat flow as a share of the template's area, above 0; the second, along
-        bones, takes 3 times as long. The longer, the less of the other's build is carried over, and
-        the rounder joints bend.
-    n_rounds : int
-        Number of rounds, each of which adds the smoothed remainder of the rotations: they restore
-        the bends of joints, long waves sooner than short ones.
+    The polar rotations R of the triangles, from body A to body B, contain two things: the pose of
+    B, which varies from bone to bone, and the build of B, which varies around a limb and within a
+    face. The heat flow of R over the template (`riemhuman.surfaces.triangle_heat`) keeps the first.
+    Where the smoothed field bends, there are joints; heat then flows anew from R, `bone_smoothing`
+    times as long, and slowly across them (after Perona and Malik, "Scale-space and edge detection
+    using anisotropic diffusion", IEEE PAMI 12, 1990), so that bones lose more of B's build and
+    joints less of their bends. A's triangles, rotated by the smooth field, are put together by a
+    Poisson equation. Each further round adds the smoothed remainder of the rotations, which
+    restores the bends of joints, long waves sooner than short ones.
     """
 
     def __init__(
-        self, space: AlignedSurfaces, smoothing: float = SMOOTHING, n_rounds: int = 1
+        self,
+        space: AlignedSurfaces,
+        smoothing: float = _SMOOTHING,
+        bone_smoothing: float = _BONE_SMOOTHING,
+        n_rounds: int = 1,
     ) -> None:
         self._template = template = space.template
-        self._n_rounds = whole_number(n_rounds, "n_rounds", minimum=0)
+        self._n_rounds, self._bone_smoothing = n_rounds, bone_smoothing
         self._area = float(template.face_areas.sum())
-        self._time = self._area * real_number(smoothing, "smoothing", minimum=0.0, strict=True)
+        self._time = self._area * smoothing
 
     def solve(self, shape: ndarray, pose: ndarray) -> ndarray:
-        """Return one body in the pose of another.
-
-        Parameters
-        ----------
-        shape : array, shape (V, 3)
-            Body to bring into the pose; its triangles have an area.
-        pose : array, shape (V, 3)
-            Body that gives the pose and the position.
-
-        Returns
-        -------
-        array, shape (V, 3)
-            The centroid of each connected component is that of `pose`.
-        """
+        """Return a body in the pose of another, with its centroid, shape (V, 3)."""
         frames = triangle_frames(shape, self._template.differential_operator)
         rotations, heat = self._rotations(frames, pose), self._template.heat
         # Of one implicit step alone, short waves fade too little: each flow has two.
         trust = self._trust(_flow(heat.step(0.5 * self._time), rotations))
-        along_bones = heat.step_through(trust, 0.5 * _ALONG_BONES * self._time)
+        along_bones = heat.step_through(trust, 0.5 * self._bone_smoothing * self._time)
         # By the trust of the second field, which bends sharply, few triangles would take all strain
         # of a joint and nearly lose their area.
         assemble = self._template.interpolator.with_weights(trust)
         field = _flow(along_bones, rotations)
-        turned = assemble.surface_of(stacked_derivatives(field @ frames), pose)
+        posed = assemble.surface_of(stacked_derivatives(field @ frames), pose)
         for _ in range(self._n_rounds):
-            missing = self._rotations(self._frames(turned), pose)
+            missing = self._rotations(self._frames(posed), pose)
             field = _flow(along_bones, missing) @ field
-            turned = assemble.surface_of(stacked_derivatives(field @ frames), pose)
-        return turned
+            posed = assemble.surface_of(stacked_derivatives(field @ frames), pose)
+        return posed
 
     def _frames(self, surface: ndarray) -> ndarray:
         return triangle_frames(surface, self._template.differential_operator)
@@ -612,3 +572,19 @@ def _flow(half: LinearOperator, rotations: ndarray) -> ndarray:
         heat = half @ rotations.reshape(-1, 9)
         rotations = nearest_rotations(heat.reshape(-1, 3, 3))
     return rotations
+
+
+def _placed(surface: ndarray, start: ndarray, displacement: ndarray, areas: ndarray) -> ndarray:
+    """Return a surface shifted so that parts at rest on the source have left their start as far."""
+    weights = areas / (_AT_REST**2 + np.sum(displacement**2, axis=1))
+    return surface + np.average(start + displacement - surface, axis=0, weights=weights)
+
+
+def _one_surface(space: AlignedSurfaces, surface: Any, name: str) -> ndarray:
+    surface = np.asarray(space.check_immersed(surface, name))
+    if surface.ndim != len(space.shape):
+        raise ArgumentError(
+            f"{name} must be one surface of shape {space.shape}; found {surface.shape}"
+        )
+    space.check_scale(surface, name)
+    return surface

@@ -1,4 +1,4 @@
-"""Means: of five people in one pose, of all bodies, and of thousands read from a file; medians.
+"""Means of five people, of one person's poses, and of thousands from a file; medians of these.
 
 pytest tests/benchmarks/test_means.py --benchmark-enable -s
 
@@ -13,10 +13,14 @@ import numpy as np
 import pytest
 from performances import basis, bodies
 
+from riemhuman.datasets import load_open_bodies
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.solvers import BasisMean, StreamingMean, StreamingMedian
+from riemhuman.solvers import BasisMean, FrechetMean, GeometricMedian
 from riemhuman.solvers._dispersion import Dispersion
-from riemhuman.statistics import GeometricMedian
+from riemhuman.surfaces import DeformationBasis
+from riemhuman.surfaces.measures import triangle_areas
+
+OTHER_PEOPLE = 81  # on whom no setting was compared
 
 
 def test_mean_of_five_people(benchmark):
@@ -44,18 +48,31 @@ def timed(call):
     return result, time.perf_counter() - wall, time.process_time() - processor
 
 
-def test_mean_of_all_bodies(benchmark):
-    resolution, count = ("coarse", 6) if benchmark.disabled else ("full", 100)
-    points = bodies(resolution).points[:count]
-    metric = ElasticMetric(AlignedSurfaces(bodies(resolution).template), 1.0, 1.0, 0.1)
-    metric.dist_pairwise(points[:2])
-    result, wall, processor = timed(lambda: BasisMean().solve(metric, points))
-    print(
-        f"\n{resolution}: mean of {count} bodies over their differences in {wall:.1f} s, "
-        f"{processor:.1f} s of the processor: variance {result.variance:.6g} after "
-        f"{result.n_iterations} iterations"
-    )
-    assert result.converged
+def test_mean_of_poses(benchmark):
+    """The default mean of one natural person's ten poses, beside that over their differences."""
+    full = not benchmark.disabled
+    for person in (2, 7) if full else (2,):
+        data = load_open_bodies(
+            "full" if full else "coarse", variant="natural", people=OTHER_PEOPLE
+        )
+        points = data.points[10 * person : 10 * person + 10]
+        space = AlignedSurfaces(data.template)
+        for weights in ((1.0, 1.0, 0.1), (0.0, 0.0, 1.0)):
+            metric = ElasticMetric(space, *weights)
+            metric.dist_pairwise(points[:2])
+            differences = DeformationBasis(points[1:] - points[0], orthonormalize=True)
+            over_span = BasisMean(differences, tolerance=1e-6).solve(metric, points)
+            result, wall, processor = timed(lambda: BasisMean().solve(metric, points))  # noqa: B023
+            areas = [triangle_areas(f, data.template.faces).sum() for f in (*points, result.point)]
+            print(
+                f"\n{weights}, person {person}: variance {result.variance:.4f} after "
+                f"{result.n_iterations} iterations in {wall:.1f} s ({processor:.1f} s of the "
+                f"processor), over the differences {over_span.variance:.4f}, of the vertex average "
+                f"{Dispersion(metric, points).value(points.mean(axis=0)):.4f}; area "
+                f"{areas[-1]:.3f} m², of the members {min(areas[:-1]):.3f} to {max(areas[:-1]):.3f}"
+            )
+            assert result.converged
+            assert result.variance < over_span.variance
     benchmark.pedantic(lambda: None, rounds=1)
 
 
@@ -75,16 +92,17 @@ def written(folder, count):
     return np.load(file, mmap_mode="r")
 
 
-@pytest.mark.parametrize("kind", [StreamingMean, StreamingMedian], ids=["mean", "median"])
+@pytest.mark.parametrize("kind", [FrechetMean, GeometricMedian])
 def test_center_of_thousands_from_a_file(benchmark, tmp_path, kind):
     count = 40 if benchmark.disabled else 10_000
     points = written(tmp_path, count)
-    metric = ElasticMetric(AlignedSurfaces(bodies("coarse").template), 1.0, 1.0, 1.0)
-    deformations = basis("coarse")
-    metric.dist_pairwise(bodies("coarse").points[:2])
+    space = AlignedSurfaces(bodies("coarse").template)
+    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    space.metric.dist_pairwise(bodies("coarse").points[:2])
+    batches = [points[first : first + 256] for first in range(0, count, 256)]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    solver = kind(deformations, sample_size=min(64, count))
-    result, wall, processor = timed(lambda: solver.solve(metric, points))
+    solver = BasisMean(basis("coarse"), tolerance=1e-7, sample_size=min(64, count))
+    result, wall, processor = timed(lambda: kind(space, solver).fit(batches).result_)
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 2**10
     excess = result.variances[0] / result.variances[-1] - 1
     print(
@@ -95,24 +113,3 @@ def test_center_of_thousands_from_a_file(benchmark, tmp_path, kind):
     )
     assert result.converged
     benchmark.pedantic(lambda: None, rounds=1)
-
-
-def test_streamed_median_against_weiszfeld(benchmark):
-    """How far a streamed median is above one in memory, which searches the same family."""
-    count = 8 if benchmark.disabled else 60
-    points = bodies("coarse").points[:count]
-    space = AlignedSurfaces(bodies("coarse").template)
-    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
-    solver = StreamingMedian(basis("coarse"), with_differences=False, sample_size=count // 4)
-    found = solver.solve(space.metric, points)
-    in_memory = BasisMean(basis("coarse"), with_differences=False)
-
-    class SameFamily:
-        def solve(self, metric, points, weights=None, initial_point=None):
-            return in_memory.solve(metric, points, weights, found.point)
-
-    median = GeometricMedian(space, solver=SameFamily(), tolerance=1e-8)
-    benchmark.pedantic(lambda: median.fit(points), rounds=1, iterations=1)
-    excess = found.variances[-1] / median.result_.variances[-1] - 1
-    print(f"\nthe mean distance of {count} bodies to the streamed median is {excess:.1e} more")
-    assert abs(excess) < 1e-5

@@ -121,9 +121,9 @@ class Scripted:
 def test_steps_are_halved_as_often_as_is_asked_for(monkeypatch, n_doublings):
     case = CASES["all sphere"]
     monkeypatch.setattr(
-        exponential, "MiddleEquation", lambda *settings: Scripted([0.99] * 12, [0.0] * 12)
+        exponential, "GeodesicEquation", lambda *settings: Scripted([0.99] * 12, [0.0] * 12)
     )
-    monkeypatch.setattr(exponential, "turns_far", lambda metric, points: True)
+    monkeypatch.setattr(exponential, "rotates_far", lambda metric, points: True)
     solver = DiscreteExponential(n_steps=3, n_doublings=n_doublings)
     result = solver.solve(case.metric, np.ones(case.space.shape), case.points[0])
     assert len(result.path) == 3 * 2**n_doublings + 1
@@ -145,7 +145,9 @@ def test_steps_are_halved_as_often_as_is_asked_for(monkeypatch, n_doublings):
 )
 def test_what_becomes_of_a_step(monkeypatch, factors, errors, message):
     case = CASES["all sphere"]
-    monkeypatch.setattr(exponential, "MiddleEquation", lambda *settings: Scripted(factors, errors))
+    monkeypatch.setattr(
+        exponential, "GeodesicEquation", lambda *settings: Scripted(factors, errors)
+    )
     solver, velocity = DiscreteExponential(n_steps=3, n_doublings=0), np.ones(case.space.shape)
     if message == "all steps were made":
         result = solver.solve(case.metric, velocity, case.points[0])
@@ -298,7 +300,7 @@ def test_stops_where_triangles_vanish(name):
     """A surface that shrinks at one and a half times its size a unit of time is gone at 2/3."""
     case = CASES[name]
     start = case.points[0]
-    solver = DiscreteExponential(n_steps=30)
+    solver = DiscreteExponential(n_steps=30, n_doublings=0)
     with pytest.warns(ConvergenceWarning, match="triangle [0-9]+ degenerates"):
         result = solver.solve(case.metric, -1.5 * (start - start.mean(axis=0)), start)
     assert not result.complete
@@ -326,26 +328,6 @@ def test_says_when_an_equation_was_not_solved():
         result = solver.solve(case.metric, 0.3 * case.tangent_vecs[0], case.points[0])
     assert result.complete
     assert not result.converged
-
-
-def test_interruption_keeps_the_path(monkeypatch):
-    case = CASES["mixed triangle"]
-    calls = []
-    energy_and_gradient = case.metric.energy_and_gradient
-
-    def interrupted(path):
-        calls.append(1)
-        if len(calls) == 25:
-            raise KeyboardInterrupt
-        return energy_and_gradient(path)
-
-    monkeypatch.setattr(case.metric, "energy_and_gradient", interrupted)
-    with pytest.warns(ConvergenceWarning, match="interrupted from the keyboard"):
-        result = DiscreteExponential(n_steps=20).solve(
-            case.metric, 0.3 * case.tangent_vecs[0], case.points[0]
-        )
-    assert 1 < len(result.path) < 20
-    assert not result.complete
 
 
 def test_arguments_are_left_alone():
@@ -397,7 +379,9 @@ def test_an_exponential_that_does_not_exist_is_refused():
     case = CASES["all sphere"]
     metric = ElasticMetric(case.space, 1.0, 1.0, 1.0, exp_solver=DiscreteExponential())
     with (
-        pytest.raises(OutsideManifoldError, match="DiscreteExponential .* stopped at step 7 of 10"),
+        pytest.raises(
+            OutsideManifoldError, match=r"DiscreteExponential.* at step 27 of 40"
+        ),
         pytest.warns(ConvergenceWarning),
     ):
         metric.exp(-1.5 * case.points[0], case.points[0])

@@ -1,8 +1,7 @@
 """The discrete logarithm, and that it is the inverse of the discrete exponential."""
 
-from dataclasses import dataclass
+from warnings import catch_warnings, simplefilter
 
-import autograd.numpy as anp
 import bodies_in_motion as bodies
 import numpy as np
 import pytest
@@ -15,16 +14,14 @@ from riemhuman.errors import (
     ConvergenceWarning,
     NotDefinedError,
 )
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, VectorSpace
 from riemhuman.solvers import (
     BasisPath,
     ClosedFormGeodesic,
     DiscreteExponential,
     DiscreteLogarithm,
     LinearPath,
-    logarithm,
 )
-from riemhuman.solvers._geodesic_equation import MiddleEquation
 from riemhuman.solvers.results import PathResult
 from riemhuman.surfaces import DeformationBasis
 
@@ -50,7 +47,9 @@ def test_second_order_against_closed_forms(case):
     exact = case.metric.log(end, start)
     errors = []
     for n_steps in (8, 16, 32):
-        solver = DiscreteLogarithm(geodesic_solver=ClosedFormGeodesic(n_steps + 1))
+        solver = DiscreteLogarithm(
+            geodesic_solver=ClosedFormGeodesic(n_steps + 1), end_tolerance=0.1
+        )
         result = solver.solve(case.metric, end, start)
         assert result.converged
         errors.append(np.abs(result.tangent_vec - exact).max())
@@ -63,7 +62,10 @@ def test_inverse_of_the_exponential_in_all_coordinates(case):
     start = case.points[0]
     velocity = 0.25 * (case.points[1] - start)
     forward = DiscreteExponential(n_steps=6, tolerance=1e-10).solve(case.metric, velocity, start)
-    back = DiscreteLogarithm(n_steps=6).solve(case.metric, forward.end, start)
+    # Of a single triangle, some rotations change no term of the metric.
+    loose = 0.1 if case.name == "srnf triangle" else 1e-4
+    solver = DiscreteLogarithm(n_steps=6, end_tolerance=loose)
+    back = solver.solve(case.metric, forward.end, start)
     size = float(case.metric.norm(velocity, start))
     error = float(case.metric.norm(back.tangent_vec - velocity, start))
     assert back.converged
@@ -148,30 +150,6 @@ def test_large_changes_of_pose_over_all_vertices(weights):
     assert np.linalg.norm(forward.end - end, axis=1).mean() < 2e-5
 
 
-def test_half_a_turn_says_what_is_the_matter():
-    """Of normals alone, within a basis that does not hold the turn: the size was named."""
-    data = load_open_bodies("coarse")
-    metric = ElasticMetric(bodies.space(), 0.0, 0.0, 1.0)
-    basis, start = DeformationBasis.from_laplacian(data.template, 20), data.points[0]
-    # The path may be found or not, and be another with other rounding errors.
-    with pytest.warns(ConvergenceWarning) as told:
-        found = DiscreteLogarithm(basis, n_steps=4).solve(metric, start * [-1, 1, -1], start)
-    assert not found.converged
-    assert "step before the start: triangle" in str(told[-1].message)
-    assert "turned over" in str(told[-1].message)
-
-
-def test_velocities_that_do_not_fit_the_path_are_no_logarithms():
-    """A path that dawdles at first."""
-    case = CASES["mixed triangle"]
-    shares = np.array([0.0, 0.1, 0.5, 1.0])[:, None, None]
-    path = case.points[0] + 0.2 * shares * (case.points[1] - case.points[0])
-    solver = DiscreteLogarithm(geodesic_solver=Given(case.metric, path))
-    with pytest.warns(ConvergenceWarning, match="the velocity has norm .* the path length"):
-        found = solver.solve(case.metric, path[-1], path[0])
-    assert not found.converged
-
-
 def test_energy_is_the_squared_norm_to_second_order():
     metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
     start, end = bodies.body("resting"), bodies.body("arm raised")
@@ -195,7 +173,11 @@ def test_a_solver_may_be_given():
     metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
     start, end = bodies.body("resting"), bodies.body("arm raised")
     solver = BasisPath(bodies.basis(30), n_nodes=4)
-    found = DiscreteLogarithm(bodies.basis(30), geodesic_solver=solver).solve(metric, end, start)
+    with pytest.warns(ConvergenceWarning, match="path: the expected decrease"):
+        found = DiscreteLogarithm(bodies.basis(30), geodesic_solver=solver).solve(
+            metric, end, start
+        )
+    assert found.end_error > 1e-4
     path = solver.solve(metric, start, end).path
     np.testing.assert_array_equal(found.path, path)
     first = 3.0 * (path[1] - path[0])
@@ -215,116 +197,9 @@ def test_path_stays_in_the_basis_and_the_difference():
         np.testing.assert_allclose(joined.project(deformation), deformation, atol=1e-10)
 
 
-class Given:
-    """A solver with its result."""
-
-    def __init__(self, metric, path, converged=True):
-        energy = float(metric.energy(path))
-        self.result = PathResult(
-            path,
-            energy,
-            np.array([energy]),
-            n_iterations=70,
-            n_evaluations=900,
-            converged=converged,
-            message="as given",
-        )
-
-    def solve(self, metric, start, end):
-        return self.result
-
-
-def test_counts_of_path_and_velocity_are_added():
-    case = CASES["mixed triangle"]
-    path = np.linspace(case.points[0], 0.8 * case.points[0] + 0.2 * case.points[1], 4)
-    given = Given(case.metric, path)
-    found = DiscreteLogarithm(geodesic_solver=given).solve(case.metric, path[-1], path[0])
-    backward = MiddleEquation(case.metric).next_point(path[1], path[0])
-    assert found.n_iterations == 70 + backward.n_iterations > 70
-    assert found.n_evaluations == 900 + backward.n_evaluations > 900
-    assert found.energy == case.metric.energy(path)
-    assert (found.converged, found.message) == (True, "as given")
-    np.testing.assert_array_equal(found.path, path)
-    np.testing.assert_allclose(found.tangent_vec, 1.5 * (path[1] - backward.points[2]))
-
-
-def test_a_path_that_was_not_found_is_no_geodesic():
-    case = CASES["mixed triangle"]
-    solver = DiscreteLogarithm(geodesic_solver=Given(case.metric, case.points[:2], False))
-    with pytest.warns(ConvergenceWarning, match="as given"):
-        found = solver.solve(case.metric, *case.points[1::-1])
-    assert not found.converged
-    assert "as given" in found.message
-
-
-class VertexDistance(RiemannianMetric):
-    """Surfaces as vectors: straight lines are geodesics, wherever they lead."""
-
-    def squared_dist(self, point_a, point_b):
-        """Return Σ ‖a − b‖²."""
-        return anp.sum((point_a - point_b) ** 2, axis=(-2, -1))
-
-
-def test_says_when_the_step_before_the_start_turns_triangles_over():
-    case = CASES["mixed open"]
-    path = np.stack([case.points[0]] * 3)
-    # By as much as the first step widens the surface, the one before it takes away.
-    path *= np.array([[1.0, 1.0, 1.0], [3.0, 1.0, 1.0], [5.0, 1.0, 1.0]])[:, None]
-    metric = VertexDistance(case.space)
-    given = Given(metric, path)
-    with pytest.warns(ConvergenceWarning, match="before the start: triangle [0-9]+ degen"):
-        found = DiscreteLogarithm(geodesic_solver=given).solve(metric, path[-1], path[0])
-    assert not found.converged
-    np.testing.assert_allclose(found.tangent_vec, path[-1] - path[0], atol=1e-6)
-
-
-def test_the_step_before_the_start_is_compared_with_the_start():
-    """A plane that turns by 100 degrees was 24 degrees behind, if its vertices move straight on."""
-    space, angle = CASES["mixed open"].space, np.radians(100.0)
-    plane = space.template.vertices
-    turned = plane * [1.0, np.cos(angle), 0.0] + plane[:, [0, 2, 1]] * [0.0, 0.0, np.sin(angle)]
-    path = np.stack([plane, turned, 2.0 * turned - plane])
-    metric = VertexDistance(space)
-    solver = DiscreteLogarithm(geodesic_solver=Given(metric, path))
-    found = solver.solve(metric, path[-1], path[0])
-    assert (found.converged, found.message) == (True, "as given")
-
-
-@pytest.mark.parametrize("collapsing", [False, True])
-def test_the_path_is_sought_from_what_the_basis_has_of_the_first(monkeypatch, collapsing):
-    case = CASES["mixed sphere"]
-    start, end = case.points[0], 0.7 * case.points[0] + 0.3 * case.points[1]
-    vectors = np.eye(start.size) if collapsing else start / np.linalg.norm(start)
-    basis = DeformationBasis(vectors.reshape(-1, *start.shape))
-    straight = np.linspace(start, end, 4)
-    first, sought = straight.copy(), []
-    # What collapses has no energy; of what is added otherwise, a part lies across the basis.
-    first[2] = 0.0 if collapsing else straight[2] + 0.1 * start + 0.1 * case.tangent_vecs[0]
-
-    @dataclass(frozen=True)
-    class Scripted:
-        basis: DeformationBasis
-        n_nodes: int
-        remove_drift: bool
-        tolerance: float = 1e-4
-
-        def solve(self, metric, start, end, initial_path=None):
-            sought.append(initial_path)
-            return PathResult(first, 1.0, np.ones(1))
-
-    monkeypatch.setattr(logarithm, "BasisPath", Scripted)
-    with pytest.warns(ConvergenceWarning, match="the velocity has norm"):
-        DiscreteLogarithm(basis, n_steps=3).solve(case.metric, end, start)
-    joined = basis.extend((end - start)[None])
-    expected = straight if collapsing else start + joined.project(first - start)
-    assert sought[0] is None
-    np.testing.assert_allclose(sought[1], expected, atol=1e-12)
-    assert np.abs(sought[1] - first).max() > 1e-3
-
-
 def test_metrics_take_it_as_log_solver():
     case = CASES["mixed triangle"]
-    solver = DiscreteLogarithm(n_steps=4)
+    solver = DiscreteLogarithm(n_steps=4, end_tolerance=0.1)
     metric = ElasticMetric(case.space, 1.0, 0.1, 0.1, log_solver=solver)
     velocities = metric.log(case.points[1:3], case.points[0])
     assert velocities.shape == (2, 3, 3)
@@ -338,14 +213,6 @@ def test_of_the_point_itself_is_zero():
     case = CASES["mixed open"]
     found = DiscreteLogarithm(n_steps=3).solve(case.metric, case.points[0], case.points[0])
     np.testing.assert_allclose(found.tangent_vec, 0.0, atol=1e-9)
-
-
-def test_says_when_it_has_not_converged():
-    case = CASES["mixed sphere"]
-    solver = DiscreteLogarithm(n_steps=3, max_iter=1)
-    with pytest.warns(ConvergenceWarning, match="the step before the start: error"):
-        found = solver.solve(case.metric, *case.points[1::-1])
-    assert not found.converged
 
 
 @pytest.mark.parametrize(
@@ -373,19 +240,67 @@ def test_bad_input():
         DiscreteLogarithm(bodies.basis(20)).solve(case.metric, end, start)
 
 
-def test_a_fold_that_snaps_within_one_step():
-    """Where a triangle turns too far within a step, the path goes where no exponential follows.
+def natural_pair(seed, first, second):
+    """Return the metric (1, 1, 0.1), and two natural bodies that no setting was chosen on."""
+    natural = load_open_bodies("coarse", variant="natural", people=seed)
+    metric = ElasticMetric(AlignedSurfaces(natural.template), 1.0, 1.0, 0.1)
+    return metric, natural.points[first], natural.points[second]
 
-    Seen to fail with five steps throughout: the exponential stopped 89 mm before the other body.
-    """
-    natural = load_open_bodies("coarse", variant="natural")
-    own, names = natural.points[30:40], list(natural.pose_names)
-    start, end = own[names.index("a_stance")], own[names.index("squat")]
-    metric = ElasticMetric(AlignedSurfaces(natural.template), 1.0, 0.1, 0.1)
-    found = DiscreteLogarithm(n_steps=5).solve(metric, end, start)
-    assert (len(found.path), found.converged) == (11, True)
-    there = DiscreteExponential(n_steps=5).solve(metric, found.tangent_vec, start)
-    assert (there.n_steps, there.converged) == (10, True)
-    assert np.linalg.norm(there.end - end, axis=1).mean() < 1e-5
-    with pytest.warns(ConvergenceWarning, match="degenerates"):
-        DiscreteExponential(n_steps=5, n_doublings=0).solve(metric, found.tangent_vec, start)
+
+def distance_of_inverse(solver, result, metric, start, end):
+    """Return how far in millimetres the exponential ends, or infinity."""
+    with catch_warnings():
+        simplefilter("ignore", ConvergenceWarning)
+        forward = solver.inverse(result).solve(metric, result.tangent_vec, start)
+    return 1000.0 * np.abs(forward.end - end).max() if forward.complete else np.inf
+
+
+@pytest.mark.parametrize(
+    ("seed", "first", "second", "n_steps"), [(5, 67, 60, 40), (5, 46, 44, 40), (5, 92, 90, 10)]
+)
+def test_large_changes_of_pose_take_as_many_steps_as_they_need(seed, first, second, n_steps):
+    """With ten steps throughout, the first two ended 458 and 764 mm from the other body."""
+    metric, start, end = natural_pair(seed, first, second)
+    solver = DiscreteLogarithm()
+    result = solver.solve(metric, end, start)
+    assert result.converged
+    assert len(result.path) == n_steps + 1
+    assert distance_of_inverse(solver, result, metric, start, end) < 0.1
+
+
+@pytest.mark.parametrize("over_basis", [False, True])
+@pytest.mark.parametrize(("first", "second"), [(46, 44), (18, 17)])
+def test_converged_is_what_comes_back(over_basis, first, second):
+    """Without halved steps, both answers occur; each is that of the exponential."""
+    metric, start, end = natural_pair(5, first, second)
+    solver = DiscreteLogarithm(bodies.basis() if over_basis else None, n_steps=5, n_doublings=0)
+    with catch_warnings(record=True) as warnings:
+        simplefilter("always")
+        result = solver.solve(metric, end, start)
+    distance = distance_of_inverse(solver, result, metric, start, end)
+    assert result.converged == (distance <= 0.1)
+    assert 1000.0 * result.end_error == pytest.approx(distance)
+    assert result.converged == (not any("DiscreteLogarithm" in str(w.message) for w in warnings))
+
+
+@pytest.mark.parametrize(
+    ("shares", "converged"), [((0.0, 1 / 3, 2 / 3, 1.0), True), ((0.0, 0.1, 0.5, 1.0), False)]
+)
+def test_a_path_that_is_no_geodesic_has_no_logarithm(shares, converged):
+    """Of vectors, the straight path is one at constant speed alone."""
+    space = VectorSpace((2, 2))
+    start, end = space.random_point(2, rng=0)
+    path = start + np.array(shares)[:, None, None] * (end - start)
+
+    class Given:
+        def solve(self, metric, start, end):
+            return PathResult(path, 1.0, np.ones(1), n_iterations=70, n_evaluations=900)
+
+    solver = DiscreteLogarithm(geodesic_solver=Given())
+    with catch_warnings(record=True) as warnings:
+        simplefilter("always")
+        result = solver.solve(space.metric, end, start)
+    assert result.converged == converged == (not warnings)
+    assert result.n_iterations >= 70
+    assert result.n_evaluations > 900
+    np.testing.assert_array_equal(result.path, path)
