@@ -379,9 +379,7 @@ def test_an_exponential_that_does_not_exist_is_refused():
     case = CASES["all sphere"]
     metric = ElasticMetric(case.space, 1.0, 1.0, 1.0, exp_solver=DiscreteExponential())
     with (
-        pytest.raises(
-            OutsideManifoldError, match=r"DiscreteExponential.* at step 27 of 40"
-        ),
+        pytest.raises(OutsideManifoldError, match=r"DiscreteExponential.* at step 27 of 40"),
         pytest.warns(ConvergenceWarning),
     ):
         metric.exp(-1.5 * case.points[0], case.points[0])
