@@ -33,7 +33,7 @@ ESTIMATORS = [
     FrechetMean(VectorSpace((2,)), GradientDescentMean()),
     NearestNeighbors(VectorSpace((2,)).metric, 3, n_pivots=2),
     MotionComponents(MotionMean(MotionSpace(AlignedSurfaces(triangle_template()))), 2),
-    GeometricMedian(AlignedSurfaces(triangle_template()), BasisMean(), tolerance=1e-3),
+    GeometricMedian(AlignedSurfaces(triangle_template()), BasisMean(tolerance=1e-3)),
 ]
 
 
