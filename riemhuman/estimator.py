@@ -5,13 +5,12 @@ from __future__ import annotations
 import inspect
 from typing import Any, Self
 
-from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
 from riemhuman.representation import constructor_text
 
 
-class Estimator(InheritsDocstrings):
+class Estimator:
     """An object whose parameters are the unchanged arguments of its constructor.
 
     `fit` checks the parameters and stores its results in attributes that end in an underscore.

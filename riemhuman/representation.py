@@ -10,8 +10,6 @@ from typing import Any
 
 from numpy import ndarray
 
-from riemhuman.docstrings import InheritsDocstrings
-
 _LONGEST = 80
 _MISSING = object()
 
@@ -59,7 +57,7 @@ def join_names(names: Sequence[str], most: int = 10) -> str:
     return ", ".join(map(_cut, names[:most])) + more
 
 
-class Record(InheritsDocstrings):
+class Record:
     """Base of data classes that hold arrays, with a one-line representation by shapes."""
 
     def __repr__(self) -> str:
