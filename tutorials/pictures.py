@@ -151,16 +151,15 @@ def tapes(bodies) -> None:
 
 
 def motions() -> None:
-    """Draw two performances of one motion on a common clock, one above the other."""
+    """Draw two performances of one motion aligned in time, one above the other."""
     people = ["lean runner", "older heavy man"]
     recorded = rh.datasets.load_open_motions("coarse", people, ["knees"])
     first, second = (motion[: 60 + 18 * k : 2 + k] for k, motion in enumerate(recorded))
     template = recorded[0].template
     space = rh.AlignedSurfaces(template).equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
-    warp = rh.motions.DynamicTimeWarping(space.metric, centered=True).warp(first, second)
+    warping = rh.motions.DynamicTimeWarping(space.metric, centered=True)
     curves = rh.motions.MotionSpace(space, n_times=9)
-    times = rh.motions.even_times(warp, curves.n_times)
-    rows = [curves.resample(first), curves.resample(second, at=times * (len(second) - 1))]
+    rows = rh.motions.align_motions(curves, first, second, warping)[:2]
     figure, axes = plt.subplots(2, 1, figsize=(9, 5), layout="constrained")
     for ax, row, color in zip(axes, rows, (SKIN, GOLD), strict=True):
         rh.plots.plot_path(row, template.faces, colors=len(row) * [color], ax=ax, spacing=1.15)
