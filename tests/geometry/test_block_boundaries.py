@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 from cases import sphere_template, surfaces
 
-from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric, pairwise
+<<<<<<< HEAD
 from riemhuman.kernels import threads
 from riemhuman.retrieval import NearestNeighbors
+=======
+from riemhuman.kernels import tiles
+>>>>>>> 9eda078 (Shorter tests of metrics: each property once)
 
 TEMPLATE = sphere_template()
 SPACE = AlignedSurfaces(TEMPLATE, equip=False)
@@ -54,41 +57,6 @@ def test_blocks_of_rows_and_columns(known, block, monkeypatch):
     assert_right(*known, memory=80_000)
 
 
-@pytest.mark.parametrize("memory", [1, 10**9])
-def test_errors_name_the_body_that_is_wrong(memory, monkeypatch):
-    monkeypatch.setattr(pairwise, "_BLOCK", 4)
-    flat, wrong = POINTS.copy(), POINTS.copy()
-    flat[18, :, 2] = 0.0
-    flat[18, TEMPLATE.faces[7]] = 0.0
-    wrong[18, 5, 2] = np.nan
-    size = 1 if memory == 1 else 4
-    start = 18 - 18 % size
-    stop = min(start + size, N_POINTS)
-    for points in (flat, wrong):
-        with pytest.raises(ArgumentError, match=rf"points\[{start}:{stop}\]") as refused:
-            METRICS["pose"].dist_pairwise(points, memory=memory)
-        assert f"({18 - start}," in str(refused.value)
-    with pytest.raises(ArgumentError, match=r"X\[18:19\].*index \(0,"):
-        NearestNeighbors(METRICS["pose"]).fit(wrong)
-
-
-@pytest.mark.parametrize("block", [1, 2])
-def test_blocks_of_close_pairs(known, block, monkeypatch):
-    monkeypatch.setattr(pairwise, "_CLOSE_BLOCK", block)
-    assert_right(*known)
-
-
-@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
-def test_many_close_pairs(metric):
-    """More of them than a block holds, in rows and in columns."""
-    n_points = 2 * pairwise._CLOSE_BLOCK + 3
-    points = POINTS[5] * (1 + 1e-9 * np.arange(n_points))[:, None, None]
-    within = metric.dist_pairwise(points, precision="double")
-    np.testing.assert_allclose(metric.dist_pairwise(points), within, rtol=1e-12)
-    np.testing.assert_allclose(metric.cdist(points[:2], points), within[:2], rtol=1e-12)
-    np.testing.assert_allclose(metric.cdist(points, points[:2]), within[:, :2], rtol=1e-12)
-
-
 @pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
 @pytest.mark.parametrize("n_jobs", [1, 2])
 def test_more_tiles_than_rows(metric, n_jobs, monkeypatch):
@@ -101,17 +69,3 @@ def test_more_tiles_than_rows(metric, n_jobs, monkeypatch):
         np.testing.assert_allclose(found, expected, rtol=tolerance)
         between = metric.cdist(points[:70], points[3:], n_jobs, precision=precision)
         np.testing.assert_allclose(between, expected[:70, 3:], rtol=tolerance)
-
-
-@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
-def test_more_columns_than_a_block(metric):
-    """Rectangles of jobs may be wider than those of tables, with the same bits."""
-    points = surfaces(TEMPLATE, pairwise._BLOCK + 3, rng=4)
-    rows = points[:3]
-    for precision in ("single", "double"):
-        expected = metric.cdist(rows, points, precision=precision)
-        few, all_of_them = (metric.features(some, precision) for some in (rows, points))
-        wide = pairwise.squared_dist_rectangle(metric, few, all_of_them, rows, points, None)
-        np.testing.assert_array_equal(np.sqrt(wide), expected)
-        high = pairwise.squared_dist_rectangle(metric, all_of_them, few, points, rows, None)
-        np.testing.assert_array_equal(np.sqrt(high), expected.T)

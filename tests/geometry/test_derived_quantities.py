@@ -44,13 +44,6 @@ def test_unit_vectors(case):
     assert not np.array_equal(one, metric.random_unit_tangent_vec(case.points[0]))
 
 
-@pytest.mark.parametrize("name", ["mixed sphere", "ebin 1 sphere", "half-plane, distance"])
-def test_diameter(name):
-    case = CASES[name]
-    expected = max(case.metric.dist(x, y) for x in case.points for y in case.points)
-    assert case.metric.diameter(case.points) == pytest.approx(float(expected), rel=1e-12)
-
-
 @curved
 def test_curvature_is_how_geodesics_spread(case):
     """d²(exp(εa), exp(εb)) = ε²‖a − b‖² − ε⁴⟨R(a, b)b, a⟩/3 + O(ε⁵)."""
@@ -127,14 +120,6 @@ def test_rotations_of_a_triangle_have_constant_curvature():
     area = case.space.template.face_areas[0]
     assert found == pytest.approx(0.25 / area, rel=1e-9)
     assert case.metric.injectivity_radius() == pytest.approx(np.pi * np.sqrt(area))
-
-
-def test_surfaces_have_no_closed_form_of_either():
-    case = CASES["mixed sphere"]
-    with pytest.raises(NotDefinedError, match="ElasticMetric has no closed form for curvature"):
-        case.metric.sectional_curvature(*case.tangent_vecs[:2], case.points[0])
-    with pytest.raises(NotDefinedError, match="no closed form for injectivity_radius"):
-        case.metric.injectivity_radius(case.points[0])
 
 
 def test_base_points_are_optional_where_they_do_not_matter():

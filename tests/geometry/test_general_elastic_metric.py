@@ -6,7 +6,6 @@ from cases import deformations, open_template, sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, GeneralElasticMetric, SRNFMetric
-from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.solvers import BasisMean, BasisPath
 from riemhuman.surfaces import DeformationBasis
 
@@ -68,15 +67,6 @@ def test_distances_are_above_the_sum_of_two_parts_and_below_path_lengths():
     assert np.all(np.diff(energies) > 0)
 
 
-def test_neighbors_are_exact():
-    template = sphere_template()
-    metric = GeneralElasticMetric(AlignedSurfaces(template), A, B, C)
-    points = surfaces(template, 30, rng=4)
-    expected = np.argsort(metric.dist_pairwise(points, precision="double"), axis=1)[:, :4]
-    found = NearestNeighbors(metric, n_neighbors=4).fit(points).kneighbors(points)[1]
-    np.testing.assert_array_equal(found, expected)
-
-
 def test_geodesics():
     """A path between bodies is shorter than the straight one, and no shorter than the distance."""
     template = sphere_template(2)
@@ -131,7 +121,3 @@ def test_fields_have_geodesics_in_closed_form():
     h = deformations(TEMPLATE, 1, rng=2)[0]
     change = METRIC.differential(h, f1)
     np.testing.assert_allclose(fields.norm(change, start), METRIC.norm(h, f1), rtol=1e-9)
-
-
-def test_its_weights_are_one_unless_told_otherwise():
-    assert repr(GeneralElasticMetric(SPACE)) == "GeneralElasticMetric(a=1.0, b=1.0, c=1.0)"

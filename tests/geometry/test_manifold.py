@@ -5,7 +5,6 @@ import inspect
 import numpy as np
 import pytest
 from cases import (
-    CASES,
     HalfPlane,
     HyperbolicDistance,
     HyperbolicInnerProduct,
@@ -65,42 +64,6 @@ def test_dimensions_and_default_metric(space, dim, shape, metric_class):
 
 
 @every_space
-def test_random_points(space, dim, shape, metric_class):
-    for n_samples, expected in ((1, shape), (3, (3, *shape))):
-        points = space.random_point(n_samples, rng=0)
-        assert points.shape == expected
-        assert points.dtype == np.float64
-        assert np.all(space.belongs(points))
-        np.testing.assert_array_equal(points, space.random_point(n_samples, rng=0))
-        assert not np.array_equal(points, space.random_point(n_samples, rng=1))
-    assert not np.array_equal(space.random_point(), space.random_point())
-    rng = np.random.default_rng(5)
-    first, second = (space.random_point(rng=rng) for _ in range(2))
-    assert not np.array_equal(first, second)
-    np.testing.assert_array_equal(first, space.random_point(rng=np.random.default_rng(5)))
-
-
-@every_space
-def test_random_tangent_vectors(space, dim, shape, metric_class):
-    points = space.random_point(4, rng=2)
-    for base, n_samples, expected in (
-        (points[0], 1, shape),
-        (points[0], 3, (3, *shape)),
-        (points, 1, (4, *shape)),
-        (points, 4, (4, *shape)),
-    ):
-        vectors = space.random_tangent_vec(base, n_samples, rng=3)
-        assert vectors.shape == expected
-        assert np.all(space.is_tangent(vectors, base))
-        np.testing.assert_allclose(space.to_tangent(vectors, base), vectors, atol=1e-14)
-    assert not np.array_equal(space.random_tangent_vec(points), space.random_tangent_vec(points))
-    with pytest.raises(ArgumentError, match="n_samples must be 1 or the number of base points"):
-        space.random_tangent_vec(points, 3)
-    assert space.is_tangent(np.zeros(shape), points).shape == (4,)
-    assert space.is_tangent(np.stack(3 * [vectors]), points).shape == (3, 4)
-
-
-@every_space
 def test_the_base_point_is_needed_where_tangent_spaces_differ(space, dim, shape, metric_class):
     vector = space.random_tangent_vec(space.random_point(rng=1), rng=2)
     if metric_class in (NormalFieldMetric, ProductMetric):
@@ -129,29 +92,6 @@ def test_random_points_spread_as_far_as_asked(space, dim, shape, metric_class):
 
 
 @every_space
-def test_arrays_of_another_shape_are_no_points(space, dim, shape, metric_class):
-    points = space.random_point(2, rng=4)
-    for other in (points[..., :-1], np.zeros((2, *shape[:-1], shape[-1] + 1))):
-        np.testing.assert_array_equal(space.belongs(other), [False, False])
-        np.testing.assert_array_equal(space.is_tangent(other, points), [False, False])
-    assert not space.belongs(1.0)
-    assert space.belongs(np.zeros(())).shape == ()
-
-
-@every_space
-def test_what_is_not_finite_does_not_belong(space, dim, shape, metric_class):
-    points = space.random_point(3, rng=4)
-    vectors = space.random_tangent_vec(points, rng=5)
-    for bad in (np.nan, np.inf, -np.inf):
-        spoilt, spoilt_vectors = points.copy(), vectors.copy()
-        spoilt[1].flat[2] = spoilt_vectors[1].flat[2] = bad
-        np.testing.assert_array_equal(space.belongs(spoilt), [True, False, True])
-        np.testing.assert_array_equal(space.is_tangent(spoilt_vectors, points), [True, False, True])
-    assert space.belongs(points[0].tolist())
-    assert space.is_tangent(vectors[0].tolist(), points[0].tolist())
-
-
-@every_space
 def test_bad_input(space, dim, shape, metric_class):
     point = space.random_point(rng=0)
     with pytest.raises(ArgumentError, match="point must have shape"):
@@ -170,22 +110,6 @@ def test_bad_input(space, dim, shape, metric_class):
         space.random_point(rng=-1)
     with pytest.raises(ArgumentTypeError, match="rng must be a whole number"):
         space.random_point(rng="any")
-
-
-@pytest.mark.parametrize("case", CASES.values(), ids=lambda case: case.name)
-def test_points_of_the_registry_belong(case):
-    assert np.all(case.space.belongs(case.points))
-    assert np.all(case.space.is_tangent(case.tangent_vecs, case.points))
-    np.testing.assert_allclose(case.space.projection(case.points), case.points, atol=1e-14)
-
-
-def test_projection_brings_points_back():
-    rng = np.random.default_rng(6)
-    for space in (SPACES[name][0] for name in ("metric fields", "normal fields", "product")):
-        point = space.random_point(rng=7)
-        off = point + 1e-3 * rng.standard_normal(point.shape)
-        assert not space.belongs(off)
-        assert space.belongs(space.projection(off))
 
 
 def test_equip_with_metric():
@@ -240,11 +164,6 @@ def test_optional_arguments_are_those_of_every_manifold(space, dim, shape, metri
     found = inspect.signature(getattr(type(space), name)).parameters
     for argument, declared in inspect.signature(getattr(Manifold, name)).parameters.items():
         assert found[argument].default == declared.default
-
-
-def test_manifolds_are_abstract():
-    with pytest.raises(TypeError, match="abstract"):
-        Manifold(2, (2,))
 
 
 @every_space

@@ -3,7 +3,6 @@
 import subprocess
 import sys
 import threading
-import tracemalloc
 
 import numpy as np
 import pytest
@@ -61,18 +60,6 @@ def test_embedded_bodies(weights):
     np.testing.assert_allclose(single, double, rtol=1e-5, atol=0)
 
 
-@pytest.mark.sampled(5)
-@pytest.mark.slow
-@each_metric
-def test_embedded_bodies_at_full_resolution(weights):
-    bodies = load_open_bodies("full")
-    metric = metric_of(bodies.template, weights)
-    check_against_definition(metric, bodies.points[::19])
-    single = metric.dist_pairwise(bodies.points)
-    double = metric.dist_pairwise(bodies.points, precision="double")
-    np.testing.assert_allclose(single, double, rtol=1e-5, atol=0)
-
-
 # Pairs too close for single precision, and other hard ones.
 
 TEMPLATE = sphere_template(2)
@@ -110,16 +97,6 @@ def test_near_duplicates_are_beyond_single_precision(weights):
     np.testing.assert_allclose(np.sqrt(close), expected, rtol=1e-5, atol=0)
 
 
-def test_near_duplicates_of_bodies():
-    bodies = load_open_bodies("coarse")
-    noise = np.random.default_rng(3).standard_normal((7, *bodies.points[0].shape))
-    points = np.stack(
-        [bodies.points[0], *(bodies.points[0] + 10.0**-k * noise[k - 3] for k in range(3, 10))]
-    )
-    for weights in WEIGHTS:
-        check_against_definition(metric_of(bodies.template, weights), points, double=1e-5)
-
-
 @pytest.mark.parametrize("lam", np.logspace(-8, 4, 13))
 def test_all_lambdas(lam):
     points = surfaces(TEMPLATE, 5, rng=4)
@@ -131,13 +108,6 @@ def test_bodies_far_apart_in_scale(weights):
     scales = np.array([1e-25, 1e-12, 1e-3, 1.0, 1e3, 1e12])
     points = scales[:, None, None] * surfaces(TEMPLATE, 6, rng=5)
     check_against_definition(metric_of(TEMPLATE, weights), points)
-
-
-@each_metric
-def test_templates_of_other_units(weights):
-    for unit in (1e-9, 1e6):
-        template = type(TEMPLATE)(unit * TEMPLATE.vertices, TEMPLATE.faces)
-        check_against_definition(metric_of(template, weights), unit * surfaces(TEMPLATE, 3, rng=6))
 
 
 @each_metric
@@ -238,49 +208,6 @@ def test_points_are_sliced_as_the_budget_allows(tmp_path, monkeypatch):
     assert asked.longest == 5
 
 
-def test_features_held_at_once_are_within_the_budget(monkeypatch):
-    monkeypatch.setattr("riemhuman.geometry.pairwise._BLOCK", 2)
-    size = 80_000
-
-    class Wide(RiemannianMetric):
-        n_arrays = 1
-
-        def __init__(self):
-            super().__init__(VectorSpace((1,), equip=False))
-
-        def squared_dist(self, point_a, point_b):
-            return np.sum((point_a - point_b) ** 2)
-
-        @property
-        def bulk(self):
-            return self
-
-        def features(self, points, precision="double", name="points"):
-            return (np.repeat(points, size // 8, axis=1),)
-
-        def squared_distances(self, a, b, n_threads=1):
-            return (a[0][:, None, 0] - b[0][:, 0]) ** 2
-
-        def rounding(self, features):
-            return np.zeros(len(features[0]))
-
-    points = np.random.default_rng(17).standard_normal((24, 1))
-    # What the first call loads is no feature.
-    Wide().dist_pairwise(points)
-    for n_held in (8, 24):
-        for call, other in (
-            (lambda memory: Wide().dist_pairwise(points, memory=memory), points),
-            (lambda memory: Wide().cdist(points, points[:20], memory=memory), points[:20]),
-        ):
-            tracemalloc.start()
-            found = call(n_held * size)
-            most = tracemalloc.get_traced_memory()[1]
-            tracemalloc.stop()
-            np.testing.assert_allclose(found, cdist(points, other), rtol=1e-12)
-            # And those of few points that are computed together.
-            assert most < (n_held + 5) * size
-
-
 def test_features_are_those_of_the_points_in_their_order():
     for name in ("mixed sphere", "srnf open", "product", "flat", "edges", "half-plane, distance"):
         case = CASES[name]
@@ -314,24 +241,6 @@ def test_progress_is_shown_on_demand(capsys, monkeypatch):
         assert "77/77" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"precision": "half"}, "precision must be one of 'single', 'double'; found 'half'"),
-        ({"memory": 0}, "memory must be a whole number of at least 1; found 0"),
-        ({"n_jobs": 0}, "n_jobs must be -1, or at least 1; found 0"),
-    ],
-)
-def test_bad_options(options, message):
-    case = CASES["pose triangle"]
-    for name in ("pose triangle", "half-plane, distance"):
-        case = CASES[name]
-        with pytest.raises(ArgumentError, match=message):
-            case.metric.dist_pairwise(case.points, **options)
-        with pytest.raises(ArgumentError, match=message):
-            case.metric.cdist(case.points, case.points, **options)
-
-
 def test_bad_sets_of_points():
     metric, points = CASES["pose triangle"].metric, CASES["pose triangle"].points
     spoilt = points.copy()
@@ -362,14 +271,6 @@ def test_a_squared_distance_alone_is_enough():
     np.testing.assert_array_equal(
         metric.cdist(points[:2], points, memory=1), metric.dist_pairwise(points)[:2]
     )
-
-
-def test_more_points_than_are_held_or_looked_at_together():
-    metric = VectorSpace((2,)).metric
-    points = np.random.default_rng(0).standard_normal((1100, 2))
-    size = sum(feature.nbytes for feature in metric.features(points[:1]))
-    found = metric.dist_pairwise(points, precision="double", memory=800 * size)
-    np.testing.assert_allclose(found, cdist(points, points), rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize(("n_jobs", "elsewhere"), [(None, False), (1, False), (2, True)])
@@ -498,16 +399,6 @@ def test_surfaces_beyond_double_precision_are_refused(weights, exponent):
             call()
 
 
-@pytest.mark.parametrize("exponent", [-59, 59])
-def test_surfaces_at_the_ends_of_the_range_are_right(exponent):
-    template, scale = sphere_template(), 10.0**exponent
-    points = surfaces(template, 2, rng=2)
-    shape, pose = (metric_of(template, (1.0, 0.1, 0.0)), metric_of(template, (0.0, 0.0, 1.0)))
-    expected = shape.dist(*points) * scale
-    np.testing.assert_allclose(shape.dist(*(points * scale)), expected, rtol=1e-12)
-    np.testing.assert_allclose(pose.dist(*(points * scale)), pose.dist(*points), rtol=1e-12)
-
-
 @pytest.mark.parametrize(("n_jobs", "n_threads"), [(None, 1), (2, 2)])
 def test_features_are_computed_in_as_many_threads(monkeypatch, n_jobs, n_threads):
     case = CASES["mixed sphere"]
@@ -525,44 +416,6 @@ def test_features_are_computed_in_as_many_threads(monkeypatch, n_jobs, n_threads
     monkeypatch.setattr(type(case.metric), "features", watched)
     np.testing.assert_array_equal(case.metric.dist_pairwise(case.points, n_jobs=n_jobs), expected)
     assert len(threads) == n_threads
-
-
-def test_features_in_threads(monkeypatch):
-    metric, points = metric_of(sphere_template(), "srnf"), surfaces(sphere_template(), 7, rng=5)
-    together, threads = threading.Barrier(3, timeout=30), set()
-    features = SRNFMetric.features
-
-    def watched(metric, some, *arguments, **options):
-        if len(some) < len(points):
-            together.wait()
-            threads.add(threading.get_ident())
-        return features(metric, some, *arguments, **options)
-
-    monkeypatch.setattr(SRNFMetric, "features", watched)
-    alone = metric.features(points, "single", 1)
-    assert threads == set()
-    for one, other in zip(alone, metric.features(points, "single", 3), strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert len(threads) == 3
-
-
-def test_features_in_threads_count_from_the_first_point():
-    template = sphere_template()
-    metric, points = metric_of(template, WEIGHTS[1]), surfaces(template, 7, rng=5)
-    points[5] = 0.0
-    with pytest.raises(DegenerateSurfaceError, match=r"item \(5,\)"):
-        metric.features(points, "single", 3)
-
-
-@pytest.mark.parametrize("name", ["edges", "ebin 1 sphere", "sobolev all sphere", "mixed sphere"])
-def test_sets_of_points_have_one_axis_before_those_of_a_point(name):
-    case = CASES[name]
-    points = case.points[:2]
-    assert case.metric.check_points(points).shape == points.shape
-    for others in (points[0], points[None]):
-        for door in (case.metric.check_points, case.metric.features):
-            with pytest.raises(ArgumentError, match=r"points must have shape \(n_points, "):
-                door(others)
 
 
 def test_a_wrong_point_is_named_by_its_block_once(monkeypatch):

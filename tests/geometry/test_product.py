@@ -78,20 +78,6 @@ def test_factors_of_weight_zero_are_not_looked_at():
     assert ProductMetric(mixed, weights=[0.0, 1.0]).has_closed_form_dist
 
 
-def test_product_with_a_factor_without_closed_form():
-    plane = HalfPlane().equip_with_metric(HyperbolicInnerProduct)
-    space = ProductManifold([plane, NormalFields(triangle_template())])
-    angle = np.linspace(0, 1, 201)
-    line = np.stack([0 * angle, 2.0**angle], axis=1)
-    circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)[:, None]
-    path = space.embed_to_product([line, circle])
-    area = triangle_template().face_areas[0]
-    expected = np.sqrt(np.log(2) ** 2 + area)
-    np.testing.assert_allclose(space.metric.length(path), expected, rtol=1e-5)
-    with pytest.raises(NotDefinedError, match="HyperbolicInnerProduct has no closed form"):
-        space.metric.dist(path[0], path[-1])
-
-
 def test_parallel_transport():
     space = ProductManifold([NORMALS, NormalFields(triangle_template())])
     a, b = space.random_point(2, rng=3)
@@ -109,14 +95,6 @@ def test_parallel_transport():
     plane = ProductManifold([HalfPlane().equip_with_metric(HyperbolicInnerProduct)])
     with pytest.raises(NotDefinedError, match="HyperbolicInnerProduct has no parallel transport"):
         plane.metric.parallel_transport(np.ones(2), np.ones(2), direction=np.ones(2))
-
-
-def test_products_of_products():
-    inner = ProductManifold([MetricFields(triangle_template()), NormalFields(triangle_template())])
-    outer = ProductManifold([inner, HalfPlane().equip_with_metric(HyperbolicInnerProduct)])
-    points = outer.random_point(3, rng=5)
-    assert points.shape == (3, 9)
-    assert np.all(outer.belongs(points))
 
 
 def test_tables_of_distances_in_products_of_users_spaces():

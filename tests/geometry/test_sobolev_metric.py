@@ -7,14 +7,13 @@ from cases import deformations, open_template, sphere_template, surfaces, triang
 from parametric_surfaces import sphere, torus
 from scipy.spatial.transform import Rotation
 
-from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SobolevMetric, SRNFMetric
 from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.solvers import (
     BasisPath,
     DiscreteExponential,
     DiscreteLogarithm,
-    GradientDescentMean,
     PathStraightening,
 )
 from riemhuman.surfaces import DeformationBasis, Template
@@ -128,14 +127,6 @@ def test_scaling_exponents(name, power):
     np.testing.assert_allclose(after, 2.5**power * before, rtol=1e-9)
 
 
-def test_weights_enter_linearly():
-    template = sphere_template()
-    space = AlignedSurfaces(template)
-    f, h = surfaces(template, 1, rng=8)[0], deformations(template, 1, rng=9)[0]
-    expected = sum(weight * part(name, h, f, template) for name, weight in ALL.items())
-    np.testing.assert_allclose(only(space, **ALL).squared_norm(h, f), expected, rtol=1e-9)
-
-
 def test_first_order_is_that_of_ebin_and_square_root_normals():
     """a1 = 4a, b1 = 8b, c1 = c: a · Ebin_λ + c · SRNF with λ = (b − c/16)/a."""
     a, b, c = 0.7, 0.4, 1.3
@@ -147,24 +138,7 @@ def test_first_order_is_that_of_ebin_and_square_root_normals():
     np.testing.assert_allclose(metric.squared_norm(h, f), expected, rtol=1e-12)
 
 
-def test_the_template_has_no_effect():
-    template = sphere_template()
-    other = Template(template.vertices * [1.7, 0.6, 1.1], template.faces)
-    f, h = surfaces(template, 1, rng=12)[0], deformations(template, 1, rng=13)[0]
-    here, there = (only(AlignedSurfaces(t), **ALL).squared_norm(h, f) for t in (template, other))
-    np.testing.assert_allclose(there, here, rtol=1e-11)
-
-
 # Paths.
-
-
-def test_energy_is_that_of_midpoints():
-    template = sphere_template()
-    metric, path = only(AlignedSurfaces(template), **ALL), surfaces(template, 4, rng=14)
-    middles, steps = 0.5 * (path[1:] + path[:-1]), np.diff(path, axis=0)
-    expected = 3 * np.sum(metric.squared_norm(steps, middles))
-    np.testing.assert_allclose(metric.energy(path), expected, rtol=1e-12)
-    np.testing.assert_allclose(metric.energy(np.stack([path, path])), expected, rtol=1e-12)
 
 
 def test_energy_of_a_growing_sphere():
@@ -202,27 +176,6 @@ def test_geodesics_over_a_basis_and_over_all_vertices():
     assert np.abs(gradient[1:-1]).max() < 0.02 * np.abs(before[1:-1]).max()
 
 
-def test_distances_by_a_solver_and_means_by_exp_and_log():
-    space, _, start, end = path_problem(**ALL)
-    basis = DeformationBasis.from_laplacian(space.template, n_components=12)
-    solvers = {
-        "geodesic_solver": BasisPath(basis, n_nodes=6),
-        "exp_solver": DiscreteExponential(basis=basis, n_steps=5),
-        "log_solver": DiscreteLogarithm(basis=basis, n_steps=5),
-    }
-    metric = SobolevMetric(space, **ALL, **solvers)
-    near = start + 0.3 * (basis.flat @ (end - start).ravel() @ basis.flat).reshape(start.shape)
-    velocity = metric.log(near, start)
-    np.testing.assert_allclose(metric.exp(velocity, start), near, atol=1e-6)
-    np.testing.assert_allclose(metric.norm(velocity, start), metric.dist(start, near), rtol=5e-3)
-    mean = GradientDescentMean().solve(
-        metric, np.stack([start, near]), initial_point=0.4 * start + 0.6 * near
-    )
-    assert mean.converged
-    halves = metric.dist(start, mean.point), metric.dist(mean.point, near)
-    np.testing.assert_allclose(halves, metric.dist(start, near) / 2, rtol=0.01)
-
-
 def test_exp_and_log_over_all_vertices_agree_on_where_a_surface_is():
     """Translations cost nothing: `exp` and `log` move the centroid evenly, and so alike."""
     template = sphere_template()
@@ -234,13 +187,6 @@ def test_exp_and_log_over_all_vertices_agree_on_where_a_surface_is():
     metric = SobolevMetric(AlignedSurfaces(template, equip=False), d1=0.5, a2=1e-2, **solvers)
     end = end + [0.3, 0.0, 0.0]
     np.testing.assert_allclose(metric.exp(metric.log(end, start), start), end, atol=1e-7)
-
-
-def test_no_surfaces_have_no_matrix():
-    template = sphere_template()
-    metric = SobolevMetric(AlignedSurfaces(template, equip=False))
-    with pytest.raises(ArgumentError, match="base_point must hold at least one surface; found non"):
-        metric.metric_matrix(np.zeros((0, template.n_vertices, 3)))
 
 
 def test_translations_drift_where_they_cost_nothing():
@@ -255,15 +201,6 @@ def test_translations_drift_where_they_cost_nothing():
     np.testing.assert_array_equal(seeing.remove_drift(path), path)
 
 
-def test_small_deformations_are_no_surfaces_in_another_unit():
-    template = sphere_template()
-    metric = only(AlignedSurfaces(template), **ALL)
-    f, h = surfaces(template, 1)[0], deformations(template, 1)[0]
-    np.testing.assert_allclose(metric.norm(1e-6 * h, f), 1e-6 * metric.norm(h, f), rtol=1e-12)
-    covector = metric.covector(1e-6 * h, f)
-    np.testing.assert_allclose(covector, 1e-6 * metric.covector(h, f), rtol=1e-9, atol=1e-18)
-
-
 # Refusals.
 
 
@@ -274,11 +211,11 @@ def test_small_deformations_are_no_surfaces_in_another_unit():
         ({"a1": 1.0}, "deformations that keep all angles"),
         ({"b1": 1.0}, "deformations that keep all areas"),
         ({"c1": 1.0}, "deformations that keep all normals"),
-        ({"d1": 1.0}, "deformations that do not turn within the tangent plane"),
-        ({"c1": 1.0, "d1": 2.0}, "keep all normals and do not turn within the tangent plane"),
+        ({"d1": 1.0}, "deformations that do not rotate within the tangent plane"),
+        ({"c1": 1.0, "d1": 2.0}, "keep all normals and do not rotate within the tangent plane"),
     ],
 )
-def test_degenerate_weights_are_refused_by_what_they_do_not_see(weights, blind):
+def test_degenerate_weights_raise(weights, blind):
     with pytest.raises(ArgumentError, match=f"{blind} would cost nothing.*a0 = 0"):
         only(AlignedSurfaces(sphere_template()), **weights)
 
@@ -288,18 +225,6 @@ def test_the_laplacian_alone_needs_a_mesh_without_border():
     with pytest.raises(ArgumentError, match="deformations that are harmonic inside would cost"):
         only(AlignedSurfaces(open_template()), a2=1.0)
     only(AlignedSurfaces(open_template()), a0=1.0, a2=1.0)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_weights_are_checked(name):
-    space = AlignedSurfaces(triangle_template())
-    for wrong, error, found in (
-        (-1.0, ArgumentError, "finite number of at least 0; found -1"),
-        (np.nan, ArgumentError, "found nan"),
-        ("one", ArgumentTypeError, "real number; found"),
-    ):
-        with pytest.raises(error, match=f"{name} must be a.*{found}"):
-            SobolevMetric(space, **{name: wrong})
 
 
 def test_second_derivatives_need_a_manifold():
@@ -371,15 +296,3 @@ def test_drift_leaves_turns_alone():
     stilled = metric.remove_drift(path)
     assert metric.energy(stilled) == pytest.approx(metric.energy(path), rel=1e-9)
     assert np.linalg.norm(stilled - path) > 0.1
-
-
-@pytest.mark.parametrize("weights", [{"a1": 1.0, "b1": 1.0, "c1": 1.0, "a2": 0.1}, ALL])
-def test_paths_through_surfaces_without_area(weights):
-    template = sphere_template()
-    metric = only(AlignedSurfaces(template), **weights)
-    path = surfaces(template, 3, rng=6)
-    # Halfway between surfaces whose triangles have area.
-    path[2] = -path[1]
-    assert metric.energy_and_gradient(path)[0] == np.inf
-    with pytest.raises(DegenerateSurfaceError):
-        metric.energy(path)

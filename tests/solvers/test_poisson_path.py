@@ -82,9 +82,9 @@ def ways_of_parts(areas, energy):
     turned = np.zeros((n_parts + 1, 3))
     turned[:n_parts, 0] = 2.0 * np.pi
     interpolator = SimpleNamespace(
-        turns=lambda start, end: np.zeros_like(turned),
-        is_torn=lambda turns: True,
-        mended=lambda turns: turned,
+        rotations=lambda start, end: np.zeros_like(turned),
+        has_jumps=lambda turns: True,
+        unwrap=lambda turns: turned,
         parts=lambda mask: [np.array([k]) for k in np.flatnonzero(mask)],
         interpolate=lambda start, end, times, turns: np.stack([turns] * len(times)),
     )
