@@ -29,7 +29,7 @@ from riemhuman.errors import (
     warn,
 )
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry.pairwise import PRECISIONS, features_in_threads, squared_dist_rectangle
+from riemhuman.geometry.pairwise import PRECISIONS, squared_dist_rectangle
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.io.arrays import load_array
 from riemhuman.io.fingerprint import describe, digest, library_version
@@ -345,7 +345,7 @@ def _write_features(
 ) -> None:
     some = _read_points(job, metric, points, block, number)
     try:
-        features = features_in_threads(metric, some, precision, n_jobs)
+        features = metric.features(some, precision, n_jobs)
     except ArgumentError as error:
         raise type(error)(f"points[{block.start}:{block.stop}]: {error}") from error
     for k, feature in enumerate(features):

@@ -5,12 +5,7 @@ import pytest
 from cases import sphere_template, surfaces
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric, pairwise
-<<<<<<< HEAD
 from riemhuman.kernels import threads
-from riemhuman.retrieval import NearestNeighbors
-=======
-from riemhuman.kernels import tiles
->>>>>>> 9eda078 (Shorter tests of metrics: each property once)
 
 TEMPLATE = sphere_template()
 SPACE = AlignedSurfaces(TEMPLATE, equip=False)
