@@ -21,8 +21,8 @@ from riemhuman.cli._commands import (
     several,
 )
 from riemhuman.cli._meshes import check_file, save_figure
-from riemhuman.cli._terminal import lines
-from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.cli._terminal import lines, note
+from riemhuman.errors import ArgumentError, FileFormatError, MissingDependencyError
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -181,8 +181,11 @@ def _metric_tables(bodies: Bodies, head: str, options: argparse.Namespace) -> An
     for name, metric in (table_metrics(bodies) | metrics_of_extensions(bodies)).items():
         with options.reporter.task(f"{name}: {n_pairs:,} distances"):
             distances[name] = metric.dist_pairwise(bodies.points, n_jobs=-1)
+    learned = _learned_distances(bodies, options) if options.open == "natural" else {}
     tables = {
-        question: rh.retrieval.retrieval_table(distances, getattr(bodies, label))
+        question: rh.retrieval.retrieval_table(
+            distances | learned.get(label, {}), getattr(bodies, label)
+        )
         for label, question in _QUESTIONS.items()
         if getattr(bodies, label) is not None
     }
@@ -196,6 +199,22 @@ def _metric_tables(bodies: Bodies, head: str, options: argparse.Namespace) -> An
     )
     parts = [rh.retrieval.format_table(title, rows) for title, rows in tables.items()]
     return Answer("\n\n".join([head, *parts, end]), record)
+
+
+def _learned_distances(
+    bodies: Bodies, options: argparse.Namespace
+) -> dict[str, dict[str, ndarray]]:
+    """Return distances by label and name that are learned from other people's labels."""
+    from riemhuman.report.retrieval_benchmark import LEARNED_METRIC, learned_distances
+
+    try:
+        with options.reporter.task(f"{LEARNED_METRIC}: distances"):
+            distances = learned_distances(bodies)
+    except MissingDependencyError:
+        note("pip install '.[statistics]' adds the distances learned from labels")
+        return {}
+    labels = {"shape": "subject", "pose": "pose"}
+    return {labels[task]: {LEARNED_METRIC: matrix} for task, matrix in distances.items()}
 
 
 def _matrix_options(*, required: bool) -> Argument:
