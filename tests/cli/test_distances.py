@@ -1,4 +1,4 @@
-"""The verbs dist, matrix and retrieve agree with the library and with each other."""
+"""The commands dist, matrix and retrieve agree with the library and with each other."""
 
 import json
 import os

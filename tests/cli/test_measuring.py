@@ -1,4 +1,4 @@
-"""The verbs measure and compare say what the library measures."""
+"""The commands measure and compare say what the library measures."""
 
 import csv
 import json
@@ -43,7 +43,7 @@ def test_bodies_as_they_stand(run, scans, bodies, own):
 @pytest.mark.parametrize("ending", ["png", "svg"])
 def test_pictures(run, scans, tmp_path, ending):
     pytest.importorskip("matplotlib")
-    picture = tmp_path / f"tapes.{ending}"
+    picture = tmp_path / f"lines.{ending}"
     finished = run("measure", scans / "body_0.ply", "--as-is", "--picture", picture, "-q")
     assert f"written to  {picture}" in finished.out
     assert picture.stat().st_size > 10_000

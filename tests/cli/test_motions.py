@@ -1,4 +1,4 @@
-"""The verb motions prints and writes what the library finds."""
+"""The commands of motions print and write what the library finds."""
 
 import json
 

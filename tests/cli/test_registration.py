@@ -1,4 +1,4 @@
-"""The verb ``register``."""
+"""The command ``register``."""
 
 import numpy as np
 import pytest

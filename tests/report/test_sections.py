@@ -121,13 +121,13 @@ def test_other_templates_have_no_section():
     assert measurement_section(materials) is None
 
 
-def test_every_tape_is_drawn_on_every_side(nine_bodies):
+def test_every_line_is_drawn_on_every_side(nine_bodies):
     pytest.importorskip("matplotlib")
-    tapes = Measurements(nine_bodies.model).lines(nine_bodies.points[0])
+    lines = Measurements(nine_bodies.model).lines(nine_bodies.points[0])
     figure = plot_measurement_lines(
-        nine_bodies.points[0], nine_bodies.template.faces, tapes, height=60
+        nine_bodies.points[0], nine_bodies.template.faces, lines, height=60
     )
-    n_curves = sum(map(len, tapes.values()))
+    n_curves = sum(map(len, lines.values()))
     assert [len(axes.lines) for axes in figure.axes] == [n_curves] * 3
     listed = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert listed == [name for name, curves in tapes.items() if curves]
+    assert listed == [name for name, curves in lines.items() if curves]
