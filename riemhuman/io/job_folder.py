@@ -40,12 +40,6 @@ _UNFINISHED = ".part"
 _DONE, _SHIFT = 0xA5, 32
 
 
-def checksums(rows: ndarray) -> ndarray:
-    """Return the checksum (CRC-32) of every row of an array, shape (n,), uint32."""
-    plain = np.ascontiguousarray(rows).reshape(len(rows), -1).view(np.uint8)
-    return np.array([zlib.crc32(row.data) for row in plain], dtype=np.uint32)
-
-
 def mark(block: ndarray) -> int:
     """Return the mark of a finished tile, which holds its checksum and is never 0."""
     return _DONE << _SHIFT | zlib.crc32(np.ascontiguousarray(block).data)

@@ -19,11 +19,8 @@ from trust.fuzzed_readers import (
     amass_file,
     amass_model,
     index_file,
-    job_files,
     metric,
-    model_fields,
     ply,
-    read_job,
     surfaces,
     template,
 )
@@ -32,11 +29,10 @@ from trust.fuzzing import archive, array_file, array_header
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_number
 from riemhuman.datasets import load_amass, load_bodies, load_dfaust
-from riemhuman.datasets.shrec import load_shrec14, read_classes
+from riemhuman.datasets.shrec import load_shrec14
 from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import (
     ArgumentTypeError,
-    FileError,
     FileFormatError,
     RiemhumanError,
 )
@@ -67,7 +63,7 @@ def test_valid_files_are_read(valid):
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes")
 @pytest.mark.parametrize("put", [os.mkfifo, lambda path: os.symlink("/dev/zero", path)])
-def test_pipes_and_devices_are_not_waited_for(valid, put):
+def test_pipes_and_devices_are_refused(valid, put):
     reader, folder = valid
     target = folder / reader.targets[0]
     target.unlink()
@@ -133,7 +129,7 @@ def test_a_zip_bomb_is_not_unpacked(tmp_path):
 
 
 @pytest.mark.parametrize("shape", [[10**12], [10**6, 10**6, 10**6], [-1, -1], [2**62, 4]])
-def test_no_memory_for_data_that_are_not_there(shape, tmp_path):
+def test_no_memory_for_missing_data(shape, tmp_path):
     content = array_header(shape) + bytes(8)
     with zipfile.ZipFile(tmp_path / "a.npz", "w") as file:
         file.writestr("ids.npy", content)
@@ -153,14 +149,7 @@ def test_no_memory_for_data_that_are_not_there(shape, tmp_path):
         tracemalloc.stop()
 
 
-def test_entries_of_no_size_are_not_counted_in_billions(tmp_path):
-    with zipfile.ZipFile(tmp_path / "a.npz", "w") as file:
-        file.writestr("a.npy", array_header([10**15], "<U0"))
-    with pytest.raises(FileFormatError, match="takes 0 bytes"):
-        load_arrays(tmp_path / "a.npz", ["a"])
-
-
-def test_members_that_are_no_arrays_are_none(tmp_path):
+def test_members_that_are_no_arrays_are_ignored(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.npz", "w") as file:
         file.writestr("ids", b"not an array")
         file.writestr("../../escaped.npy", array_file(np.ones(2)))
@@ -172,14 +161,14 @@ def test_members_that_are_no_arrays_are_none(tmp_path):
 
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_packers_that_know_no_bound_are_refused(method, tmp_path):
+def test_other_compressions_are_refused(method, tmp_path):
     with zipfile.ZipFile(tmp_path / "a.npz", "w", method) as file:
         file.writestr("a.npy", array_file(np.zeros(1000)))
     with pytest.raises(FileFormatError, match="another method than deflate"):
         load_arrays(tmp_path / "a.npz", ["a"])
 
 
-def test_characters_that_do_not_exist(tmp_path):
+def test_characters_beyond_unicode(tmp_path):
     text = np.array([0x110000, 65], np.uint32).view("<U2")
     np.savez(tmp_path / "a.npz", a=text)
     with pytest.raises(FileFormatError, match="characters that do not exist, as 0x110000"):
@@ -212,38 +201,8 @@ def test_messages_do_not_quote_all_of_a_file(tmp_path):
     assert max(map(len, messages)) < SHORT
 
 
-def test_numbers_of_thousands_of_digits(tmp_path):
-    digits = "1" * 5000
-    content = ply("ascii")["a.ply"].replace(b"vertex 6", b"vertex " + digits.encode())
-    (tmp_path / "0.ply").write_bytes(content)
-    with pytest.raises(FileFormatError, match="declares 'element vertex 111"):
-        load_mesh(tmp_path / "0.ply")
-    (tmp_path / "a.cla").write_text(f"PSB 1 1 2 Ann 0 2 000 {digits}")
-    with pytest.raises(FileError, match="lacks 1 of the 2 meshes"):
-        load_shrec14(tmp_path)
-    assert load_shrec14(tmp_path, allow_missing=True).ids == ("000",)
-    (tmp_path / "a.cla").write_text(f"PSB 1 {digits} 2")
-    with pytest.raises(FileFormatError, match="number of classes"):
-        read_classes(tmp_path / "a.cla")
-
-
-def test_coordinates_whose_areas_overflow(tmp_path):
-    (tmp_path / "a.off").write_text("OFF\n3 1 0\n0 0 0\n1e300 0 0\n0 1e300 0\n3 0 1 2\n")
-    with pytest.raises(FileFormatError, match="beyond 1e\\+50"):
-        load_mesh(tmp_path / "a.off")
-    np.savez(tmp_path / "m.npz", **model_fields() | {"v_template": np.full((8, 3), 1e300)})
-    with pytest.raises(FileFormatError, match="beyond 1e\\+50"):
-        BodyModel.from_file(tmp_path / "m.npz")
-
-
-def test_a_basis_whose_products_overflow(tmp_path):
-    np.savez(tmp_path / "a.npz", format_version=1, vectors=np.full((2, 4, 3), 1e300))
-    with pytest.raises(FileFormatError, match="orthonormal"):
-        DeformationBasis.load(tmp_path / "a.npz")
-
-
 @pytest.mark.parametrize("name", ["poses", "trans", "betas"])
-def test_motions_of_no_body(name, tmp_path):
+def test_motions_that_overflow(name, tmp_path):
     with np.load(io.BytesIO(amass_file()["a/b_poses.npz"])) as found:
         fields = dict(found)
     fields[name] = np.full_like(fields[name], 1e308)
@@ -252,7 +211,7 @@ def test_motions_of_no_body(name, tmp_path):
         load_amass(tmp_path / "b.npz", amass_model())[0][:]
 
 
-def test_text_of_a_pickle_that_does_not_exist(tmp_path):
+def test_characters_beyond_unicode_in_a_pickle(tmp_path):
     value = np.array([0x110000], np.uint32).view("<U1")
     (tmp_path / "a.pkl").write_bytes(pickled({"joint_names": value}))
     with pytest.raises(FileFormatError, match="do not exist"):
@@ -284,7 +243,7 @@ OUTSIDE = "lies outside the file, or is larger than it can hold"
     ],
     ids=["dangling", "circular", "external link", "external data", "oversize"],
 )
-def test_hdf5_that_leads_elsewhere(put, name, tmp_path):
+def test_hdf5_links_out_of_the_file(put, name, tmp_path):
     def replace(file):
         if name in file:
             del file[name]
@@ -358,29 +317,6 @@ def test_an_index_whose_arrays_do_not_fit(name, change, index):
         load(**{name: change(arrays[name])})
 
 
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("D.npy", array_file(np.zeros((3, 4)))),
-        ("D.npy", array_file(np.zeros((4, 4), np.float32))),
-        ("D.npy", array_header([4, 4])[:10] + b"(" * 118 + bytes(128)),
-        ("D.npy", array_header([10**11, 10**11]) + bytes(128)),
-        ("digests.npy", array_header([2**62, 4]) + bytes(32)),
-        ("manifest.json", b"[" * 100_000),
-        ("manifest.json", b'{"layout": {"tile": 0, "block": 0}}'),
-    ],
-)
-def test_a_job_whose_files_are_not_its_own(name, content, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "job").mkdir()
-    for file, valid_content in job_files(True).items():
-        (tmp_path / "job").mkdir(exist_ok=True)
-        (tmp_path / file).write_bytes(valid_content)
-    (tmp_path / "job" / name).write_bytes(content)
-    with pytest.raises(RiemhumanError):
-        read_job(tmp_path)
-
-
 EDGES = [-(2**63), -(2**31) - 1, -2, -1, 2**31, 2**32, 2**62, 2**63 - 1]
 
 
@@ -425,14 +361,6 @@ def test_starts_whose_differences_wrap_around(tmp_path, starts):
         (tmp_path / "m.pkl").write_bytes(csc({"indptr": starts}))
         with pytest.raises(FileFormatError, match="csc matrix whose indptr is malformed"):
             load_pickled_arrays(tmp_path / "m.pkl", ["J_regressor"])
-
-
-@pytest.mark.parametrize("number", EDGES)
-def test_chosen_entries_at_the_edges_of_their_type(tmp_path, number):
-    select = Select(Ch(np.arange(4.0)), np.array([0, number, 1]), None)
-    (tmp_path / "m.pkl").write_bytes(pickled({"shapedirs": select}))
-    with pytest.raises(FileFormatError, match="indices outside its array"):
-        load_pickled_arrays(tmp_path / "m.pkl", ["shapedirs"])
 
 
 def test_a_sparse_matrix_of_any_shape_stays_sparse(tmp_path):
@@ -508,14 +436,6 @@ def test_chunks_larger_than_their_data(tmp_path):
     assert load_dfaust(file)[0][:].shape == (5, 4, 3)
 
 
-@pytest.mark.parametrize("n_frames", [2**62, 2**61 + 1, 10**9])
-def test_shapes_whose_product_wraps_around(tmp_path, n_frames):
-    chunks = {"chunks": (4, 3, 64), "dtype": "f8"}
-    file = hdf5_of(tmp_path / "a.hdf5", s50002_hips={"shape": (4, 3, n_frames)} | chunks)
-    with pytest.raises(FileFormatError, match=OUTSIDE):
-        load_dfaust(file)
-
-
 def test_frames_that_an_archive_claims_only(tmp_path):
     n_frames = 10**12
     header = {"descr": "<f8", "fortran_order": False, "shape": (n_frames, 3)}
@@ -539,36 +459,12 @@ def model_arguments():
     return {names.get(name, name): array for name, array in fields.items()}
 
 
-def test_a_billion_vectors_without_numbers(tmp_path):
-    np.save(tmp_path / "v.npy", np.empty((10**18, 0)))
-    with bounded(2**22, 1), pytest.raises(FileFormatError, match="n_vectors, n_numbers"):
-        LatentVectors.from_file(tmp_path / "v.npy")
-
-
-@pytest.mark.parametrize("ids", [np.zeros(2**21, np.int8), np.full(2**20, "a")])
-def test_ids_are_compared_before_they_become_texts(tmp_path, ids):
-    np.savez_compressed(tmp_path / "v.npz", ids=ids, vectors=np.zeros((len(ids), 1), np.int8))
-    with bounded(2**26), pytest.raises(FileFormatError, match="ids must differ; repeated ids"):
-        LatentVectors.from_file(tmp_path / "v.npz")
-
-
 def test_a_name_that_is_there_twice(tmp_path):
     np.save(tmp_path / "a.npy", np.ones(3))
     with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
         archive.write(tmp_path / "a.npy", "vectors.npy")
         with pytest.warns(UserWarning, match="Duplicate name"):
             archive.write(tmp_path / "a.npy", "vectors.npy")
-    with pytest.raises(FileFormatError, match="holds vectors twice"):
-        load_arrays(tmp_path / "a.npz", ["vectors"])
-
-
-@pytest.mark.parametrize("names", [("vectors", "vectors.npy"), ("vectors.npy", "vectors")])
-def test_a_name_with_and_without_its_ending(tmp_path, names):
-    # NumPy takes the one, and this library would take the other.
-    np.save(tmp_path / "a.npy", np.ones(3))
-    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
-        for name in names:
-            archive.write(tmp_path / "a.npy", name)
     with pytest.raises(FileFormatError, match="holds vectors twice"):
         load_arrays(tmp_path / "a.npz", ["vectors"])
 

@@ -6,7 +6,6 @@ import struct
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.io import save_glb
@@ -97,23 +96,6 @@ def test_normals_are_those_of_the_surfaces(path, tmp_path):
         assert np.sum(normals * known, axis=1).min() > 0.97
 
 
-def test_every_time_has_normals_of_its_own(path, tmp_path):
-    turns = Rotation.from_rotvec([[0, 0, 0], [1.5, 0, 0], [0, -2, 1], [0.3, 0.2, 3]]).as_matrix()
-    surfaces, faces = path[0] @ np.swapaxes(turns, 1, 2), path[1]
-    save_glb(tmp_path / "path.glb", surfaces, faces)
-    document, array = read(tmp_path / "path.glb")
-    primitive = document["meshes"][0]["primitives"][0]
-    rest = array(primitive["attributes"]["NORMAL"])
-    for time, target in enumerate([None, *primitive["targets"]]):
-        expected = np.zeros_like(surfaces[time])
-        for one, two, three in faces.tolist():
-            a, b, c = surfaces[time][[one, two, three]]
-            expected[[one, two, three]] += np.cross(b - a, c - a)
-        expected /= np.linalg.norm(expected, axis=1, keepdims=True)
-        normals = rest if target is None else rest + array(target["NORMAL"])
-        np.testing.assert_allclose(normals, expected, atol=1e-6)
-
-
 def test_trimesh_reads_the_first_surface(path, tmp_path):
     surfaces, faces = path
     save_glb(tmp_path / "path.GLB", surfaces, faces)
@@ -121,13 +103,6 @@ def test_trimesh_reads_the_first_surface(path, tmp_path):
     (mesh,) = loaded.geometry.values()
     np.testing.assert_array_equal(mesh.vertices, surfaces[0].astype(np.float32))
     np.testing.assert_array_equal(mesh.faces, faces)
-
-
-def test_a_single_surface_is_a_still_mesh(path, tmp_path):
-    save_glb(tmp_path / "still.glb", path[0][:1], path[1])
-    document, _ = read(tmp_path / "still.glb")
-    assert "animations" not in document
-    assert "targets" not in document["meshes"][0]["primitives"][0]
 
 
 def test_parts_of_odd_length_are_filled_up(path, tmp_path):
