@@ -239,11 +239,9 @@ class Girth(_PlaneSection):
             raise ArgumentError(f"{self.name!r} has leave_out; it needs hull=True")
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        """Return the girths."""
         return self._size(bodies, HULL if self.hull else LENGTH, "up")
 
     def lines(self, bodies: LandmarkedBodies) -> list[Any]:
-        """Return the closed line."""
         return [closed_line(self._section(bodies)[0], self.hull)]
 
 
@@ -275,11 +273,9 @@ class Breadth(_PlaneSection):
     _direction: ClassVar[str] = "left"
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        """Return the extents."""
         return self._size(bodies, EXTENT, self._direction)
 
     def lines(self, bodies: LandmarkedBodies) -> list[Any]:
-        """Return the line through the middle of the section."""
         section, axis = self._section(bodies)[0], bodies.axis(self._direction)[0]
         middle = section.mean(axis=0)
         along = (section - middle) @ axis
@@ -340,11 +336,9 @@ class Height(Measurement):
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """The place, and that from which the height is measured."""
         return (self.at,) if self.above is None else (self.at, self.above)
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        """Return the heights."""
         up = bodies.axis("up")
         height = np.sum(bodies.place(self.at) * up, axis=-1)
         if self.above is not None:
@@ -352,7 +346,6 @@ class Height(Measurement):
         return height - bodies.floor
 
     def lines(self, bodies: LandmarkedBodies) -> list[Any]:
-        """Return the line from the place down."""
         top = bodies.place(self.at)[0]
         return [np.stack([top, top - self.value(bodies)[0] * bodies.axis("up")[0]])]
 
@@ -397,14 +390,12 @@ class Length(Measurement):
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """The places of the path."""
         return self.along
 
     def _stops(self, bodies: LandmarkedBodies) -> tuple[Place, ...]:
         return bodies.set.bones(*self.along) if self.path == "joints" else self.along
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        """Return the lengths."""
         pairs = pairwise(self._stops(bodies))
         if self.path == "surface":
             on_surface, mesh = bodies.set.on_surface, bodies.set.mesh
@@ -416,7 +407,6 @@ class Length(Measurement):
         return sum(np.sqrt(np.sum(step**2, axis=-1)) for step in steps)
 
     def lines(self, bodies: LandmarkedBodies) -> list[Any]:
-        """Return the path, or its parts between the places."""
         stops = self._stops(bodies)
         if self.path == "surface":
             on_surface, mesh = bodies.set.on_surface, bodies.set.mesh
@@ -450,7 +440,6 @@ class Volume(Measurement):
     needs_closed_surface: ClassVar[bool] = True
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        """Return the volumes."""
         return bodies.volumes
 
 
@@ -484,7 +473,6 @@ class Mass(Measurement):
         real_number(self.density, "density", minimum=0.0, strict=True)
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        """Return the masses."""
         return self.density * bodies.volumes
 
 
@@ -518,11 +506,9 @@ class Area(Measurement):
 
     @property
     def part_names(self) -> tuple[str, ...]:
-        """The parts whose areas are added."""
         return self.parts
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        """Return the areas."""
         return bodies.areas(bodies.set.faces[bodies.set.in_parts(self.parts)])
 
 

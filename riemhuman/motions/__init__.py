@@ -1,4 +1,9 @@
-"""Motions as points: sequences of bodies, compared, aligned and averaged at any speed."""
+"""Motions as points: sequences of bodies, compared, aligned and averaged at any speed.
+
+`DynamicTimeWarping` matches frames of two motions at any speed; `VelocityTimeWarping` also finds
+motions again that have few frames; `RateInvariantMetric` satisfies the triangle inequality;
+`RateDependentMetric` compares bodies at equal times; `GramHankel` needs no matching of frames.
+"""
 
 from riemhuman.motions.motion_representations import (
     GramHankel,
