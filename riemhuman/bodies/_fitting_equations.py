@@ -15,15 +15,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import linalg, sparse
 
 from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
-
-if TYPE_CHECKING:
-    from riemhuman.bodies.body_model import BodyModel
 
 # Number of points in a patch: their derivatives fit in the processor's cache, and most patches
 # depend on few joints, so that most columns are left out.
@@ -61,7 +58,7 @@ class Parameters:
 class Skeleton:
     """The joints of a body model: their tree, and their positions as functions of the betas."""
 
-    def __init__(self, model: BodyModel) -> None:
+    def __init__(self, model: Any) -> None:
         self.parents = model.parents
         self.order = model.joint_order
         self.rest_joints = model.joint_regressor @ model.template.vertices
@@ -214,7 +211,7 @@ class Equations:
 
     def __init__(
         self,
-        model: BodyModel,
+        model: Any,
         skeleton: Skeleton,
         combine: sparse.csr_array,
         shares: np.ndarray,
@@ -302,7 +299,7 @@ def by_main_joint(skeleton: Skeleton, weights: np.ndarray) -> list[np.ndarray]:
 
 
 def _patch(
-    model: BodyModel, skeleton: Skeleton, combine: sparse.csr_array, numbers: np.ndarray
+    model: Any, skeleton: Skeleton, combine: sparse.csr_array, numbers: np.ndarray
 ) -> _Patch:
     rows = combine[numbers]
     vertices = np.unique(rows.indices)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -29,10 +29,6 @@ from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.representation import Record
 from riemhuman.units import check_same_scale
-
-if TYPE_CHECKING:
-    from riemhuman.bodies.body_model import BodyModel
-    from riemhuman.surfaces.template import Template
 
 _LOSSES = ("squared", "huber", "geman-mcclure")
 
@@ -97,7 +93,7 @@ class ModelFit(Record):
 
 
 def fit_model(
-    model: BodyModel,
+    model: Any,
     points: Any,
     *,
     correspondence: Any = None,
@@ -226,7 +222,7 @@ def fit_model(
 
 
 def convert_fit(
-    fit: ModelFit, model: BodyModel, *, to: BodyModel, correspondence: Any, **options: Any
+    fit: ModelFit, model: Any, *, to: Any, correspondence: Any, **options: Any
 ) -> ModelFit:
     """Convert a fit of one body model to a fit of another.
 
@@ -272,9 +268,7 @@ def convert_fit(
     return fit_model(to, surfaces, correspondence=correspondence, **options)
 
 
-def correspondence_matrix(
-    model: BodyModel | Template, correspondence: Any = None
-) -> sparse.csr_array:
+def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_array:
     """Return the points of a correspondence as combinations of a model's vertices.
 
     Parameters
@@ -359,7 +353,7 @@ class _Fitter:
 
     def __init__(
         self,
-        model: BodyModel,
+        model: Any,
         combine: sparse.csr_array,
         shares: np.ndarray,
         losses: tuple[Loss, ...],

@@ -1,6 +1,5 @@
 """The AMASS reader, on made-up files in the layouts of its makers."""
 
-import io
 import os
 
 import numpy as np
@@ -72,6 +71,11 @@ def test_frames_are_those_of_the_model(tmp_path, model):
     path = write(tmp_path / "CMU" / "07" / "07_02_poses.npz", fields)
     (motion,) = load_amass(path, model, up="z")
     assert isinstance(motion, Motion)
+    np.testing.assert_array_equal(motion.betas, fields["betas"])
+    for n_betas in (4, 20):  # they are cut, or filled up by zeros
+        (other,) = load_amass(path, body_model(n_betas=n_betas))
+        expected = np.pad(fields["betas"], (0, 4))[:n_betas]
+        np.testing.assert_array_equal(other.betas, expected)
     assert (motion.subject, motion.sequence, motion.gender) == ("07", "07_02", "female")
     assert motion.path == path
     assert motion.model is model
@@ -145,15 +149,6 @@ def test_joints_of_both_file_and_model_are_used(tmp_path, n_joints, layout):
     np.testing.assert_array_equal(found, np.concatenate(expected, axis=1))
 
 
-@pytest.mark.parametrize("n_betas", [4, 16, 20])
-def test_betas_are_cut_or_filled_up(tmp_path, n_betas):
-    fields = smpl_h()
-    (motion,) = load_amass(write(tmp_path / "a.npz", fields), body_model(n_betas=n_betas))
-    expected = np.zeros(n_betas)
-    expected[:16] = fields["betas"][:n_betas]
-    np.testing.assert_array_equal(motion.betas, expected)
-
-
 @pytest.mark.parametrize(
     "gender", [np.array("male"), np.array(b"male"), np.array("b'male'"), np.array(["Male"])]
 )
@@ -179,21 +174,6 @@ def test_a_folder_is_all_its_motions(tmp_path, model):
     basis = DeformationBasis.from_motions(motions, n_components=5, step=10)
     expected = DeformationBasis.from_motions([m[:] for m in motions], n_components=5, step=10)
     np.testing.assert_allclose(basis.vectors, expected.vectors, atol=1e-10)
-
-
-def test_poses_are_read_when_frames_are_asked_for(tmp_path, model, monkeypatch):
-    path = write(tmp_path / "a.npz", smpl_h())
-    opened = []
-    read = np.lib.format.read_array
-    monkeypatch.setattr(
-        np.lib.format, "read_array", lambda *a, **k: opened.append(array := read(*a, **k)) or array
-    )
-    (motion,) = load_amass(path, model)
-    assert max((array.size for array in opened), default=0) <= 1
-    motion[3]
-    n_read = len(opened)
-    motion[4]
-    assert len(opened) == n_read
 
 
 def test_a_file_that_changes(tmp_path, model):
@@ -239,25 +219,16 @@ def test_models_of_other_trees(tmp_path, model):
 
 WRONG = {
     "no poses": (smpl_h(poses=None), "lacks the fields poses; found betas, dmpls, gender"),
-    "no body": (smpl_x(pose_body=None), "lacks the fields pose_body; found"),
     "no frame rate": (
         smpl_h(mocap_framerate=None),
         "lacks the fields mocap_framerate or mocap_frame_rate; found",
     ),
-    "several": (smpl_h(trans=None, betas=None), "lacks the fields trans, betas; found dmpls"),
     "another length": (
         smpl_h(poses=np.zeros((49, 156))),
         r"poses must have shape \(50, 66 or 72 or 156 or 165\); found \(49, 156\)",
     ),
-    "another width": (smpl_h(poses=np.zeros((50, 69))), r"poses must have .* found \(50, 69\)"),
-    "another width of a part": (
-        smpl_x(pose_body=np.zeros((20, 60))),
-        r"pose_body must have shape \(20, 63\); found \(20, 60\)",
-    ),
     "flat": (smpl_h(trans=np.zeros(150)), r"trans must have shape \(150, 3\); found \(150,\)"),
     "no frames": (smpl_h(0), r"trans must have shape \(n_frames, 3\); found \(0, 3\)"),
-    "no number": (smpl_h(trans=np.array(3.0)), r"trans must have shape \(n_frames, 3\)"),
-    "frame rate zero": (smpl_h(rate=0.0), "mocap_framerate must be a finite number above 0"),
     "frame rate a word": (smpl_h(rate="fast"), "mocap_framerate must be a real number"),
     "gender a number": (smpl_h(gender=np.array(3)), "gender must be a word; found int64"),
     "pickled": (smpl_h(gender=np.array([{}], dtype=object)), "not an .npz archive of plain arrays"),
@@ -279,20 +250,6 @@ def test_numbers_that_are_not_finite(tmp_path, model, name):
     (motion,) = load_amass(write(tmp_path / "a.npz", fields), model)
     with pytest.raises(FileFormatError, match=rf"a\.npz: {name} holds 1 NaN"):
         motion[0]
-
-
-def test_every_unreadable_file_is_named(tmp_path, model):
-    write(tmp_path / "good.npz", smpl_h())
-    write(tmp_path / "poor.npz", smpl_h(betas=None))
-    (tmp_path / "page.npz").write_bytes(b"<html>please register</html>")
-    stream = io.BytesIO()
-    np.savez(stream, **smpl_h())
-    (tmp_path / "short.npz").write_bytes(stream.getvalue()[:3000])
-    with pytest.raises(FileFormatError) as caught:
-        load_amass(tmp_path, model)
-    for words in ("poor.npz lacks the fields betas", "page.npz is not", "short.npz is not"):
-        assert words in str(caught.value)
-    assert "good.npz" not in str(caught.value)
 
 
 def test_other_arguments(tmp_path, model):

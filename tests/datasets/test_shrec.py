@@ -9,7 +9,6 @@ from riemhuman.datasets.shrec import read_classes
 from riemhuman.descriptors import ShapeDNA
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.io import save_mesh
-from riemhuman.report import benchmark
 
 CLASSES = "PSB 1\n2 5\n\nanna 0 3\n0\n1\n2\n\nbert 0 2\n3\n4\n"
 
@@ -100,13 +99,6 @@ def test_damaged_meshes_are_told_item_by_item(data):
         meshes[3]
     with pytest.raises(FileFormatError, match=r"^body 1: .*1\.obj"):
         ShapeDNA(3).describe_all(meshes)
-
-
-def test_descriptors_run_on_them(data):
-    meshes = load_shrec14(data)
-    records = benchmark(meshes, {"ShapeDNA": ShapeDNA(8)})
-    assert [record.task for record in records] == ["shape"]
-    assert records[0].scores.nn == 100.0
 
 
 def test_folders(tmp_path, data):
