@@ -61,39 +61,14 @@ class Motion(ABC):
         n_frames: int,
         faces: np.ndarray,
     ) -> None:
-        self._subject = subject
-        self._sequence = sequence
-        self._frames_per_second = frames_per_second
-        self._n_frames = n_frames
-        self._faces = faces
-
-    @property
-    def subject(self) -> str:
-        """Name of the person."""
-        return self._subject
-
-    @property
-    def sequence(self) -> str:
-        """Name of the motion."""
-        return self._sequence
-
-    @property
-    def frames_per_second(self) -> float:
-        """Frame rate."""
-        return self._frames_per_second
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames."""
-        return self._n_frames
-
-    @property
-    def faces(self) -> np.ndarray:
-        """Triangles of every frame, shape (F, 3)."""
-        return self._faces
+        self.subject = subject
+        self.sequence = sequence
+        self.frames_per_second = frames_per_second
+        self.n_frames = n_frames
+        self.faces = faces
 
     def __len__(self) -> int:
-        return self._n_frames
+        return self.n_frames
 
     def __iter__(self) -> Iterator[np.ndarray]:
         for first in range(0, len(self), _FRAMES_AT_A_TIME):

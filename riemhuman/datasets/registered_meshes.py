@@ -60,6 +60,15 @@ class RegisteredMeshes:
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis that points up in the files, rotated to y; by default meshes are not rotated.
 
+    Attributes
+    ----------
+    files : tuple of Path
+        The files.
+    faces : array of int, shape (F, 3)
+        The common triangles.
+    reference : array, shape (V, 3)
+        Vertices of the reference.
+
     Raises
     ------
     ArgumentError
@@ -90,31 +99,16 @@ class RegisteredMeshes:
         up: str | None = None,
     ) -> None:
         self._scale = one_of(scale, "scale", SCALES)
-        self._files = tuple(Path(file) for file in files)
-        if not self._files:
-            raise ArgumentError("files holds no mesh file; at least one is needed")
-        self._reference = self._files[0] if reference is None else Path(reference)
         self._unit, self._up = unit, up
-        vertices, self._faces = load_mesh(self._reference)
-        self._vertices = make_upright(vertices, unit, up)
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The files."""
-        return self._files
-
-    @property
-    def faces(self) -> np.ndarray:
-        """The common triangles, shape (F, 3)."""
-        return self._faces
-
-    @property
-    def reference(self) -> np.ndarray:
-        """Vertices of the reference, shape (V, 3)."""
-        return self._vertices
+        self.files = tuple(Path(file) for file in files)
+        if not self.files:
+            raise ArgumentError("files holds no mesh file; at least one is needed")
+        self._reference = self.files[0] if reference is None else Path(reference)
+        vertices, self.faces = load_mesh(self._reference)
+        self.reference = make_upright(vertices, unit, up)
 
     def __len__(self) -> int:
-        return len(self._files)
+        return len(self.files)
 
     @overload
     def __getitem__(self, index: int) -> np.ndarray: ...
@@ -122,20 +116,20 @@ class RegisteredMeshes:
     def __getitem__(self, index: slice) -> np.ndarray: ...
     def __getitem__(self, index: int | slice) -> np.ndarray:
         if isinstance(index, slice):
-            files = self._files[index]
-            surfaces = np.empty((len(files), *self._vertices.shape))
+            files = self.files[index]
+            surfaces = np.empty((len(files), *self.reference.shape))
             for number, file in enumerate(files):
                 surfaces[number] = self._read(file)
             return surfaces
-        return self._read(self._files[index])
+        return self._read(self.files[index])
 
     def _read(self, file: Path) -> np.ndarray:
         vertices, faces = load_mesh(file)
         vertices = make_upright(vertices, self._unit, self._up)
-        if vertices.shape != self._vertices.shape:
-            difference = f"it has {len(vertices)} vertices, that one has {len(self._vertices)}"
+        if vertices.shape != self.reference.shape:
+            difference = f"it has {len(vertices)} vertices, that one has {len(self.reference)}"
         else:
-            difference = face_difference(faces, self._faces) or ""
+            difference = face_difference(faces, self.faces) or ""
         if difference:
             raise FileFormatError(
                 f"{file} is not registered to {self._reference}: {difference}; register it first: "
@@ -143,7 +137,7 @@ class RegisteredMeshes:
             )
         if self._scale is not None:
             names = str(file), str(self._reference)
-            check_same_scale(vertices, self._vertices, *names, error=FileFormatError)
+            check_same_scale(vertices, self.reference, *names, error=FileFormatError)
         return vertices
 
 

@@ -7,7 +7,9 @@ the best body are tried in other ways.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,90 +19,16 @@ from riemhuman.datasets import joint_rotations, pose_vectors
 from riemhuman.datasets.open_poses import mirror_angles
 from riemhuman.registration._posed_body import Pose, rotation
 
+_TABLE = json.loads((Path(__file__).parent / "data/start_poses.json").read_text(encoding="utf-8"))
 # Axes and degrees of joints from the T-pose, as for `riemhuman.datasets.joint_rotations`.
-_Angles = dict[str, tuple[Any, ...]]
-
-_DOWN: _Angles = {"shoulder": ("xz", 10, -78), "elbow": ("y", -10), "hip": ("z", 3)}
-_A: _Angles = {"shoulder": ("xz", 10, -50), "elbow": ("y", -18), "hip": ("z", 6)}
-_WALK: _Angles = {
-    "left_hip": ("x", -32),
-    "left_knee": ("x", 15),
-    "right_hip": ("x", 22),
-    "right_knee": ("x", 28),
-    "left_shoulder": ("zx", -74, 28),
-    "right_shoulder": ("zx", 74, -28),
-    "left_elbow": ("y", -30),
-    "right_elbow": ("y", 30),
-}
-_KNEE: _Angles = {**_A, "left_hip": ("x", -85), "left_knee": ("x", 85)}
-_ONE_ARM: _Angles = {**_DOWN, "right_shoulder": ("z", -55), "right_elbow": ("y", 15)}
-
-_START_POSES: dict[str, _Angles] = {
-    "a": _A,
-    "down": _DOWN,
-    "t": {"shoulder": ("z", -5), "hip": ("z", 6)},
-    "up": {"collar": ("z", 15), "shoulder": ("z", 55), "elbow": ("y", -15)},
-    "forward": {"collar": ("y", -8), "shoulder": ("y", -75), "elbow": ("y", -10)},
-    "elbows": {"shoulder": ("xz", 10, -70), "elbow": ("y", -95)},
-    "hips": {"shoulder": ("xyz", 45, 15, -45), "elbow": ("y", -95), "hip": ("z", 7)},
-    "head": {"shoulder": ("xz", -60, 25), "elbow": ("y", -115)},
-    "guard": {"shoulder": ("xzy", 0, -55, -35), "elbow": ("y", -130)},
-    "walk": _WALK,
-    "knee": _KNEE,
-    "one_arm": _ONE_ARM,
-    "squat": {
-        "pelvis": ("x", 20),
-        "hip": ("zx", 10, -85),
-        "knee": ("x", 90),
-        "shoulder": ("xzy", 0, -10, -60),
-    },
-    "bend": {
-        "pelvis": ("x", 35),
-        "lower_spine": ("x", 15),
-        "middle_spine": ("x", 12),
-        "hip": ("x", -40),
-        "shoulder": ("xzy", 0, -50, -40),
-    },
-    "sit": {"hip": ("x", -85), "knee": ("x", 85), **{k: _DOWN[k] for k in ("shoulder", "elbow")}},
-    "wide": {"shoulder": ("z", 20), "hip": ("z", 22)},
-    "lunge": {**_WALK, "left_hip": ("x", -75), "left_knee": ("x", 75), "right_knee": ("x", 20)},
-}
-_SIDED = ("walk", "knee", "one_arm", "lunge")
-
+_START_POSES = _TABLE["poses"]
+_MIRRORED = _TABLE["mirrored"]
 # The poses by which the direction up is found.
-UP_POSES = ("a", "t", "up", "knee", "squat")
-
+UP_POSES = _TABLE["up_poses"]
 # The first joints of SMPL, SMPL-H and SMPL-X by the names of the open model, and their parents.
-_SMPL_TREE = {
-    "pelvis": -1,
-    "left_hip": 0,
-    "right_hip": 0,
-    "lower_spine": 0,
-    "left_knee": 1,
-    "right_knee": 2,
-    "middle_spine": 3,
-    "left_ankle": 4,
-    "right_ankle": 5,
-    "upper_spine": 6,
-    "left_toes": 7,
-    "right_toes": 8,
-    "neck": 9,
-    "left_collar": 9,
-    "right_collar": 9,
-    "head": 12,
-    "left_shoulder": 13,
-    "right_shoulder": 14,
-    "left_elbow": 16,
-    "right_elbow": 17,
-    "left_wrist": 18,
-    "right_wrist": 19,
-}
-
+_SMPL_TREE = _TABLE["smpl_parents"]
 # Standard deviations of joints from a start pose, degrees.
-_TRUNK_DEGREES = {"spine": 10.0, "chest": 8.0, "neck": 12.0, "head": 15.0}
-_ARM_DEGREES = {"collar": 10.0, "shoulder": 45.0, "elbow": 45.0, "wrist": 20.0}
-_LEG_DEGREES = {"hip": 40.0, "knee": 40.0, "ankle": 15.0, "toes": 12.0}
-_DEGREES = _TRUNK_DEGREES | _ARM_DEGREES | _LEG_DEGREES
+_DEGREES = _TABLE["degrees"]
 _OTHER_DEGREES = 15.0
 
 _ARM_JOINTS = ("collar", "shoulder", "elbow", "wrist")
@@ -126,7 +54,7 @@ def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
     if names != model.joint_names:
         model = rename_joints(model, names)
     written = dict(_START_POSES)
-    for name in _SIDED:
+    for name in _MIRRORED:
         written[f"{name}_right"] = _mirror_pose(_START_POSES[name])
     poses = {}
     for name, angles in written.items():
@@ -147,9 +75,9 @@ def _has(names: tuple[str, ...], joint: str) -> bool:
     return joint in names or f"left_{joint}" in names
 
 
-def _mirror_pose(angles: _Angles) -> _Angles:
+def _mirror_pose(angles: dict[str, Any]) -> dict[str, Any]:
     """Return angles with left and right exchanged."""
-    mirrored: _Angles = {}
+    mirrored: dict[str, Any] = {}
     for name, own in angles.items():
         side, _, joint = name.partition("_")
         if side in ("left", "right"):
