@@ -64,6 +64,8 @@ class Measured:
     ----------
     nearer : dict of bool
         Whether a part is nearer to A's, in A's own performance of the pose, than to B's.
+    torso : float
+        Distance of the torso from A's own, as a share of that from B's.
     edges : float
         Mean relative change of the lengths of A's edges.
     segments : float
@@ -79,6 +81,7 @@ class Measured:
     """
 
     nearer: dict
+    torso: float
     edges: float
     segments: float
     whole: float
@@ -121,17 +124,30 @@ class Disentangled:
         """Return one body in the pose of another."""
         return self.solver.solve(*self.metrics, shape, pose).surface
 
+    def similar_pairs(self, pairs):
+        """Return pairs in which b is the person whose torso is most like that of a."""
+        torso, similar = self.parts["torso"], []
+        for a, p, _, q in pairs:
+            own = self.points[a, q][torso]
+            gaps = [
+                np.inf if k == a else distance(self.points[k, q][torso], own) for k in range(10)
+            ]
+            similar.append((a, p, int(np.argmin(gaps)), q))
+        return similar
+
     def measure(self, a, p, b, q):
         """Measure person a, known in pose p, in the pose q of person b."""
         shape, pose, truth = self.points[a, p], self.points[b, q], self.points[a, q]
         performed = self.perform(a, self.poses[b, q])
         found, own = self.surface(shape, pose), self.surface(shape, truth)
         lengths, kept = (edge_lengths(f, self.edges) for f in (found, shape))
+        torso = self.parts["torso"]
         return Measured(
             {
                 part: distance(found[at], truth[at]) < distance(found[at], pose[at])
                 for part, at in self.parts.items()
             },
+            distance(found[torso], truth[torso]) / distance(found[torso], pose[torso]),
             float(np.mean(np.abs(lengths / kept - 1.0))),
             np.average(
                 [distance(found[bone], own[bone]) for bone in self.bones],

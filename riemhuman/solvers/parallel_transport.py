@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, whole_number
-from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
@@ -58,25 +57,16 @@ class TransportResult(Result):
     path: ndarray
 
 
-class _Geometry(Protocol):
-    """What a rung is built from."""
-
-    def sides(self, middle: ndarray, displacement: ndarray) -> tuple[ndarray, ndarray]:
-        """Return the points at minus and plus a displacement of a point."""
-
-    def halfway(self, start: ndarray, end: ndarray) -> ndarray:
-        """Return the point halfway between two points."""
-
-    def reflected(self, point: ndarray, middle: ndarray) -> ndarray:
-        """Return the reflection of a point in the middle."""
-
-    def displacement(self, before: ndarray, middle: ndarray, after: ndarray) -> ndarray:
-        """Return half the difference of two points as seen from the one between them."""
-
-
 @dataclass(frozen=True)
-class _Ladder(InheritsDocstrings, TransportSolver):
-    """What pole and Schild ladders share.
+class PoleLadder(TransportSolver):
+    r"""Parallel transport along the diagonals of geodesic parallelograms.
+
+    For each segment (p, q) with midpoint m, the points exp_p(±w) are reflected in m; the results
+    are exp_q(∓w'). Exact on symmetric spaces, such as spheres and their products; otherwise the
+    error is of second order in the length of the segments (Guigui and Pennec, "Numerical accuracy
+    of ladder schemes for parallel transport on manifolds", Foundations of Computational Mathematics
+    22, 2022). On metrics without closed-form geodesics each side of a rung is one discrete segment,
+    see `GeodesicEquation`.
 
     Parameters
     ----------
@@ -96,6 +86,18 @@ class _Ladder(InheritsDocstrings, TransportSolver):
         Largest error of each equation, as a share of the length of its two segments.
     max_iter : int
         Largest number of iterations of each equation.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.NormalFields(bodies.template)
+    >>> n = fields.random_point(2, rng=0)
+    >>> v = fields.random_tangent_vec(n[0], rng=1)
+    >>> result = rh.solvers.PoleLadder().solve(fields.metric, v, n[0], end_point=n[1])
+    >>> norms = fields.metric.norm(v, n[0]), fields.metric.norm(result.tangent_vec, n[1])
+    >>> bool(abs(norms[0] - norms[1]) < 1e-6)
+    True
     """
 
     n_rungs: int = 10
@@ -154,7 +156,7 @@ class _Ladder(InheritsDocstrings, TransportSolver):
             raise ArgumentError("solve needs exactly one of direction, end_point and path")
         vector = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
         if path is not None:
-            return self._climb(metric, vector, _checked_path(metric, base_point, path))
+            return self._climb(metric, vector, _check_path(metric, base_point, path))
         if direction is not None:
             direction = real_array(direction, "direction", metric.space.shape, batched=False)
             times = np.linspace(0.0, 1.0, self.n_rungs + 1)
@@ -220,34 +222,7 @@ class _Ladder(InheritsDocstrings, TransportSolver):
         )
         return finish(self, result)
 
-    def _rung(self, geometry: _Geometry, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:
-        raise NotImplementedError
-
-
-class PoleLadder(_Ladder):
-    r"""Parallel transport along the diagonals of geodesic parallelograms.
-
-    For each segment (p, q) with midpoint m, the points exp_p(±w) are reflected in m; the results
-    are exp_q(∓w'). Exact on symmetric spaces, such as spheres and their products; otherwise the
-    error is of second order in the length of the segments (Guigui and Pennec, "Numerical accuracy
-    of ladder schemes for parallel transport on manifolds", Foundations of Computational Mathematics
-    22, 2022). On metrics without closed-form geodesics each side of a rung is one discrete segment,
-    see `GeodesicEquation`.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> fields = rh.NormalFields(bodies.template)
-    >>> n = fields.random_point(2, rng=0)
-    >>> v = fields.random_tangent_vec(n[0], rng=1)
-    >>> result = rh.solvers.PoleLadder().solve(fields.metric, v, n[0], end_point=n[1])
-    >>> norms = fields.metric.norm(v, n[0]), fields.metric.norm(result.tangent_vec, n[1])
-    >>> bool(abs(norms[0] - norms[1]) < 1e-6)
-    True
-    """
-
-    def _rung(self, geometry: _Geometry, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:
+    def _rung(self, geometry: Any, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:
         middle = geometry.halfway(start, end)
         behind, ahead = geometry.sides(start, vector)
         return geometry.displacement(
@@ -255,12 +230,32 @@ class PoleLadder(_Ladder):
         )
 
 
-class SchildLadder(_Ladder):
+@dataclass(frozen=True)
+class SchildLadder(PoleLadder):
     r"""Parallel transport along the sides of geodesic parallelograms.
 
     For each segment (p, q), p is reflected in the points halfway from exp_p(±w) to q; the results
     are exp_q(±w'). The error is of first order in the length of the segments in general, and of
     second order when the two signs are averaged, as here. See `PoleLadder` for the source.
+
+    Parameters
+    ----------
+    n_rungs : int
+        Number of segments of a closed-form geodesic; a solver's path has its own.
+    basis : DeformationBasis, optional
+        Deformations that span the discrete segments together with those of the path and the vector;
+        by default all coordinates are free. Inner products of two vectors are preserved if both are
+        in the span of the basis.
+    geodesic_solver : object, optional
+        Solver for the geodesic, by default the metric's own.
+    exact : bool
+        Whether to use the metric's own `parallel_transport` where it has a closed form.
+    scale : float
+        Length of the sides exp_p(±w) in units of the segment.
+    tolerance : float
+        Largest error of each equation, as a share of the length of its two segments.
+    max_iter : int
+        Largest number of iterations of each equation.
 
     Examples
     --------
@@ -275,7 +270,7 @@ class SchildLadder(_Ladder):
     True
     """
 
-    def _rung(self, geometry: _Geometry, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:
+    def _rung(self, geometry: Any, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:
         behind, ahead = (
             geometry.reflected(start, geometry.halfway(side, end))
             for side in geometry.sides(start, vector)
@@ -336,7 +331,7 @@ class _SingleSegments:
         return found.points
 
 
-def _checked_path(metric: RiemannianMetric, base_point: ndarray, path: Any) -> ndarray:
+def _check_path(metric: RiemannianMetric, base_point: ndarray, path: Any) -> ndarray:
     path = metric.check_points(path, "path")
     base_point, _ = check_end_points(metric, base_point, base_point)
     if len(path) < 2:

@@ -301,8 +301,13 @@ class Disentangling:
         the less of B's build is carried over, and the rounder joints bend.
     bone_smoothing : float
         How much longer heat flows along bones, once joints are known: the larger, the less of B's
-        build is carried over to the torso, and the farther limbs end from where B holds them.
-
+        build is carried over, above all to the torso, and the farther limbs end from where B holds
+        them. On 90 pairs of coarse natural bodies (seeds 141, 151 and 161, each with the person of
+        the most similar torso), for 3, 10, 20 and 30, torsos were 0.67, 0.59, 0.57 and 0.56 times
+        as far from A's as from B's, whole bodies 36.5, 37.6, 39.3 and 41.1 mm from A's own
+        performance of the pose, and 17.3, 19.5, 22.8 and 26.0 mm from A's body in B's performance.
+        The default is the largest of them that adds at most 3 % to the former; much larger values
+        may leave triangles without area.
     tolerance : float
         Stop when a Newton step would gain at most this share of the value, as far as the
         preconditioned gradient tells.

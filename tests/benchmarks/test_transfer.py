@@ -8,8 +8,8 @@ for twenty seeded pairs of open bodies the mean vertex errors of both inputs and
 the first one's shape and the second one's pose, by the metrics and a basis of other people's
 motions, after the translation that no metric sees; and for thirty seeded pairs of natural bodies
 whether head and torso are A's or B's, how far the result is from A disentangled toward A's own
-performance of the pose, and from A's own body in B's performance. Where benchmarks are disabled, a
-few of each run at coarse resolution.
+performance of the pose, and from A's own body in B's performance; and what `bone_smoothing` trades.
+Where benchmarks are disabled, a few of each run at coarse resolution.
 """
 
 import numpy as np
@@ -162,3 +162,25 @@ def test_whose_body_it_is(benchmark):
     benchmark.pedantic(lambda: measured.surface(shape, pose), rounds=1)
     assert min(nearer.values()) >= 0.9
     assert edges < 0.06
+
+
+def test_trade_off_of_heat_along_bones(benchmark):
+    """Pairs of people of similar torsos, on whom `bone_smoothing` was not chosen."""
+    full = not benchmark.disabled
+    people = natural_people("full" if full else "coarse", OTHER_PEOPLE)
+    for bone_smoothing in (3.0, 10.0, 20.0) if full else (10.0,):
+        measured = Disentangled(*people, Disentangling(bone_smoothing=bone_smoothing))
+        pairs = measured.similar_pairs(random_pairs(20 if full else 2, OTHER_PEOPLE))
+        found = [measured.measure(*pair) for pair in pairs]
+        torsos = 100 * np.mean([one.nearer["torso"] for one in found])
+        torso, truth, performed = (
+            np.mean([getattr(one, name) for one in found])
+            for name in ("torso", "truth", "performed")
+        )
+        print(
+            f"\nbone_smoothing {bone_smoothing:g}: {torsos:.0f} % of the torsos nearer to A's, "
+            f"{torso:.2f} times as far from A's as from B's; {truth:.1f} mm from A's own "
+            f"performance, {performed:.1f} mm from A's body in B's performance"
+        )
+    benchmark.pedantic(lambda: None, rounds=1)
+    assert torso < 1.0

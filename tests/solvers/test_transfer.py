@@ -272,6 +272,22 @@ def test_the_person_is_kept_whoever_holds_the_pose():
     assert np.mean(ratios) < 0.3
 
 
+def test_heat_along_bones_keeps_the_torso():
+    """By as much as in the documentation, on people of whom no setting was chosen."""
+    people = natural_people("coarse", 171)
+    found = []
+    for bone_smoothing in (3.0, 10.0):
+        measured = Disentangled(*people, Disentangling(bone_smoothing=bone_smoothing))
+        pairs = measured.similar_pairs(random_pairs(8, 171))
+        found.append([measured.measure(*pair) for pair in pairs])
+    torsos, errors = (
+        [np.mean([getattr(one, name) for one in some]) for some in found]
+        for name in ("torso", "truth")
+    )
+    assert torsos[1] < 0.95 * torsos[0]
+    assert errors[1] < 1.06 * errors[0]
+
+
 @pytest.mark.slow
 def test_full_bodies_converge():
     """Where heat flowed six times as long along bones, and triangles of sharp joints gave way to
