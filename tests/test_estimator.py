@@ -31,7 +31,7 @@ ESTIMATORS = [
     HierarchicalClustering(None, distance_threshold=0.5),
     LearnedMetric(VectorSpace((2,)).metric, shrinkage=0.1, n_folds=3),
     FrechetMean(VectorSpace((2,)), GradientDescentMean()),
-    NearestNeighbors(VectorSpace((2,)).metric, 3, n_pivots=2),
+    NearestNeighbors(VectorSpace((2,)).metric, 3, n_components=2),
     MotionComponents(MotionMean(MotionSpace(AlignedSurfaces(triangle_template()))), 2),
     GeometricMedian(AlignedSurfaces(triangle_template()), BasisMean(tolerance=1e-3)),
 ]

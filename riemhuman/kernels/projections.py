@@ -8,38 +8,6 @@ import numpy as np
 from numpy import ndarray
 
 
-class GrowingRows:
-    """A table to which rows are added in time proportional to their number."""
-
-    def __init__(self, rows: ndarray | None = None) -> None:
-        self._table = rows
-        self._n_rows = 0 if rows is None else len(rows)
-
-    @property
-    def array(self) -> ndarray:
-        """The rows, shape (n, ...)."""
-        if self._table is None:
-            return np.empty((0, 0))
-        return self._table[: self._n_rows]
-
-    def truncate(self, n_rows: int) -> None:
-        """Remove the last rows."""
-        self._n_rows = min(self._n_rows, n_rows)
-
-    def append(self, rows: ndarray) -> None:
-        """Add rows."""
-        if self._table is None:
-            self._table = np.empty_like(rows, order="C")
-        end = self._n_rows + len(rows)
-        if end > len(self._table):
-            # Double the size: on average, each row is then moved only a few times.
-            table = np.empty((max(end, 2 * len(self._table)), *rows.shape[1:]), rows.dtype)
-            table[: self._n_rows] = self.array
-            self._table = table
-        self._table[self._n_rows : end] = rows
-        self._n_rows = end
-
-
 class Projection:
     """A projection that never increases distances: principal components and the residual's norm.
 

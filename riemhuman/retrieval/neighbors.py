@@ -4,57 +4,51 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, Self
 
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import integer_array, whole_number
+from riemhuman.checks import integer_array, one_of, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.io.arrays import load_arrays, save_arrays
-from riemhuman.kernels.threads import mapped, thread_count
-from riemhuman.retrieval.neighbor_index import NeighborIndex
-from riemhuman.retrieval.neighbor_search import nearest
+from riemhuman.kernels.projections import Projection
+from riemhuman.kernels.threads import thread_count
+from riemhuman.retrieval._neighbor_index import NeighborIndex
 
-_FIELDS = (
-    "points",
-    "features_0",
-    "coordinates",
-    "pivots",
-    "to_pivots",
-    "probe_distances",
-    "n_neighbors",
-    "n_patches",
-)
+ALGORITHMS = ("auto", "brute", "index")
+
+_FIELDS = ("points", "probes", "n_neighbors", "n_patches")
 _FIELDS_OF_PROJECTION = ("mean", "components")
+
+# Number of points whose distances identify the metric of a file, and their relative rounding.
+_PROBES, _ROUNDING = 4, 1e-9
 
 
 class NearestNeighbors(Estimator):
     r"""Exact nearest neighbours under a Riemannian metric, without computing all distances.
 
-    Each query is compared with the points in the order of lower bounds of their distances, until no
-    other point can be as near as those found. There are two bounds:
-
-    - the triangle inequality, :math:`d(x, y) \ge |d(x, p) - d(p, y)|`, for pivots p, each the
-      farthest point from those before;
-    - for metrics with a method `lower_bound_coordinates`, the Euclidean distance of the projections
-      of these coordinates to the principal components of a sample, with the norm of the residual
-      as one more coordinate.
+    Few points are compared with each query, all of them. Many points get an index: each query is
+    compared with them in the order of lower bounds of their distances, until no other point can be
+    as near as those found. The bounds are Euclidean distances of the metric's
+    `lower_bound_coordinates`, projected to the principal components of a sample, with the norm of
+    the residual as one more coordinate. Under the shape metric, where all people are far from each
+    other, bounds exclude too little, and points are compared with each query there, too.
 
     Parameters
     ----------
     metric : RiemannianMetric
-        A metric with a closed-form distance that satisfies the triangle inequality.
+        A metric with a closed-form distance.
     n_neighbors : int
         Number of neighbours.
-    n_pivots : int
-        Largest number of pivots; every query is compared with all of them.
+    algorithm : {"auto", "brute", "index"}
+        "index" uses bounds whatever the number of points, and "brute" none; by default, bounds are
+        used for a thousand points or more, if they exclude most of them.
     n_components : int
         Largest number of principal components. If points form groups that are far from each other,
-        as people do under the shape metric, there should be more components than groups.
+        there should be more components than groups.
     n_patches : int, optional
         Number of patches over which `lower_bound_coordinates` averages; by default it does not
         average. With fewer patches, adding points is faster and the bounds are weaker.
@@ -91,14 +85,14 @@ class NearestNeighbors(Estimator):
         metric: RiemannianMetric,
         n_neighbors: int = 5,
         *,
-        n_pivots: int = 16,
+        algorithm: str = "auto",
         n_components: int = 256,
         n_patches: int | None = None,
         n_jobs: int | None = None,
     ) -> None:
         self.metric = metric
         self.n_neighbors = n_neighbors
-        self.n_pivots = n_pivots
+        self.algorithm = algorithm
         self.n_components = n_components
         self.n_patches = n_patches
         self.n_jobs = n_jobs
@@ -127,22 +121,21 @@ class NearestNeighbors(Estimator):
         thread_count(self.n_jobs)
         if _length(X) == 0:
             raise ArgumentError("X must hold at least one point; found none")
-        self._index = NeighborIndex.build(
-            self.metric,
-            X,
-            whole_number(self.n_pivots, "n_pivots", minimum=1),
-            whole_number(self.n_components, "n_components", minimum=0),
-            self.n_patches,
-            self.n_jobs,
-        )
+        one_of(self.algorithm, "algorithm", ALGORITHMS)
+        whole_number(self.n_components, "n_components", minimum=0)
+        index = NeighborIndex(self.metric, self.n_patches, self.n_jobs)
+        index.append(X)
+        self._index = index
+        self._fit_projection()
         self.n_samples_fit_ = len(self._index)
         return self
 
     def partial_fit(self, X: Sequence[Any] | ndarray) -> Self:
         r"""Add points to the index.
 
-        Pivots and principal components remain those of the first points. Neighbours stay exact, but
-        if many points differ from the first ones, `fit` to all points makes a faster index.
+        The principal components of an index remain those of the first points. Neighbours stay
+        exact, but if many points differ from the first ones, `fit` to all points makes a faster
+        index.
 
         Parameters
         ----------
@@ -163,6 +156,8 @@ class NearestNeighbors(Estimator):
             return self.fit(X)
         _length(X)
         self._index.append(X)
+        if self._index.projection is None:
+            self._fit_projection()
         self.n_samples_fit_ = len(self._index)
         return self
 
@@ -220,8 +215,7 @@ class NearestNeighbors(Estimator):
         distances = np.empty((n_queries, k))
         indices = np.empty((n_queries, k), dtype=np.int64)
         n_exact = 0
-        in_order = partial(mapped, n_threads=thread_count(self.n_jobs))
-        for row, answer in enumerate(nearest(index, X, k, in_order, candidates)):
+        for row, answer in enumerate(index.nearest(X, k, candidates)):
             distances[row], indices[row], n_compared = answer
             n_exact += n_compared
         self.n_exact_ = n_exact
@@ -243,7 +237,10 @@ class NearestNeighbors(Estimator):
         FileError
             If the file cannot be written.
         """
-        arrays = self._fitted("save").to_arrays()
+        index = self._fitted("save")
+        arrays = {"points": index.points, "probes": _probe_distances(self.metric, index.points)}
+        if index.projection is not None:
+            arrays |= {"mean": index.projection.mean, "components": index.projection.components}
         arrays["n_neighbors"] = np.array(self.n_neighbors)
         arrays["n_patches"] = np.array(self.n_patches or 0)
         save_arrays(path, arrays)
@@ -276,32 +273,48 @@ class NearestNeighbors(Estimator):
         ArgumentError
             If the index is for another metric or template.
         """
+        file = os.fspath(path)
         arrays = load_arrays(path, _FIELDS)
         if "components" in arrays:
             arrays = load_arrays(path, [*_FIELDS, *_FIELDS_OF_PROJECTION])
-        thread_count(n_jobs)
-        options = {name: arrays.pop(name) for name in ("n_neighbors", "n_patches")}
-        for name, option in options.items():
-            if option.shape != () or option.dtype.kind not in "iu" or option < 0:
-                raise FileFormatError(f"{os.fspath(path)}: {name} must be a whole number")
-        n_patches = int(options["n_patches"]) or None
+        options = [_whole_number(file, name, arrays[name]) for name in ("n_neighbors", "n_patches")]
+        if options[0] < 1:
+            raise FileFormatError(f"{file}: n_neighbors must be at least 1; found 0")
+        points, probes = (_numbers(file, name, arrays[name]) for name in ("points", "probes"))
+        message = f"{file}: metric must be that of the index"
         try:
-            if int(options["n_neighbors"]) < 1:
-                raise FileFormatError("n_neighbors must be at least 1; found 0")
-            index = NeighborIndex.from_arrays(arrays, metric, n_patches, n_jobs)
-        except (ArgumentError, FileFormatError) as error:
-            raise type(error)(f"{os.fspath(path)}: {error}") from error
-        neighbors = cls(
-            metric,
-            int(options["n_neighbors"]),
-            n_pivots=len(index.pivots),
-            n_components=0 if index.projection is None else len(index.projection.components),
-            n_patches=n_patches,
-            n_jobs=n_jobs,
-        )
-        neighbors._index = index
-        neighbors.n_samples_fit_ = len(index)
+            found = _probe_distances(metric, points)
+        except ArgumentError as error:
+            raise ArgumentError(f"{message}; it does not fit the points: {error}") from error
+        if found.shape != probes.shape or not np.allclose(
+            found, probes, rtol=_ROUNDING, atol=_ROUNDING * probes.max(initial=0.0)
+        ):
+            raise ArgumentError(f"{message}; distances of its points differ")
+        neighbors = cls(metric, options[0], n_patches=options[1] or None, n_jobs=n_jobs)
+        index = NeighborIndex(metric, neighbors.n_patches, n_jobs)
+        index.append(points)
+        if "components" in arrays:
+            mean, components = (
+                _numbers(file, name, arrays[name]) for name in _FIELDS_OF_PROJECTION
+            )
+            if metric.has_lower_bound_coordinates:
+                size = metric.lower_bound_coordinates(points[:1], neighbors.n_patches).shape[1]
+                if mean.shape != (size,) or components.shape[1:] != (size,):
+                    raise FileFormatError(
+                        f"{file}: mean and components must have {size} columns; found shapes "
+                        f"{mean.shape} and {components.shape}"
+                    )
+                gap = np.abs(components @ components.T - np.eye(len(components))).max(initial=0.0)
+                if gap > _ROUNDING:
+                    raise FileFormatError(f"{file}: components must be orthonormal")
+                index.set_projection(Projection(mean, components))
+        neighbors.n_components = 0 if index.projection is None else len(components)
+        neighbors._index, neighbors.n_samples_fit_ = index, len(index)
         return neighbors
+
+    def _fit_projection(self) -> None:
+        if self.algorithm != "brute":
+            self._index.fit_projection(self.n_components, always=self.algorithm == "index")
 
     def _fitted(self, method: str) -> NeighborIndex:
         if not hasattr(self, "_index"):
@@ -315,3 +328,26 @@ def _length(X: Any) -> int:
             f"X must be an array, or have a length and slices; found {type(X).__name__}"
         )
     return len(X)
+
+
+def _probe_distances(metric: RiemannianMetric, points: ndarray) -> ndarray:
+    """Return the distances among a few points, by which a metric is recognised."""
+    some = points[np.unique(np.linspace(0, len(points) - 1, _PROBES).astype(int))]
+    return metric.dist_pairwise(some, precision="double")
+
+
+def _whole_number(file: str, name: str, array: ndarray) -> int:
+    if array.shape != () or array.dtype.kind not in "iu" or array < 0:
+        raise FileFormatError(f"{file}: {name} must be a whole number")
+    return int(array)
+
+
+def _numbers(file: str, name: str, array: ndarray) -> ndarray:
+    if (
+        array.dtype.kind not in "f"
+        or array.ndim < 1
+        or not len(array)
+        or not np.isfinite(array).all()
+    ):
+        raise FileFormatError(f"{file}: {name} must hold finite real numbers")
+    return array.astype(np.float64)

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from cases import CASES, cases_that, name_of, open_template, sphere_template, surfaces
 
+import riemhuman.retrieval._neighbor_index
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric, VectorSpace
 from riemhuman.retrieval import NearestNeighbors
+from riemhuman.terms.sum import SumOfTerms
 
 N_GROUPS, N_IN_GROUP = 12, 10
 
@@ -46,14 +48,16 @@ METRICS = metrics()
 POSE = METRICS["pose"]
 
 
-@pytest.mark.parametrize("n_patches", [None, 8])
+@pytest.mark.parametrize(
+    ("algorithm", "n_patches"), [("auto", None), ("index", None), ("index", 8)]
+)
 @pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
-def test_same_as_by_all_distances(metric, n_patches):
+def test_same_as_by_all_distances(metric, algorithm, n_patches):
     points, queries = groups(sphere_template()), groups(sphere_template(), rng=1)[:7]
     # Queries that are points of the set, some nearly.
     queries[:3] = points[:3]
     queries[1] *= 1 + 1e-12
-    neighbors = NearestNeighbors(metric, n_neighbors=4, n_patches=n_patches).fit(points)
+    neighbors = NearestNeighbors(metric, 4, algorithm=algorithm, n_patches=n_patches).fit(points)
     assert neighbors.n_samples_fit_ == len(points)
     assert_same(neighbors.kneighbors(), by_all_distances(metric, None, points, 4))
     assert_same(neighbors.kneighbors(queries), by_all_distances(metric, queries, points, 4))
@@ -63,19 +67,17 @@ def test_same_as_by_all_distances(metric, n_patches):
 @pytest.mark.parametrize("case", cases_that("dist"), ids=name_of)
 def test_every_metric_with_a_distance(case):
     points = case.points
-    neighbors = NearestNeighbors(case.metric, n_pivots=2).fit(points)
+    neighbors = NearestNeighbors(case.metric).fit(points)
     expected = by_all_distances(case.metric, None, points, len(points) - 1)
     assert_same(neighbors.kneighbors(n_neighbors=len(points) - 1), expected)
 
 
-@pytest.mark.sampled(5)
-@pytest.mark.parametrize("n_pivots", [1, 2, 200])
 @pytest.mark.parametrize("n_components", [0, 1, 300])
 @pytest.mark.parametrize("name", ["pose", "shape"])
-def test_parameters_change_no_result(name, n_pivots, n_components):
+def test_parameters_change_no_result(name, n_components):
     points = groups(sphere_template())
     neighbors = NearestNeighbors(
-        METRICS[name], 3, n_pivots=n_pivots, n_components=n_components, n_jobs=2
+        METRICS[name], 3, algorithm="index", n_components=n_components, n_jobs=2
     )
     expected = by_all_distances(METRICS[name], None, points, 3)
     assert_same(neighbors.fit(points).kneighbors(), expected)
@@ -118,19 +120,23 @@ def test_points_with_neighbors_are_compared_with_few(name):
     # Under the metric of shapes, all but the smallest changes are as far as can be.
     spread = 0.001 if name == "shape" else 0.02
     points = np.concatenate([groups(sphere_template(), rng, spread) for rng in range(4)])
-    neighbors = NearestNeighbors(METRICS[name], n_neighbors=3).fit(points)
+    neighbors = NearestNeighbors(METRICS[name], 3, algorithm="index").fit(points)
     neighbors.kneighbors()
     assert neighbors.n_exact_ == pytest.approx(neighbors.exact_share_ * len(points) ** 2)
     assert neighbors.exact_share_ < 0.05
 
 
-def test_pivots_alone_prune():
-    space = VectorSpace((2,))
-    rng = np.random.default_rng(0)
-    points = np.concatenate([center + 0.01 * rng.random((40, 2)) for center in rng.random((10, 2))])
-    neighbors = NearestNeighbors(space.metric, 3).fit(points)
-    assert_same(neighbors.kneighbors(), by_all_distances(space.metric, None, points, 3))
-    assert neighbors.exact_share_ < 0.2
+@pytest.mark.parametrize("name", ["pose", "shape"])
+def test_bounds_are_used_where_they_save_work(name, monkeypatch):
+    """Few points, and points that bounds do not separate, are compared with all others."""
+    monkeypatch.setattr(riemhuman.retrieval._neighbor_index, "_FEW", 100)
+    points = groups(sphere_template())
+    neighbors = NearestNeighbors(METRICS[name], 3).fit(points[:99])
+    neighbors.kneighbors(points[:2])
+    assert neighbors.exact_share_ == 1.0
+    neighbors.partial_fit(points[99:])
+    assert_same(neighbors.kneighbors(), by_all_distances(METRICS[name], None, points, 3))
+    assert (neighbors.exact_share_ < 0.5) == (name == "pose")
 
 
 def test_neighbors_without_distances():
@@ -165,7 +171,7 @@ def test_points_made_on_the_fly():
 @pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
 def test_saved_and_loaded(metric, tmp_path):
     points = groups(sphere_template())
-    neighbors = NearestNeighbors(metric, n_neighbors=3, n_patches=8).fit(points[:90])
+    neighbors = NearestNeighbors(metric, 3, algorithm="index", n_patches=8).fit(points[:90])
     neighbors.save(tmp_path / "index.npz")
     loaded = NearestNeighbors.load(tmp_path / "index.npz", metric)
     assert_same(loaded.kneighbors(), neighbors.kneighbors())
@@ -185,7 +191,7 @@ def test_saved_without_coordinates(tmp_path):
 
 def test_loading_refuses_another_metric_or_template(tmp_path):
     path = tmp_path / "index.npz"
-    NearestNeighbors(METRICS["both"]).fit(groups(sphere_template())).save(path)
+    NearestNeighbors(METRICS["both"], algorithm="index").fit(groups(sphere_template())).save(path)
     space = METRICS["both"].space
     swollen = type(space.template)(1.1 * space.template.vertices, space.template.faces)
     others = [
@@ -208,15 +214,21 @@ def test_loading_refuses_what_is_no_index(tmp_path):
     np.savez(path, points=np.zeros((3, 42, 3)))
     with pytest.raises(FileFormatError, match="lacks the fields"):
         NearestNeighbors.load(path, POSE)
-    NearestNeighbors(POSE).fit(groups(sphere_template())).save(path)
+    NearestNeighbors(POSE, algorithm="index").fit(groups(sphere_template())).save(path)
     with np.load(path) as archive:
         arrays = dict(archive)
-    np.savez(path, **{**arrays, "to_pivots": arrays["to_pivots"][:-1]})
-    with pytest.raises(FileFormatError, match="to_pivots must have shape"):
-        NearestNeighbors.load(path, POSE)
-    del arrays["coordinates"]
+    for name, wrong, message in (
+        ("components", arrays["components"][:, 1:], "must have 378 columns|must have .* columns"),
+        ("components", 2.0 * arrays["components"], "components must be orthonormal"),
+        ("points", arrays["points"] * np.nan, "points must hold finite real numbers"),
+        ("n_neighbors", np.array(0), "n_neighbors must be at least 1"),
+    ):
+        np.savez(path, **{**arrays, name: wrong})
+        with pytest.raises(FileFormatError, match=message):
+            NearestNeighbors.load(path, POSE)
+    del arrays["mean"]
     np.savez(path, **arrays)
-    with pytest.raises(FileFormatError, match="lacks the fields coordinates"):
+    with pytest.raises(FileFormatError, match="lacks the fields mean"):
         NearestNeighbors.load(path, POSE)
 
 
@@ -239,7 +251,7 @@ def test_a_wrong_point_leaves_the_index_as_it_was():
     [
         ({"n_neighbors": 0}, ArgumentError, "n_neighbors must be a whole number of at least 1"),
         ({"n_neighbors": 2.5}, ArgumentTypeError, "n_neighbors must be a whole number"),
-        ({"n_pivots": 0}, ArgumentError, "n_pivots must be a whole number of at least 1"),
+        ({"algorithm": "tree"}, ArgumentError, "algorithm must be one of"),
         ({"n_components": -1}, ArgumentError, "n_components must be a whole number of at least 0"),
         ({"n_patches": 0}, ArgumentError, "n_patches must be a whole number of at least 1"),
         ({"n_jobs": 0}, ArgumentError, "n_jobs must be -1, or at least 1"),
@@ -261,7 +273,7 @@ def test_wrong_calls(tmp_path):
         neighbors.fit(points[:0])
     with pytest.raises(ArgumentTypeError, match="X must be an array"):
         neighbors.fit(iter(points))
-    with pytest.raises(ArgumentError, match=r"X\[\d+:\d+\] must have shape"):
+    with pytest.raises(ArgumentError, match="X.* must have shape"):
         neighbors.fit(points[:, :-1])
     neighbors.fit(points)
     for k in (0, 8, -1):
@@ -276,7 +288,7 @@ def test_wrong_calls(tmp_path):
 def test_candidates_change_the_work_and_not_the_answer(n_jobs):
     points, queries = groups(sphere_template()), groups(sphere_template(), rng=1)[:7]
     expected = by_all_distances(POSE, queries, points, 4)
-    neighbors = NearestNeighbors(POSE, n_neighbors=4, n_jobs=n_jobs).fit(points)
+    neighbors = NearestNeighbors(POSE, 4, algorithm="index", n_jobs=n_jobs).fit(points)
     rng = np.random.default_rng(0)
     for candidates in (expected[1], rng.integers(len(points), size=(7, 3)), np.zeros((7, 0), int)):
         assert_same(neighbors.kneighbors(queries, candidates=candidates), expected)
@@ -289,3 +301,71 @@ def test_candidates_change_the_work_and_not_the_answer(n_jobs):
     own = np.zeros((len(points), 1), dtype=int)
     everyone = by_all_distances(POSE, None, points, 4)
     assert_same(neighbors.kneighbors(candidates=own), everyone)
+
+
+# Where blocks end, where distances nearly tie, and where bounds round.
+
+CLOSE = surfaces(sphere_template(), 40, rng=5)
+CLOSE[[3, 17, 29]] = CLOSE[[39, 16, 0]] * (1 + 1e-9)
+NEAR_CLOSE = np.concatenate([surfaces(sphere_template(), 6, rng=6), CLOSE[[5, 38]] * (1 + 1e-9)])
+
+
+@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
+@pytest.mark.parametrize(("size", "algorithm"), [(1, "index"), (3, "brute"), (7, "index")])
+def test_blocks(metric, size, algorithm, monkeypatch):
+    for name in ("_BLOCK", "_FIRST", "_BATCH", "_DOUBLE"):
+        monkeypatch.setattr(riemhuman.retrieval._neighbor_index, name, size)
+    neighbors = NearestNeighbors(metric, 4, algorithm=algorithm).fit(CLOSE[:30])
+    neighbors.partial_fit(CLOSE[30:])
+    assert_same(neighbors.kneighbors(), by_all_distances(metric, None, CLOSE, 4))
+    assert_same(neighbors.kneighbors(NEAR_CLOSE), by_all_distances(metric, NEAR_CLOSE, CLOSE, 4))
+    everyone = neighbors.kneighbors(NEAR_CLOSE, len(CLOSE))
+    assert_same(everyone, by_all_distances(metric, NEAR_CLOSE, CLOSE, len(CLOSE)))
+
+
+@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
+def test_distances_that_nearly_tie(metric):
+    """More than a batch of points whose distances single precision does not tell apart."""
+    base, direction = CLOSE[0], CLOSE[1] - CLOSE[0]
+    steps = 0.2 + 1e-8 * np.random.default_rng(0).permutation(50)
+    points = np.concatenate([base + steps[:, None, None] * direction, CLOSE])
+    neighbors = NearestNeighbors(metric, 5, algorithm="index").fit(points)
+    queries = np.stack([base, base + 1e-3 * direction])
+    assert_same(neighbors.kneighbors(queries), by_all_distances(metric, queries, points, 5))
+
+
+@pytest.mark.parametrize("name", ["shape", "srnf"])
+def test_bounds_that_a_far_point_makes_inexact(name):
+    space = AlignedSurfaces(sphere_template(), equip=False, scale=None)
+    metric = SRNFMetric(space) if name == "srnf" else ElasticMetric(space, 1.0, 1e-4, 0.0)
+    spread = 1e-4 * (surfaces(sphere_template(), 60, rng=7) - CLOSE[0])
+    points = np.concatenate([CLOSE[0] + spread, 1e5 * CLOSE[1:2]])
+    neighbors = NearestNeighbors(metric, 3, algorithm="index").fit(points)
+    assert_same(neighbors.kneighbors(), by_all_distances(metric, None, points, 3))
+
+
+class Blurred(ElasticMetric):
+    """A metric whose distances in single precision are off by half of what is allowed for."""
+
+    @property
+    def bulk(self):
+        return BlurredSum(self.terms, self.space.template)
+
+
+class BlurredSum(SumOfTerms):
+    def squared_distances(self, a, b, n_threads=1):
+        """Return squared distances, off by up to 1e-4 of them, as distances by 5e-5."""
+        squared = super().squared_distances(a, b, n_threads)
+        if a[0].dtype != np.float32:
+            return squared
+        return squared * (1 + 1e-4 * np.sin(1e9 * squared))
+
+
+def test_distances_that_are_as_inexact_as_is_allowed_for():
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    base, direction = CLOSE[0], CLOSE[1] - CLOSE[0]
+    steps = 0.2 + 1e-6 * np.random.default_rng(0).permutation(50)
+    points = np.concatenate([base + steps[:, None, None] * direction, CLOSE])
+    neighbors = NearestNeighbors(Blurred(space, 1.0, 0.5, 0.0), 5, algorithm="index").fit(points)
+    found = neighbors.kneighbors(base[None])
+    assert_same(found, by_all_distances(ElasticMetric(space, 1.0, 0.5, 0.0), base[None], points, 5))

@@ -307,7 +307,7 @@ def read_latent(ending: str) -> Callable[[Path], None]:
 
 
 def index_file(n_components: int = 2) -> Files:
-    neighbors = NearestNeighbors(metric(), 2, n_pivots=2, n_components=n_components)
+    neighbors = NearestNeighbors(metric(), 2, algorithm="index", n_components=n_components)
     neighbors.fit(surfaces(6)).save("index.npz")
     content = Path("index.npz").read_bytes()
     Path("index.npz").unlink()

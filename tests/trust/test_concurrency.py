@@ -98,7 +98,7 @@ def test_many_threads_see_the_bits_of_one(call, kind):
 
 
 def test_many_threads_ask_one_index():
-    neighbors = NearestNeighbors(fresh("pose"), 3, n_pivots=3).fit(POINTS)
+    neighbors = NearestNeighbors(fresh("pose"), 3, algorithm="index").fit(POINTS)
     alone = [neighbors.kneighbors(POINTS[k : k + 1]) for k in range(12)]
     with ThreadPoolExecutor(N_THREADS) as pool:
         found = list(pool.map(lambda k: neighbors.kneighbors(POINTS[k : k + 1]), range(12)))

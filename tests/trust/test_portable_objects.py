@@ -93,7 +93,7 @@ OBJECTS = {
         lambda e: e.predict(np.arange(2.0)),
     ),
     "neighbors": (
-        lambda: rh.NearestNeighbors(METRIC, 2, n_pivots=2).fit(POINTS),
+        lambda: rh.NearestNeighbors(METRIC, 2, algorithm="index").fit(POINTS),
         lambda e: e.kneighbors(POINTS[:2])[0],
     ),
     "body model": (lambda: BODIES.model, lambda m: m(pose=np.full((m.n_joints, 3), 0.1))),
