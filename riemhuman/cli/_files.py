@@ -83,9 +83,9 @@ def _view(options: argparse.Namespace) -> Answer:
 @command(
     "info",
     "the kind, size and defects of a file",
-    "Describes what other commands read: a mesh (PLY, OBJ, OFF), a scan (also XYZ, NPY), a\n"
-    "folder of meshes or of motions, an .npz file (basis, body model, distance matrix, path or\n"
-    "other arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle\n"
+    "Describes what other commands read: a mesh (PLY, OBJ, OFF, STL, GLB), a scan (also XYZ,\n"
+    "NPY), a folder of meshes or of motions, an .npz file (basis, body model, distance matrix,\n"
+    "path or other arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle\n"
     "(without running it) or an HDF5 file of Dynamic FAUST.",
     "  riemhuman info scan.ply            # closed? degenerate triangles? which unit?\n"
     "  riemhuman info scans/              # do they share one triangulation?\n"
@@ -124,7 +124,7 @@ def _facts(file: Path) -> dict[str, Any]:
     if file.is_dir():
         return _folder_facts(file)
     readers = {
-        **dict.fromkeys(MESH_ENDINGS, _mesh_facts),
+        **dict.fromkeys((*MESH_ENDINGS, ".stl", ".glb"), _mesh_facts),
         **dict.fromkeys(_POINT_ENDINGS, _scan_facts),
         ".npz": _npz_facts,
         ".json": _measurement_facts,

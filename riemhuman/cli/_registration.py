@@ -25,7 +25,7 @@ from riemhuman.errors import ArgumentError, FileError
 @command(
     "register",
     "registered bodies from raw scans",
-    "Fits a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, XYZ or NPY),\n"
+    "Fits a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, STL, GLB, XYZ, NPY),\n"
     "with or without landmarks, and writes the body in the model's triangulation.\n"
     "For a folder, it registers every scan, and index.html shows the results, the\n"
     "worst first. It does not write a body that it does not trust, and the exit code is 1;\n"

@@ -26,7 +26,7 @@ from riemhuman.surfaces.template import Template
 from riemhuman.units import SCALES, check_same_scale
 
 # Suffixes of mesh files; of one mesh in several formats, the first of these is read.
-MESH_ENDINGS = (".ply", ".obj", ".off")
+MESH_ENDINGS = (".ply", ".obj", ".off", ".stl", ".glb")
 
 _FAUST_SUBJECTS, _FAUST_POSES = 10, 10
 _FAUST_FOLDERS = (
@@ -49,7 +49,7 @@ class RegisteredMeshes:
     Parameters
     ----------
     files : sequence of path_like
-        Mesh files (PLY, OBJ or OFF); at least one.
+        Mesh files, see `riemhuman.load_mesh`; at least one.
     reference : path_like, optional
         Mesh file whose number of vertices and triangles all files must have; by default the first.
     scale : {"template"} or None

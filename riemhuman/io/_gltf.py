@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError, FileFormatError
@@ -124,6 +123,8 @@ def _placed_meshes(
     document: dict[str, Any], nodes: Iterable[int], parent: np.ndarray, depth: int
 ) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
     """Yield the meshes below some nodes, each with its matrix of homogeneous coordinates."""
+    from scipy.spatial.transform import Rotation  # takes long
+
     if depth > _DEEPEST:
         raise FileFormatError(f"its nodes are nested more than {_DEEPEST} deep")
     for number in nodes:
