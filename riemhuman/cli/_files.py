@@ -84,8 +84,8 @@ def _view(options: argparse.Namespace) -> Answer:
     "info",
     "the kind, size and defects of a file",
     "Describes what other commands read: a mesh (PLY, OBJ, OFF, STL, GLB), a scan (also XYZ,\n"
-    "NPY), a folder of meshes or of motions, an .npz file (basis, body model, distance matrix,\n"
-    "path or other arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle\n"
+    "NPY), a folder of meshes or of motions, an .npz file (basis, body model, distances, path\n"
+    "or other arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle\n"
     "(without running it) or an HDF5 file of Dynamic FAUST.",
     "  riemhuman info scan.ply            # closed? degenerate triangles? which unit?\n"
     "  riemhuman info scans/              # do they share one triangulation?\n"
