@@ -201,6 +201,8 @@ class PathResult(Result):
         three times it in the median over a basis; it does not know of another valley that a longer
         search would find. nan for paths that do not minimise energy, and where slopes and
         iterations do not tell.
+    n_iterations, n_evaluations, status, message
+        See `Result`.
 
     Examples
     --------
@@ -231,6 +233,8 @@ class MeanResult(Result):
         Weighted mean of the squared distances to it, Σ w_i d²/Σ w_i.
     variances : array, shape (n_iterations + 1,)
         The same at the start and after each iteration.
+    n_iterations, n_evaluations, status, message
+        See `Result`.
 
     Examples
     --------
