@@ -329,8 +329,3 @@ def test_tables_in_any_numbering(parents, root, shift):
     numbers = shift + 3 * np.arange(len(parents))
     table = [[numbers[parent] if parent >= 0 else root for parent in parents], numbers]
     np.testing.assert_array_equal(joint_parents(table, len(parents)), parents)
-
-
-def test_cycles_are_named():
-    with pytest.raises(ArgumentError, match=r"has a cycle: joints \[1, 3\] never reach the root"):
-        parents_first(np.array([-1, 3, 0, 1]))

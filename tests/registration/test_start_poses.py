@@ -1,14 +1,78 @@
-"""Start poses are known for models whose joints hang together as SMPL's, whatever their names."""
+"""Start poses of models of any names, and the positions in which arms are tried."""
 
 import numpy as np
+import pytest
 from scanned_people import with_other_names, with_smpls_tree
+from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.registration._start_poses import _SMPL_TREE, joint_precisions, start_poses
+from riemhuman.registration._posed_body import Pose, joint_motions, sample_model
+from riemhuman.registration._start_poses import (
+    _SMPL_TREE,
+    arms_of,
+    joint_names,
+    joint_precisions,
+    other_arms,
+    rotate_forearm,
+    start_poses,
+)
+from riemhuman.registration._start_search import StartSearch
 
 
-def test_smpls_tree_is_recognised():
-    model = rh.datasets.load_open_model("coarse")
+@pytest.fixture(scope="module")
+def model():
+    return rh.datasets.load_open_model("coarse")
+
+
+def test_arms_reach_from_the_collar_to_the_wrist(model):
+    for each in (model, with_smpls_tree(model)):
+        names = joint_names(each)
+        for side, arm in zip(("left", "right"), arms_of(each), strict=True):
+            joints = [f"{side}_{joint}" for joint in ("collar", "shoulder", "elbow", "wrist")]
+            assert [names[joint] for joint in arm] == joints
+            np.testing.assert_array_equal(each.parents[arm[1:]], arm[:-1])
+
+
+def test_a_model_without_names_has_no_arms(model):
+    assert arms_of(with_other_names(model)) == []
+
+
+def test_every_way_to_hold_an_arm_is_tried_once(model):
+    poses = start_poses(model)
+    for arm in arms_of(model):
+        others = list(other_arms(arm, poses["a"], poses))
+        known = np.stack([poses["a"][arm], *others])
+        apart = np.abs(known[:, None] - known).max(axis=(2, 3, 4))
+        assert apart[np.triu_indices(len(known), 1)].min() > 0.05
+        for pose in poses.values():
+            assert np.abs(known - pose[arm]).max(axis=(1, 2, 3)).min() <= 0.05
+
+
+def test_a_turned_forearm_leaves_the_joints_where_they_are(model):
+    search = StartSearch(model)
+    body = sample_model(model, 250)
+    pose = Pose(search.poses["hips"], np.zeros(model.n_betas), np.array([0.1, 0.2, 0.3]))
+    for arm in arms_of(model):
+        *_, elbow, wrist = arm
+        turned = list(rotate_forearm(pose, arm, body.rest_joints))
+        turns = []
+        for each in turned:
+            np.testing.assert_array_equal(
+                np.delete(each.local, arm[2:], 0), np.delete(pose.local, arm[2:], 0)
+            )
+            np.testing.assert_array_equal(each.local[wrist], np.eye(3))
+            places = [joint_motions(body, one)[1] for one in (pose, each)]
+            np.testing.assert_allclose(*places, atol=1e-12)
+            turns.append(pose.local[elbow].T @ each.local[elbow])
+        angles = Rotation.from_matrix(np.stack(turns)).magnitude()
+        # By sixths of a circle, about one axis.
+        np.testing.assert_allclose(np.sort(np.degrees(angles)), [0, 60, 60, 120, 120, 180])
+        np.testing.assert_allclose(
+            np.linalg.svd(np.stack(turns) - np.eye(3))[1][:, 2], 0.0, atol=1e-12
+        )
+
+
+def test_smpls_tree_is_recognised(model):
     other = with_smpls_tree(model)
     assert other.joint_names[1] == "joint_1"
     own, found = start_poses(model), start_poses(other)
@@ -19,8 +83,7 @@ def test_smpls_tree_is_recognised():
     np.testing.assert_allclose(joint_precisions(other), joint_precisions(model)[order])
 
 
-def test_an_unknown_tree_starts_from_rest():
-    model = rh.datasets.load_open_model("coarse")
+def test_an_unknown_tree_starts_from_rest(model):
     ((name, pose),) = start_poses(with_other_names(model)).items()
     assert name == "rest"
     np.testing.assert_array_equal(pose, np.tile(np.eye(3), (model.n_joints, 1, 1)))

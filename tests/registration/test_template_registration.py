@@ -41,8 +41,3 @@ def test_what_is_elsewhere_is_not_trusted(registration):
     result = registration.solve(points)
     assert not result.trusted
     assert "%" in result.message
-
-
-def test_the_template_must_be_one():
-    with pytest.raises(rh.errors.ArgumentTypeError, match="template must be a Template"):
-        TemplateRegistration("template.ply")

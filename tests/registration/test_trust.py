@@ -67,33 +67,6 @@ def test_a_body_the_wrong_way_round_is_refused():
     assert not result.trusted
 
 
-def capsule(start, end, radius, n_points, rng):
-    start, end = np.array(start, float), np.array(end, float)
-    across = rng.standard_normal((n_points, 3))
-    axis = (end - start) / np.linalg.norm(end - start)
-    across -= (across @ axis)[:, None] * axis
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    return start + rng.random((n_points, 1)) * (end - start) + radius * across
-
-
-@pytest.mark.sampled(6, "scans that are refused")
-@pytest.mark.slow
-def test_a_dog_is_refused():
-    rng = np.random.default_rng(2)
-    legs = [(x, z) for x in (-0.1, 0.1) for z in (-0.35, 0.35)]
-    dog = np.concatenate(
-        [
-            capsule([0, 0.6, -0.4], [0, 0.62, 0.4], 0.14, 3000, rng),
-            *[capsule([x, 0.5, z], [x, 0.03, z], 0.045, 600, rng) for x, z in legs],
-            capsule([0, 0.7, 0.4], [0, 0.95, 0.65], 0.09, 900, rng),
-        ]
-    )
-    model = rh.datasets.load_open_model("coarse")
-    result = ScanRegistration(model, up="y").solve(dog)
-    assert not result.trusted
-    assert "does not look like a body" in result.message
-
-
 def box(low, high, n_points, rng):
     low, high = np.array(low), np.array(high)
     sides = high - low

@@ -1,10 +1,11 @@
-"""Scans are read from every kind of file, and their units noticed."""
+"""Scans and their landmarks are read from every kind of file, in every unit."""
 
 import numpy as np
 import pytest
 
 import riemhuman as rh
-from riemhuman.registration import load_scan
+from riemhuman.errors import FileFormatError
+from riemhuman.registration import load_landmarks, load_scan
 
 
 @pytest.fixture(scope="module")
@@ -65,17 +66,6 @@ def test_units_are_noticed(tmp_path, surface, size, unit):
     np.testing.assert_allclose(scan.points, surface[0], rtol=1e-12, atol=1e-15)
 
 
-def test_inches_are_taken_when_they_are_asked_for(tmp_path, surface):
-    np.save(tmp_path / "scan.npy", 39.37 * surface[0])
-    np.testing.assert_allclose(load_scan(tmp_path / "scan.npy", "inches").points, surface[0])
-
-
-def test_a_size_of_no_body_is_refused(tmp_path, surface):
-    np.save(tmp_path / "scan.npy", 10.0 * surface[0])
-    with pytest.raises(rh.errors.ArgumentError, match=r"scan.npy is 1\d.* long.*unit="):
-        load_scan(tmp_path / "scan.npy")
-
-
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
@@ -91,12 +81,40 @@ def test_damaged_files_are_refused_by_name(tmp_path, name, content, message):
         load_scan(tmp_path / name)
 
 
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(rh.errors.FileError, match=r"there is no file .*scan\.ply"):
-        load_scan(tmp_path / "scan.ply")
-
-
-def test_few_points_are_refused(tmp_path):
-    np.save(tmp_path / "scan.npy", np.ones((10, 3)))
+def test_sizes_of_no_body_and_few_points_are_refused(tmp_path, surface):
+    file = tmp_path / "scan.npy"
+    np.save(file, 39.37 * surface[0])
+    np.testing.assert_allclose(load_scan(file, "inches").points, surface[0])
+    np.save(file, 10.0 * surface[0])
+    with pytest.raises(rh.errors.ArgumentError, match=r"scan.npy is 1\d.* long.*unit="):
+        load_scan(file)
+    np.save(file, np.ones((10, 3)))
     with pytest.raises(rh.errors.ArgumentError, match="has 10 points; at least 200"):
-        load_scan(tmp_path / "scan.npy")
+        load_scan(file)
+
+
+def test_a_table_with_and_without_a_header(tmp_path):
+    file = tmp_path / "marks.csv"
+    for header in ("", "Name,x,y,z\n"):
+        file.write_text(f"{header}left_wrist, 0.62, 1.31, 0.05\nhead,0,1.6,0\n", encoding="utf-8")
+        found = load_landmarks(file)
+        assert list(found) == ["left_wrist", "head"]
+        np.testing.assert_array_equal(found["left_wrist"], [0.62, 1.31, 0.05])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "holds no rows"),
+        ("head,1,2\n", r"landmarks must have shape \(1, 3\); found \(1, 2\)"),
+        ("head,1,2,3\nhead,1,2,4\n", "line 2: the name 'head' is repeated"),
+        ("head,1,2,high\n", "line 1: 'high' is not a number"),
+        ("head,1,2,nan\n", "NaN"),
+    ],
+)
+def test_wrong_tables(tmp_path, text, message):
+    file = tmp_path / "marks.csv"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(FileFormatError, match=message) as refusal:
+        load_landmarks(file)
+    assert "marks.csv" in str(refusal.value)
