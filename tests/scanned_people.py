@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 import riemhuman as rh
 from riemhuman.datasets._natural_bodies import surface_noise
 from riemhuman.registration._start_poses import _SMPL_TREE, rename_joints
-from riemhuman.registration.simulated_scans import remeshed
+from riemhuman.registration.simulated_scans import remesh
 from riemhuman.surfaces.nearest_points import nearest_points
 
 MOTIONS = (
@@ -68,7 +68,7 @@ def foreign_bodies(model, seed, n_people, n_moments):
     """
     rng = np.random.default_rng([seed, 6890])
     rest, faces = model.template.vertices, model.faces
-    vertices, triangles = remeshed(rest, faces, N_FOREIGN_VERTICES, rng)
+    vertices, triangles = remesh(rest, faces, N_FOREIGN_VERTICES, rng)
     places, _ = nearest_points(vertices, rest, faces)
     names = list(model.joint_names)
     motions = rh.datasets.load_open_motions(

@@ -486,7 +486,7 @@ class TemplateRegistration:
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> registration = rh.registration.TemplateRegistration(bodies.template)
-    >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, 0, turn=False)
+    >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, 0, rotate=False)
     >>> registration.solve(scan.points, start=bodies[1]).points.shape
     (1202, 3)
     """

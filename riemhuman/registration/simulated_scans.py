@@ -62,7 +62,7 @@ def simulated_scan(
     mesh: bool = False,
     noise: float = 0.002,
     missing: float = 0.0,
-    turn: bool = True,
+    rotate: bool = True,
     clothing: float = 0.0,
     view: Any = None,
     cut: tuple[float, float] = (0.0, 0.0),
@@ -72,7 +72,7 @@ def simulated_scan(
     """Return a simulated scan of a body.
 
     The points are sampled from the surface, independently of the body's triangulation, and the body
-    is turned about the vertical axis, y.
+    is rotated about the vertical axis, y.
 
     Parameters
     ----------
@@ -90,12 +90,12 @@ def simulated_scan(
         Standard deviation of the noise of every coordinate, metres.
     missing : float
         Share of the points in holes, which are balls of 6 cm radius.
-    turn : bool
-        Whether to turn the body by a random angle.
+    rotate : bool
+        Whether to rotate the body about the vertical by a random angle.
     clothing : float
         Largest distance of clothes from the body, metres.
     view : array_like, shape (3,), optional
-        Direction from the body to the scanner, before the body is turned; only points visible from
+        Direction from the body to the scanner, before the body is rotated; only points visible from
         there are kept. By default all points are kept.
     cut : pair of float
         Heights removed at the feet and at the top, metres.
@@ -132,47 +132,47 @@ def simulated_scan(
         raise ArgumentError(f"missing must be less than 1; found {missing:g}")
     surface = vertices
     if clothing:
-        surface = _clothed(vertices, triangles, clothing, random)
+        surface = _add_clothes(vertices, triangles, clothing, random)
     if mesh:
-        seen, joined = remeshed(surface, triangles, n_points, random)
+        scan, new_faces = remesh(surface, triangles, n_points, random)
     else:
-        seen, joined = _sampled(surface, triangles, n_points, random), None
-    keep = np.ones(len(seen), dtype=bool)
-    heights = seen[:, 1] - seen[:, 1].min()
+        scan, new_faces = _sample(surface, triangles, n_points, random), None
+    keep = np.ones(len(scan), dtype=bool)
+    heights = scan[:, 1] - scan[:, 1].min()
     keep &= (heights >= cut[0]) & (heights <= heights.max() - cut[1])
     if view is not None:
-        keep &= _visible(seen, surface, triangles, np.asarray(view, dtype=float), random)
+        keep &= _visible(scan, surface, triangles, np.asarray(view, dtype=float), random)
     while missing and 1.0 - keep.mean() < missing:
-        centre = seen[random.integers(len(seen))]
-        keep &= np.linalg.norm(seen - centre, axis=1) > _HOLE_METRES
-    if joined is None:
-        seen = seen[keep]
+        centre = scan[random.integers(len(scan))]
+        keep &= np.linalg.norm(scan - centre, axis=1) > _HOLE_METRES
+    if new_faces is None:
+        scan = scan[keep]
     else:
-        joined = joined[keep[joined].all(axis=1)]
-        used, corners = np.unique(joined, return_inverse=True)
-        seen, joined = seen[used], corners.reshape(-1, 3)
-    seen = seen + noise * random.standard_normal(seen.shape)
-    seen = np.concatenate([seen, *_surroundings(vertices, floor, n_strays, random)])
-    if turn:
+        new_faces = new_faces[keep[new_faces].all(axis=1)]
+        used, corners = np.unique(new_faces, return_inverse=True)
+        scan, new_faces = scan[used], corners.reshape(-1, 3)
+    scan = scan + noise * random.standard_normal(scan.shape)
+    scan = np.concatenate([scan, *_surroundings(vertices, floor, n_strays, random)])
+    if rotate:
         angle = random.uniform(0.0, 2.0 * np.pi)
-        turned = Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix().T
-        seen, vertices = seen @ turned, vertices @ turned
-    return SimulatedScan(seen, joined, vertices)
+        rotation = Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix().T
+        scan, vertices = scan @ rotation, vertices @ rotation
+    return SimulatedScan(scan, new_faces, vertices)
 
 
-def remeshed(
+def remesh(
     points: np.ndarray, faces: np.ndarray, n_vertices: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the surface with about a given number of random vertices and new triangles."""
     fine, triangles = points, faces
     while len(fine) < 8 * n_vertices:
-        fine, triangles = _refined(fine, triangles)
+        fine, triangles = _refine(fine, triangles)
     areas = triangle_areas(fine, triangles)
     # Draw four times as many points, and keep those that are not close to an earlier one.
-    drawn = rng.choice(len(triangles), 4 * n_vertices, p=areas / areas.sum())
-    drawn = np.unique(triangles[drawn, 0])
-    rng.shuffle(drawn)
-    chosen = _apart(fine, drawn, n_vertices, float(areas.sum()))
+    sampled = rng.choice(len(triangles), 4 * n_vertices, p=areas / areas.sum())
+    sampled = np.unique(triangles[sampled, 0])
+    rng.shuffle(sampled)
+    chosen = _spread_apart(fine, sampled, n_vertices, float(areas.sum()))
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     lengths = np.linalg.norm(fine[edges[:, 0]] - fine[edges[:, 1]], axis=1) + 1e-12
     graph = sparse.csr_array((lengths, edges.T), shape=(len(fine), len(fine)))
@@ -187,19 +187,21 @@ def remeshed(
     return fine[chosen], met[np.sort(once)]
 
 
-def _apart(fine: np.ndarray, drawn: np.ndarray, n_vertices: int, area: float) -> np.ndarray:
-    """Return about a given number of the drawn points, no two of them close together."""
+def _spread_apart(
+    fine: np.ndarray, sampled: np.ndarray, n_vertices: int, area: float
+) -> np.ndarray:
+    """Return about a given number of the points, no two of them close together."""
     radius = 0.75 * np.sqrt(area / n_vertices)
-    close = cKDTree(fine[drawn]).query_pairs(radius, output_type="ndarray")
-    dropped = np.zeros(len(drawn), dtype=bool)
+    close = cKDTree(fine[sampled]).query_pairs(radius, output_type="ndarray")
+    dropped = np.zeros(len(sampled), dtype=bool)
     order = np.lexsort((close.max(axis=1), close.min(axis=1)))
     for first, second in np.sort(close[order], axis=1).tolist():
         if not dropped[first]:
             dropped[second] = True
-    return drawn[~dropped]
+    return sampled[~dropped]
 
 
-def _refined(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _refine(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the surface with every triangle cut into four."""
     sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges, numbers = np.unique(sides, axis=0, return_inverse=True)
@@ -210,21 +212,21 @@ def _refined(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
     return np.concatenate([points, middles]), np.array(parts).transpose(2, 0, 1).reshape(-1, 3)
 
 
-def _sampled(
+def _sample(
     points: np.ndarray, faces: np.ndarray, n_points: int, rng: np.random.Generator
 ) -> np.ndarray:
     """Return points distributed uniformly over the surface."""
     corners = points[faces]
     areas = triangle_areas(points, faces)
-    drawn = rng.choice(len(faces), n_points, p=areas / areas.sum())
+    sampled = rng.choice(len(faces), n_points, p=areas / areas.sum())
     first, second = rng.random((2, n_points, 1))
     beyond = first + second > 1.0
     first, second = (np.where(beyond, 1.0 - first, first), np.where(beyond, 1.0 - second, second))
-    a, b, c = corners[drawn].transpose(1, 0, 2)
+    a, b, c = corners[sampled].transpose(1, 0, 2)
     return a + first * (b - a) + second * (c - a)
 
 
-def _clothed(
+def _add_clothes(
     points: np.ndarray, faces: np.ndarray, size: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Return the surface moved outward by varying distances up to a size."""
@@ -237,28 +239,28 @@ def _clothed(
 
 
 def _visible(
-    seen: np.ndarray,
+    scan: np.ndarray,
     points: np.ndarray,
     faces: np.ndarray,
     view: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Tell which points are visible to a distant scanner."""
+    """Return which points are visible to a distant scanner."""
     view = view / np.linalg.norm(view)
     across = np.linalg.svd(view[np.newaxis])[2][1:]
-    dense = _sampled(points, faces, 200_000, rng)
+    dense = _sample(points, faces, 200_000, rng)
     low = (dense @ across.T).min(axis=0) - _PIXEL_METRES
 
-    def pixels(places: np.ndarray) -> np.ndarray:
-        columns = ((places @ across.T - low) / _PIXEL_METRES).astype(np.int64)
+    def pixels(points: np.ndarray) -> np.ndarray:
+        columns = ((points @ across.T - low) / _PIXEL_METRES).astype(np.int64)
         flat: np.ndarray = columns[:, 0] * 100_000 + columns[:, 1]
         return flat
 
     filled, numbers = np.unique(pixels(dense), return_inverse=True)
     nearest = np.full(len(filled), -np.inf)
     np.maximum.at(nearest, numbers, dense @ view)
-    own = np.clip(np.searchsorted(filled, pixels(seen)), 0, len(filled) - 1)
-    hidden = nearest[own] - seen @ view > _DEPTH_METRES
+    own = np.clip(np.searchsorted(filled, pixels(scan)), 0, len(filled) - 1)
+    hidden = nearest[own] - scan @ view > _DEPTH_METRES
     return ~hidden
 
 
@@ -266,14 +268,14 @@ def _surroundings(
     body: np.ndarray, floor: bool, n_strays: int, rng: np.random.Generator
 ) -> list[np.ndarray]:
     """Return points of the floor and in the air."""
-    found = []
+    parts = []
     low, high = body.min(axis=0), body.max(axis=0)
     centre = 0.5 * (low + high)
     if floor:
         count = int((_FLOOR_METRES / _FLOOR_SPACING) ** 2)
         places = rng.uniform(-0.5, 0.5, (count, 3)) * [_FLOOR_METRES, 0.0, _FLOOR_METRES]
         places += [centre[0], low[1], centre[2]]
-        found.append(places + rng.normal(0.0, 0.002, places.shape))
+        parts.append(places + rng.normal(0.0, 0.002, places.shape))
     if n_strays:
-        found.append(rng.uniform(low - 0.3, high + 0.3, (n_strays, 3)))
-    return found
+        parts.append(rng.uniform(low - 0.3, high + 0.3, (n_strays, 3)))
+    return parts

@@ -206,7 +206,7 @@ def test_a_sequence(benchmark, registrations):
     )
     frames = [motion[k] for k in range(20, 20 + (2 if not full else 20), 2)]
     scans = [
-        simulated_scan(frame, model.faces, k, missing=0.1, turn=False)
+        simulated_scan(frame, model.faces, k, missing=0.1, rotate=False)
         for k, frame in enumerate(frames)
     ]
     first = registration.solve(scans[0].points)
@@ -246,7 +246,7 @@ def test_bodies_of_other_kinds(benchmark, registrations):
         trusted = np.empty((n_people, n_moments), dtype=bool)
         for person, moment in np.ndindex(n_people, n_moments):
             scan = simulated_scan(
-                bodies[person, moment], triangles, 10 * person + moment, turn=False
+                bodies[person, moment], triangles, 10 * person + moment, rotate=False
             )
             result = registration.solve(scan.points)
             registered[person, moment], trusted[person, moment] = (

@@ -17,7 +17,7 @@ def registered(tmp_path_factory, registration):
     """Return folders of scans and bodies: one good scan, one that is damaged, one of no body."""
     scans = tmp_path_factory.mktemp("scans")
     bodies = rh.datasets.load_open_bodies("coarse")
-    scan = simulated_scan(bodies[3], registration.model.faces, rng=1, n_points=4000, turn=False)
+    scan = simulated_scan(bodies[3], registration.model.faces, rng=1, n_points=4000, rotate=False)
     np.save(scans / "anna.npy", scan.points)
     (scans / "broken.xyz").write_text("1 2 3\n4 5\n")
     np.save(scans / "box.npy", np.random.default_rng(0).random((2000, 3)))

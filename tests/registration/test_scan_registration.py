@@ -71,7 +71,7 @@ def test_other_units_axes_and_normals_change_nothing(registration, result, scan)
 
 
 def test_a_sequence_starts_from_the_scan_before(registration, result, frames, monkeypatch):
-    scans = [simulated_scan(f, registration.model.faces, rng=5, turn=False) for f in frames]
+    scans = [simulated_scan(f, registration.model.faces, rng=5, rotate=False) for f in frames]
     first = registration.solve(scans[0].points)
     monkeypatch.setattr(registration._search, "run", None)  # no cold start any more
     second = registration.solve(scans[1].points, start=first)
@@ -103,7 +103,7 @@ def test_a_sequence_shows_its_progress_and_keeps_what_is_finished(
 @pytest.mark.slow
 def test_what_was_not_seen_is_not_matched(registration, frames):
     front = simulated_scan(
-        frames[0], registration.model.faces, rng=3, n_points=6000, view=(0, 0, 1), turn=False
+        frames[0], registration.model.faces, rng=3, n_points=6000, view=(0, 0, 1), rotate=False
     )
     found = registration.solve(front.points)
     assert found.trusted, found.message

@@ -47,7 +47,7 @@ def test_a_scan_with_arms_that_face_inward_is_registered(registration, inverted_
 
 
 def test_the_sparse_remnant_of_a_floor_is_background(registration, bodies):
-    scan = simulated_scan(bodies[3], bodies.template.faces, rng=3, n_points=8000, turn=False)
+    scan = simulated_scan(bodies[3], bodies.template.faces, rng=3, n_points=8000, rotate=False)
     rng = np.random.default_rng(3)
     floor = rng.uniform(-0.5, 0.5, (196, 3)) * [1.0, 0.004, 1.0]
     floor += [*scan.body[:, :1].mean(axis=0), scan.body[:, 1].min(), scan.body[:, 2].mean()]
@@ -75,7 +75,7 @@ def test_landmarks_are_a_mapping_to_places_in_the_scan(registration, bodies):
 
 def test_bodies_are_moved_to_stand_upright_and_face_the_viewer(bodies):
     """A squatting body, which bends forward, in a scan with z up and any heading."""
-    scan = simulated_scan(bodies[9], bodies.template.faces, rng=1, n_points=6000, turn=False)
+    scan = simulated_scan(bodies[9], bodies.template.faces, rng=1, n_points=6000, rotate=False)
     motion = Rotation.from_euler("yx", [70.0, 90.0], degrees=True).as_matrix()
     registration = ScanRegistration(bodies.model, up="z")
     result = registration.solve(scan.points @ motion.T + [3.0, 2.0, 1.0])

@@ -24,7 +24,7 @@ def bent(points):
 def test_a_bent_template_is_found_in_any_unit(registration, size):
     template = rh.Template(size * registration.template.vertices, registration.template.faces)
     scan = simulated_scan(
-        bent(registration.template.vertices), template.faces, 0, n_points=8000, turn=False
+        bent(registration.template.vertices), template.faces, 0, n_points=8000, rotate=False
     )
     start = template.vertices + size * np.array([0.03, 0.0, -0.03])
     result = TemplateRegistration(template).solve(size * scan.points, start=start)

@@ -52,7 +52,7 @@ def test_a_body_the_wrong_way_round_is_refused():
     bodies = rh.datasets.load_open_bodies("coarse")
     # Both arms forward, no heading: a body that looks the other way is half a metre off.
     points = bodies[2]
-    scan = rh.registration.simulated_scan(points, model.faces, 4, n_points=6000, turn=False)
+    scan = rh.registration.simulated_scan(points, model.faces, 4, n_points=6000, rotate=False)
     search = registration._search
     everything = search._starts
 
@@ -89,7 +89,7 @@ def test_a_person_next_to_a_chair_is_refused():
     )
     model = rh.datasets.load_open_model("coarse")
     body = rh.datasets.load_open_bodies("coarse")[3]
-    scan = rh.registration.simulated_scan(body, model.faces, 3, n_points=5000, turn=False)
+    scan = rh.registration.simulated_scan(body, model.faces, 3, n_points=5000, rotate=False)
     low, high = scan.body.min(axis=0), scan.body.max(axis=0)
     both = np.concatenate([scan.points, chair + [high[0] + 0.02, low[1], low[2]]])
     result = ScanRegistration(model, up="y").solve(both)
