@@ -78,18 +78,6 @@ def test_hull_of_a_torus_spans_its_hole():
     np.testing.assert_allclose([hull, inner], 2 * np.pi * 0.28, rtol=1e-3)
 
 
-def test_hull_is_never_longer_and_equal_where_convex():
-    rng = np.random.default_rng(3)
-    template = ellipsoid(10)
-    measurements = [Girth(name="g", at="here"), Girth(name="h", at="here", hull=True)]
-    own = Measurements(set_at(template, measurements, here=[0, 0.1, 0.12]))
-    loop, hull = own.measure(template.vertices).values
-    np.testing.assert_allclose(hull, loop, rtol=1e-4)
-    dented = template.vertices * (1 + 0.2 * rng.normal(size=(40, len(template.vertices), 1)))
-    loop, hull = own.measure(dented).values.T
-    assert (hull < loop).all()
-
-
 @pytest.mark.parametrize("hull", [False, True])
 @pytest.mark.parametrize("normal", ["up", ("here", "there")])
 def test_taylor_slopes(hull, normal):

@@ -45,18 +45,6 @@ def test_gaussian_mean_of_a_helix_is_a_thinner_helix():
     np.testing.assert_allclose(2.0 * np.pi * np.diff(times)[50:70], angles, rtol=1e-3)
 
 
-def test_a_jolt_between_two_frames_is_smoothed_away():
-    plain = np.diff(helix(EVEN), axis=0)
-    jolt = np.array([0.0, 0.3, 0.0])
-    jolted = np.insert(plain, [30, 30], [jolt, -jolt], axis=0)
-    gaps = []
-    for smoothing in (0.0, 0.03):
-        chords = (even_segments(sides, 24, smoothing)[0] for sides in (plain, jolted))
-        a, b = (np.cumsum(each, axis=0) for each in chords)
-        gaps.append(np.linalg.norm(a - b))
-    assert gaps[1] < 0.6 * gaps[0]
-
-
 def test_pauses_change_nothing_but_places():
     segments = np.diff(helix(EVEN), axis=0)
     paused = np.insert(segments, [0, 20, 20, 59], 0.0, axis=0)
