@@ -15,7 +15,7 @@ from riemhuman.kernels import surface
 from riemhuman.kernels.differentiable import square_root
 from riemhuman.kernels.threads import of_one_kind
 from riemhuman.kernels.triangles import nearly_degenerate_triangles
-from riemhuman.terms.root_normals import RootNormalTerm
+from riemhuman.terms.flat import RootNormalTerm
 from riemhuman.units import SCALES, check_same_scale
 
 if TYPE_CHECKING:

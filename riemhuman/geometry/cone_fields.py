@@ -17,7 +17,7 @@ from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.terms import ConeTerm
 from riemhuman.terms import _cone_geodesics as cones
-from riemhuman.terms.sum import TermOfFields
+from riemhuman.terms._sum import TermOfFields
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template

@@ -16,7 +16,7 @@ from riemhuman.geometry.pairwise import Bulk
 from riemhuman.kernels.surface import refuse_triangles
 from riemhuman.terms import EbinTerm
 from riemhuman.terms import _cone_geodesics as cones
-from riemhuman.terms.sum import TermOfFields
+from riemhuman.terms._sum import TermOfFields
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template

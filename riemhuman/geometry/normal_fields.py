@@ -15,8 +15,8 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot, refuse_triangles
+from riemhuman.terms._sum import TermOfFields
 from riemhuman.terms.normals import NormalTerm
-from riemhuman.terms.sum import TermOfFields
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template

@@ -32,8 +32,8 @@ from riemhuman.kernels.surface import (
     refuse_degenerate,
     refuse_triangles,
 )
+from riemhuman.terms._sum import TermOfFields
 from riemhuman.terms.rotations import RotationTerm
-from riemhuman.terms.sum import TermOfFields
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template

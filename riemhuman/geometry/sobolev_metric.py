@@ -14,11 +14,15 @@ from riemhuman.geometry.metric import Solvers
 from riemhuman.geometry.surface_metric import MetricOfTerms, SurfaceMetric
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.surface import derivatives
-from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
-from riemhuman.terms.normal_projection import NormalPartTerm
-from riemhuman.terms.quadratic import QuadraticTerm, SumOfQuadraticTerms
-from riemhuman.terms.second_order import SecondOrderTerm
-from riemhuman.terms.zeroth_order import ZerothOrderTerm
+from riemhuman.terms._quadratic import (
+    FirstOrderTerm,
+    FirstOrderWeights,
+    NormalPartTerm,
+    QuadraticTerm,
+    SecondOrderTerm,
+    SumOfQuadraticTerms,
+    ZerothOrderTerm,
+)
 
 
 class MidpointMetric(MetricOfTerms):
@@ -32,7 +36,7 @@ class MidpointMetric(MetricOfTerms):
     space : AlignedSurfaces
         Surfaces over a template.
     terms : sequence of QuadraticTerm
-        The terms, see `riemhuman.terms.quadratic`.
+        The terms, see `riemhuman.terms._quadratic`.
     **solvers
         Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
     """
@@ -65,8 +69,8 @@ class SobolevMetric(MidpointMetric):
               + d_1 |dh_0|^2 + a_2 |\Delta h|^2 \, dA
 
     The first-order parts are the change of angles, of area, of the normal, and the rotation within
-    the tangent plane, see `riemhuman.terms.first_order`; Δ is the cotangent Laplacian, see
-    `riemhuman.terms.second_order`. The weights are those of Hartman, Sukurdeep, Klassen, Charon and
+    the tangent plane, see `riemhuman.terms._quadratic`; Δ is the cotangent Laplacian, see
+    `riemhuman.terms._quadratic`. The weights are those of Hartman, Sukurdeep, Klassen, Charon and
     Bauer, "Elastic shape analysis of surfaces with second-order Sobolev metrics", International
     Journal of Computer Vision 131, 2023. There is no closed-form distance: squared distances are
     energies of the paths that `geodesic_solver` finds.
@@ -189,7 +193,7 @@ class GaugeInvariantMetric(MidpointMetric):
 
     .. math:: ((h, k))_f = G_f(P_f h, P_f k), \qquad P_f = n n^\top
 
-    with normals at the vertices, see `riemhuman.terms.normal_projection`. For φ = ⟨h, n⟩ and the
+    with normals at the vertices, see `riemhuman.terms._quadratic`. For φ = ⟨h, n⟩ and the
     principal curvatures κ, the metric :math:`\int a\operatorname{tr}A_0^2
     + b(\operatorname{tr}A)^2 + c|\delta n|^2\, dA` becomes
 

@@ -18,7 +18,7 @@ from riemhuman.geometry import AlignedSurfaces, GaugeInvariantMetric, SobolevMet
 from riemhuman.report.code_descriptors import LEARNED, shipped_descriptors
 from riemhuman.report.retrieval_benchmark import PAPER_TABLES, BenchmarkRecord, table_metrics
 from riemhuman.solvers.paths import LinearPath
-from riemhuman.terms.normal_projection import mixed_edges
+from riemhuman.terms._quadratic import mixed_edges
 
 STRAIGHT = ", straight"
 """How names end of metrics without closed form, which compare by the cost of the straight way."""

@@ -12,7 +12,7 @@ from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, RiemannianMetric
 from riemhuman.kernels.surface import stacked_derivatives, triangle_frames
 from riemhuman.surfaces.template import Template
-from riemhuman.terms.sum import SumOfTerms
+from riemhuman.terms._sum import SumOfTerms
 
 # How often triangles are turned within their planes as on the last surface, at least and at most.
 # Between, rounds go on while each takes a fifth of the value: steps of the search cost more.

@@ -2,9 +2,8 @@
 
 from riemhuman.kernels.compilation import compiled
 from riemhuman.terms.cone import ConeTerm, EbinTerm
-from riemhuman.terms.flat import FlatTerm
+from riemhuman.terms.flat import FlatTerm, RootNormalTerm
 from riemhuman.terms.normals import NormalTerm
-from riemhuman.terms.root_normals import RootNormalTerm
 from riemhuman.terms.rotations import RotationTerm
 from riemhuman.terms.term import Term
 

@@ -21,7 +21,7 @@ from performances import basis, bodies, timed
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric
 from riemhuman.solvers import BasisPath, LinearPath
 from riemhuman.surfaces import DeformationBasis
-from riemhuman.terms import sum as sum_of_terms
+from riemhuman.terms import _sum as sum_of_terms
 
 WEIGHTS = (1.0, 0.1, 0.1)
 

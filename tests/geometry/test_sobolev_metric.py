@@ -17,7 +17,7 @@ from riemhuman.solvers import (
     PathStraightening,
 )
 from riemhuman.surfaces import DeformationBasis, Template
-from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
+from riemhuman.terms._quadratic import FirstOrderTerm, FirstOrderWeights
 
 NAMES = ("a0", "a1", "b1", "c1", "d1", "a2")
 ALL = {"a0": 0.3, "a1": 0.7, "b1": 0.4, "c1": 1.1, "d1": 0.5, "a2": 0.02}

@@ -66,7 +66,7 @@ def test_compiled_gradient_has_taylor_slope_two(metric):
 def test_large_meshes_run_in_threads_with_the_same_result(metric, monkeypatch):
     path = wavy_path(0.2)
     alone = metric.energy_and_gradient(path)
-    monkeypatch.setattr("riemhuman.terms.sum._WORTH_THREADS", 0)
+    monkeypatch.setattr("riemhuman.terms._sum._WORTH_THREADS", 0)
     threaded = metric.energy_and_gradient(path)
     assert alone[0] == threaded[0]
     np.testing.assert_array_equal(alone[1], threaded[1])

@@ -8,7 +8,7 @@ import riemhuman.retrieval._neighbor_index
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric, VectorSpace
 from riemhuman.retrieval import NearestNeighbors
-from riemhuman.terms.sum import SumOfTerms
+from riemhuman.terms._sum import SumOfTerms
 
 N_GROUPS, N_IN_GROUP = 12, 10
 

@@ -15,29 +15,25 @@ from riemhuman.terms import (
     NormalTerm,
     RootNormalTerm,
     RotationTerm,
+    _quadratic,
     cone,
-    first_order,
     flat,
-    normal_projection,
     normals,
-    root_normals,
     rotations,
-    second_order,
-    zeroth_order,
 )
-from riemhuman.terms.sum import SumOfTerms, field_features
+from riemhuman.terms._sum import SumOfTerms, field_features
 
 TEMPLATE = open_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
 TERMS = [EbinTerm(1.0, 0.3), ConeTerm(0.5), NormalTerm(0.2), RootNormalTerm(0.7)]
 WITHOUT_AREA = [term for term in TERMS if not term.needs_area]
-FIRST_ORDER = first_order.FirstOrderTerm(
-    TEMPLATE, first_order.FirstOrderWeights(1.0, 0.7, 0.4, 0.2, 0.3)
+FIRST_ORDER = _quadratic.FirstOrderTerm(
+    TEMPLATE, _quadratic.FirstOrderWeights(1.0, 0.7, 0.4, 0.2, 0.3)
 )
-QUADRATIC = [FIRST_ORDER, normal_projection.NormalPartTerm(TEMPLATE, FIRST_ORDER)]
-QUADRATIC += [zeroth_order.ZerothOrderTerm(TEMPLATE, 0.4)]
-QUADRATIC += [second_order.SecondOrderTerm(TEMPLATE, 0.1)]
-MODULES = (triangles, cone, flat, normals, root_normals)
+QUADRATIC = [FIRST_ORDER, _quadratic.NormalPartTerm(TEMPLATE, FIRST_ORDER)]
+QUADRATIC += [_quadratic.ZerothOrderTerm(TEMPLATE, 0.4)]
+QUADRATIC += [_quadratic.SecondOrderTerm(TEMPLATE, 0.1)]
+MODULES = (triangles, cone, flat, normals)
 
 
 def collapsed(points):
@@ -70,7 +66,7 @@ def test_features(monkeypatch, precision):
 @pytest.mark.parametrize("quadratic", QUADRATIC, ids=lambda term: type(term).__name__)
 def test_squared_norms(monkeypatch, quadratic):
     h, f = (by_vertex(make(TEMPLATE, 2, rng=6)) for make in (deformations, surfaces))
-    modules = (first_order, triangles, normal_projection, second_order, zeroth_order)
+    modules = (_quadratic, triangles)
     calls = [
         lambda: quadratic.squared_norms_and_slopes(h, f),
         lambda: [quadratic.squared_norms(h, f)],

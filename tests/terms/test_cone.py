@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, GeneralElasticMetric
 from riemhuman.kernels import surface
 from riemhuman.terms import ConeTerm, EbinTerm, RootNormalTerm, _cone_geodesics
-from riemhuman.terms.sum import SumOfTerms
+from riemhuman.terms._sum import SumOfTerms
 
 WEIGHTS = [(1.0, 1.0, 1.0), (1.0, 1e-3, 0.01), (0.0, 0.3, 1.0), (2.0, 0.05, 3.0)]
 

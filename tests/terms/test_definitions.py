@@ -22,12 +22,15 @@ from riemhuman.terms import (
     RotationTerm,
     Term,
 )
-from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
-from riemhuman.terms.normal_projection import NormalPartTerm
-from riemhuman.terms.quadratic import QuadraticTerm
-from riemhuman.terms.second_order import SecondOrderTerm
-from riemhuman.terms.sum import SumOfTerms, field_features
-from riemhuman.terms.zeroth_order import ZerothOrderTerm
+from riemhuman.terms._quadratic import (
+    FirstOrderTerm,
+    FirstOrderWeights,
+    NormalPartTerm,
+    QuadraticTerm,
+    SecondOrderTerm,
+    ZerothOrderTerm,
+)
+from riemhuman.terms._sum import SumOfTerms, field_features
 
 TEMPLATE = sphere_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas

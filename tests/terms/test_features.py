@@ -8,7 +8,7 @@ from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels import surface, threads, triangles
 from riemhuman.surfaces.template import Template
 from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, RotationTerm, flat
-from riemhuman.terms.sum import SumOfTerms, TermOfFields, field_features
+from riemhuman.terms._sum import SumOfTerms, TermOfFields, field_features
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
 each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)

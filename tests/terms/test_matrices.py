@@ -8,7 +8,7 @@ from oracles import elastic_blocks
 from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
 from riemhuman.kernels import surface, triangles
 from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, Term
-from riemhuman.terms.sum import SumOfTerms
+from riemhuman.terms._sum import SumOfTerms
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
 each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)

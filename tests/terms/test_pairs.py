@@ -8,7 +8,7 @@ import pytest
 
 from riemhuman.kernels import threads
 from riemhuman.terms import EbinTerm, NormalTerm, flat
-from riemhuman.terms.sum import field_features
+from riemhuman.terms._sum import field_features
 
 PRECISIONS = {"single": np.float32, "double": np.float64}
 each_precision = pytest.mark.parametrize("precision", PRECISIONS)

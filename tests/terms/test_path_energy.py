@@ -16,14 +16,8 @@ from riemhuman.geometry import (
     SurfaceMetric,
 )
 from riemhuman.kernels.threads import of_one_kind
-from riemhuman.terms import (
-    EbinTerm,
-    FlatTerm,
-    NormalTerm,
-    RootNormalTerm,
-    sum,
-)
-from riemhuman.terms.sum import SumOfTerms
+from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RootNormalTerm
+from riemhuman.terms._sum import SumOfTerms
 
 COMPILED = [case for case in surface_cases("dist") if isinstance(case.metric, SurfaceMetric)]
 

@@ -12,12 +12,17 @@ from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels import triangles
 from riemhuman.kernels.triangles import by_vertex
 from riemhuman.surfaces.template import Template
-from riemhuman.terms import normal_projection, second_order
-from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
-from riemhuman.terms.normal_projection import NormalPartTerm, NormalProjections
-from riemhuman.terms.quadratic import SumOfQuadraticTerms
-from riemhuman.terms.second_order import SecondOrderTerm
-from riemhuman.terms.zeroth_order import ZerothOrderTerm, corner_averages
+from riemhuman.terms import _quadratic
+from riemhuman.terms._quadratic import (
+    FirstOrderTerm,
+    FirstOrderWeights,
+    NormalPartTerm,
+    NormalProjections,
+    SecondOrderTerm,
+    SumOfQuadraticTerms,
+    ZerothOrderTerm,
+    corner_averages,
+)
 
 WEIGHTS = {
     "all": FirstOrderWeights(0.7, 0.3, 1.1, 0.9, 0.4),
@@ -139,12 +144,12 @@ def test_projections_to_normals():
     template = sphere_template()
     f, h = surfaces(template, 1, rng=8)[0], deformations(template, 1, rng=9)[0]
     over = template, corner_averages(template.faces, template.n_vertices)
-    found = normal_projection.project(h, f, *over)
-    normals = normal_projection.vertex_normals(f, *over)
+    found = _quadratic.project(h, f, *over)
+    normals = _quadratic.vertex_normals(f, *over)
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, rtol=1e-14)
     expected = [np.dot(one, n) * n for one, n in zip(h, normals, strict=True)]
     np.testing.assert_allclose(found, expected, atol=1e-14)
-    matrix = normal_projection.matrix(normals).toarray()
+    matrix = _quadratic.projection_matrix(normals).toarray()
     np.testing.assert_allclose(matrix @ matrix, matrix, atol=1e-14)
     np.testing.assert_allclose(matrix @ h.ravel(), found.ravel(), atol=1e-14)
     corner = np.any(template.faces == 5, axis=1)
@@ -179,29 +184,29 @@ def test_normals_cancel_up_to_a_share_of_the_areas(size):
         assert projections.exist == (not cancels)
         if cancels:
             with pytest.raises(DegenerateSurfaceError, match="around vertex 1 cancel"):
-                normal_projection.vertex_normals(both[[0, 0, 1]], *over)
+                _quadratic.vertex_normals(both[[0, 0, 1]], *over)
             continue
-        normals = normal_projection.vertex_normals(both, *over)
+        normals = _quadratic.vertex_normals(both, *over)
         np.testing.assert_allclose(normals[0], [[0, 0, 0], *4 * [[0, 0, 1]]], atol=1e-15)
         h = deformations(sphere_template(), 2, rng=13)[:, :5]
-        expected = normal_projection.project(h, both, *over)
+        expected = _quadratic.project(h, both, *over)
         np.testing.assert_allclose(by_vertex(projections.project(by_vertex(h))), expected)
 
 
 def test_edges_at_which_triangles_turn_opposite_sides_up():
     opened = open_template()
     for faces in (opened.faces, opened.faces[:, ::-1], sphere_template().faces):
-        assert len(normal_projection.mixed_edges(faces)) == 0
+        assert len(_quadratic.mixed_edges(faces)) == 0
         sides = [{frozenset(pair) for pair in zip(t, np.roll(t, 1), strict=True)} for t in faces]
         for k in range(3, 9):
             flipped = faces.copy()
             flipped[k] = flipped[k, ::-1]
             shared = {side for j, other in enumerate(sides) if j != k for side in other & sides[k]}
-            found = normal_projection.mixed_edges(flipped)
+            found = _quadratic.mixed_edges(flipped)
             assert {frozenset(edge) for edge in found.tolist()} == shared
             assert len(found) == len(shared)
     # Of three triangles at an edge, two go one way whatever they do.
-    assert len(normal_projection.mixed_edges(np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]]))) == 0
+    assert len(_quadratic.mixed_edges(np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]]))) == 0
 
 
 @every_term
@@ -232,16 +237,16 @@ def test_the_smallest_weights_see_lengths_and_their_normal_parts_do():
 
 def test_surrounded_vertices():
     closed, opened = sphere_template(), open_template()
-    assert second_order.surrounded_vertices(closed.faces, closed.n_vertices).all()
-    grid = second_order.surrounded_vertices(opened.faces, opened.n_vertices).reshape(4, 5)
+    assert _quadratic.surrounded_vertices(closed.faces, closed.n_vertices).all()
+    grid = _quadratic.surrounded_vertices(opened.faces, opened.n_vertices).reshape(4, 5)
     assert grid[1:-1, 1:-1].all()
     assert grid.sum() == 6
-    assert not second_order.surrounded_vertices(closed.faces, closed.n_vertices + 1)[-1]
+    assert not _quadratic.surrounded_vertices(closed.faces, closed.n_vertices + 1)[-1]
 
 
 def test_cotangents_on_a_right_triangle():
     """Angles of 90°, 45° and 45°: ½ cot 45° = ½ on the two sides about the right angle."""
-    laplacian = second_order.cotangent_laplacian(
+    laplacian = _quadratic.cotangent_laplacian(
         np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]]), np.array([[0, 1, 2]])
     )
     expected = [[1.0, -0.5, -0.5], [-0.5, 0.5, 0.0], [-0.5, 0.0, 0.5]]

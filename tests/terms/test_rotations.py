@@ -11,7 +11,7 @@ from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, RotationMetric, SurfaceMetric
 from riemhuman.kernels.threads import of_one_kind
 from riemhuman.terms import NormalTerm, RotationTerm
-from riemhuman.terms.sum import field_features
+from riemhuman.terms._sum import field_features
 
 AREAS = of_one_kind(np.random.default_rng(0).uniform(0.1, 2.0, 1290))  # two chunks and a piece
 
