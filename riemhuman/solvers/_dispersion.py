@@ -182,8 +182,9 @@ def dispersion_of(
 ) -> Dispersion:
     """Return the mean squared distance to the points of an array, or of an iterable of batches."""
     if not hasattr(points, "__array__") and hasattr(points, "__iter__"):
-        first = points if iter(points) is points else next(iter(points), None)
-        if first is points or np.ndim(first) == len(metric.space.shape) + 1:
+        is_iterator = iter(points) is points
+        first: Any = None if is_iterator else next(iter(points), None)
+        if is_iterator or np.ndim(first) == len(metric.space.shape) + 1:
             return BatchedDispersion(metric, points, weights, sample_size)
     return Dispersion(metric, points, weights)
 

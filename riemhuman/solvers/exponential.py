@@ -54,10 +54,10 @@ class ExponentialResult(Result):
         Whether all steps were possible.
     n_iterations, n_evaluations : int
         Iterations, and evaluations of energy and gradient, of all steps.
-    converged : bool
-        Whether all steps were made, and the equation of each solved within the tolerance.
+    status : Status
+        ``CONVERGED`` if all steps were made and their equations solved within the tolerance.
     message : str
-        Why it stopped.
+        The same for people, in more detail.
 
     Examples
     --------

@@ -59,10 +59,10 @@ class LogarithmResult(Result):
         infinite where the exponential ends early.
     n_iterations, n_evaluations : int
         Iterations, and evaluations of energy and gradient, for path, velocity and exponential.
-    converged : bool
-        Whether the exponential of the velocity comes back to the point.
+    status : Status
+        ``CONVERGED`` if the exponential of the velocity comes back to the point.
     message : str
-        Why it stopped.
+        The same for people, in more detail.
 
     Examples
     --------

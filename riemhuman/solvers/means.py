@@ -137,8 +137,12 @@ class BasisMean(MeanSolver):
 
         Parameters
         ----------
+        metric : RiemannianMetric
+            The metric.
         points : array, shape (n, \*shape), or iterable of batches, arrays of shape (m, \*shape)
             Every evaluation reads the batches once.
+        weights : array, shape (n,), optional
+            Weights of at least 0; by default all are the same.
         initial_point : array, shape (\*shape,), optional
             x₀, instead of `start`.
         exponent : int
@@ -408,6 +412,8 @@ class GradientDescentMean(MeanSolver):
             A metric with `exp` and `log`.
         points : array, shape (n, \*shape), or iterable of batches, arrays of shape (m, \*shape)
             Every evaluation reads the batches once.
+        weights : array, shape (n,), optional
+            Weights of at least 0; by default all are the same.
         initial_point : array, shape (\*shape,), optional
             Where to start, by default at the first point of positive weight, for medians at the
             mean.

@@ -34,10 +34,10 @@ class TransportResult(Result):
         The path.
     n_iterations, n_evaluations : int
         Iterations and evaluations of the rungs' equations; 0 for closed forms.
-    converged : bool
-        Whether all equations were solved within the tolerance.
+    status : Status
+        ``CONVERGED`` if all equations were solved within the tolerance.
     message : str
-        How it was found.
+        The same for people, in more detail.
 
     Examples
     --------
@@ -127,6 +127,10 @@ class PoleLadder(TransportSolver):
 
         Parameters
         ----------
+        metric : RiemannianMetric
+            The metric.
+        tangent_vec : array, shape (\*shape,)
+            Tangent vector at the base point.
         base_point : array, shape (\*shape,)
             Where the path starts.
         direction : array, shape (\*shape,), optional

@@ -233,8 +233,12 @@ class MeanResult(Result):
         Weighted mean of the squared distances to it, Σ w_i d²/Σ w_i.
     variances : array, shape (n_iterations + 1,)
         The same at the start and after each iteration.
-    n_iterations, n_evaluations, status, message
-        See `Result`.
+    n_iterations, n_evaluations : int
+        Iterations, and evaluations of the objective and its gradient.
+    status : Status
+        How it ended: of a mean over a basis, within the span that the message names.
+    message : str
+        The same for people, in more detail.
 
     Examples
     --------

@@ -252,6 +252,10 @@ class DisentanglingResult(Result):
         Distances from the two bodies in the respective metric.
     n_iterations, n_evaluations : int
         Iterations, and evaluations of the sum and its gradient.
+    status : Status
+        How it ended.
+    message : str
+        The same for people, in more detail.
 
     Examples
     --------
