@@ -47,7 +47,8 @@ def read_named_rows(file: Path, title: str) -> dict[str, np.ndarray]:
 
 def _number(field: str, where: str) -> float:
     try:
-        return float(field)
+        # Of ASCII alone, since Python also reads 1_0 and the digits of every script.
+        return float(field.replace("_", "x").encode("ascii"))
     except ValueError as error:
         raise FileFormatError(f"{where}: {field[:60]!r} is not a number") from error
 

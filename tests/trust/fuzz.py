@@ -115,7 +115,8 @@ def run_case(name: str, seed: int, room: Path, watchman: Watchman) -> tuple[str,
         (room / file).parent.mkdir(exist_ok=True)
         if file != target:
             (room / file).write_bytes(content)
-    done = damage(rng, room / target, FILES[name][target], reader.mutations)
+    content, done = damage(rng, FILES[name][target], reader.mutations)
+    (room / target).write_bytes(content)
     end, problem = "refused", None
     began = time.process_time()
     watchman.awake = True
