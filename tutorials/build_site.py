@@ -38,7 +38,9 @@ def main(target: Path) -> int:
         (source / "_static" / "viewer.js").write_text(script, encoding="utf-8")
         notebooks = sorted(source.glob("*.ipynb"), key=lambda path: int(path.stem.split("_")[0]))
         (source / "gallery.md").write_text(gallery(notebooks), encoding="utf-8")
+        (source / "notebooks").mkdir()
         for path in notebooks:
+            shutil.copy(path, source / "notebooks")
             with_viewers(path)
         (source / "reference.md").write_text(reference(), encoding="utf-8")
         options = ["-W", "--keep-going", "-q", "-j", "auto", "-d", str(Path(folder) / "doctrees")]
@@ -60,6 +62,11 @@ def with_viewers(path: Path) -> None:
         for attribute in ('id="viewer', 'name="viewer', 'for="viewer'):
             live = live.replace(attribute, f"{attribute}-{number}")
         data["text/html"] = live
+    download = f"{{download}}`Download this notebook <notebooks/{path.name}>`"
+    cell = nbformat.v4.new_markdown_cell(download)
+    if "id" not in notebook.cells[0]:
+        cell.pop("id", None)
+    notebook.cells.insert(1, cell)
     nbformat.write(notebook, path)
 
 

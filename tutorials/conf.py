@@ -13,10 +13,11 @@ extensions = [
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
+    "sphinx.ext.viewcode",
     "sphinx_copybutton",
     "sphinx_design",
 ]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "notebooks"]
 
 # Notebooks are stored with their outputs, and a test runs them again: nothing runs here.
 nb_execution_mode = "off"
@@ -25,6 +26,7 @@ myst_heading_anchors = 3
 
 autosummary_generate = True
 autodoc_typehints = "none"
+autodoc_preserve_defaults = True
 numpydoc_show_class_members = False
 
 templates_path = ["_templates"]
@@ -36,9 +38,9 @@ html_js_files = [("three.min.js", {"defer": "defer"}), ("viewer.js", {"defer": "
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
-    "header_links_before_dropdown": 4,
+    "header_links_before_dropdown": 6,
     "navbar_end": ["theme-switcher"],
-    "show_prev_next": False,
+    "show_prev_next": True,
 }
 # Pages without pages below them have nothing to list beside their text.
 _ALONE = (
@@ -54,18 +56,25 @@ _ALONE = (
     "extending",
     "architecture",
     "index",
+    "install",
 )
 html_sidebars: dict[str, list[str]] = {page: [] for page in _ALONE}
 html_math_renderer = "mathml"
 
 
 def setup(app):
-    """Draw formulas as MathML, which browsers show without a script or a connection."""
+    """Draw formulas as MathML, which browsers show without a script; make defaults readable."""
+    app.connect("autodoc-process-signature", _readable_defaults)
     app.add_html_math_renderer(
         "mathml",
         inline_renderers=(lambda self, node: _write(self, node, "inline"), None),
         block_renderers=(lambda self, node: _write(self, node, "block"), None),
     )
+
+
+def _readable_defaults(app, what, name, value, options, signature, returned):
+    """Show dots for a default that a data class makes anew."""
+    return (signature and signature.replace("<factory>", "..."), returned)
 
 
 def _write(translator, node, display):

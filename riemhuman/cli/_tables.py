@@ -295,14 +295,14 @@ def _plot(options: argparse.Namespace) -> Answer:
 
     check_file(options.output, (".png", ".svg", ".pdf"), options)
     import_optional("matplotlib", "plot")
-    classes, items, item_names = None, None, None
+    classes, item_names = None, None
     if options.labels is None:
         distances, names = _read_matrix(options.matrix)
         item_names, items = [Path(name).stem for name in names], np.zeros(len(names), dtype=int)
     else:
         distances, both = _read_labelled_matrix(options)
-        classes, items = np.unique(both[options.by], return_inverse=True)
-        classes = [str(name) for name in classes]
+        values, items = np.unique(both[options.by], return_inverse=True)
+        classes = [str(name) for name in values]
     positions = rh.plots.embed(distances, options.method)
     stress = rh.plots.stress(distances, positions) if options.method == "mds" else None
     with rh.plots.figure_style():

@@ -312,7 +312,7 @@ def points_picture(
 
 
 def strip_picture(
-    surfaces: Sequence[ndarray],
+    surfaces: Sequence[ndarray] | ndarray,
     faces: ndarray,
     colors: Sequence[ArrayLike] | None = None,
     view: View | None = None,

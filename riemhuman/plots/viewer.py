@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from html import escape
 from importlib.resources import files
-from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING
 
@@ -22,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
-from riemhuman.io.files import atomic_file, write_text
+from riemhuman.io.files import atomic_file, file_path, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.plots._viewer_data import MAX_VERTICES, ViewedBody, payload
 from riemhuman.plots.colors import MEAN, SKIN, colour_limit, value_colors
@@ -411,13 +410,13 @@ def save_picture(
     """
     surfaces = real_array(points, "points", ("n", "n_vertices", 3), batched=False)
     colors = [SKIN] * (len(surfaces) - mean) + [MEAN] * mean
-    labels = list(names)
-    if Path(path).suffix.lower() == ".html":
+    labels, file = list(names), file_path(path)
+    if file.suffix.lower() == ".html":
         bodies = [
             ViewedBody(label, surface[None], color)
             for label, surface, color in zip(labels, surfaces, colors, strict=True)
         ]
-        _viewer(faces, {title: bodies}, "Show", title, "", None).save(path)
+        _viewer(faces, {title: bodies}, "Show", title, "", None).save(file)
         return f"all {len(surfaces)} bodies"
     # The mean is always shown, the others evenly chosen.
     n_others = len(surfaces) - mean
@@ -427,7 +426,7 @@ def save_picture(
     picture = strip_picture(
         surfaces[shown], np.asarray(faces), [colors[i] for i in shown], height=_PICTURE_HEIGHT
     )
-    with atomic_file(path) as temporary:
+    with atomic_file(file) as temporary:
         temporary.write_bytes(png_bytes(picture))
     listed = ", ".join(labels[i] for i in shown)
     return (

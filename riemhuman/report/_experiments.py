@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -258,7 +258,7 @@ class Experiments:
             steps[name] = self.store.step(
                 f"distances-{slug}",
                 inputs,
-                lambda name=name, each=representation: compute(name, each),
+                partial(compute, name, representation),
                 f"Distances, {name}",
             )
         return steps

@@ -237,8 +237,9 @@ class Output:
         write_bytes(self.folder / "figures" / f"{name}.png", step.arrays["png"].tobytes())
         code = base64.b64encode(svg.encode("utf-8")).decode("ascii")
         *_, width, height = re.findall(r"[\d.]+", svg.split('viewBox="')[1].split('"')[0])
-        source, size = f"data:image/svg+xml;base64,{code}", (float(width), float(height))
-        return fill("figure", Image(alt, source, *map(round, size), name), caption, wide)
+        source = f"data:image/svg+xml;base64,{code}"
+        image = Image(alt, source, round(float(width)), round(float(height)), name)
+        return fill("figure", image, caption, wide)
 
     def table(self, table: Table) -> str:
         """Write a table to its file and return its HTML."""
