@@ -221,17 +221,39 @@ def plot_embedding(
     margin = (0.16 if points is not None else 0.05) * np.maximum(high - low, 1e-9)
     ax.set_xlim(low[0] - margin[0], high[0] + margin[0])
     ax.set_ylim(low[1] - margin[1], high[1] + margin[1])
-    for place, item_name in zip(places, item_names or (), strict=False):
-        ax.annotate(item_name, place, xytext=(4, 3), textcoords="offset points", fontsize="small")
     if item_names is None and points is None:
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
     if unit is not None:
         _add_length_bar(ax, unit)
+    if item_names is not None:
+        _add_item_names(ax, places, item_names)
     if points is None or faces is None:
         return ax
     surfaces = real_array(points, "points", (len(places), "n_vertices", 3), batched=False)
     _add_thumbnails(ax, places, items, colors, names, surfaces, faces, view or View())
     return ax
+
+
+def _add_item_names(ax: Axes, positions: ndarray, names: Sequence[str]) -> None:
+    """Write a name beside each point, where no name stands yet."""
+    low = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
+    points = 72 * (positions - low) / [np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())] * _inches(ax)
+    height, corners = 9.0, np.empty((0, 4))
+    for place, shown, name in zip(positions, points, names, strict=True):
+        width = 5.0 * len(name)
+        offsets = np.array([[x, y * height] for y in (0, -1, 1, -2, 2, -3, 3) for x in (5, -5)])
+        left = shown[0] + np.where(offsets[:, 0] > 0, offsets[:, 0], offsets[:, 0] - width)
+        bottom = shown[1] + offsets[:, 1] - height / 2
+        boxes = np.stack([left, bottom, left + width, bottom + height], axis=1)
+        apart = (boxes[:, None, 2:] <= corners[None, :, :2]) | (
+            corners[None, :, 2:] <= boxes[:, None, :2]
+        )
+        chosen = int((~apart.any(axis=-1)).sum(axis=1).argmin())
+        corners = np.append(corners, boxes[chosen : chosen + 1], axis=0)
+        ax.annotate(
+            name, place, xytext=tuple(offsets[chosen]), textcoords="offset points", va="center",
+            ha="left" if offsets[chosen, 0] > 0 else "right", fontsize="small",
+        )  # fmt: skip
 
 
 def _add_length_bar(ax: Axes, unit: str) -> None:

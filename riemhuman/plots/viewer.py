@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from html import escape
 from importlib.resources import files
+from importlib.util import find_spec
+from io import BytesIO
 from string import Template
 from typing import TYPE_CHECKING
 
@@ -23,6 +25,7 @@ from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import atomic_file, file_path, write_text
 from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.plots._figures import new_figure
 from riemhuman.plots._viewer_data import MAX_VERTICES, ViewedBody, payload
 from riemhuman.plots.colors import MEAN, SKIN, colour_limit, value_colors
 from riemhuman.plots.rendering import View, image_source, png_bytes, strip_picture
@@ -427,13 +430,30 @@ def save_picture(
         surfaces[shown], np.asarray(faces), [colors[i] for i in shown], height=_PICTURE_HEIGHT
     )
     with atomic_file(file) as temporary:
-        temporary.write_bytes(png_bytes(picture))
+        temporary.write_bytes(_with_names(picture, [labels[i] for i in shown]))
     listed = ", ".join(labels[i] for i in shown)
     return (
         listed
         if n_shown == n_others
         else f"{listed}: {n_shown} of {n_others} bodies" + (" and their mean" if mean else "")
     )
+
+
+def _with_names(picture: ndarray, names: Sequence[str]) -> bytes:
+    """Return a strip as a PNG file, with a name below each body where matplotlib is installed."""
+    if find_spec("matplotlib") is None:
+        return png_bytes(picture)
+    height, width, _ = picture.shape
+    figure = new_figure(width / 100, height / 100 + 0.3)
+    ax = figure.subplots()
+    ax.imshow(picture)
+    ax.set_axis_off()
+    for number, name in enumerate(names):
+        middle = (number + 0.5) * width / len(names)
+        ax.text(middle, 1.02 * height, name, ha="center", va="top", parse_math=False)
+    content = BytesIO()
+    figure.savefig(content, format="png", dpi=150, facecolor="white")
+    return content.getvalue()
 
 
 @dataclass(frozen=True)
