@@ -62,9 +62,12 @@ class DynamicFaustMotion(Motion):
                 first, end = int(some.min()), int(some.max()) + 1
                 read = file[key][:, :, first:end]
                 frames[start : start + run] = np.moveaxis(read[:, :, some - first], -1, 0)
-        finite = np.isfinite(frames).all(axis=(1, 2))
-        if not finite.all():
-            bad = [str(number) for number, good in zip(numbers, finite, strict=True) if not good]
+        bad = [
+            str(number)
+            for number, frame in zip(numbers, frames, strict=True)
+            if not np.isfinite(frame).all()
+        ]
+        if bad:
             raise FileFormatError(
                 f"{self.path}: NaN or infinite coordinates in frames {join_names(bad)} of {key}"
             )

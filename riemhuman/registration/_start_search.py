@@ -112,8 +112,8 @@ class StartSearch:
             few = [name for name in UP_POSES if name in self.poses] or list(self.poses)
             starts = [each for axis in ups for each in self._starts(few, axis, centre)]
             best: dict[tuple[float, ...], float] = {}
-            for each in self._advance(starts, first, target):
-                best.setdefault(tuple(each.up), each.likelihood)
+            for candidate in self._advance(starts, first, target):
+                best.setdefault(tuple(candidate.up), candidate.likelihood)
             likeliest = max(best.values())
             axes = sorted(best, key=lambda axis: -best[axis])[:2]
             ups = np.array([axis for axis in axes if best[axis] > likeliest - _UP_MARGIN])

@@ -140,18 +140,6 @@ def test_turning_the_root_is_rigid(model):
         np.testing.assert_allclose(function(betas, turned), expected, rtol=0, atol=1e-11)
 
 
-def test_bones_keep_their_lengths(model):
-    betas, pose, trans = parameters(model, (5,))
-    child = np.flatnonzero(model.parents >= 0)
-
-    def lengths(joints):
-        bones = joints[..., child, :] - joints[..., model.parents[child], :]
-        return np.linalg.norm(bones, axis=-1)
-
-    rest, posed = model.joints(betas), model.joints(betas, pose, trans)
-    np.testing.assert_allclose(lengths(posed), lengths(rest), atol=1e-12)
-
-
 def test_leading_axes_broadcast(model):
     betas, pose, trans = parameters(model, (4, 3))
     flat = pose.reshape(4, 3, -1)
@@ -217,15 +205,6 @@ def test_single_precision_is_smaller_and_close(tmp_path):
     np.testing.assert_allclose(found(*arguments), model(*arguments), rtol=0, atol=1e-5)
 
 
-@pytest.mark.parametrize("root", [-1, 2**32 - 1])
-@pytest.mark.parametrize("dtype", [np.int64, np.uint32, np.float64])
-def test_root_in_every_spelling(root, dtype, tmp_path):
-    table = np.array([[root % 2**32 if dtype == np.uint32 else root, 0, 1, 0], [0, 1, 2, 3]])
-    np.savez(tmp_path / "body.npz", **small_fields(kintree_table=table.astype(dtype)))
-    model = BodyModel.from_file(tmp_path / "body.npz")
-    assert model.parents.tolist() == [-1, 0, 1, 0]
-
-
 def spoilt(name, index, value):
     array = small_fields()[name].astype(np.float64)
     array[index] = value
@@ -233,17 +212,13 @@ def spoilt(name, index, value):
 
 
 REFUSED = {
-    "v_template of another length": ({"v_template": np.eye(8, 3)}, "faces"),
     "v_template not finite": (spoilt("v_template", (2, 1), np.nan), "v_template holds 1 NaN"),
     "faces beyond the vertices": ({"f": [[0, 1, N_VERTICES]]}, "faces"),
-    "shapedirs without betas": ({"shapedirs": np.zeros((N_VERTICES, 3))}, "shapedirs must have"),
-    "shapedirs words": ({"shapedirs": np.array(["a"])}, "shapedirs must be an array of real"),
     "J_regressor transposed": ({"J_regressor": small_fields()["J_regressor"].T}, "J_regressor"),
     "J_regressor off one": (
         {"J_regressor": 2 * small_fields()["J_regressor"]},
         "every row of J_regressor must sum to one; row . sums to 2",
     ),
-    "weights of three joints": ({"weights": np.full((N_VERTICES, 3), 1 / 3)}, "weights must have"),
     "weights off one": (
         {"weights": np.full((N_VERTICES, 4), 0.26)},
         "every row of weights must sum to one; row 0 sums to 1.04",
@@ -265,10 +240,6 @@ REFUSED = {
         "kintree_table names 7 as the parent of joint 2",
     ),
     "joint numbered twice": ({"kintree_table": [[-1, 0, 1, 0], [0, 1, 1, 3]]}, "joint twice"),
-    "broken numbers": (
-        {"kintree_table": [[-1, 0.5, 1, 0], [0, 1, 2, 3]]},
-        "kintree_table must be an array of whole numbers",
-    ),
     "posedirs of the root too": (
         {"posedirs": np.zeros((N_VERTICES, 3, 36))},
         r"posedirs must have shape \(9, 3, 27\)",

@@ -151,13 +151,6 @@ def test_files_that_are_refused(tmp_path, change, message):
         Bodies.load(path)
 
 
-def test_table_of_labels():
-    pytest.importorskip("pandas")
-    frame = Bodies(**fields(ids=list("abcdef"))).to_frame()
-    assert frame.index.tolist() == list("abcdef")
-    assert frame.loc["d"].tolist() == ["Ben", "up"]
-
-
 def test_what_is_shown():
     bodies = Bodies(**fields())
     assert repr(bodies) == "<Bodies: 6 surfaces, 2 people in 3 poses, 4 vertices, 4 triangles>"

@@ -32,14 +32,6 @@ def shown(frames):
     return frames[:, 0, 0].tolist()
 
 
-@pytest.mark.parametrize("index", [0, 5, 36, -1, -37, np.int64(7), np.uint8(9)])
-def test_one_frame_asks_for_it_alone(motion, index):
-    frame = motion[index]
-    assert frame.shape == (4, 3)
-    assert motion.asked == [[int(index) % N_FRAMES]]
-    np.testing.assert_array_equal(frame, int(index) % N_FRAMES)
-
-
 @pytest.mark.parametrize(
     "part",
     [

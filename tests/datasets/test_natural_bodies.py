@@ -110,25 +110,6 @@ def test_flesh_moves_with_the_pose_as_the_model_cannot(bodies, plain):
     assert natural > 1.3 * smooth
 
 
-def test_no_degenerate_triangle(bodies):
-    space = AlignedSurfaces(bodies.template, equip=False)
-    for points in bodies.points:
-        space.check_immersed(points)
-
-
-def test_both_resolutions_show_the_same_performances(bodies):
-    if bodies.subject_names[0].startswith("person"):
-        full = load_open_bodies("full", "natural", people=1)
-    else:
-        full = load_open_bodies("full", "natural")
-    np.testing.assert_array_equal(full.betas, bodies.betas)
-    np.testing.assert_array_equal(full.pose_vectors, bodies.pose_vectors)
-    tree = cKDTree(full.template.vertices)
-    same = tree.query(bodies.template.vertices)[1]
-    shift = np.linalg.norm(full.points[:, same] - bodies.points, axis=-1)
-    assert shift.max() < 0.03
-
-
 def test_the_same_people_come_again_and_others_with_another_seed(plain):
     for variant in ("plain", "natural"):
         first = load_open_bodies("coarse", variant, people=3)
