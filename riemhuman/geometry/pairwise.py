@@ -222,7 +222,7 @@ def table_of_distances(
     n_points = len(result) if within else sum(result.shape)
     _, features_of_one = features_of_rows(0, 1)[0]
     bytes_per_point = sum(array.nbytes for array in features_of_one)
-    # Without room for the features of all, there is for those of as many rows as columns.
+    # If the features of all points do not fit, those of as many rows as columns do.
     n_at_once = n_points
     if n_points * bytes_per_point > memory:
         n_at_once = max(1, memory // (2 * bytes_per_point))

@@ -111,8 +111,8 @@ class RotationFieldMetric(RiemannianMetric):
 
     On every triangle the distance is the angle θ of the rotation R₁ᵀ R₂, in [0, π], and
     exponential, logarithm, geodesics and parallel transport are those of the rotation group with
-    its two-sided invariant metric. The cut locus of a rotation is that of half turns from it,
-    θ = π: there are two shortest geodesics to them, and no logarithm.
+    its two-sided invariant metric. The cut locus of a rotation are the rotations at the angle π
+    from it: there are two shortest geodesics to them, and no logarithm.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ class RotationFieldMetric(RiemannianMetric):
         )
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Turn about constant axes for unit time."""
+        """Rotate about constant axes for unit time."""
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         return rotations.exp(_angular_velocity(tangent_vec, base_point), base_point)
@@ -172,7 +172,7 @@ class RotationFieldMetric(RiemannianMetric):
         Raises
         ------
         OutsideManifoldError
-            If two rotations differ by a half turn: there is no unique shortest path.
+            If two rotations differ by the angle π: there is no unique shortest path.
         """
         point = self.space.check_point(point, "point")
         base_point = self.space.check_point(base_point, "base_point")
@@ -180,7 +180,7 @@ class RotationFieldMetric(RiemannianMetric):
         values = values_of(omega)
         refuse_triangles(
             np.sqrt(dot(values, values)) >= rotations.HALF_TURN,
-            "point must hold no rotation half a turn from that of base_point, or there is no "
+            "point must hold no rotation by the angle π from that of base_point, or there is no "
             "unique logarithm",
             OutsideManifoldError,
         )
@@ -235,7 +235,7 @@ class RotationMetric(PullbackMetric):
     `time`, as between matrices, and the nearest rotations are compared. Together, g and R before
     diffusion determine the surface up to a translation, which g and the normals do not.
 
-    Like normals, it tells how people stand, and more reliably: a person's build turns normals back
+    Like normals, it distinguishes poses, and more reliably: a person's build rotates normals back
     and forth within the thickness of a limb, and diffusion averages over that length. Translation
     and scale of one of two surfaces leave the distance unchanged; rotation does not.
 
@@ -356,7 +356,7 @@ class RotationMetric(PullbackMetric):
 
 
 def _angular_velocity(tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-    """Return v of tangent vectors R [v]×, in the axes that R turns."""
+    """Return the angular velocity v of tangent vectors R [v]×, in the axes before R."""
     return axial(np.matmul(transpose(base_point), tangent_vec))
 
 

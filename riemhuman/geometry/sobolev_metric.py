@@ -224,7 +224,7 @@ class GaugeInvariantMetric(MidpointMetric):
     -----
     Motions along the surface cost nothing: there is no closed-form distance, the Gram matrix is
     semidefinite, and the surfaces of a path of least energy are free to slide along themselves.
-    Unlike G, the metric sees translations.
+    Unlike G, the metric is not invariant under translations.
 
     Search for paths over smooth deformations, as in the example, and compare energies found over
     the same ones only: the more of them, the lower the energy. Over all vertices a mesh crumples,

@@ -376,7 +376,7 @@ def rounding_energy(
     energy: PathEnergy | None = None,
     size: float = _ROUNDING,
 ) -> float:
-    """Return a squared distance that cannot be told from 0: of a point from itself, rounded.
+    """Return a squared distance that counts as 0: that of a point from itself, rounded.
 
     `size` is the relative error of the point's entries.
     """

@@ -62,7 +62,7 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Result(Record):
-    """How a solver ended; subclasses add what it found.
+    """How a solver ended; subclasses add its solution.
 
     Attributes
     ----------

@@ -10,8 +10,6 @@ from scipy.spatial.transform import Rotation
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import (
     ArgumentError,
-    ArgumentTypeError,
-    ConvergenceWarning,
     DegenerateSurfaceError,
 )
 from riemhuman.geometry import ElasticMetric, FlatMetric, RiemannianMetric, SRNFMetric
@@ -25,7 +23,7 @@ from riemhuman.solvers import (
     SegmentEnergy,
     Status,
 )
-from riemhuman.solvers.interpolated_paths import rotating_path, rotating_paths
+from riemhuman.solvers.interpolated_paths import rotating_path
 from riemhuman.surfaces import DeformationBasis
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)]
@@ -257,18 +255,6 @@ class Level(SegmentEnergy):
         return 3.0, np.zeros_like(path)
 
 
-def test_where_they_cost_the_same_it_starts_straight():
-    """It compares paths of all times, and no step lowers this energy."""
-    metric, energy = elastic((1, 1, 0)), Level()
-    ends = bodies.body("resting"), bodies.body("elbow bent")
-    energy.asked.clear()
-    solver = BasisPath(bodies.basis(), n_nodes=6, energy=energy, remove_drift=False)
-    result = solver.solve(metric, *ends)
-    np.testing.assert_array_equal(result.path, LinearPath(6).solve(metric, *ends).path)
-    assert (result.n_iterations, result.n_evaluations, result.energy) == (0, 1, 3.0)
-    assert set(energy.asked) == {6}
-
-
 class Counting(SegmentEnergy):
     """The energy, counting its gradients."""
 
@@ -318,29 +304,6 @@ def test_a_single_segment_has_no_search():
     np.testing.assert_array_equal(found.path, ends)
 
 
-def test_as_geodesic_solver_of_a_metric():
-    ends = bodies.body("resting"), bodies.body("arm raised")
-    solver = BasisPath(bodies.basis(), n_nodes=5)
-    metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0, geodesic_solver=solver)
-    geodesic = metric.geodesic(ends[0], end_point=ends[1])
-    path = solver.solve(metric, *ends).path
-    np.testing.assert_allclose(geodesic([0.0, 0.5, 1.0]), path[[0, 2, 4]], atol=1e-12)
-    np.testing.assert_allclose(geodesic(0.125)[0], 0.5 * (path[0] + path[1]), atol=1e-12)
-
-
-def test_callback_sees_every_iteration(solved):
-    seen = []
-    metric = elastic((0, 0, 1))
-    solver = BasisPath(
-        bodies.basis(), n_nodes=5, callback=lambda *arguments: seen.append(arguments)
-    )
-    result = solver.solve(metric, bodies.body("resting"), bodies.body("other build"))
-    iterations, energies, paths = zip(*seen[-result.n_iterations :], strict=True)
-    assert list(iterations) == list(range(1, result.n_iterations + 1))
-    np.testing.assert_allclose(energies, result.energies[1:])
-    np.testing.assert_allclose(metric.energy(paths[-1]), energies[-1], rtol=1e-10)
-
-
 def test_interruption_keeps_what_was_reached():
     def interrupt(iteration, energy, path):
         if iteration == 2:
@@ -357,35 +320,12 @@ def test_interruption_keeps_what_was_reached():
     assert metric.energy(result.path) == pytest.approx(result.energy)
 
 
-def test_too_few_iterations_are_said_once():
-    solver = BasisPath(bodies.basis(), max_iter=2)
-    with pytest.warns(ConvergenceWarning, match="2 iterations") as caught:
-        result = solver.solve(elastic((1, 1, 0)), bodies.body("resting"), bodies.body("elbow bent"))
-    assert len(caught) == 1
-    assert not result.converged
-    assert result.n_iterations == 2
-
-
 def test_progress_is_shown_on_request(capsys):
     ends = bodies.body("resting"), bodies.body("other build")
     BasisPath(bodies.basis(), n_nodes=4).solve(elastic((0, 0, 1)), *ends)
     assert capsys.readouterr().err == ""
     BasisPath(bodies.basis(), n_nodes=4, progress=True).solve(elastic((0, 0, 1)), *ends)
     assert "geodesic" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("settings", "error", "message"),
-    [
-        ({"n_nodes": 1}, ArgumentError, "n_nodes.*at least 2.*1"),
-        ({"n_nodes": 2.5}, ArgumentTypeError, "n_nodes"),
-        ({"tolerance": 0.0}, ArgumentError, "tolerance"),
-        ({"max_iter": 0}, ArgumentError, "max_iter"),
-    ],
-)
-def test_refuses_settings(settings, error, message):
-    with pytest.raises(error, match=message):
-        BasisPath(bodies.basis(), **settings)
 
 
 def test_refuses_what_does_not_fit(solved):
@@ -445,19 +385,3 @@ def test_no_search_starts_on_a_surface_without_area(n_nodes):
     solver = BasisPath(bodies.basis(20), n_nodes)
     for path in solver._default_initial_paths(metric, start, end):
         assert np.all(metric.space.belongs(path))
-
-
-def test_half_a_turn_under_an_energy_that_rounds_below_zero():
-    """Energies of rounding errors have either sign; one path is left at any rate."""
-    start = bodies.body("resting")
-    metric, energy = elastic((1, 1, 0)), RoundedBelow()
-    turned = rotating_paths(metric, energy, start, start * [-1.0, 1.0, -1.0], 5)
-    assert turned[0][1] == -1e-18
-
-
-class RoundedBelow:
-    """An energy of nothing but a rounding error."""
-
-    def value(self, metric, path):
-        """Return what rounding may leave of nothing."""
-        return -1e-18

@@ -7,13 +7,11 @@ from cases import CASES, cases_that, name_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
 from riemhuman.solvers.paths import (
     ClosedFormGeodesic,
-    FiniteDifferenceEnergy,
     LinearPath,
     check_end_points,
     check_initial_path,
     linear_path,
     lower_bound,
-    percentage,
 )
 
 
@@ -58,18 +56,6 @@ def test_no_closed_form_is_said(case):
         ClosedFormGeodesic().solve(case.metric, *case.points[:2])
 
 
-@pytest.mark.parametrize("solver_class", [LinearPath, ClosedFormGeodesic])
-def test_settings(solver_class):
-    case = CASES["normals triangle"]
-    energy = FiniteDifferenceEnergy()
-    result = solver_class(n_nodes=4, energy=energy).solve(case.metric, *case.points[:2])
-    assert result.energy == energy.value(case.metric, result.path)
-    assert len(solver_class().solve(case.metric, *case.points[:2]).path) == 11
-    for wrong in (1, 2.5, "many"):
-        with pytest.raises((ArgumentError, ArgumentTypeError), match="n_nodes must be"):
-            solver_class(n_nodes=wrong)
-
-
 def test_end_points_are_left_alone():
     case = CASES["mixed open"]
     start, end = case.points[0].copy(), case.points[1].copy()
@@ -94,24 +80,6 @@ def test_linear_path_is_exact_at_its_ends():
     path = linear_path(start, end, 8)
     np.testing.assert_array_equal(path[[0, -1]], [start, end])
     np.testing.assert_allclose(np.diff(path, axis=0), (end - start) / 7 + np.zeros((7, 4)))
-
-
-def test_linear_path_at_uneven_times_of_any_shape():
-    for shape in ((), (2,), (4, 3)):
-        start, end = np.random.default_rng(1).standard_normal((2, *shape))
-        path = linear_path(start, end, 5)
-        assert path.shape == (5, *shape)
-        np.testing.assert_allclose(path[1], 0.75 * start + 0.25 * end, rtol=1e-14)
-
-
-def test_initial_paths_between_zeros_are_legal():
-    metric, zero = CASES["flat"].metric, np.zeros((3, 2))
-    path = np.zeros((4, 3, 2))
-    path[1:-1] = 0.5
-    np.testing.assert_array_equal(check_initial_path(metric, zero, zero, 4, path), path)
-    path[-1] = 1e-9
-    with pytest.raises(ArgumentError, match="off by up to 1e-09"):
-        check_initial_path(metric, zero, zero, 4, path)
 
 
 def test_initial_paths_are_checked():
@@ -150,12 +118,6 @@ def test_the_lower_bound_of_a_path_is_that_of_its_ends():
     case = CASES["all sphere"]
     bent = case.points[[0, 2, 3, 1]]
     assert lower_bound(case.metric, bent) == case.metric.squared_dist(bent[0], bent[3])
-
-
-def test_gaps_are_told_in_per_cent():
-    assert percentage(0.5, 2.0) == 25.0
-    assert percentage(0.0, 0.0) == 0.0
-    assert np.isnan(percentage(np.nan, 1.0))
 
 
 def test_without_a_closed_form_the_lower_bound_is_zero():
