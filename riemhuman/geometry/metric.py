@@ -137,8 +137,10 @@ class RiemannianMetric:
     def solvers(self) -> Solvers:
         """The strategies that it was given, by name."""
         names = "geodesic_solver", "exp_solver", "log_solver", "transport_solver"
-        given = {name: getattr(self, name) for name in names}
-        return Solvers(**{name: solver for name, solver in given.items() if solver is not None})
+        given: Any = {
+            name: getattr(self, name) for name in names if getattr(self, name) is not None
+        }
+        return Solvers(**given)
 
     @property
     def has_closed_form_dist(self) -> bool:
@@ -718,8 +720,9 @@ class RiemannianMetric:
 
     def _squared_segments(self, path: ndarray) -> ndarray:
         whole_point = (slice(None),) * len(self.space.shape)
-        start = path[(..., slice(None, -1), *whole_point)]
-        end = path[(..., slice(1, None), *whole_point)]
+        before: Any = (..., slice(None, -1), *whole_point)
+        after: Any = (..., slice(1, None), *whole_point)
+        start, end = path[before], path[after]
         if self.has_closed_form_dist:
             return self.squared_dist(start, end)
         return self.squared_norm(end - start, self.space.projection(0.5 * (start + end)))
@@ -1018,7 +1021,8 @@ class RiemannianMetric:
         NotDefinedError
             If the class does not know its curvature.
         """
-        form = self.curvature_form(tangent_vec_a, tangent_vec_b, base_point)
+        point: Any = base_point
+        form = self.curvature_form(tangent_vec_a, tangent_vec_b, point)
         product = self.inner_product(tangent_vec_a, tangent_vec_b, base_point)
         squares = self.squared_norm(tangent_vec_a, base_point) * self.squared_norm(
             tangent_vec_b, base_point

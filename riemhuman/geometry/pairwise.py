@@ -95,10 +95,11 @@ class SumOfFactors(Bulk):
     def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
         parts_a = list(self._split(a))
         parts_b = parts_a if b is a else list(self._split(b))
-        return sum(
+        total: Any = sum(
             w * bulk.squared_distances(part_a, part_b, n_threads)
             for (w, bulk, part_a), (_, _, part_b) in zip(parts_a, parts_b, strict=True)
         )
+        return total
 
     def _split(self, features: Features) -> Iterator[tuple[float, Bulk, Features]]:
         start = 0
@@ -123,7 +124,7 @@ class OfImages(Bulk):
         return self._bulk.squared_distances(a, b, n_threads)
 
 
-def features_in_threads(metric: Any, points: ndarray, precision: str, n_jobs: int) -> Features:
+def features_in_threads(metric: Any, points: Points, precision: str, n_jobs: int) -> Features:
     """Return the features of points, computed in threads."""
     n_threads = thread_count(n_jobs)
     parts = list(slices(len(points), max(1, math.ceil(len(points) / n_threads))))

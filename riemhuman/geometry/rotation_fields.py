@@ -270,11 +270,12 @@ class RotationMetric(PullbackMetric):
         time: float | None = None,
         **solvers: Unpack[Solvers],
     ) -> None:
+        surfaces: Any = space
         template = space.template
         if time is None:
             time = _SHARE_OF_AREA * template.face_areas.sum()
         self.time = real_number(time, "time", minimum=0.0)
-        self._axes = polar_frames(*space.partial_derivatives(template.vertices))
+        self._axes = polar_frames(*surfaces.partial_derivatives(template.vertices))
         super().__init__(space, RotationFields(template).metric, self.rotations, **solvers)
 
     def rotations(self, f: ndarray) -> ndarray:

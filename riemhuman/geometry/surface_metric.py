@@ -295,9 +295,9 @@ class SurfaceMetric(MetricOfTerms):
         return term.weight * np.sum(values, axis=-1)
 
     def _check_members(self, points: Points, name: str) -> ndarray:
-        points = self.space.check_point(points, name)
-        check_shape(points, name, ("n_points", *self.space.shape), batched=False)
-        return points
+        checked: ndarray = self.space.check_point(points, name)
+        check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
+        return checked
 
 
 class _TermFields:
