@@ -21,7 +21,6 @@ from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path, read_bytes, short_message, write_bytes
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.kernels.surface import vertex_normals
 
 _FLOAT, _BYTE, _SHORT, _INT = 5126, 5121, 5123, 5125  # component types of glTF
 _TRIANGLES = 4  # mode of primitives
@@ -293,6 +292,8 @@ def _joined(document: dict[str, Any], binary: bytes) -> bytes:
 
 def _unit_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return normals of the vertices of all surfaces, pointing up where there is no area."""
+    from riemhuman.kernels.surface import vertex_normals  # takes long, as autograd does
+
     normals = np.stack([vertex_normals(f, faces) for f in points])
     normals[~normals.any(axis=-1)] = (0.0, 1.0, 0.0)
     return normals
