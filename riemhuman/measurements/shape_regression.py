@@ -11,8 +11,6 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.solvers import GeodesicRegression
-from riemhuman.solvers.image_spaces import image_space
-from riemhuman.solvers.tangent_pca import mean_point
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +112,7 @@ def regress_shape(
     if (values != values[first][of_person]).any():
         raise ArgumentError("values must be the same for all bodies of a person")
     regression = GeodesicRegression(space, **options).fit(values, points)
-    gram = _gram_matrix(space, regression, points)
+    gram = regression.gram_matrix(points)
     rng = generator(rng)
     own = values[first]
     explained = _explained(gram, own[of_person])
@@ -122,15 +120,6 @@ def regress_shape(
     n_at_least = 1 + int(np.sum(np.array(permuted) >= explained * (1.0 - 1e-12)))
     p_value = n_at_least / (1 + n_permutations)
     return ShapeRegression(regression, explained, p_value, n_permutations)
-
-
-def _gram_matrix(space: Any, regression: GeodesicRegression, points: ndarray) -> ndarray:
-    """Return inner products of the logarithms at the mean, shape (n, n)."""
-    image = image_space(space.metric, regression.image, regression.nearest)
-    mean = mean_point(regression.mean_, space, image, points)
-    base = image.embed(mean[None])[0]
-    logs = image.metric.log(image.embed(points), base)
-    return np.array([[float(image.metric.inner_product(a, b, base)) for b in logs] for a in logs])
 
 
 def _explained(gram: ndarray, values: ndarray) -> float:

@@ -100,7 +100,9 @@ class NeighborIndex:
         try:
             for part in slices(len(X), _BLOCK):
                 points = self.checked(X, part.start, part.stop)
-                features = features_in_threads(self.metric, points, "single", self.n_jobs)
+                features = features_in_threads(
+                    self.metric, points, "single", thread_count(self.n_jobs)
+                )
                 self._points.append(points)
                 for rows, feature in zip(self._features, features, strict=True):
                     rows.append(feature)
@@ -159,7 +161,7 @@ class NeighborIndex:
         size = max(1, min(_BLOCK, _BOUNDS // len(self)))
         for part in slices(len(self) if X is None else len(X), size):
             points = self.points[part] if X is None else self.checked(X, part.start, part.stop)
-            features = features_in_threads(self.metric, points, "single", self.n_jobs)
+            features = features_in_threads(self.metric, points, "single", thread_count(self.n_jobs))
             numbers = [part.start + i if X is None else None for i in range(len(points))]
             found: list[tuple[ndarray, int]]
             if self.projection is None:
@@ -254,12 +256,14 @@ class NeighborIndex:
         self, points: ndarray, candidates: list[ndarray], n_threads: int
     ) -> list[ndarray]:
         """Return the distances of each query from its candidates, in double precision."""
-        own = features_in_threads(self.metric, points, "double", self.n_jobs)
+        own = features_in_threads(self.metric, points, "double", thread_count(self.n_jobs))
         exact = [np.empty(len(numbers)) for numbers in candidates]
         everyone = np.unique(np.concatenate(candidates))
         for part in slices(len(everyone), _DOUBLE):
             some = everyone[part]
-            features = features_in_threads(self.metric, self.points[some], "double", self.n_jobs)
+            features = features_in_threads(
+                self.metric, self.points[some], "double", thread_count(self.n_jobs)
+            )
 
             def compare(i: int, some: ndarray = some, features: Any = features) -> None:
                 here = np.flatnonzero(np.isin(candidates[i], some))

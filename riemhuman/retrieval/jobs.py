@@ -183,11 +183,11 @@ def pairwise_job(
             tables[_UNFINISHED_RESULT] = ((n_points, n_points), np.float64)
         job.make_tables(tables)
 
-        known = np.array(job.read(_DIGESTS)).any(axis=1)
+        known: ndarray = np.asarray(np.any(job.read(_DIGESTS), axis=1))
         if complete and not known.all():
             raise FileFormatError(f"{job.path / _DIGESTS} is damaged: it lacks digests of points")
         for number in np.flatnonzero(known):
-            _read_points(job, metric, points, blocks[number], number)
+            _read_points(job, metric, points, blocks[number], int(number))
         todo = [] if complete else list(_unfinished(job, tiles, _DistanceTable()))
         finished = set(range(len(tiles))).difference(todo)
         _try_distances(job, metric, points, blocks, tiles, finished, precision, n_jobs)
@@ -201,7 +201,8 @@ def pairwise_job(
             _compute(job, metric, reader, tiles, todo, _DistanceTable(), client, progress)
             job.rename(_UNFINISHED_RESULT, RESULT)
         job.remove(_DONE, *arrays)
-        return job.read(RESULT)
+        result: Any = job.read(RESULT)
+        return result
 
 
 def path_job(
@@ -367,7 +368,7 @@ def _try_distances(
     n_jobs: int | None,
 ) -> None:
     """Compute some features and distances again, and raise an error if they differ."""
-    known = np.array(job.read(_DIGESTS)).any(axis=1)
+    known: ndarray = np.asarray(np.any(job.read(_DIGESTS), axis=1))
     starts = [block.start for block, is_known in zip(blocks, known, strict=True) if is_known]
     if not starts:
         return
@@ -457,9 +458,10 @@ def _compute(
         if not todo:
             return []
         n_left = sum(table.n_pairs(parts[number]) for number in todo)
-        errors = []
+        errors: list[RiemhumanError] = []
         settings = {"desc": table.title, "disable": not progress, "unit": table.unit}
         with ProgressBar(total=n_pairs, initial=n_pairs - n_left, **settings) as bar:
+            values: Any
             for number, values in compute_parts(
                 metric, worker, [(number, parts[number]) for number in todo], client
             ):

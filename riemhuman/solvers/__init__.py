@@ -4,10 +4,9 @@ from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.exponential import DiscreteExponential, ExponentialResult
 from riemhuman.solvers.geodesic_regression import GeodesicRegression
 from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath, PoissonPath
-from riemhuman.solvers.inverted_triangles import inverted_triangles
 from riemhuman.solvers.logarithm import DiscreteLogarithm, LogarithmResult
 from riemhuman.solvers.means import BasisMean, FrechetMean, GeometricMedian, GradientDescentMean
-from riemhuman.solvers.nearest_surface import NearestSurface
+from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
 from riemhuman.solvers.parallel_transport import PoleLadder, SchildLadder, TransportResult
 from riemhuman.solvers.path_comparison import (
     PathComparison,

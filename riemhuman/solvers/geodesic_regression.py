@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Self
 
 import autograd.numpy as np
@@ -13,9 +14,9 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
+from riemhuman.solvers._image_spaces import Fields, Points, image_space
 from riemhuman.solvers._lbfgs import LBFGS, Minimum
-from riemhuman.solvers.field_factors import field_factor
-from riemhuman.solvers.image_spaces import ImageSpace, image_space
+from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.results import MeanResult, finish
 from riemhuman.solvers.tangent_pca import mean_point
@@ -214,7 +215,32 @@ class GeodesicRegression(Estimator):
         whole = sum(float(metric.squared_dist(self.mean_, point)) for point in points)
         return 1.0 - left / whole
 
-    def _image(self) -> ImageSpace:
+    def gram_matrix(self, y: ndarray) -> ndarray:
+        r"""Return the inner products of the logarithms of points at the mean.
+
+        Parameters
+        ----------
+        y : array, shape (n, \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (n, n)
+
+        Raises
+        ------
+        OutsideManifoldError
+            If a point has no logarithm at the mean.
+        """
+        self._require_fit("mean_")
+        image = self._image()
+        base = image.embed(self.mean_[None])[0]
+        logs = image.metric.log(image.embed(self.space.metric.check_points(y, "y")), base)
+        return np.array(
+            [[float(image.metric.inner_product(a, b, base)) for b in logs] for a in logs]
+        )
+
+    def _image(self) -> Fields | Points:
         return image_space(self.space.metric, self.image, self.nearest)
 
     def _refine(
@@ -231,7 +257,7 @@ class GeodesicRegression(Estimator):
         spread = float(np.mean(metric.squared_dist(mean, images)))
         if spread == 0:
             return point, velocity
-        factor = field_factor(metric, point, 0.5 * spread)
+        factor = _field_factor(metric, point, 0.5 * spread)
         slowness = 1.0 / np.sqrt(np.mean(times**2))
         columns = times.reshape(-1, *(1,) * point.ndim)
 
@@ -315,3 +341,34 @@ def _numbers(X: ndarray) -> ndarray:
 
 def _as_result(point: ndarray, found: Minimum) -> MeanResult:
     return MeanResult(point, found.value, found.values, **found.outcome)
+
+
+class _BlockwiseFactor(CholeskyFactor):
+    """Cholesky factors of a block diagonal matrix."""
+
+    def __init__(self, factors: Sequence[CholeskyFactor], sizes: Sequence[int]) -> None:
+        self._factors = tuple(factors)
+        self._ends = np.cumsum(sizes)[:-1]
+
+    def solve(self, columns: ndarray) -> ndarray:
+        return self._each("solve", columns)
+
+    def solve_transposed(self, columns: ndarray) -> ndarray:
+        return self._each("solve_transposed", columns)
+
+    def _each(self, method: str, columns: ndarray) -> ndarray:
+        parts = zip(self._factors, np.split(columns, self._ends), strict=True)
+        return np.concatenate([getattr(factor, method)(part) for factor, part in parts])
+
+
+def _field_factor(metric: Any, point: ndarray, scale: float) -> CholeskyFactor:
+    r"""Return a Cholesky factor of the metric's matrix at a point."""
+    if not metric.space.factors:
+        return metric_factor(metric, point[None], scale)
+    parts = metric.space.project_from_product(point)
+    factors = [
+        # What has no weight does not matter; 1 keeps its factor finite.
+        _field_factor(factor.metric, part, scale / (weight or 1.0))
+        for factor, part, weight in zip(metric.space.factors, parts, metric.weights, strict=True)
+    ]
+    return _BlockwiseFactor(factors, [part.size for part in parts])

@@ -6,18 +6,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import autograd.numpy as anp
 import numpy as np
+from autograd import value_and_grad
 from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, RiemannianMetric
+from riemhuman.kernels.surface import stacked_derivatives, triangle_frames
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.progress import ProgressBar
 from riemhuman.solvers._dispersion import check_weights
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
-from riemhuman.solvers.image_distances import image_distances
 from riemhuman.solvers.results import MeanResult, Status, finish
+from riemhuman.surfaces import Template
+from riemhuman.terms.sum import SumOfTerms
 
 # Steps after which the matrix is factored anew, and steps that are remembered.
 _ROUND, _DAMPED_ROUND, _MEMORY = 30, 5, 20
@@ -35,6 +39,14 @@ _LITTLE, _ROUNDING = 3e-3, 1e-8
 
 # Share of the start's value below which a guess is one: where it is not, limbs may lie across.
 _NEARBY = 0.25
+
+# How often triangles are turned within their planes as on the last surface, at least and at most.
+# Between, rounds go on while each takes a fifth of the value: steps of the search cost more.
+_ROUNDS, _MOST_ROUNDS = 5, 12
+_WORTH_A_ROUND = 0.8
+
+# Share of the mean of their squares below which sizes of triangles count as this.
+_SMALLEST = 1e-6
 
 
 @dataclass(frozen=True)
@@ -128,7 +140,7 @@ class NearestSurface:
         images = target.check_points(images, "images")
         weights = check_weights(weights, len(images))
         start = real_array(start, "start", metric.space.shape, batched=False)
-        companion = self.companion
+        companion: RiemannianMetric | None = self.companion
         if companion is None:
             companion = metric.complementary_metric
         if not self.companion_weight:
@@ -259,3 +271,203 @@ def _inverse_hessian_times(
     for (s, y, curvature), share in zip(curved, reversed(shares), strict=True):
         found = found + (share - float(np.vdot(y, found)) / curvature) * s
     return found
+
+
+def inverted_triangles(points: ndarray, reference: ndarray, faces: ndarray) -> ndarray:
+    r"""Tell which triangles of a surface are inverted with respect to a reference.
+
+    A deformation gradient takes each triangle and its normal from the reference to the surface. Let
+    A be the mean of these over all triangles that share a corner with a given one, weighted by
+    their areas in the reference. A should take the normal n of the triangle to the direction of
+    :math:`\det(A)\, A^{-\top} n`; the triangle is inverted if its normal points the other way.
+
+    Parameters
+    ----------
+    points : array, shape (..., V, 3)
+        Surfaces.
+    reference : array, shape (V, 3)
+        A surface without inverted triangles, such as a mean.
+    faces : array of int, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    array of bool, shape (..., F)
+
+    Raises
+    ------
+    DegenerateSurfaceError
+        If a triangle of the reference has no area.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.statistics.inverted_triangles(bodies[0], bodies[1], bodies.template.faces).shape
+    (2400,)
+    """
+    reference = real_array(reference, "reference", ("n_vertices", 3), batched=False)
+    points = real_array(points, "points", reference.shape)
+    frames, unit = _frames(points, faces), _frames(reference, faces)
+    areas = np.linalg.det(unit)
+    if not np.all(areas > 0):
+        triangle = int(np.argmin(areas > 0))
+        raise DegenerateSurfaceError(
+            f"every triangle of reference must have an area; found otherwise at triangle {triangle}"
+        )
+    gradients = areas[:, None, None] * (frames @ np.linalg.inv(unit))
+    # The mean's length does not matter, only the direction it gives to the normal.
+    around = np.zeros((*points.shape, 3))
+    for corner in faces.T:
+        for vertex_sums, terms in zip(
+            around.reshape(-1, len(reference), 3, 3),
+            gradients.reshape(-1, len(faces), 3, 3),
+            strict=True,
+        ):
+            np.add.at(vertex_sums, corner, terms)
+    means = around[..., faces, :, :].sum(axis=-3)
+    # det(A) A⁻ᵀ n as the cross product of images, which singular A have, too.
+    first, normals = unit[..., 0], unit[..., 2]
+    across = np.cross(normals, first)
+    images = [np.einsum("...ij,...j->...i", means, vector) for vector in (first, across)]
+    expected = np.cross(*images)
+    return np.sum(expected * frames[..., 2], axis=-1) <= 0
+
+
+def _frames(points: ndarray, faces: ndarray) -> ndarray:
+    """Return two edges and the unit normal of every triangle as columns, shape (..., F, 3, 3)."""
+    one, two, three = (points[..., corner, :] for corner in faces.T)
+    normals = np.cross(two - one, three - one)
+    lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals = normals / np.where(lengths > 0, lengths, 1.0)
+    return np.stack([two - one, three - one, normals], axis=-1)
+
+
+class _ByDefinition:
+    """The mean for any pull-back, by autograd."""
+
+    def __init__(self, metric: Any, images: ndarray, weights: ndarray) -> None:
+        def mean(surface: ndarray) -> Any:
+            return anp.dot(weights, metric.target_metric.squared_dist(metric.map(surface), images))
+
+        self._slope = value_and_grad(mean)
+
+    def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
+        try:
+            value, gradient = self._slope(surface)
+        except DegenerateSurfaceError:
+            return np.inf, np.zeros_like(surface)
+        return float(value), gradient
+
+    def nearby(self, surface: ndarray) -> ndarray:
+        return surface
+
+
+class _OfElasticMetric:
+    """The mean for elastic metrics, in compiled loops.
+
+    Fields (g, n) that come from no surface come from a surface of separate triangles all the same:
+    the metric does not see how these lie. So distances from fields are those between surfaces over
+    a template whose triangles are separate.
+    """
+
+    def __init__(self, metric: ElasticMetric, images: ndarray, weights: ndarray) -> None:
+        self._template = template = metric.space.template
+        self._separate = separate = Template(
+            template.vertices[template.faces].reshape(-1, 3),
+            np.arange(3 * template.n_faces).reshape(-1, 3),
+        )
+        self._sum, used = SumOfTerms(metric.terms, template), weights > 0
+        self._weights = weights[used]
+        self._targets = np.stack(
+            [_separate_triangles(metric, separate, image) for image in images[used]]
+        )
+        self._sees_all = metric.a > 0 and metric.c > 0
+
+    def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
+        targets, faces = self._targets, self._separate.faces
+        squared, gradient = self._sum.squared_dists(surface, targets, self._weights, faces)
+        return float(self._weights @ squared), gradient
+
+    def nearby(self, surface: ndarray) -> ndarray:
+        """Return the surface whose derivatives are nearest to those of one target's triangles.
+
+        The metric does not see rotations of a triangle within its plane. They are chosen as near as
+        possible to the previous surface, in a few rounds with the extrapolation of Anderson from
+        two rounds (Peng et al., "Anderson acceleration for geometry optimization", ACM TOG 37,
+        2018). Errors are relative to the triangles' sizes, as those of normals are.
+        """
+        if len(self._targets) > 1 or not self._sees_all:
+            return surface
+        operator = self._template.differential_operator
+        frames = triangle_frames(self._targets[0], self._separate.differential_operator)
+        tangents, normals = frames[..., :2], frames[..., 2:]
+        across = np.cross(normals, tangents, axis=1)
+        sizes = np.sum(tangents**2, axis=(1, 2))
+        weights = sizes.mean() / np.maximum(sizes, _SMALLEST * sizes.mean())
+        assemble = self._template.interpolator.with_weights(weights)
+
+        def assembled(surface: ndarray) -> ndarray:
+            there = triangle_frames(surface, operator)[..., :2]
+            # Σ (there · here) and Σ (there · n × here) over both columns: cos and sin of the turn.
+            cosine = np.sum(there * tangents, axis=(1, 2))
+            sine = np.sum(there * across, axis=(1, 2))
+            size = np.hypot(cosine, sine)
+            size = np.where(size > 0.0, size, 1.0)
+            cosine, sine = (part[:, None, None] / size[:, None, None] for part in (cosine, sine))
+            return assemble.surface_of(
+                stacked_derivatives(cosine * tangents + sine * across), surface
+            )
+
+        best, value = surface, np.inf
+        before = assembled(surface)
+        change, surface = before - surface, before
+        for k in range(1, _MOST_ROUNDS):
+            after = assembled(surface)
+            new_change = after - surface
+            bend = new_change - change
+            share = np.vdot(bend, new_change) / (np.vdot(bend, bend) or 1.0)
+            surface = after - share * (after - before)
+            before, change = after, new_change
+            if k + 1 < _ROUNDS:
+                continue
+            last, (new_value, _) = value, self.value_and_gradient(surface)
+            if new_value < value:
+                best, value = surface, new_value
+            if not new_value < _WORTH_A_ROUND * last:
+                break
+        return best
+
+
+def image_distances(
+    metric: RiemannianMetric, images: ndarray, weights: ndarray
+) -> _ByDefinition | _OfElasticMetric:
+    r"""Return the mean of squared distances from points of the image space, and its gradients.
+
+    Its method `value_and_gradient` takes a surface (V, 3); `nearby` returns a surface that may be
+    nearer to the points, or the same.
+    """
+    if isinstance(metric, ElasticMetric):
+        return _OfElasticMetric(metric, images, weights)
+    return _ByDefinition(metric, images, weights)
+
+
+def _separate_triangles(metric: ElasticMetric, template: Template, image: ndarray) -> ndarray:
+    """Return corners of triangles with given fields, shape (3F, 3)."""
+    product: Any = metric.target_metric.space
+    parts = list(product.project_from_product(image))
+    n_faces = template.n_faces
+    g = parts.pop(0) if metric.a > 0 else np.tile(np.eye(2), (n_faces, 1, 1))
+    normals = parts.pop(0) if metric.c > 0 else np.tile([0.0, 0.0, 1.0], (n_faces, 1))
+    # Any direction across the normal: the axis that is farthest from it leads to one.
+    axes = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    first = np.cross(normals, axes)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(normals, first)
+    lower = np.linalg.cholesky(g)
+    f_u = lower[:, :1, 0] * first
+    f_v = lower[:, 1:, 0] * first + lower[:, 1:, 1] * second
+    inverse_u2, inverse_v3, shear = template.frame_coefficients.T[..., None]
+    corner_2 = f_u / inverse_u2
+    corner_3 = (f_v + shear * corner_2) / inverse_v3
+    return np.stack([np.zeros_like(f_u), corner_2, corner_3], axis=1).reshape(-1, 3)

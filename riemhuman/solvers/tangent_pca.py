@@ -14,7 +14,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold
 from riemhuman.geometry.manifold import sample_count, stack_samples
-from riemhuman.solvers.image_spaces import ImageSpace, image_space
+from riemhuman.solvers._image_spaces import Fields, Points, image_space
 from riemhuman.solvers.nearest_surface import NearestSurface
 
 # Squared singular values below this share of the first are rounding errors.
@@ -151,7 +151,7 @@ class TangentPCA(Estimator):
         self._set_components(image, logs - self.offset_)
         return self
 
-    def _set_components(self, image: ImageSpace, logs: ndarray) -> None:
+    def _set_components(self, image: Fields | Points, logs: ndarray) -> None:
         rows = logs.reshape(len(logs), -1)
         covectors = image.metric.covector(logs, self._base).reshape(len(logs), -1)
         products = covectors @ rows.T
@@ -303,29 +303,12 @@ class TangentPCA(Estimator):
             accepted += [point for point in points if accept(point)]
         return stack_samples(np.stack(accepted), n_samples)
 
-    def _image(self) -> ImageSpace:
+    def _image(self) -> Fields | Points:
         return image_space(self.space.metric, self.image, self.nearest)
 
 
-def mean_point(mean: Any, space: Manifold, image: ImageSpace, points: ndarray) -> ndarray:
-    r"""Return the point of tangency.
-
-    Parameters
-    ----------
-    mean : array, object or None
-        The point, a solver with a method ``solve(metric, points)``, or None for the mean of the
-        image space.
-    space : Manifold
-        The space of the points.
-    image : ImageSpace
-        Space of the statistics.
-    points : array, shape (n, \*shape)
-        Points.
-
-    Returns
-    -------
-    array, shape (\*shape,)
-    """
+def mean_point(mean: Any, space: Manifold, image: Fields | Points, points: ndarray) -> ndarray:
+    r"""Return the point of tangency."""
     if mean is None:
         return image.mean(points)
     if hasattr(mean, "solve"):

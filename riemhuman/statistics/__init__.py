@@ -1,9 +1,8 @@
 """Statistics on manifolds: principal components, regression, clusters, tests, fitted metrics."""
 
 from riemhuman.solvers.geodesic_regression import GeodesicRegression
-from riemhuman.solvers.inverted_triangles import inverted_triangles
 from riemhuman.solvers.means import FrechetMean, GeometricMedian
-from riemhuman.solvers.nearest_surface import NearestSurface
+from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
 from riemhuman.solvers.tangent_pca import TangentPCA
 from riemhuman.statistics.clustering import HierarchicalClustering, KMedoids
 from riemhuman.statistics.learned_metric import LearnedMetric

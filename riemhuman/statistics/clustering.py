@@ -106,7 +106,19 @@ class KMedoids(Estimator):
         return self
 
     def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
-        """Fit, and return the labels."""
+        """Fit, and return the labels.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, n)
+            Symmetric distances.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        array of int, shape (n,)
+        """
         return self.fit(X).labels_
 
     def predict(self, X: ArrayLike) -> ndarray:
@@ -211,7 +223,7 @@ class HierarchicalClustering(Estimator):
         if self.n_clusters is not None:
             flat = hierarchy.cut_tree(tree, self.n_clusters)[:, 0]
         else:
-            threshold = np.nextafter(self.distance_threshold, -np.inf)
+            threshold = np.nextafter(float(self.distance_threshold or 0.0), -np.inf)
             flat = hierarchy.fcluster(tree, threshold, "distance")
         _, first, labels = np.unique(flat, return_index=True, return_inverse=True)
         self.labels_ = np.argsort(np.argsort(first))[labels]
@@ -219,7 +231,19 @@ class HierarchicalClustering(Estimator):
         return self
 
     def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
-        """Fit, and return the labels."""
+        """Fit, and return the labels.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, n)
+            Symmetric distances.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        array of int, shape (n,)
+        """
         return self.fit(X).labels_
 
 

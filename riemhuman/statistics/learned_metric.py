@@ -169,15 +169,6 @@ class LearnedMetric(Estimator):
         self._require_fit("components_")
         return (self._coordinates(X) - self.mean_) @ self.components_.T
 
-    def fit_transform(
-        self,
-        X: ndarray,
-        y: Sequence[Hashable] | ndarray,
-        groups: Sequence[Hashable] | ndarray | None = None,
-    ) -> ndarray:
-        """Fit, and return the coordinates of the same points."""
-        return self.fit(X, y, groups).transform(X)
-
     def held_out_distances(
         self, X: ndarray, y: Sequence[Hashable] | ndarray, groups: Sequence[Hashable] | ndarray
     ) -> ndarray:

@@ -7,7 +7,7 @@ from cases import sphere_template, surfaces
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
-from riemhuman.solvers.image_distances import image_distances
+from riemhuman.solvers.nearest_surface import image_distances
 
 SPACE = AlignedSurfaces(sphere_template(), equip=False)
 POINTS = surfaces(sphere_template(), 4, rng=3)

@@ -7,7 +7,7 @@ from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import OutsideManifoldError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers._dispersion import Dispersion
-from riemhuman.solvers.image_spaces import image_space
+from riemhuman.solvers._image_spaces import image_space
 
 
 def test_the_mean_does_not_need_logarithms_of_fields():

@@ -108,7 +108,7 @@ def test_follows_the_conventions_of_scikit_learn(bodies, metrics):
     assert twin.get_params(deep=False) == learned.get_params(deep=False)
     points, labels = bodies.points[:30], bodies.pose[:30]
     before = points.copy()
-    codes = twin.fit_transform(points, labels.tolist(), groups=bodies.subject[:30])
+    codes = twin.fit(points, labels.tolist(), groups=bodies.subject[:30]).transform(points)
     np.testing.assert_array_equal(points, before)
     np.testing.assert_array_equal(codes, learned.fit(points, labels).transform(points))
     with pytest.raises(ArgumentError, match="must be fitted first"):

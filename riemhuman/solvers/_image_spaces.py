@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import one_of
-from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.solvers.inverted_triangles import inverted_triangles
 from riemhuman.solvers.means import GradientDescentMean
-from riemhuman.solvers.nearest_surface import NearestSurface
+from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
 
 KINDS = ("auto", "fields", "points")
 
@@ -24,74 +22,8 @@ if TYPE_CHECKING:
 _SAMPLE = 64
 
 
-class ImageSpace(Protocol):
-    """A space with exponential and logarithm, where images stand for the points."""
-
-    metric: RiemannianMetric
-
-    def embed(self, points: ndarray) -> ndarray:
-        r"""Return the images of points.
-
-        Parameters
-        ----------
-        points : array, shape (n, \*shape)
-            Points.
-
-        Returns
-        -------
-        array, shape (n, \*image_shape)
-        """
-
-    def restore(self, images: ndarray, start: ndarray) -> ndarray:
-        r"""Return the points with the nearest images.
-
-        Parameters
-        ----------
-        images : array, shape (n, \*image_shape)
-            Points of the image space.
-        start : array, shape (\*shape,)
-            Point to search from.
-
-        Returns
-        -------
-        array, shape (n, \*shape)
-        """
-
-    def is_sound(self, point: ndarray, reference: ndarray) -> bool:
-        r"""Return whether a point is sound, compared with one that is.
-
-        Parameters
-        ----------
-        point, reference : array, shape (\*shape,)
-            Points.
-
-        Returns
-        -------
-        bool
-        """
-
-    def mean(self, points: ndarray) -> ndarray:
-        r"""Return the Karcher mean of points.
-
-        Parameters
-        ----------
-        points : array, shape (n, \*shape)
-            Points.
-
-        Returns
-        -------
-        array, shape (\*shape,)
-        """
-
-
-class Points(InheritsDocstrings, ImageSpace):
-    """The space itself, whose metric has exp and log.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric.
-    """
+class Points:
+    """The space itself, whose metric has exp and log."""
 
     def __init__(self, metric: RiemannianMetric) -> None:
         self.metric = metric
@@ -101,23 +33,11 @@ class Points(InheritsDocstrings, ImageSpace):
         return points
 
     def restore(self, images: ndarray, start: ndarray) -> ndarray:
-        r"""Return the images, projected to the manifold to remove rounding errors.
-
-        Parameters
-        ----------
-        start : array, shape (\*shape,)
-            Not used.
-        """
+        r"""Return the images, projected to the manifold to remove rounding errors."""
         return self.metric.space.projection(images)
 
     def is_sound(self, point: ndarray, reference: ndarray) -> bool:
-        r"""Return True: every point of a manifold is sound.
-
-        Parameters
-        ----------
-        point, reference : array, shape (\*shape,)
-            Not used.
-        """
+        r"""Return True: every point of a manifold is sound."""
         return True
 
     def mean(self, points: ndarray) -> ndarray:
@@ -125,18 +45,11 @@ class Points(InheritsDocstrings, ImageSpace):
         return GradientDescentMean().solve(self.metric, points).point
 
 
-class Fields(InheritsDocstrings, ImageSpace):
+class Fields:
     r"""The fields Φ(f) of surfaces, in the space where the metric measures their distances.
 
     There geodesics have a closed form, and ‖log Φ(f)‖ = d(f, mean). A point of that space need not
     come from a surface; it is then replaced by the nearest surface.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        A metric on surfaces.
-    nearest : NearestSurface
-        Solver for the nearest surface.
     """
 
     def __init__(self, metric: Any, nearest: NearestSurface) -> None:
@@ -149,13 +62,7 @@ class Fields(InheritsDocstrings, ImageSpace):
         return self._pullback.map(points)
 
     def restore(self, images: ndarray, start: ndarray) -> ndarray:
-        r"""Return the nearest surfaces.
-
-        Parameters
-        ----------
-        start : array, shape (V, 3)
-            Surface to search from.
-        """
+        r"""Return the nearest surfaces."""
         surfaces = [
             self._nearest.solve(self._pullback, image[None], start).point for image in images
         ]
@@ -186,28 +93,8 @@ class Fields(InheritsDocstrings, ImageSpace):
         return self.restore(middle[np.newaxis], medoid)[0]
 
 
-def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> ImageSpace:
-    """Return the space for the statistics of a metric.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric of the points.
-    kind : {"auto", "fields", "points"}
-        "fields" for metrics on surfaces that are pulled back from one with exp and log; "points"
-        for metrics that have them; "auto" is "fields" for pull-backs, else "points".
-    nearest : NearestSurface, optional
-        How surfaces are found from fields.
-
-    Returns
-    -------
-    ImageSpace
-
-    Raises
-    ------
-    ArgumentError
-        If the kind is unknown, or "fields" is requested for a metric that is no pull-back.
-    """
+def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> Points | Fields:
+    """Return the space for the statistics of a metric."""
     pulled_back = metric.has_target_metric
     if one_of(kind, "image", KINDS) == "auto":
         kind = "fields" if pulled_back else "points"
