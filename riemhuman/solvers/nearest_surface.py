@@ -21,7 +21,7 @@ from riemhuman.solvers._dispersion import check_weights
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
 from riemhuman.solvers.results import MeanResult, Status, finish
 from riemhuman.surfaces import Template
-from riemhuman.terms.sum import SumOfTerms
+from riemhuman.terms._sum import SumOfTerms
 
 # Steps after which the matrix is factored anew, and steps that are remembered.
 _ROUND, _DAMPED_ROUND, _MEMORY = 30, 5, 20
