@@ -49,13 +49,13 @@ class SegmentEnergy:
     """
 
     def value(self, metric: RiemannianMetric, path: ndarray) -> float:
-        """Return the energy of a path.
+        r"""Return the energy of a path.
 
         Parameters
         ----------
         metric : RiemannianMetric
             The metric.
-        path : array, shape (n_nodes, *shape)
+        path : array, shape (n_nodes, \*shape)
             Path.
 
         Returns
@@ -65,20 +65,20 @@ class SegmentEnergy:
         return float(metric.energy(path))
 
     def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
-        """Return the energy of a path and its gradient with respect to all points.
+        r"""Return the energy of a path and its gradient with respect to all points.
 
         Parameters
         ----------
         metric : RiemannianMetric
             The metric.
-        path : array, shape (n_nodes, *shape)
+        path : array, shape (n_nodes, \*shape)
             Path.
 
         Returns
         -------
         energy : float
             May be infinite where the path leaves the manifold.
-        gradient : array, shape (n_nodes, *shape)
+        gradient : array, shape (n_nodes, \*shape)
         """
         return metric.energy_and_gradient(path)
 
@@ -100,13 +100,13 @@ class FiniteDifferenceEnergy:
     """
 
     def value(self, metric: RiemannianMetric, path: ndarray) -> float:
-        """Return the energy of a path, see `SegmentEnergy.value`.
+        r"""Return the energy of a path, see `SegmentEnergy.value`.
 
         Parameters
         ----------
         metric : RiemannianMetric
             The metric.
-        path : array, shape (n_nodes, *shape)
+        path : array, shape (n_nodes, \*shape)
             Path.
 
         Returns
@@ -116,19 +116,19 @@ class FiniteDifferenceEnergy:
         return float(self._energy(metric, metric.check_points(path, "path")))
 
     def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
-        """Return the energy of a path and its gradient, by autograd.
+        r"""Return the energy of a path and its gradient, by autograd.
 
         Parameters
         ----------
         metric : RiemannianMetric
             The metric.
-        path : array, shape (n_nodes, *shape)
+        path : array, shape (n_nodes, \*shape)
             Path.
 
         Returns
         -------
         energy : float
-        gradient : array, shape (n_nodes, *shape)
+        gradient : array, shape (n_nodes, \*shape)
         """
         energy = value_and_grad(lambda points: self._energy(metric, points))
         value, gradient = energy(metric.check_points(path, "path"))

@@ -146,7 +146,7 @@ class ConeTerm(Term):
         return 16.0 * self.b * s1 * s2 + s**2 * link
 
     def form(self, first: Derivatives) -> ndarray:
-        """Return 2a (ε₁₁ − ε₂₂)² + 8a ε₁₂² + 4b (ε₁₁ + ε₂₂)² + c |δn|²."""
+        """Return 2a (ε₁₁ − ε₂₂)² + 8a ε₁₂² + 4b (ε₁₁ + ε₂₂)² + c ‖δn‖²."""
         rows = onp.zeros((5, 6))
         rows[0, [0, 3]] = math.sqrt(2.0 * self.a), -math.sqrt(2.0 * self.a)
         rows[1, [1, 2]] = math.sqrt(2.0 * self.a)

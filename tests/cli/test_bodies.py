@@ -253,15 +253,6 @@ def test_pickle_becomes_plain_arrays(run, fields, tmp_path):
     assert "body model" in run("info", source).out
 
 
-def test_code_in_a_pickle_is_named_and_not_run(refused, tmp_path):
-    source = tmp_path / "model.pkl"
-    source.write_bytes(b"cos\nsystem\n(S'touch " + str(tmp_path / "run").encode() + b"'\ntR.")
-    message = refused("convert-model", source, "-o", tmp_path / "model.npz")
-    assert "os.system" in message or "os system" in message or "posix.system" in message
-    refused("info", source)
-    assert list(tmp_path.iterdir()) == [source]
-
-
 def test_failures(refused, fields, tmp_path):
     source = tmp_path / "model.pkl"
     source.write_bytes(pickle.dumps({"f": fields["f"]}, protocol=2))

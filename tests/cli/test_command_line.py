@@ -205,14 +205,6 @@ def test_the_shell_completes_names_and_options(tmp_path):
     assert "--align" in completed("riemhuman dist --al")
 
 
-def test_a_log_file_gets_one_line_a_task(capsys):
-    reporter = Reporter(quiet=False)
-    assert not reporter.bars
-    with reporter.task("Reading"):
-        assert capsys.readouterr().err == ""
-    assert re.fullmatch(r"Reading: \d\.\d s\n", capsys.readouterr().err)
-
-
 def test_a_terminal_is_told_at_once(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     reporter = Reporter(quiet=False)

@@ -196,16 +196,6 @@ def _empty(tmp_path):
     return tmp_path / "empty"
 
 
-def test_other_units_are_refused(run, scans, bodies, tmp_path):
-    save_mesh(tmp_path / "in_mm.ply", 1000 * bodies.points[20], bodies.template.faces)
-    files = (scans / NAMES[0], tmp_path / "in_mm.ply")
-    finished = run("dist", *files)
-    assert finished.code == 2
-    assert "one were in millimetres and the other in metres" in finished.err
-    assert "--any-scale" in finished.err
-    assert float(run("dist", *files, "--any-scale").out) > 10
-
-
 def test_dist_says_what_is_usual_under_the_metric(run, scans):
     files = (scans / NAMES[0], scans / NAMES[1])
     usual = {}

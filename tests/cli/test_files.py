@@ -42,20 +42,6 @@ def test_mesh_agrees_with_trimesh(facts, scans, bodies):
     assert found["usable_as_template"] == "yes"
 
 
-@pytest.mark.parametrize(
-    ("size", "unit"),
-    [
-        (1.0, "metres"),
-        (100.0, "centimetres"),
-        (50.0, "centimetres or inches"),
-        (1000.0, "millimetres"),
-        (1e-3, "none: no human body has this size"),
-    ],
-)
-def test_unit_guess(bodies, size, unit):
-    assert mesh_facts(size * bodies.points[4], bodies.template.faces)["unit_guess"] == unit
-
-
 def test_defects_of_a_mesh():
     vertices = np.array(
         [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1], [2, 0, 0], [9, 9, 9.0]]

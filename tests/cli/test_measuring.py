@@ -96,11 +96,3 @@ def test_failures_of_measuring(refused, scans, bodies, tmp_path):
     save_mesh(tmp_path / "mm.ply", 1000.0 * bodies.points[0], bodies.template.faces)
     assert "a body in millimetres" in refused("measure", tmp_path / "mm.ply", "--as-is", "-q")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mm.ply", "other.ply"]
-
-
-def test_units_are_told(run, scans, bodies, tmp_path):
-    save_mesh(tmp_path / "mm.ply", 1000.0 * bodies.points[0], bodies.template.faces)
-    options = ("--as-is", "--only", "stature", "-q")
-    told = run("measure", tmp_path / "mm.ply", "--unit", "millimetres", *options)
-    metres = run("measure", scans / "body_0.ply", *options)
-    assert told.out.splitlines()[1] == metres.out.splitlines()[1]

@@ -1,15 +1,12 @@
 """The commands geodesic, mean and components write what the library finds, whole or not at all."""
 
 import functools
-import itertools
 import json
 import sys
-import warnings
 
 import numpy as np
 import pytest
 
-from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io import load_mesh, save_mesh
 from riemhuman.solvers import BasisMean, BasisPath
@@ -119,24 +116,6 @@ def test_interruption_while_writing_leaves_nothing(run, ends, tmp_path, monkeypa
     assert list(tmp_path.iterdir()) == []
 
 
-def test_interruption_while_solving_leaves_nothing(run, ends, tmp_path, monkeypatch):
-    from riemhuman.solvers.paths import SegmentEnergy
-
-    evaluate, n_calls = SegmentEnergy.value_and_gradient, itertools.count()
-
-    def interrupt(*arguments):
-        if next(n_calls):
-            raise KeyboardInterrupt
-        return evaluate(*arguments)
-
-    monkeypatch.setattr(SegmentEnergy, "value_and_gradient", interrupt)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        finished = run("geodesic", *ends, "-o", tmp_path / "path.npz")
-    assert (finished.code, finished.out) == (130, "")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_path_that_did_not_converge_is_written_with_a_warning(run, ends, tmp_path, monkeypatch):
     hasty = functools.partial(BasisPath, max_iter=1, tolerance=1e-300)
     monkeypatch.setattr("riemhuman.solvers.BasisPath", hasty)
@@ -146,14 +125,6 @@ def test_a_path_that_did_not_converge_is_written_with_a_warning(run, ends, tmp_p
     assert "riemhuman: warning: BasisPath stopped without converging" in finished.err
     assert json.loads(finished.out)["converged"] is False
     assert output.exists()
-
-
-def test_meshes_that_are_not_registered(refused, ends, bodies, tmp_path):
-    other = tmp_path / "other.obj"
-    save_mesh(other, bodies.points[0][:, ::-1], bodies.template.faces[1:])
-    message = refused("geodesic", ends[0], other, "-o", tmp_path / "path")
-    assert "other.obj is not registered to" in message
-    assert "2399 triangles found, 2400 expected" in message
 
 
 @pytest.mark.parametrize("align", [False, True])
@@ -244,14 +215,6 @@ def test_folder_holds_the_mean_its_neighbours_and_samples(
         [*BODIES, "components.html", "summary.json"]
     )
     assert [path.name for path in tmp_path.iterdir()] == ["components"]
-
-
-def test_a_terminal_shows_how_far_the_mean_is(run, standing, tmp_path, monkeypatch):
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    finished = run("components", standing, "-o", tmp_path / "components", "-n", 1)
-    assert finished.code == 0
-    assert "surface: " in finished.err
-    assert " steps [" in finished.err
 
 
 def test_failures_of_components(refused, standing, tmp_path):

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from third_party import Extents, VertexOffsets
 
-from riemhuman import extensions, retrieval
+from riemhuman import extensions
 from riemhuman.__main__ import main
 from riemhuman.datasets import Bodies, load_open_bodies
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io import save_mesh
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.retrieval import scores
@@ -72,20 +71,6 @@ def test_reads_a_labelled_folder(tmp_path, capsys):
     assert "--labels needs --bodies FOLDER" in capsys.readouterr().err
 
 
-def test_natural_and_other_people(capsys):
-    choice = ["--resolution", "coarse", "--json", "--quiet", "--open", "natural"]
-    found = []
-    for options in ([], ["--people", "1"]):
-        assert main(["tables", *choice, *options]) == 0
-        tables = json.loads(capsys.readouterr().out)
-        found.append(tables["How do they stand?"]["pose metric (0, 0, 1)"])
-    people = [load_open_bodies("coarse", "natural", people=seed) for seed in (None, 1)]
-    for found_scores, bodies in zip(found, people, strict=True):
-        metric = ElasticMetric(AlignedSurfaces(bodies.template), a=0.0, lam=0.0, c=1.0)
-        expected = retrieval.scores(metric.dist_pairwise(bodies.points), bodies.pose)
-        assert found_scores["first_tier"] == pytest.approx(expected.first_tier)
-
-
 def few_bodies(resolution):
     bodies = load_open_bodies(resolution)
     chosen = [0, 2, 80, 82]
@@ -117,15 +102,6 @@ def test_all_representations(monkeypatch, capsys):
     records = json.loads(capsys.readouterr().out)
     assert {"representation": "HKS", "task": "shape"}.items() <= records[-6].items()
     assert records[-6]["scores"]["nn"] == 100.0
-
-
-def test_keyboard_interrupt_ends_quietly(monkeypatch, capsys):
-    def interrupt(*arguments):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("riemhuman.datasets.load_open_bodies", interrupt)
-    assert main(["tables"]) == 130
-    assert capsys.readouterr().err == "riemhuman: interrupted\n"
 
 
 LABELS = "labels.csv"

@@ -3,7 +3,6 @@
 import csv
 import json
 import re
-from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -14,9 +13,7 @@ from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.report import benchmark, make_report
-from riemhuman.report._body_sections import chance_of_tier
 from riemhuman.report._storage import ResultStore
-from riemhuman.report.retrieval_benchmark import POSE_METRIC as POSE
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
@@ -255,40 +252,6 @@ def test_bodies_without_model_or_shared_labels(undrawn, tmp_path):
     assert page.headings.count(1) == 1
 
 
-class Refusing:
-    """A descriptor that refuses every body."""
-
-    def describe(self, vertices, faces):
-        raise ArgumentError("never content")
-
-    def describe_all(self, bodies, n_jobs=None):
-        raise ArgumentError("never content")
-
-    def distances(self, vectors):
-        raise AssertionError
-
-
-@pytest.mark.sampled(3, "reports without figures")
-@pytest.mark.slow
-def test_on_shuffled_labels_nothing_is_said_that_is_not_so(undrawn, tmp_path, nine_bodies):
-    order = np.random.default_rng(4).permutation(len(nine_bodies))
-    labels = {"subject": nine_bodies.subject[order], "pose": nine_bodies.pose[order]}
-    shuffled = replace(nine_bodies, **labels)
-    page = make_report(tmp_path / "report", bodies=shuffled, quick=True)
-    markup = re.sub(r"<script.*?</script>", "", page.read_text("utf-8"), flags=re.DOTALL)
-    text = re.sub(r"<[^>]+>", "", markup)
-    rows = rows_of(tmp_path / "report", "retrieval-shape")
-    pose = next(float(row["first_tier"]) for row in rows if row["representation"] == POSE)
-    assert ("more than the" in text.split("Who is it?")[1].split("How do they stand?")[0]) == (
-        pose < chance_of_tier(shuffled.subject)
-    )
-    swept = rows_of(tmp_path / "report", "sweep")
-    best = max(float(row["shape_mean_average_precision"]) for row in swept)
-    assert f"mAP {best:.1f} %" in text
-    assert "gathers" not in text
-    assert "keeps the body" not in text
-
-
 def test_refusals_leave_nothing_behind(tmp_path, nine_bodies, monkeypatch):
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(FileError, match="holds other files"):
@@ -306,11 +269,3 @@ def test_refusals_leave_nothing_behind(tmp_path, nine_bodies, monkeypatch):
     with pytest.raises(MissingDependencyError, match=r"riemhuman\[report\]"):
         make_report(tmp_path / "new", bodies=nine_bodies)
     assert [entry.name for entry in tmp_path.iterdir()] == ["thesis.tex"]
-
-
-def test_a_representation_that_refuses_is_named(tmp_path, nine_bodies):
-    from riemhuman.report._experiments import Experiments, Plan
-
-    experiments = Experiments(ResultStore(tmp_path, {}), "", nine_bodies, Plan())
-    steps = experiments._distances({"picky": Refusing()}, bars=False)
-    assert steps["picky"].record == {"problem": "ArgumentError: never content"}

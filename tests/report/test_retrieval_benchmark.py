@@ -54,14 +54,6 @@ def test_descriptors_share_what_is_costly(few, monkeypatch):
     assert all(record.seconds_per_body > 0 for record in together)
 
 
-def test_where_they_cannot_share_each_says_why(few):
-    n_vertices = len(few.points[0])
-    made = {"dna": ShapeDNA(5), "heat": HeatKernelSignature(n_eigenvalues=n_vertices + 1)}
-    records = {record.representation: record for record in benchmark(few, made)}
-    assert records["dna"].problem is None
-    assert "exceeds" in records["heat"].problem
-
-
 def test_metrics_by_default(few):
     records = benchmark(few)
     names = ["shape metric (1, 0.0001, 0)", "pose metric (0, 0, 1)", "SRNF", "rotation metric"]
