@@ -128,7 +128,7 @@ def test_rest_pose(model):
     np.testing.assert_allclose(model(trans=trans), template + trans, atol=1e-13)
 
 
-def test_turning_the_root_is_rigid(model):
+def test_rotating_the_root_is_a_rigid_motion(model):
     betas, pose, _ = parameters(model)
     root = int(np.flatnonzero(model.parents < 0)[0])
     turn = Rotation.from_rotvec([0.4, -1.2, 0.8])

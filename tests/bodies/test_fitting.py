@@ -240,7 +240,7 @@ def test_with_priors_the_gradient_is_zero(model):
         np.testing.assert_allclose(gradient, 0.0, atol=1e-8)
 
 
-def test_not_converging_is_said_and_warned_of_once(model):
+def test_one_warning_about_fits_that_have_not_converged(model):
     points = model(*parameters(model, 3, rng=23))
     points = points + 0.02 * np.random.default_rng(24).normal(size=points.shape)
     with pytest.warns(ConvergenceWarning, match="3 of 3 fits, the first of surface 0") as caught:

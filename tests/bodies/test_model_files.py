@@ -270,7 +270,7 @@ def test_families(tmp_path, name):
     np.testing.assert_array_equal(model.shapedirs, fields["shapedirs"][..., :n_betas])
 
 
-def test_expressions_are_never_taken_for_shape(tmp_path):
+def test_expressions_are_no_shape_coefficients(tmp_path):
     np.savez(tmp_path / "model.npz", **_smplx(20))
     with pytest.raises(ValueError, match="n_betas is 12; .* has 10 shape coefficients"):
         BodyModel.from_file(tmp_path / "model.npz", n_betas=12)

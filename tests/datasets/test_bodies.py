@@ -151,7 +151,7 @@ def test_files_that_are_refused(tmp_path, change, message):
         Bodies.load(path)
 
 
-def test_what_is_shown():
+def test_representations():
     bodies = Bodies(**fields())
     assert repr(bodies) == "<Bodies: 6 surfaces, 2 people in 3 poses, 4 vertices, 4 triangles>"
     assert "6 surfaces, 2 people" in bodies._repr_html_()

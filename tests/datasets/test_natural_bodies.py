@@ -62,7 +62,7 @@ def test_two_poses_differ_by_a_tilted_head_alone(bodies):
     assert np.sort(others)[2] > 2 * gaps[stance, tilted]
 
 
-def test_poses_of_one_person_are_taken_for_each_other(bodies, plain):
+def test_poses_of_one_person_are_confused(bodies, plain):
     def errors(bodies):
         space = AlignedSurfaces(bodies.template)
         distances = ElasticMetric(space, a=0.0, lam=0.0, c=1.0).dist_pairwise(bodies.points)
@@ -77,7 +77,7 @@ def test_poses_of_one_person_are_taken_for_each_other(bodies, plain):
     assert not errors(plain)[0].any()
 
 
-def test_people_are_still_told_apart(bodies):
+def test_people_are_distinguished(bodies):
     metric = ElasticMetric(AlignedSurfaces(bodies.template), a=1.0, lam=1e-4, c=0.0)
     assert scores(metric.dist_pairwise(bodies.points), bodies.subject).nn == 100
 

@@ -148,7 +148,7 @@ def test_t_pose_is_straight():
             np.testing.assert_allclose(bone / np.linalg.norm(bone), direction, atol=1e-9)
 
 
-def test_angles_turn_the_way_they_are_written():
+def test_directions_of_joint_angles():
     model = load_open_model("coarse")
 
     def joint(name, angles):

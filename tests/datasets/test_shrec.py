@@ -88,7 +88,7 @@ def test_nothing_is_left_out_silently(data):
         load_shrec14(data / "none", allow_missing=True)
 
 
-def test_damaged_meshes_are_told_item_by_item(data):
+def test_damaged_meshes_are_listed(data):
     (data / "Data" / "3.obj").write_text("v 0 0 zero\n")
     (data / "Data" / "1.obj").write_text("")
     meshes = load_shrec14(data)

@@ -48,7 +48,7 @@ def test_a_hand_on_the_ear(registration, bodies):
 
 
 @pytest.mark.sampled(6, "scans that are refused")
-def test_an_arm_held_elsewhere_is_refused(registration, bodies, monkeypatch):
+def test_a_wrong_arm_is_not_trusted(registration, bodies, monkeypatch):
     """Where arms are held as in start poses alone, one is not found, and missed."""
     monkeypatch.setattr(_start_search, "arms_of", lambda model: [])
     scan = scan_of(bodies, HAND_ON_EAR)

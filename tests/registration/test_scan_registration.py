@@ -101,7 +101,7 @@ def test_a_sequence_shows_its_progress_and_keeps_what_is_finished(
 
 @pytest.mark.sampled(3, "scans that are trusted")
 @pytest.mark.slow
-def test_what_was_not_seen_is_not_matched(registration, frames):
+def test_vertices_outside_the_view_are_not_matched(registration, frames):
     front = simulated_scan(
         frames[0], registration.model.faces, rng=3, n_points=6000, view=(0, 0, 1), rotate=False
     )

@@ -50,7 +50,7 @@ def test_loose_points_are_read(tmp_path, surface, suffix, with_normals):
         assert scan.normals is None
 
 
-def test_colours_are_not_taken_for_normals(tmp_path, surface):
+def test_colours_are_no_normals(tmp_path, surface):
     rows = np.concatenate([surface[0], np.full((len(surface[0]), 3), 200.0)], axis=1)
     np.save(tmp_path / "scan.npy", rows)
     assert load_scan(tmp_path / "scan.npy").normals is None

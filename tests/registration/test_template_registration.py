@@ -36,7 +36,7 @@ def test_a_bent_template_is_found_in_any_unit(registration, size):
     assert result.fit is None
 
 
-def test_what_is_elsewhere_is_not_trusted(registration):
+def test_random_points_are_not_trusted(registration):
     points = np.random.default_rng(0).random((3000, 3))
     result = registration.solve(points)
     assert not result.trusted

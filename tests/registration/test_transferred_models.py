@@ -64,7 +64,7 @@ def test_pose_directions_are_transferred(model):
     assert again.fit(points).mean_distance < 0.001
 
 
-def test_what_is_no_body_is_refused(model):
+def test_an_egg_is_refused(model):
     ball = icosphere(subdivisions=3)
     egg = rh.Template(ball.vertices * [0.3, 0.85, 0.2], ball.faces)
     with pytest.raises(rh.errors.ArgumentError, match="body must be a body to which .* found that"):
