@@ -1,5 +1,7 @@
 """Folders of scans: what is written, what a second run leaves, and what is damaged."""
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,15 @@ def test_trusted_bodies_are_registered_meshes(registered, registration):
     assert abs(points[:, 1].min()) < 1e-9
     assert sorted(each.name for each in output.glob("*.ply")) == ["anna.ply"]
     assert (output / "untrusted" / "box.ply").is_file()
+
+
+def test_bodies_may_keep_the_axes_of_the_scans(registered, registration, tmp_path):
+    scans, _, records = registered
+    (tmp_path / "scans").mkdir()
+    shutil.copy(scans / "anna.npy", tmp_path / "scans")
+    register_folder(registration, tmp_path / "scans", tmp_path / "bodies", keep_axes=True)
+    points, _ = rh.load_mesh(tmp_path / "bodies" / "anna.ply")
+    np.testing.assert_allclose(points, records[0].arrays["points"], atol=1e-9)
 
 
 def test_damaged_scans_are_named(registered):
