@@ -30,7 +30,7 @@ def main() -> None:
     differences(bodies, space, people)
     path_and_mean(bodies, space, people)
     scan()
-    tapes(bodies)
+    measurement_lines(bodies)
     motions()
     report()
 
@@ -142,12 +142,12 @@ def scan() -> None:
     save(figure, "scan")
 
 
-def tapes(bodies) -> None:
+def measurement_lines(bodies) -> None:
     """Draw a person in the standard pose with every tape."""
     own = rh.measurements.Measurements(bodies.model)
     straight = rh.measurements.in_standard_pose(own.definitions, bodies[25])
     found = own.lines(straight, axes="space")
-    save(rh.plots.plot_measurement_lines(straight, bodies.template.faces, found), "tapes")
+    save(rh.plots.plot_measurement_lines(straight, bodies.template.faces, found), "measurement_lines")
 
 
 def motions() -> None:
