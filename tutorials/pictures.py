@@ -146,8 +146,9 @@ def measurement_lines(bodies) -> None:
     """Draw a person in the standard pose with every tape."""
     own = rh.measurements.Measurements(bodies.model)
     straight = rh.measurements.in_standard_pose(own.definitions, bodies[25])
-    found = own.lines(straight, axes="space")
-    save(rh.plots.plot_measurement_lines(straight, bodies.template.faces, found), "measurement_lines")
+    lines = own.lines(straight, axes="space")
+    figure = rh.plots.plot_measurement_lines(straight, bodies.template.faces, lines)
+    save(figure, "measurement_lines")
 
 
 def motions() -> None:
