@@ -201,7 +201,8 @@ class ConeTerm(Term):
         normals = onp.empty((3, len(faces))) if self.c > 0.0 else None
         _fill(f, faces, frames, x, y, s, normals)
         normals = None if normals is None else of_one_kind(normals)
-        return self._pack(*map(of_one_kind, (x, y, s)), normals, areas, kept)
+        x, y, s = map(of_one_kind, (x, y, s))
+        return self._pack(x, y, s, normals, areas, kept)
 
     def _pack(
         self, x: ndarray, y: ndarray, s: ndarray, normals: Any, areas: ndarray, kept: ndarray

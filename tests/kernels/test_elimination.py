@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 from block_patterns import KINDS, couplings
-from scipy import sparse
+from scipy import linalg, sparse
 
-from riemhuman.kernels.elimination import elimination_of
+from riemhuman.kernels.elimination import (
+    WIDTHS,
+    eliminate,
+    elimination_of,
+    solve_lower,
+    solve_upper,
+)
 
 
 def pattern_of(coupled):
@@ -47,3 +53,57 @@ def test_arrows_are_eliminated_from_their_ends():
 
 def test_patterns_are_kept():
     assert pattern_of(couplings("chain")) is pattern_of(couplings("chain"))
+
+
+def positive_definite(coupled):
+    """Return a matrix of random blocks, full ones, whose couplings are given."""
+    n = len(coupled)
+    rng = np.random.default_rng(n)
+    dense = np.where(np.kron(coupled, np.ones((3, 3))), rng.standard_normal((3 * n, 3 * n)), 0.0)
+    dense = dense + dense.T
+    return dense + (1.0 - np.linalg.eigvalsh(dense)[0]) * np.eye(3 * n)
+
+
+def factored(dense):
+    """Return the elimination of a dense matrix, and what it leaves."""
+    blocks = sparse.bsr_array(dense, blocksize=(3, 3))
+    found = elimination_of(blocks)
+    lower = np.zeros((len(found.rows), 9))
+    lower[found.targets] = blocks.data.reshape(-1, 9)[found.sources]
+    pivots = np.empty((len(found.order), 3))
+    eliminate(found.ends, found.rows, found.columns, found.row_ends, found.by_row, lower, pivots)
+    return found, lower, pivots
+
+
+def ordered(dense, found):
+    """Return a matrix in the order of elimination."""
+    order = (3 * found.order[:, None] + np.arange(3)).ravel()
+    return dense[np.ix_(order, order)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_factors_are_those_of_dense_matrices(kind):
+    dense = positive_definite(couplings(kind))
+    found, lower, pivots = factored(dense)
+    expected = linalg.cholesky(ordered(dense, found), lower=True)
+    n = len(pivots)
+    whole = np.zeros((n, 3, n, 3))
+    whole[found.rows, :, found.columns, :] = lower.reshape(-1, 3, 3).transpose(0, 2, 1)
+    unit = np.tril(whole.reshape(3 * n, 3 * n), -1) + np.eye(3 * n)
+    np.testing.assert_allclose(unit * np.sqrt(pivots.ravel()), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("n_sides", [1, 4, *WIDTHS])
+@pytest.mark.parametrize("kind", KINDS)
+def test_right_sides(kind, n_sides):
+    """Both triangles one after the other, the pivots between them, are the inverse."""
+    dense = positive_definite(couplings(kind))
+    found, lower, pivots = factored(dense)
+    x = np.random.default_rng(0).standard_normal((len(dense), n_sides))
+    lanes = (0,) * n_sides if n_sides in WIDTHS else None
+    sides = x.reshape(len(pivots), -1).copy()
+    solve_lower(found.ends, found.rows, lower, sides, lanes)
+    sides.reshape(-1, n_sides)[:] /= pivots.reshape(-1, 1)
+    solve_upper(found.ends, found.rows, lower, sides, lanes)
+    solution = np.linalg.solve(ordered(dense, found), x)
+    np.testing.assert_allclose(sides.reshape(x.shape), solution, rtol=1e-9, atol=1e-12)

@@ -5,10 +5,21 @@ import oracles
 import pytest
 from autograd import grad, make_jvp
 from autograd import numpy as anp
-from cases import TEMPLATES, deformations, sphere_template, surfaces
+from cases import TEMPLATES, deformations, open_template, sphere_template, surfaces
+from parametric_surfaces import sphere
 
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.kernels import surface
+from riemhuman.kernels.surface import (
+    cotangent_laplacian,
+    deformation_gradients,
+    partial_derivatives,
+    polar_frames,
+    stacked_derivatives,
+    triangle_frames,
+    vertex_normals,
+)
+from riemhuman.surfaces.template import Template
 from riemhuman.terms import RootNormalTerm
 
 
@@ -97,13 +108,6 @@ def test_differentials_against_finite_differences(name):
         np.testing.assert_allclose(found, (ahead - behind) / (2 * step), rtol=1e-6, atol=1e-8)
 
 
-def test_kernels_of_one_triangle():
-    f_u, f_v = np.array([[2.0, 0.0, 0.0]]), np.array([[1.0, 3.0, 0.0]])
-    np.testing.assert_array_equal(surface.first_fundamental_form(f_u, f_v), [[[4, 2], [2, 10]]])
-    np.testing.assert_array_equal(surface.unit_normals(f_u, f_v), [[0, 0, 1]])
-    np.testing.assert_allclose(square_root_normals(f_u, f_v), [[0, 0, np.sqrt(6)]])
-
-
 def test_components_in_the_frame_of_a_triangle():
     """A body that swells by 2 has e_i·∂_j h = 2δ_ij, one that turns about ω has −ω × e_j."""
     rng = np.random.default_rng(7)
@@ -149,19 +153,14 @@ def test_inner_products_of_vectors(shape):
         np.testing.assert_allclose(first, surface.dot(a, b), rtol=1e-14)
 
 
-def test_triangles_are_degenerate_up_to_eight_rounding_errors():
-    squared_sines = np.array([7.8, 8.2]) * np.finfo(float).eps
+@pytest.mark.parametrize(
+    ("bound", "n_errors"), [(surface.DEGENERATE, 8), (surface.NEARLY_DEGENERATE, 16)]
+)
+def test_triangles_are_degenerate_up_to_some_rounding_errors(bound, n_errors):
+    squared_sines = n_errors * np.array([0.975, 1.025]) * np.finfo(float).eps
     f_u = np.tile([3.0, 0.0, 0.0], (2, 1))
     f_v = 0.1 * np.stack([np.ones(2), np.sqrt(squared_sines), np.zeros(2)], axis=1)
-    np.testing.assert_array_equal(surface.is_degenerate(f_u, f_v), [True, False])
-
-
-def test_triangles_are_nearly_degenerate_up_to_sixteen():
-    squared_sines = np.array([15.6, 16.4]) * np.finfo(float).eps
-    f_u = np.tile([3.0, 0.0, 0.0], (2, 1))
-    f_v = 0.1 * np.stack([np.ones(2), np.sqrt(squared_sines), np.zeros(2)], axis=1)
-    found = surface.is_degenerate(f_u, f_v, surface.NEARLY_DEGENERATE)
-    np.testing.assert_array_equal(found, [True, False])
+    np.testing.assert_array_equal(surface.is_degenerate(f_u, f_v, bound), [True, False])
 
 
 def test_degenerate_triangles():
@@ -209,3 +208,105 @@ def test_refuse_triangles():
     assert str(error.value) == (
         "g must be small; found otherwise at triangle 1, the first of 2 such triangles"
     )
+
+
+def cotangents_by_hand(template):
+    """Assemble -½ (cot α + cot β) edge by edge, from angles."""
+    matrix = np.zeros((template.n_vertices, template.n_vertices))
+    for face in template.faces:
+        for corner in range(3):
+            k, i, j = np.roll(face, -corner)
+            a, b = template.vertices[i] - template.vertices[k], template.vertices[j]
+            b = b - template.vertices[k]
+            angle = np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))
+            matrix[i, j] -= 0.5 / np.tan(angle)
+            matrix[j, i] -= 0.5 / np.tan(angle)
+    return matrix - np.diag(matrix.sum(axis=1))
+
+
+@pytest.mark.parametrize("template", [sphere_template(), open_template()], ids=["closed", "open"])
+def test_entries_are_cotangents(template):
+    np.testing.assert_allclose(
+        cotangent_laplacian(template.vertices, template.faces).toarray(),
+        cotangents_by_hand(template),
+        atol=1e-11,
+    )
+
+
+def test_triangles_that_share_an_edge_in_threes_add_up():
+    vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0.2], [0.3, -1, 0], [0, 0.1, 1]]
+    template = Template(vertices, [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
+    np.testing.assert_allclose(
+        cotangent_laplacian(template.vertices, template.faces).toarray(),
+        cotangents_by_hand(template),
+        atol=1e-13,
+    )
+
+
+def test_robust_laplacian_agrees():
+    # It flips edges to be Delaunay; on the icosphere there is nothing to flip.
+    robust_laplacian = pytest.importorskip("robust_laplacian")
+    template = sphere(3)
+    laplacian, _ = robust_laplacian.mesh_laplacian(
+        np.array(template.vertices), np.array(template.faces), mollify_factor=0.0
+    )
+    difference = cotangent_laplacian(template.vertices, template.faces) - laplacian
+    assert np.abs(difference.toarray()).max() < 1e-10
+
+
+def test_the_energy_is_that_of_linear_functions():
+    """hᵀL h = Σ_t w_t (h_u² + h_v²)."""
+    template = open_template()
+    h = surfaces(template, 1, rng=1)[0]
+    h_u, h_v = partial_derivatives(h, template.differential_operator)
+    expected = template.face_areas @ np.sum(h_u**2 + h_v**2, axis=1)
+    laplacian = cotangent_laplacian(template.vertices, template.faces)
+    np.testing.assert_allclose(np.sum(h * (laplacian @ h)), expected, rtol=1e-12)
+
+
+def test_frames_hold_derivatives_and_unit_normals():
+    template = sphere_template()
+    frames = triangle_frames(template.vertices, template.differential_operator)
+    # On the template itself f_u, f_v and n are orthonormal.
+    gram = np.swapaxes(frames, -1, -2) @ frames
+    np.testing.assert_allclose(gram, np.eye(3) + np.zeros_like(gram), atol=1e-12)
+    np.testing.assert_array_equal(
+        stacked_derivatives(frames), template.differential_operator @ template.vertices
+    )
+
+
+def test_gradients_of_a_linear_map_are_the_map_along_the_surface():
+    template = sphere_template()
+    matrix = np.eye(3) + 0.3 * np.random.default_rng(0).standard_normal((3, 3))
+    before, after = (
+        triangle_frames(points, template.differential_operator)
+        for points in (template.vertices, template.vertices @ matrix.T)
+    )
+    gradients = deformation_gradients(before, after)
+    np.testing.assert_allclose((gradients @ before)[..., :2], (matrix @ before)[..., :2])
+    np.testing.assert_allclose(gradients @ before, after, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_polar_frames_are_those_of_the_polar_decomposition(name):
+    template = TEMPLATES[name]()
+    f_u, f_v = partial_derivatives(surfaces(template, 2), template.differential_operator)
+    frames = polar_frames(f_u, f_v)
+    left, _, right = np.linalg.svd(np.stack([f_u, f_v], axis=-1), full_matrices=False)
+    np.testing.assert_allclose(frames[..., :2], left @ right, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(frames), 1.0, rtol=1e-12)
+
+
+def test_normals_of_a_sphere_point_away_from_its_centre():
+    template = sphere(3)
+    normals = vertex_normals(template.vertices, template.faces)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-12)
+    assert np.sum(normals * template.vertices, axis=1).min() > 0.999
+
+
+def test_triangles_count_by_their_areas():
+    # At the first corner, a triangle across z and one of twice the area across x.
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 2], [5, 5, 5]])
+    normals = vertex_normals(points, np.array([[0, 1, 2], [0, 2, 3]]))
+    np.testing.assert_allclose(normals[0], np.array([2.0, 0, 1]) / np.sqrt(5.0), atol=1e-12)
+    assert not normals[4].any()

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, GeneralElasticMetric
 from riemhuman.kernels import surface
-from riemhuman.terms import ConeTerm, EbinTerm, RootNormalTerm, _cone_geodesics
+from riemhuman.terms import ConeTerm, EbinTerm, RootNormalTerm, _cone_geodesics, cone
 from riemhuman.terms._sum import SumOfTerms
 
 WEIGHTS = [(1.0, 1.0, 1.0), (1.0, 1e-3, 0.01), (0.0, 0.3, 1.0), (2.0, 0.05, 3.0)]
@@ -233,7 +233,9 @@ def test_transport_keeps_inner_products_and_velocities():
 cone_numbers = st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6)
 
 
-@given(cone_numbers, cone_numbers, st.floats(-5.0, 0.0), st.sampled_from(WEIGHTS))
+@given(
+    cone_numbers, cone_numbers, st.floats(-5.0, 0.0), st.sampled_from([*WEIGHTS, (1.0, 0.01, 0.0)])
+)
 def test_the_chart_never_lengthens(first, second, log_size, weights):
     term = ConeTerm(1.0, *weights)
 
@@ -257,6 +259,44 @@ def test_the_chart_is_tight_for_near_surfaces(weights):
     exact = np.sum(term.squared_dist(*near))
     bound = np.sum((term.chart(near[0]) - term.chart(near[1])) ** 2)
     assert 0.99 * exact < bound <= exact
+
+
+def cone_chart(x, y, s, lam):
+    return EbinTerm(lam=lam).chart((x, y, s))
+
+
+def ebin_squared_dist(one, other, lam):
+    return EbinTerm(lam=lam).squared_dist(one, other)
+
+
+def test_cone_chart_winds_logarithms_as_long_as_the_distance_from_the_identity():
+    rng = np.random.default_rng(5)
+    lam, s = 50.0, rng.uniform(0.5, 2.0, 40)
+    x, y = rng.uniform(-4.0, 4.0, 40), np.exp(rng.uniform(-3.0, 3.0, 40))
+    x[0], y[0] = 0.0, 1.0
+    first, second = np.split(cone_chart(x, y, s, lam), 2, axis=-1)
+    radii = 4.0 * np.sqrt(0.5 * lam) * s
+    np.testing.assert_allclose(np.hypot(first, second), radii[:, None] * [1.0, 1.0], rtol=1e-13)
+    lengths = np.linalg.norm(np.arctan2(second, first), axis=-1)
+    distances = cone.hyperbolic_distance(cone.excess(x, y, 0.0, 1.0))
+    expected = np.sqrt(2.0) * 0.5 / np.sqrt(2.0 * lam) * distances
+    np.testing.assert_allclose(lengths, expected, rtol=1e-12, atol=1e-15)
+
+
+def test_cone_chart_sees_the_apex():
+    apex = cone_chart(np.zeros(1), np.ones(1), np.zeros(1), 0.3)
+    other = cone_chart(np.array([0.4]), np.array([2.0]), np.array([1.7]), 0.3)
+    np.testing.assert_allclose(np.sum((apex - other) ** 2), 16 * 0.3 * 1.7**2)
+
+
+def test_a_steeper_chart_is_no_bound():
+    # The frequency √2 κ is the largest that Jensen's inequality allows.
+    first = tuple(np.array([value]) for value in (0.0, 1.0, 1.0))
+    second = tuple(np.array([value]) for value in (0.3, 1.3, 1.0))
+    exact = ebin_squared_dist(first, second, 0.5)
+    # The same radius, and angles 1.1 times as large.
+    charts = [1.1 * cone_chart(*point, 0.5 / 1.1**2) for point in (first, second)]
+    assert np.sum((charts[0] - charts[1]) ** 2) > exact
 
 
 def test_single_precision_keeps_its_bound():

@@ -83,11 +83,6 @@ def test_slips_of_the_paper_fail(variant):
         check_squared_dist(slip(variant), *pairs("ordinary"), 0.7)
 
 
-def half_angle(m, lam):
-    """Return sin²(½ min(π, θ)) as a function of cosh ℓ − 1."""
-    return cone.clipped_sine_squared(cone.squared_hyperbolic_distance(m) / (32.0 * lam))
-
-
 # Coordinates of surfaces.
 
 
@@ -184,40 +179,6 @@ def test_axioms_on_many_triples(lam):
 
 
 # Derivatives of the custom primitives.
-
-
-@pytest.mark.parametrize("lam", LAMBDAS)
-def test_slope_of_the_half_angle(lam):
-    cut = np.cosh(np.pi * 2 * np.sqrt(2 * lam)) - 1
-    for m in (1e-12, 1e-3 * cut, 0.5 * cut, 0.999 * cut, 1.5 * cut, 100 * cut):
-        slope = grad(half_angle)(m, lam)
-        remainders = np.array(
-            [
-                half_angle(m * (1 + e), lam) - half_angle(m, lam) - m * e * slope
-                for e in (1e-3, 1e-4)
-            ]
-        )
-        if np.abs(remainders[1]) > 1e-14:
-            assert np.log10(abs(remainders[0] / remainders[1])) >= 1.9
-        else:
-            assert abs(remainders[0]) < 1e-10
-        # Slopes of slopes are needed where an inner product is a second derivative.
-        step = 1e-6 * m
-        second = grad(grad(half_angle))(m, lam)
-        ahead, behind = (grad(half_angle)(m + e, lam) for e in (step, -step))
-        np.testing.assert_allclose(
-            second, (ahead - behind) / (2 * step), rtol=1e-4, atol=1e-4 * (slope / m + 1e-12)
-        )
-
-
-@pytest.mark.parametrize("lam", LAMBDAS)
-def test_half_angle_at_its_ends(lam):
-    kappa = 0.5 / np.sqrt(2.0 * lam)
-    assert half_angle(0.0, lam) == 0
-    np.testing.assert_allclose(grad(half_angle)(0.0, lam), kappa**2 / 2)
-    assert half_angle(1e12, lam) == 1
-    assert grad(half_angle)(1e12, lam) == 0
-    assert np.isfinite(grad(grad(half_angle))(0.0, lam))
 
 
 @pytest.mark.parametrize("lam", LAMBDAS)

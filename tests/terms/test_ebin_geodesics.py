@@ -315,25 +315,3 @@ def test_log_and_exp_are_differentiable(function, argument):
     assert oracles.taylor_slope(value, pair[argument], direction, gradient) >= 1.9
     pair[1 - argument] = pair[argument].copy()
     assert np.all(np.isfinite(grad(value)(pair[argument])))
-
-
-def test_the_size_by_which_a_whitened_change_is_rounded():
-    """Of W δg Wᵀ, with W = [[1, 0], [-x/y, 1/y]]/√g₁₁, the sum of the sizes of all products."""
-    rng = np.random.default_rng(8)
-    g, delta_g = matrices(5, 3.0, rng), rng.standard_normal((5, 2, 2))
-    delta_g = delta_g + np.swapaxes(delta_g, -1, -2)
-    x, y, _ = _cone_geodesics.coordinates(g)
-    factor = np.zeros((5, 2, 2))
-    factor[:, 0, 0], factor[:, 1, 0], factor[:, 1, 1] = 1.0, -x / y, 1.0 / y
-    factor /= np.sqrt(g[:, :1, :1])
-    np.testing.assert_allclose(factor @ g @ np.swapaxes(factor, -1, -2), [np.eye(2)] * 5, atol=1e-9)
-    sizes = np.abs(factor) @ np.abs(delta_g) @ np.swapaxes(np.abs(factor), -1, -2)
-    found = _cone_geodesics._whitened_size(delta_g, g)
-    np.testing.assert_allclose(found, sizes.sum(axis=(-2, -1)), rtol=1e-12)
-
-
-def test_the_angle_per_unit_where_nothing_shears():
-    along = np.array([0.2, 1.0, 7.0])
-    found = _cone_geodesics.angle_per_unit(along, np.zeros(3))
-    np.testing.assert_array_equal(found, 1.0 / along)
-    np.testing.assert_allclose(_cone_geodesics.angle_per_unit(along, np.full(3, 1e-9)), found)

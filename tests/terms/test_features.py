@@ -6,8 +6,7 @@ from cases import open_template, sphere_template, surfaces, triangle_template
 
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels import surface, threads, triangles
-from riemhuman.surfaces.template import Template
-from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, RotationTerm, flat
+from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, flat
 from riemhuman.terms._sum import SumOfTerms, TermOfFields, field_features
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
@@ -193,31 +192,5 @@ def test_what_is_too_small_for_single_precision_counts_as_rounding():
     assert exact - kept <= rounding[0] < 1e-15
 
 
-UPRIGHT = np.array([[0.0, 0.0, 1.0]])
 # Fields that single precision keeps as they are, the numbers that a triangle adds to a sum, and
 # what the sum is multiplied by, in largest areas or alone.
-KEPT = {
-    "ebin": (EbinTerm(lam=2.0), ([0.5], [2.0], [0.0]), 1, lambda largest: 16 * 2.0),
-    "normals": (NormalTerm(), (UPRIGHT,), 1, lambda largest: largest),
-    "square root normals": (RootNormalTerm(), (0.0 * UPRIGHT,), 3, lambda largest: 1.0),
-    "rotations": (RotationTerm(), (np.eye(1, 4),), 1, lambda largest: 4 * largest),
-}
-
-
-@pytest.mark.parametrize("n_faces", [1, 5])
-@pytest.mark.parametrize("name", KEPT)
-def test_every_number_of_a_sum_may_be_too_small_for_single_precision(name, n_faces):
-    term, fields, numbers, scale = KEPT[name]
-    areas = np.full(n_faces, 0.25)
-    areas[-1] = 4.0
-    fields = tuple(np.repeat(np.asarray(field)[None], n_faces, axis=1) for field in fields)
-    _, rounding = field_features(term, fields, areas, "single")
-    expected = threads.UNDERFLOW * n_faces * numbers * scale(4.0)
-    np.testing.assert_allclose(rounding**2, expected, rtol=1e-12)
-
-
-def test_normals_of_surfaces_may_be_that_small_too():
-    corners = np.array([[0.0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 1, 0]])
-    template = Template(corners, np.array([[0, 1, 2], [0, 2, 3]]))
-    _, rounding = features_of(NormalTerm(), template, corners[None], "single")
-    np.testing.assert_allclose(rounding**2, threads.UNDERFLOW * 2 * 2.0, rtol=1e-12)

@@ -16,7 +16,7 @@ from riemhuman.geometry import (
     SurfaceMetric,
 )
 from riemhuman.kernels.threads import of_one_kind
-from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RootNormalTerm
+from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RootNormalTerm, _sum
 from riemhuman.terms._sum import SumOfTerms
 
 COMPILED = [case for case in surface_cases("dist") if isinstance(case.metric, SurfaceMetric)]
@@ -168,7 +168,7 @@ def test_triangles_in_many_parts(monkeypatch):
         return [*found, driver.path_energy(path, gradient=False)[0]]
 
     expected = results()
-    monkeypatch.setattr(sum, "_IN_CACHE", 28)  # seven triangles of four surfaces
+    monkeypatch.setattr(_sum, "_IN_CACHE", 28)  # seven triangles of four surfaces
     for one, other in zip(results(), expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
 
