@@ -219,10 +219,8 @@ class AlignedSurfaces(Manifold):
 
         Parameters
         ----------
-        tangent_vec : array, shape (..., V, 3)
-            Deformations h.
-        base_point : array, shape (..., V, 3)
-            Surfaces.
+        tangent_vec, base_point : array, shape (..., V, 3)
+            Deformations h; surfaces.
 
         Returns
         -------

@@ -241,10 +241,8 @@ class RiemannianMetric:
 
         Parameters
         ----------
-        tangent_vec : array, shape (..., \*shape)
-            Tangent vectors.
-        base_point : array, shape (..., \*shape)
-            Base point.
+        tangent_vec, base_point : array, shape (..., \*shape)
+            Tangent vectors; base point.
 
         Returns
         -------
@@ -313,10 +311,8 @@ class RiemannianMetric:
 
         Parameters
         ----------
-        vector : array, shape (..., \*shape)
-            Tangent vectors.
-        base_point : array, shape (..., \*shape)
-            Base point.
+        vector, base_point : array, shape (..., \*shape)
+            Tangent vectors; base point.
 
         Returns
         -------
@@ -329,10 +325,8 @@ class RiemannianMetric:
 
         Parameters
         ----------
-        vector : array, shape (..., \*shape)
-            Tangent vectors.
-        base_point : array, shape (..., \*shape)
-            Base point.
+        vector, base_point : array, shape (..., \*shape)
+            Tangent vectors; base point.
 
         Returns
         -------
@@ -744,10 +738,8 @@ class RiemannianMetric:
 
         Parameters
         ----------
-        tangent_vec : array, shape (..., \*shape)
-            Initial velocities.
-        base_point : array, shape (..., \*shape)
-            Initial points.
+        tangent_vec, base_point : array, shape (..., \*shape)
+            Initial velocities; initial points.
 
         Returns
         -------
@@ -778,10 +770,8 @@ class RiemannianMetric:
 
         Parameters
         ----------
-        point : array, shape (..., \*shape)
-            End points.
-        base_point : array, shape (..., \*shape)
-            Initial points.
+        point, base_point : array, shape (..., \*shape)
+            End points; initial points.
 
         Returns
         -------
@@ -818,10 +808,8 @@ class RiemannianMetric:
 
         Parameters
         ----------
-        tangent_vec : array, shape (..., \*shape)
-            Tangent vectors at `base_point`.
-        base_point : array, shape (..., \*shape)
-            Points.
+        tangent_vec, base_point : array, shape (..., \*shape)
+            Tangent vectors at `base_point`; points.
         direction : array, shape (..., \*shape), optional
             Initial velocity of the geodesic, followed for unit time.
         end_point : array, shape (..., \*shape), optional
@@ -978,10 +966,8 @@ class RiemannianMetric:
 
         Parameters
         ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
-            Tangent vectors a and b.
-        base_point : array, shape (..., \*shape)
-            Base point.
+        tangent_vec_a, tangent_vec_b, base_point : array, shape (..., \*shape)
+            Tangent vectors a and b; base point.
 
         Returns
         -------

@@ -76,10 +76,8 @@ class PullbackMetric(RiemannianMetric):
 
         Parameters
         ----------
-        tangent_vec : array, shape (..., \*shape)
-            Tangent vectors.
-        base_point : array, shape (..., \*shape)
-            Base points.
+        tangent_vec, base_point : array, shape (..., \*shape)
+            Tangent vectors; base points.
 
         Returns
         -------

@@ -252,10 +252,8 @@ class SurfaceMetric(MetricOfTerms):
 
         Parameters
         ----------
-        tangent_vec : array, shape (..., V, 3)
-            Deformations h.
-        base_point : array, shape (..., V, 3)
-            Surfaces.
+        tangent_vec, base_point : array, shape (..., V, 3)
+            Deformations h; surfaces.
 
         Returns
         -------
