@@ -326,13 +326,14 @@ class _SingleSegments:
         return self._equation.metric.space.to_tangent(0.5 * (after - before), middle)
 
     def _solved(
-        self, equation: Callable[[ndarray, ndarray], Triple], one: ndarray, other: ndarray
+        self, equation: Callable[[ndarray, ndarray], Triple], first: ndarray, second: ndarray
     ) -> ndarray:
-        found = equation(one, other)
-        self.n_iterations += found.n_iterations
-        self.n_evaluations += found.n_evaluations
-        self.error = max(self.error, found.error)
-        return found.points
+        """Return the points that solve an equation, and count what it took."""
+        triple = equation(first, second)
+        self.n_iterations += triple.n_iterations
+        self.n_evaluations += triple.n_evaluations
+        self.error = max(self.error, triple.error)
+        return triple.points
 
 
 def _check_path(metric: RiemannianMetric, base_point: ndarray, path: Any) -> ndarray:

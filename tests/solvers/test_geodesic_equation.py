@@ -8,7 +8,7 @@ from cases import CASES, cases_that, deformations, name_of
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError
-from riemhuman.solvers import DiscreteExponential, DiscreteLogarithm, _geodesic_equation
+from riemhuman.solvers import _geodesic_equation
 from riemhuman.solvers._geodesic_equation import (
     GeodesicEquation,
     degeneration,
@@ -125,21 +125,6 @@ def test_steps_within_rounding_errors_are_solved(case, size):
     ):
         assert triple.converged
         np.testing.assert_allclose(triple.points, [point] * 3, atol=10.0 * size + 1e-13)
-
-
-def test_no_error_is_within_no_tolerance():
-    metric, points = CASES["flat"].metric, np.zeros((2, 3, 2))
-    points[1] = 1.0
-    found = GeodesicEquation(metric, tolerance=0.0).next_point(*points)
-    np.testing.assert_array_equal(found.points[2], 2.0 * points[1])
-    assert (found.n_iterations, found.n_evaluations, found.error) == (0, 1, 0.0)
-    assert found.converged
-
-
-def test_by_itself_it_is_solved_as_within_the_solvers():
-    equation = GeodesicEquation(CASES["flat"].metric)
-    for solver in (DiscreteExponential(), DiscreteLogarithm()):
-        assert (equation.tolerance, equation.max_iter) == (solver.tolerance, solver.max_iter)
 
 
 @pytest.mark.parametrize("case", FIELDS, ids=name_of)
@@ -281,28 +266,6 @@ class Fields:
 
     def metric_field(self, point):
         return point
-
-
-def test_at_the_bounds_of_what_is_told():
-    class Metric:
-        space = Fields()
-
-    # A normal that has turned by 120 degrees has not turned over yet; half an area is too little.
-    before, after = np.array([[1.0, 0.0, 0.0]]), np.array([[-0.5, np.sqrt(0.75), 0.0]])
-    assert degeneration(Metric(), before, after) == ""
-    told = vanishing_triangle(Metric(), np.eye(2)[None], np.diag([0.25, 1.0])[None])
-    assert told == "triangle 0 degenerates: one step left 50% of its area"
-
-
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
-def test_how_far_a_surface_moved_is_told_in_its_own_size(size):
-    space = CASES["mixed sphere"].space
-    before = size * space.template.vertices
-    after = before + [0.0, 0.3 * np.ptp(before), 0.0]
-    assert _geodesic_equation._sizes_moved(space, before, after) == pytest.approx(0.3)
-    assert (
-        _geodesic_equation._sizes_moved(CASES["half-plane, distance"].space, before, after) == 0.0
-    )
 
 
 def test_turns_by_more_than_60_degrees_within_one_step_are_far():

@@ -13,7 +13,6 @@ from riemhuman.datasets import load_open_bodies, load_open_motions
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
-    ConvergenceWarning,
     DegenerateSurfaceError,
 )
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
@@ -21,8 +20,6 @@ from riemhuman.solvers import Disentangling, MotionTransfer, ShapeTransfer
 from riemhuman.solvers.transfer import PoseTransfer
 from riemhuman.surfaces import DeformationBasis
 from riemhuman.surfaces.template import Template
-
-_ROUND = 50
 
 
 @pytest.fixture(scope="module")
@@ -410,47 +407,6 @@ def test_other_metrics_and_starts():
     assert found[0].value == pytest.approx(found[1].value, rel=1e-5)
 
 
-def test_callback_and_iterations():
-    seen = []
-    shape, pose = bodies.body("other build"), bodies.body("knee raised")
-    solver = Disentangling(max_iter=2, tolerance=1e-9, callback=lambda *s: seen.append(s))
-    with pytest.warns(ConvergenceWarning, match="Disentangling stopped without converging"):
-        found = solver.solve(*metrics(bodies.space()), shape, pose)
-    assert [iteration for iteration, _, _ in seen] == [1, 2]
-    assert seen[-1][1] == pytest.approx(found.values[-1])
-    assert seen[-1][2].shape == shape.shape
-    for _, reported, surface in seen:
-        assert reported == pytest.approx(value(found, shape, surface), rel=1e-9)
-    assert found.n_iterations == 2
-
-
-class Noting(ElasticMetric):
-    """A metric that notes where its matrix and its gradient are asked for."""
-
-    def __init__(self, *parameters):
-        super().__init__(*parameters)
-        self.centres = []
-
-    def metric_matrix(self, points):
-        self.centres.append(points)
-        return super().metric_matrix(points)
-
-
-def test_rounds_begin_where_the_last_ended():
-    """Iterations run in rounds; each is preconditioned at the surface it begins with."""
-    space = AlignedSurfaces(sphere_template(), equip=False)
-    shape, pose = space.template.vertices + deformations(space.template, 2, rng=1, size=0.7)
-    metric, seen = Noting(space, 1.0, 1.0, 0.0), [(0, 0.0, shape)]
-    solver = Disentangling(tolerance=1e-8, callback=lambda *state: seen.append(state))
-    found = solver.solve(metric, metrics(space)[1], shape, pose, initial=shape)
-    assert found.n_iterations > _ROUND
-    assert len(metric.centres) == 1 + (found.n_iterations - 1) // _ROUND
-    for k, centre in enumerate(metric.centres):
-        np.testing.assert_allclose(centre, seen[k * _ROUND][2], atol=1e-10)
-    for iteration, value, _ in seen[1:]:
-        assert value == pytest.approx(found.values[iteration])
-
-
 @pytest.mark.parametrize(("share", "is_met"), [(0.96, True), (1.04, False)])
 def test_tolerance_is_the_share_that_a_newton_step_would_gain(share, is_met):
     """Between bodies so near to each other that the sum is a polynomial of second degree."""
@@ -519,14 +475,6 @@ def test_a_body_is_itself_at_once():
     assert (found.n_iterations, found.n_evaluations) == (0, 1)
     np.testing.assert_array_equal(found.values, [found.value])
     assert 0.0 <= found.value < 1e-20
-
-
-def test_a_body_is_itself_at_once_for_metrics_blind_to_scale():
-    space = AlignedSurfaces(sphere_template(), equip=False)
-    body = space.template.vertices + deformations(space.template, 1, rng=1, size=0.3)[0]
-    normals = metrics(space)[1]
-    found = Disentangling().solve(normals, normals, body, body + [0.3, -1.0, 2.0])
-    assert found.message == "the start is at no distance from either"
 
 
 def test_where_the_bodies_are_makes_no_difference():
@@ -608,15 +556,3 @@ def test_the_trust_of_bends_is_that_of_strained_skin():
         expected = 1.0 / (1.0 + ratio**2 * 0.5 * bend**2)
         # By finite volumes on right triangles, squared bends are a seventh too large.
         np.testing.assert_allclose(found[inside].mean(), expected, rtol=0.06)
-
-
-def test_the_second_flow_takes_as_long_as_asked_for(space, monkeypatch):
-    heat, times = space.template.heat, []
-    first, second = heat.step, heat.step_through
-    monkeypatch.setattr(heat, "step", lambda t: times.append(t) or first(t))
-    monkeypatch.setattr(heat, "step_through", lambda k, t: times.append(t) or second(k, t))
-    body = space.template.vertices
-    PoseTransfer(space, smoothing=0.01, bone_smoothing=7.0).solve(body, body)
-    # Of two implicit steps each.
-    area = space.template.face_areas.sum()
-    np.testing.assert_allclose(times, [0.005 * area, 0.035 * area])
