@@ -140,9 +140,10 @@ class JobFolder:
                     unfinished.unlink(missing_ok=True)
                     raise
 
-    def read(self, name: str) -> ndarray:
+    def read(self, name: str) -> np.memmap:
         """Return a table as a read-only memory map."""
-        return load_array(self.path / name, mode="r")
+        table: Any = load_array(self.path / name, mode="r")
+        return table
 
     def write(self, name: str, *entries: tuple[Any, Any]) -> None:
         """Fill entries of a table, given as (index, values), and flush them to the disk."""
