@@ -1,5 +1,7 @@
 """A contract of import-linter: private modules are imported by their own subpackage alone."""
 
+from fnmatch import fnmatch
+
 from importlinter import Contract, ContractCheck, fields, output
 
 
@@ -10,18 +12,26 @@ class PublicLine(Contract):
     shared = fields.SetField(subfield=fields.StringField(), required=False)
 
     def check(self, graph, verbose):
-        allowed = {tuple(line.split(" -> ")) for line in self.shared or ()}
-        crossings = set()
+        allowed = [line.split(" -> ") for line in self.shared or ()]
+        crossings, used = set(), set()
         for imported in graph.modules:
             package, _, private = imported.partition("._")
             if not private:
                 continue
             for importer in graph.find_modules_that_directly_import(imported):
-                if importer != package and not importer.startswith(f"{package}."):
+                if importer == package or importer.startswith(f"{package}."):
+                    continue
+                rules = {
+                    (above, below)
+                    for above, below in allowed
+                    if imported == below and fnmatch(importer, above)
+                }
+                used |= rules
+                if not rules:
                     crossings.add((importer, imported))
+        unused = {(above, below) for above, below in allowed} - used
         return ContractCheck(
-            kept=crossings == allowed,
-            metadata={"crossings": crossings - allowed, "unused": allowed - crossings},
+            kept=not crossings and not unused, metadata={"crossings": crossings, "unused": unused}
         )
 
     def render_broken_contract(self, check):
