@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 from riemhuman.descriptors import (
@@ -13,12 +14,12 @@ from riemhuman.descriptors import (
     ShapeDNA,
     WaveKernelSignature,
 )
+from riemhuman.errors import ArgumentError
 from riemhuman.extensions import extensions
 from riemhuman.geometry import AlignedSurfaces, GaugeInvariantMetric, SobolevMetric, SRNFMetric
 from riemhuman.report.code_descriptors import LEARNED, shipped_descriptors
 from riemhuman.report.retrieval_benchmark import PAPER_TABLES, BenchmarkRecord, table_metrics
 from riemhuman.solvers.paths import LinearPath
-from riemhuman.terms._quadratic import mixed_edges
 
 STRAIGHT = ", straight"
 """How names end of metrics without closed form, which compare by the cost of the straight way."""
@@ -71,7 +72,8 @@ def _straight_metrics(space: AlignedSurfaces) -> dict[str, Any]:
     """
     straight = LinearPath(n_nodes=2)
     found: dict[str, Any] = {SOBOLEV: SobolevMetric(space, d1=1.0, geodesic_solver=straight)}
-    if len(mixed_edges(space.template.faces)) == 0:
+    # Vertices of a template whose triangles are not oriented consistently have no normals.
+    with suppress(ArgumentError):
         found[GAUGE_INVARIANT] = GaugeInvariantMetric(SRNFMetric(space), geodesic_solver=straight)
     return found
 
