@@ -54,7 +54,7 @@ def floor(place):
     ("name", "arguments", "n_files", "n_functions", "n_climbs"),
     [
         ("dist", (POINTS[0], POINTS[1]), 9, 25, 0),
-        ("dist_pairwise", (POINTS,), 13, 46, 1),
+        ("dist_pairwise", (POINTS,), 12, 46, 1),
         ("energy", (POINTS,), 8, 14, 1),
     ],
 )
