@@ -24,6 +24,11 @@ from riemhuman.terms.term import Fields, Term
 class NormalTerm(Term):
     r"""w ∫ d_{S²}(n₁, n₂)² dx, the pull-back of a product of spheres by unit normals (Theorem 2).
 
+    Parameters
+    ----------
+    weight : float
+        w > 0.
+
     Examples
     --------
     >>> import riemhuman as rh

@@ -20,6 +20,11 @@ class RotationTerm(Term):
     Rotations are kept as unit quaternions, of either sign: θ is twice the angle between two of
     them, or one and minus the other.
 
+    Parameters
+    ----------
+    weight : float
+        w > 0.
+
     Examples
     --------
     >>> import riemhuman as rh
