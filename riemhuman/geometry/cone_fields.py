@@ -198,9 +198,14 @@ class GeneralElasticFieldMetric(RiemannianMetric):
         (g1, n1), (g2, n2) = self._fields(start, "start"), self._fields(end, "end")
 
         def follow(t: Any) -> ndarray:
-            with_axes = ((g1, -4), (n1, -3), (g2, -4), (n2, -3))
-            ends = (np.expand_dims(field, axis) for field, axis in with_axes)
-            path = cones.geodesic_with_normals(*ends, self._times(t), self._term)
+            path = cones.geodesic_with_normals(
+                np.expand_dims(g1, -4),
+                np.expand_dims(n1, -3),
+                np.expand_dims(g2, -4),
+                np.expand_dims(n2, -3),
+                self._times(t),
+                self._term,
+            )
             return self.space.embed_to_product(path)
 
         return follow
