@@ -361,20 +361,14 @@ def _segment(
     """Return the sum of w d²; add its slopes by x, y, s and by normals of both surfaces."""
     points1, record1, by_points1, slopes1 = before
     points2, record2, by_points2, slopes2 = after
-    x1, y1, s1, x2, y2, s2 = (
-        points1[0],
-        points1[1],
-        points1[2],
-        points2[0],
-        points2[1],
-        points2[2],
-    )
+    x1, y1, s1 = points1[0], points1[1], points1[2]
+    x2, y2, s2 = points2[0], points2[1], points2[2]
     by_x1, by_y1, by_s1 = by_points1[0], by_points1[1], by_points1[2]
     by_x2, by_y2, by_s2 = by_points2[0], by_points2[1], by_points2[2]
-    # Read only where there is a weight of bending.
-    u1, v1, w1, u2, v2, w2 = record1[6], record1[7], record1[8], record2[6], record2[7], record2[8]
-    by_u1, by_v1, by_w1 = slopes1[6], slopes1[7], slopes1[8]
-    by_u2, by_v2, by_w2 = slopes2[6], slopes2[7], slopes2[8]
+    angles, rates = onp.zeros(len(areas)), onp.empty(len(areas))
+    # Three loops: one over everything would have too many arrays for vector registers.
+    if turn is not None:
+        _fill_angles(record1, record2, turn, angles)
     total = 0.0
     for t in range(len(areas)):
         weight = factor * areas[t]
@@ -382,34 +376,62 @@ def _segment(
         inverse = 1.0 / (y1[t] * y2[t])
         m = 0.5 * (dx * dx + dy * dy) * inverse
         length, by_m = squared_length_and_slope(m)
-        squared = stretch * length
-        if turn is not None:
-            # Of n₂ and −n₂ the one nearer to n₁. Near antipodal normals their difference is hardly
-            # more than multiples of the normals, which have no effect on their slopes.
-            acute = u1[t] * u2[t] + v1[t] * v2[t] + w1[t] * w2[t] >= 0.0
-            sign = 1.0 if acute else -1.0
-            u, v, w = u1[t] - sign * u2[t], v1[t] - sign * v2[t], w1[t] - sign * w2[t]
-            angle, by_chord = squared_angle_and_slope(u * u + v * v + w * w, acute)
-            squared += turn * angle
-        half, rate = half_sine_squared_and_slope(squared)
+        half, rate = half_sine_squared_and_slope(stretch * length + angles[t])
         total += weight * _cone(s1[t], s2[t], half)
         by_s1[t] += weight * (2.0 * ds + 4.0 * s2[t] * half)
         by_s2[t] += weight * (-2.0 * ds + 4.0 * s1[t] * half)
         rate *= weight * 4.0 * s1[t] * s2[t]
-        in_plane = rate * stretch * by_m * inverse
-        by_x1[t] += in_plane * dx
-        by_x2[t] -= in_plane * dx
-        by_y1[t] += in_plane * (dy - m * y2[t])
-        by_y2[t] -= in_plane * (dy + m * y1[t])
-        if turn is not None:
-            rate *= 2.0 * turn * by_chord
-            by_u1[t] += rate * u * sign
-            by_v1[t] += rate * v * sign
-            by_w1[t] += rate * w * sign
-            by_u2[t] -= rate * u
-            by_v2[t] -= rate * v
-            by_w2[t] -= rate * w
+        rates[t] = rate
+        rate *= stretch * by_m * inverse
+        by_x1[t] += rate * dx
+        by_x2[t] -= rate * dx
+        by_y1[t] += rate * (dy - m * y2[t])
+        by_y2[t] -= rate * (dy + m * y1[t])
+    if turn is not None:
+        _add_normal_slopes(record1, record2, slopes1, slopes2, turn, rates)
     return total
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _fill_angles(one: ndarray, other: ndarray, turn: float, angles: ndarray) -> None:
+    x1, y1, z1, x2, y2, z2 = one[6], one[7], one[8], other[6], other[7], other[8]
+    for t in range(len(angles)):
+        _, _, _, _, angle, _ = _between(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
+        angles[t] = turn * angle
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _add_normal_slopes(
+    one: ndarray, other: ndarray, by_one: ndarray, by_other: ndarray, turn: float, rates: ndarray
+) -> None:
+    x1, y1, z1, x2, y2, z2 = one[6], one[7], one[8], other[6], other[7], other[8]
+    by_x1, by_y1, by_z1 = by_one[6], by_one[7], by_one[8]
+    by_x2, by_y2, by_z2 = by_other[6], by_other[7], by_other[8]
+    for t in range(len(rates)):
+        x, y, z, sign, _, slope = _between(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
+        rate = 2.0 * turn * slope * rates[t]
+        by_x1[t] += rate * x * sign
+        by_y1[t] += rate * y * sign
+        by_z1[t] += rate * z * sign
+        by_x2[t] -= rate * x
+        by_y2[t] -= rate * y
+        by_z2[t] -= rate * z
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _between(
+    x1: float, y1: float, z1: float, x2: float, y2: float, z2: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return n₁ − ±n₂ for the nearer of ±n₂, the sign, the squared angle and its slope.
+
+    Near antipodal normals their difference is hardly more than multiples of the normals, which have
+    no effect on their slopes.
+    """
+    acute = x1 * x2 + y1 * y2 + z1 * z2 >= 0.0
+    sign = 1.0 if acute else -1.0
+    x, y, z = x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
+    angle, slope = squared_angle_and_slope(x * x + y * y + z * z, acute)
+    return x, y, z, sign, angle, slope
 
 
 @compiled(forceinline=True, fastmath=FUSED)
