@@ -14,7 +14,7 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.io import save_mesh
 from riemhuman.measurements import Measurements, open_measurements
 from riemhuman.report import benchmark
-from riemhuman.report.representations import available
+from riemhuman.report._representations import available
 from riemhuman.testing import check_dataset, check_metric
 
 ENTRIES = """

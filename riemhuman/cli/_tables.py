@@ -162,7 +162,7 @@ def _tables(options: argparse.Namespace) -> Answer:
         f"{bodies.template.n_vertices:,} vertices, {bodies.template.n_faces:,} triangles"
     )
     if options.all:
-        from riemhuman.report.representations import available, benchmark_notes
+        from riemhuman.report._representations import available, benchmark_notes
 
         with options.reporter.task("All representations"):
             bars = options.reporter.bars
@@ -173,7 +173,7 @@ def _tables(options: argparse.Namespace) -> Answer:
 
 
 def _metric_tables(bodies: Bodies, head: str, options: argparse.Namespace) -> Answer:
-    from riemhuman.report.representations import metrics_of_extensions
+    from riemhuman.report._representations import metrics_of_extensions
     from riemhuman.report.retrieval_benchmark import table_metrics
 
     n_pairs = len(bodies) * (len(bodies) - 1) // 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import wraps
 from operator import attrgetter
-from typing import Any, TypedDict
+from typing import Any, TypedDict, cast
 
 import autograd.numpy as np
 from autograd import elementwise_grad, value_and_grad
@@ -137,10 +137,8 @@ class RiemannianMetric:
     def solvers(self) -> Solvers:
         """The strategies that it was given, by name."""
         names = "geodesic_solver", "exp_solver", "log_solver", "transport_solver"
-        given: Any = {
-            name: getattr(self, name) for name in names if getattr(self, name) is not None
-        }
-        return Solvers(**given)
+        given = {name: getattr(self, name) for name in names}
+        return cast(Solvers, {name: value for name, value in given.items() if value is not None})
 
     @property
     def has_closed_form_dist(self) -> bool:

@@ -13,7 +13,7 @@ from numpy import ndarray
 from scipy import sparse
 
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.plots.colors import SKIN, VALUE_COLORS, colour_limit, value_colors
+from riemhuman.plots._colors import SKIN, VALUE_COLORS, colour_limit, value_colors
 from riemhuman.plots.rendering import View
 
 # Bodies of body models and registered scans are shown whole; larger scans would make pages heavy.

@@ -14,8 +14,8 @@ from riemhuman.checks import Rng, generator, integer_array, one_of, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.optional import import_optional
+from riemhuman.plots._colors import class_colors
 from riemhuman.plots._figures import new_axes
-from riemhuman.plots.colors import class_colors
 from riemhuman.plots.rendering import View, render, window_around
 
 if TYPE_CHECKING:

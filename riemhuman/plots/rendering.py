@@ -20,7 +20,7 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
-from riemhuman.plots.colors import SKIN
+from riemhuman.plots._colors import SKIN
 
 # Directions to the lights in the viewer's frame (right, up, towards the eye), and their strengths.
 _LIGHTS = ((np.array([-0.45, 0.65, 0.61]), 0.70), (np.array([0.80, 0.10, 0.59]), 0.26))

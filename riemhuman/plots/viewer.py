@@ -25,9 +25,9 @@ from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import atomic_file, file_path, write_text
 from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.plots._colors import MEAN, SKIN, colour_limit, value_colors
 from riemhuman.plots._figures import new_figure
 from riemhuman.plots._viewer_data import MAX_VERTICES, ViewedBody, payload
-from riemhuman.plots.colors import MEAN, SKIN, colour_limit, value_colors
 from riemhuman.plots.rendering import View, image_source, png_bytes, strip_picture
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from riemhuman.plots import (
     plot_energy,
     plot_path,
 )
-from riemhuman.plots.colors import MEAN, SKIN
+from riemhuman.plots._colors import MEAN, SKIN
 from riemhuman.report._body_sections import Materials
 from riemhuman.report._experiments import LINEAR, MODEL, OURS, SOBOLEV, SRNF_PATH, name_of
 from riemhuman.report._page import Column, Section, Table, heading, paragraph, viewer_figure

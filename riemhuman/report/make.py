@@ -36,6 +36,7 @@ from riemhuman.report._path_sections import (
     geodesic_section,
     mean_section,
 )
+from riemhuman.report._representations import available, of_extensions
 from riemhuman.report._storage import (
     Progress,
     ResultStore,
@@ -45,7 +46,6 @@ from riemhuman.report._storage import (
     write_provenance,
 )
 from riemhuman.report.registered_scans import scan_section
-from riemhuman.report.representations import available, of_extensions
 from riemhuman.report.retrieval_benchmark import table_metrics
 
 if TYPE_CHECKING:

@@ -118,7 +118,7 @@ def benchmark(
     representations : mapping of str to object, optional
         By name, metrics (with the method ``dist_pairwise``) or descriptors (with the methods
         ``describe`` and ``distances``). By default those of `table_metrics`;
-        `riemhuman.report.representations.available` returns all that apply.
+        the command ``riemhuman tables --all`` passes all that apply.
     n_jobs : int, optional
         Number of threads, -1 for one per core; by default one.
     progress : bool

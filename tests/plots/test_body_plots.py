@@ -8,8 +8,8 @@ import pytest
 from cases import sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError
+from riemhuman.plots._colors import colour_limit
 from riemhuman.plots.body_plots import plot_body, plot_path
-from riemhuman.plots.colors import colour_limit
 
 TEMPLATE = sphere_template()
 PATH = surfaces(TEMPLATE, 5, size=0.1)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from riemhuman.plots._colors import class_colors, rgb, value_colors
 from riemhuman.plots._figures import figure_files, figure_style, new_figure
-from riemhuman.plots.colors import class_colors, rgb, value_colors
 
 
 def small_figure():

@@ -7,7 +7,7 @@ from descriptor_meshes import sphere
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.report import benchmark
-from riemhuman.report.representations import GAUGE_INVARIANT, SOBOLEV, available
+from riemhuman.report._representations import GAUGE_INVARIANT, SOBOLEV, available
 from riemhuman.surfaces import Template
 
 TEMPLATE_FREE = ["APT", "ShapeDNA", "HKS", "WKS"]
