@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
+from riemhuman.checks import UNITS, check_same_scale, likely_units
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.units import UNITS, check_same_scale, likely_units
 
 
 @pytest.mark.parametrize(

@@ -24,11 +24,17 @@ from riemhuman.bodies._fitting_equations import (
     by_main_joint,
     least_squares_step,
 )
-from riemhuman.checks import integer_array, one_of, real_array, real_number, whole_number
+from riemhuman.checks import (
+    check_same_scale,
+    integer_array,
+    one_of,
+    real_array,
+    real_number,
+    whole_number,
+)
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.representation import Record
-from riemhuman.units import check_same_scale
 
 _LOSSES = ("squared", "huber", "geman-mcclure")
 

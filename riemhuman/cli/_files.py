@@ -162,8 +162,8 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
     from scipy import sparse
     from scipy.sparse.csgraph import connected_components
 
+    from riemhuman.checks import likely_units
     from riemhuman.surfaces.measures import signed_volume, triangle_areas
-    from riemhuman.units import likely_units
 
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     _, n_triangles = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)

@@ -13,7 +13,7 @@ from typing import NamedTuple, overload
 
 import numpy as np
 
-from riemhuman.checks import one_of
+from riemhuman.checks import SCALES, check_same_scale, one_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.files import file_path, read_text
@@ -23,7 +23,6 @@ from riemhuman.progress import ProgressBar
 from riemhuman.representation import join_names
 from riemhuman.surfaces.procrustes import make_upright, procrustes
 from riemhuman.surfaces.template import Template
-from riemhuman.units import SCALES, check_same_scale
 
 # Suffixes of mesh files; of one mesh in several formats, the first of these is read.
 MESH_ENDINGS = (".ply", ".obj", ".off", ".stl", ".glb")

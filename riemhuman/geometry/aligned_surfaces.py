@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, one_of, real_array, values_of
+from riemhuman.checks import SCALES, Rng, check_same_scale, generator, one_of, real_array, values_of
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.surface_metric import ElasticMetric
@@ -16,7 +16,6 @@ from riemhuman.kernels.differentiable import square_root
 from riemhuman.kernels.threads import of_one_kind
 from riemhuman.kernels.triangles import nearly_degenerate_triangles
 from riemhuman.terms.flat import RootNormalTerm
-from riemhuman.units import SCALES, check_same_scale
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template

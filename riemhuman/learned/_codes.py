@@ -13,14 +13,13 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array
+from riemhuman.checks import check_same_scale, real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.io.arrays import save_arrays
 from riemhuman.learned._correspondence import Correspondence
 from riemhuman.learned._networks import network_shapes
 from riemhuman.learned._weight_files import Weights
 from riemhuman.surfaces import Template
-from riemhuman.units import check_same_scale
 
 FOLDER = Path(__file__).parent / "data"
 

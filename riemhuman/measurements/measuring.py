@@ -12,7 +12,7 @@ from autograd import make_vjp
 from numpy import ndarray
 
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import likely_units, one_of, real_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
 from riemhuman.geometry import AlignedSurfaces
@@ -23,7 +23,6 @@ from riemhuman.measurements.measurement_set import MeasurementSet, open_measurem
 from riemhuman.optional import import_optional
 from riemhuman.solvers import ShapeTransfer
 from riemhuman.surfaces.template import Template
-from riemhuman.units import likely_units
 
 _POSES = ("as is", "standard")
 _AXES = ("body", "space")

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, ModelFit, correspondence_matrix, joint_motions
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import UNITS, one_of, real_array
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
@@ -32,7 +32,6 @@ from riemhuman.surfaces.measures import triangle_areas
 from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
 from riemhuman.surfaces.procrustes import AXES, procrustes
 from riemhuman.surfaces.template import Template
-from riemhuman.units import UNITS
 
 
 @dataclass(frozen=True, eq=False)

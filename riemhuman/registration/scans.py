@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import UNITS, one_of, real_array
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path
 from riemhuman.io.mesh_arrays import check_mesh
@@ -18,7 +18,6 @@ from riemhuman.io.meshes import as_arrays
 from riemhuman.io.points import load_points
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.kernels.surface import unit_vectors
-from riemhuman.units import UNITS
 
 FEWEST_POINTS = 200
 

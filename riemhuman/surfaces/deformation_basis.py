@@ -11,14 +11,13 @@ import autograd.numpy as anp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import check_shape, real_array, whole_number
+from riemhuman.checks import check_same_scale, check_shape, real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.spectra import harmonics
 from riemhuman.surfaces.template import Template
-from riemhuman.units import check_same_scale
 
 # A deformation lies in a basis if less than this share of its size is outside.
 _OUTSIDE = 1e-9

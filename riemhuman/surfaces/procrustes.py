@@ -6,9 +6,8 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import one_of, real_array, real_number, whole_number
+from riemhuman.checks import UNITS, check_same_scale, one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
-from riemhuman.units import UNITS, check_same_scale
 
 # A rotation is undetermined if the spread of the points is within rounding of zero: relative to
 # the size of the surface, and to the coordinates from which the spread was computed.
