@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from setuptools import build_meta
-from setuptools.build_meta import *  # noqa: F403, what a build backend has to offer
+from setuptools.build_meta import *  # noqa: F403, the functions of a build backend
 
-# What tests need beside the package: they run from the archive as they do from the repository.
+# Folders that tests need beside the package: they run from the archive as from the repository.
 _MORE = ("tests", "tutorials", ".ci")
 _PASSED_OVER = ("__pycache__", ".ipynb_checkpoints", ".hypothesis", ".benchmarks")
-# Zip files, which wheels are, know no earlier day.
+# 1980-01-01: zip files, such as wheels, cannot store earlier times.
 _EARLIEST = 315532800
 
 
