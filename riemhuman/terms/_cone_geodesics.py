@@ -268,14 +268,24 @@ def geodesic(g1: ndarray, g2: ndarray, t: ndarray, lam: float) -> ndarray:
     return np.where(inside, straight, _broken_path(g1, g2, t)[0])
 
 
+def runs_through_apex(
+    g1: ndarray, n1: ndarray, g2: ndarray, n2: ndarray, cone: ConeTerm
+) -> ndarray:
+    """Return whether the minimal path runs through g = 0: ψ ≥ π, or an end is degenerate."""
+    (x1, y1, _), (x2, y2, _) = coordinates(g1), coordinates(g2)
+    in_plane = cone.angle_per_length * hyperbolic_distance(excess(x1, y1, x2, y2))
+    psi = square_root(in_plane**2 + (cone.angle_per_turn * sphere.angle(n1, n2)) ** 2)
+    return is_degenerate(g1) | is_degenerate(g2) | (psi >= np.pi)
+
+
 def geodesic_with_normals(
     g1: ndarray, n1: ndarray, g2: ndarray, n2: ndarray, t: ndarray, cone: ConeTerm
 ) -> tuple[ndarray, ndarray]:
     """Return the minimal path of the completion, see `geodesic`; at g = 0 the normal jumps."""
-    degenerate = (is_degenerate(g1) | is_degenerate(g2))[..., None, None]
-    start, end = np.where(degenerate, np.eye(2), g1), np.where(degenerate, np.eye(2), g2)
-    delta_g, delta_n, psi = log_with_normals(start, n1, end, n2, cone)
-    inside = ~(degenerate[..., 0] | (psi >= np.pi)[..., None])
+    inside = ~runs_through_apex(g1, n1, g2, n2, cone)[..., None]
+    start = np.where(inside[..., None], g1, np.eye(2))
+    end = np.where(inside[..., None], g2, np.eye(2))
+    delta_g, delta_n, _ = log_with_normals(start, n1, end, n2, cone)
     times = t[..., None]
     safe_g, safe_n = np.where(inside[..., None], delta_g, 0.0), np.where(inside, delta_n, 0.0)
     g, n, _ = exp_with_normals(times[..., None] * safe_g, times * safe_n, start, n1, cone)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from cases import deformations, open_template, sphere_template, surfaces
 
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, GeneralElasticMetric, SRNFMetric
+from riemhuman.geometry.cone_fields import GeneralElasticFieldMetric
 from riemhuman.solvers import BasisMean, BasisPath
 from riemhuman.surfaces import DeformationBasis
 
@@ -121,3 +122,17 @@ def test_fields_have_geodesics_in_closed_form():
     h = deformations(TEMPLATE, 1, rng=2)[0]
     change = METRIC.differential(h, f1)
     np.testing.assert_allclose(fields.norm(change, start), METRIC.norm(h, f1), rtol=1e-9)
+
+
+def test_no_geodesic_to_antipodal_normals_unless_through_the_apex():
+    fields = METRIC.target_metric.space.factors[0].metric
+    space = fields.space
+    g, n = space.project_from_product(METRIC.map(surfaces(TEMPLATE, 1, rng=3)[0]))
+    start, end = space.embed_to_product([g, n]), space.embed_to_product([g, -n])
+    with pytest.raises(OutsideManifoldError, match="antipodal"):
+        fields.geodesic(start, end)
+    steep = GeneralElasticFieldMetric(space, A, B, 17.0 * B)
+    path = steep.geodesic(start, end)(np.linspace(0, 1, 3))
+    np.testing.assert_allclose(path[[0, 2]], [start, end], atol=1e-12)
+    middle, _ = space.project_from_product(path[1])
+    np.testing.assert_allclose(middle, 0.0, atol=1e-12)
