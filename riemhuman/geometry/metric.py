@@ -1094,6 +1094,7 @@ for _name in [
     "has_metric_matrix",
     "has_lower_bound_coordinates",
     "is_translation_invariant",
+    "is_rotation_invariant",
     "is_stretch_invariant",
     "is_reparametrization_invariant",
 ]:

@@ -5,7 +5,7 @@ import pytest
 from cases import CASES, name_of
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.metric import ScalarProductMetric
+from riemhuman.geometry.metric import RiemannianMetric, ScalarProductMetric
 from riemhuman.solvers import PathStraightening
 from riemhuman.testing import check_metric
 
@@ -34,6 +34,8 @@ def test_multiples_of_every_metric(case):
         assert getattr(double, f"has_closed_form_{name}") == (
             getattr(metric, f"has_closed_form_{name}")
         )
+    for name in [name for name in dir(RiemannianMetric) if name.startswith("is_")]:
+        assert getattr(double, name) == getattr(metric, name)
     assert double.has_inner_product == metric.has_inner_product
     if metric.has_closed_form_dist:
         np.testing.assert_allclose(double.dist(x, y), 2.0 * metric.dist(x, y))
