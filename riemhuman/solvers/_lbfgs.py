@@ -172,6 +172,9 @@ class _Descent:
         self._last_operator_at = freeze_at or inverse_hessian_at
         self._shortest = _SHORT if freeze_at else 0.0
         self._operator: Operator | None = None
+        if not np.isfinite(self.value):
+            self._newton = np.nan
+            self.end(Status.OUTSIDE_MANIFOLD, "the start has no finite value")
 
     def advance(self) -> bool:
         """Test whether to stop, and otherwise make a step; return whether one was made."""

@@ -200,6 +200,12 @@ def test_interruption_and_too_few_iterations():
     assert (few.n_iterations, few.status) == (2, Status.MAX_ITER)
 
 
+def test_a_start_outside_the_domain_is_no_minimum():
+    found = descend(lambda x: (np.inf, np.zeros(2)), np.ones(2), lambda g: g, **SETTINGS)
+    assert found.status is Status.OUTSIDE_MANIFOLD
+    assert np.isnan(found.gap)
+
+
 def test_no_step_lowers_a_value_with_a_wrong_gradient():
     found = descend(lambda x: (float(x @ x), -x), np.ones(2), lambda g: g, **SETTINGS)
     assert found.status is Status.STALLED
