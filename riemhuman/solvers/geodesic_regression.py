@@ -13,7 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.estimator import Estimator
-from riemhuman.geometry import Manifold, RiemannianMetric
+from riemhuman.geometry import Manifold, ProductMetric, RiemannianMetric
 from riemhuman.solvers._image_spaces import Fields, Points, image_space
 from riemhuman.solvers._lbfgs import LBFGS, Minimum
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
@@ -154,10 +154,14 @@ class GeodesicRegression(Estimator):
         images = image.embed(points)
         base = image.embed(self.mean_[None])[0]
         line = _tangent_regression(image.metric, base, times, images)
-        self.n_iter_ = 0
+        minimum = None
         if self.max_iter:
-            line = self._refine(image.metric, times, images, base, *line)
+            line, minimum = self._refine(image.metric, times, images, base, *line)
         self.intercept_, self.velocity_ = line[0], line[1] / unit
+        self.n_iter_ = minimum.n_iterations if minimum else 0
+        if minimum:
+            result = MeanResult(line[0], minimum.value, minimum.values, **minimum.outcome)
+            finish(self, result)
         return self
 
     def predict(self, X: ndarray) -> ndarray:
@@ -251,12 +255,12 @@ class GeodesicRegression(Estimator):
         mean: ndarray,
         point: ndarray,
         velocity: ndarray,
-    ) -> tuple[ndarray, ndarray]:
+    ) -> tuple[tuple[ndarray, ndarray], Minimum | None]:
         """Minimise the sum in both, in variables in which it is nearly a sum of squares."""
         space, shape = metric.space, point.shape
         spread = float(np.mean(metric.squared_dist(mean, images)))
         if spread == 0:
-            return point, velocity
+            return (point, velocity), None
         factor = _field_factor(metric, point, 0.5 * spread)
         slowness = 1.0 / np.sqrt(np.mean(times**2))
         columns = times.reshape(-1, *(1,) * point.ndim)
@@ -300,10 +304,8 @@ class GeodesicRegression(Estimator):
         found = LBFGS(self.tolerance, self.max_iter).minimize(
             objective, np.zeros(2 * point.size), lambda x: inverse_hessian
         )
-        self.n_iter_ = found.n_iterations
-        finish(self, _as_result(point, found))
         intercept, speed = line(found.x.reshape(2, *shape))
-        return intercept, speed
+        return (intercept, speed), found
 
 
 def _tangent_regression(
@@ -339,10 +341,6 @@ def _numbers(X: ndarray) -> ndarray:
     return times.reshape(-1)
 
 
-def _as_result(point: ndarray, found: Minimum) -> MeanResult:
-    return MeanResult(point, found.value, found.values, **found.outcome)
-
-
 class _BlockwiseFactor(CholeskyFactor):
     """Cholesky factors of a block diagonal matrix."""
 
@@ -363,7 +361,7 @@ class _BlockwiseFactor(CholeskyFactor):
 
 def _field_factor(metric: Any, point: ndarray, scale: float) -> CholeskyFactor:
     r"""Return a Cholesky factor of the metric's matrix at a point."""
-    if not metric.space.factors:
+    if not isinstance(metric, ProductMetric):
         return metric_factor(metric, point[None], scale)
     parts = metric.space.project_from_product(point)
     factors = [

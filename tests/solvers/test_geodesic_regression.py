@@ -1,5 +1,7 @@
 """Regression finds the geodesic the points were taken from, and the least sum of squares."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cases import sphere_template, triangle_template
@@ -12,12 +14,15 @@ from riemhuman.geometry import (
     AlignedSurfaces,
     EbinMetric,
     ElasticMetric,
+    GeneralElasticMetric,
     MetricFields,
     NormalFields,
     ProductManifold,
     ProductMetric,
     VectorSpace,
 )
+from riemhuman.solvers import Interrupted, Status
+from riemhuman.solvers._lbfgs import LBFGS
 from riemhuman.solvers.geodesic_regression import _field_factor as field_factor
 from riemhuman.statistics import GeodesicRegression
 
@@ -34,11 +39,18 @@ def product():
     return space.equip_with_metric(ProductMetric, weights=[2.0, 0.3])
 
 
+def general_elastic_fields():
+    """Return the fields of the general elastic metric with normals."""
+    surfaces = AlignedSurfaces(sphere_template(), equip=False)
+    return GeneralElasticMetric(surfaces, 1.0, 1.0, 1.0).target_metric.space
+
+
 FIELDS = {
     "normals": NormalFields(sphere_template()),
     "one sphere": NormalFields(triangle_template()),
     "metrics": MetricFields(triangle_template()).equip_with_metric(EbinMetric, lam=2.0),
     "product": product(),
+    "metrics with normals": general_elastic_fields(),
     "vectors": VectorSpace((4, 2)),
 }
 each_space = pytest.mark.parametrize("space", FIELDS.values(), ids=FIELDS)
@@ -175,6 +187,23 @@ def test_factor_of_a_product_is_that_of_its_parts():
     weightless = ProductManifold(space.factors, equip=False)
     weightless.equip_with_metric(ProductMetric, weights=[1.0, 0.0])
     assert np.all(np.isfinite(field_factor(weightless.metric, point, 1.0).solve(vector[:, None])))
+
+
+def test_an_interrupted_refinement_leaves_the_best_geodesic(monkeypatch):
+    space = FIELDS["normals"]
+    points, minimize = scattered(space), LBFGS.minimize
+
+    def interrupted(minimizer, *arguments, **options):
+        minimum = minimize(minimizer, *arguments, **options)
+        return replace(minimum, status=Status.INTERRUPTED)
+
+    found = GeodesicRegression(space).fit(TIMES, points)
+    monkeypatch.setattr(LBFGS, "minimize", interrupted)
+    stopped = GeodesicRegression(space)
+    with pytest.raises(Interrupted) as caught:
+        stopped.fit(TIMES, points)
+    np.testing.assert_array_equal(caught.value.result.point, found.intercept_)
+    np.testing.assert_array_equal(stopped.predict(TIMES), found.predict(TIMES))
 
 
 def test_refusals():
