@@ -46,7 +46,7 @@ _REFRESH_OF_ALL = 10
 # Standard deviations by which distances are smoothed near 0, where they have no gradient.
 _SMOOTHING = 1e-6
 
-# Share of the largest distance below which a point's distance does not enlarge its weight further.
+# Share of the standard deviation below which a distance does not enlarge a weight further.
 _LEAST_DISTANCE = 1e-9
 
 _SMALLEST_STEP = 1e-6
@@ -175,13 +175,15 @@ class BasisMean(MeanSolver):
         if in_batches or exponent == 1:
             tolerance = max(self.tolerance or 0.0, _ROUGH_TOLERANCE)
             rough = replace(self, tolerance=tolerance, callback=None, progress=False)
-            point, mean = rough._over_basis(dispersion.sample, point)
-            if mean.status is Status.INTERRUPTED:
-                return finish(self, MeanResult(point, mean.value, mean.values, **mean.outcome))
-            if exponent == 1 and mean.value > 0.0:
-                dispersion = dispersion.changed(smoothing=_SMOOTHING * np.sqrt(mean.value))
+            point, start = rough._over_basis(dispersion.sample, point)
+            is_finished = start.status is not Status.INTERRUPTED
+            if exponent == 1 and start.value > 0.0 and is_finished:
+                dispersion = dispersion.changed(smoothing=_SMOOTHING * np.sqrt(start.value))
                 if in_batches:
-                    point, _ = rough._over_basis(dispersion.sample, point)
+                    point, start = rough._over_basis(dispersion.sample, point)
+            if start.status is Status.INTERRUPTED:
+                variance = dispersion.sample.changed(metric).value(point)
+                return finish(self, MeanResult(point, variance, start.values, **start.outcome))
         point, minimum = self._over_basis(dispersion, point)
         if self.basis is None and minimum.status is not Status.INTERRUPTED:
             point, minimum = self._over_all(dispersion, point, minimum)
@@ -442,10 +444,9 @@ class GradientDescentMean(MeanSolver):
         else:
             point = metric.space.check_point(initial_point)
         result = self._descend(dispersion, point)
-        if exponent == 1:
+        if exponent == 1 and result.status is not Status.INTERRUPTED:
             smoothing = _LEAST_DISTANCE * np.sqrt(result.variance)
-            median = self._descend(dispersion.changed(smoothing=smoothing), result.point)
-            result = median
+            result = self._descend(dispersion.changed(smoothing=smoothing), result.point)
         return finish(self, result)
 
     def _descend(self, dispersion: Dispersion, point: ndarray) -> MeanResult:
@@ -453,33 +454,39 @@ class GradientDescentMean(MeanSolver):
         values, n_evaluations = [dispersion.value(point)], 1
         floor, step = dispersion.floor(point), self.step
         status, message = Status.MAX_ITER, "the most iterations were made"
-        for _ in range(self.max_iter):
-            if values[-1] <= floor:
-                status, message = Status.CONVERGED, "the variance is no more than rounding errors"
-                break
-            direction = _mean_of_logarithms(dispersion, point)
-            size = float(metric.norm(direction, point))
-            spread = np.sqrt(values[-1]) if dispersion.smoothing is None else values[-1]
-            if size <= self.tolerance * spread:
-                status, message = (
-                    Status.CONVERGED,
-                    "the mean of the logarithms is below the tolerance",
-                )
-                break
-            # Without it, rounding errors off the manifold would double with every step.
-            candidate = metric.space.projection(metric.exp(step * direction, point))
-            value = dispersion.value(candidate)
-            n_evaluations += 1
-            # Near the mean the variance falls by less than its rounding error.
-            if value > values[-1] * (1 + 1e-12):
-                step *= 0.5
-                if step < _SMALLEST_STEP:
-                    status = Status.STALLED
-                    message = "no step along the mean of the logarithms lowers the variance"
+        try:
+            for _ in range(self.max_iter):
+                if values[-1] <= floor:
+                    status, message = (
+                        Status.CONVERGED,
+                        "the variance is no more than rounding errors",
+                    )
                     break
-                continue
-            point = candidate
-            values.append(value)
+                direction = _mean_of_logarithms(dispersion, point)
+                size = float(metric.norm(direction, point))
+                spread = np.sqrt(values[-1]) if dispersion.smoothing is None else values[-1]
+                if size <= self.tolerance * spread:
+                    status, message = (
+                        Status.CONVERGED,
+                        "the mean of the logarithms is below the tolerance",
+                    )
+                    break
+                # Without it, rounding errors off the manifold would double with every step.
+                candidate = metric.space.projection(metric.exp(step * direction, point))
+                value = dispersion.value(candidate)
+                n_evaluations += 1
+                # Near the mean the variance falls by less than its rounding error.
+                if value > values[-1] * (1 + 1e-12):
+                    step *= 0.5
+                    if step < _SMALLEST_STEP:
+                        status = Status.STALLED
+                        message = "no step along the mean of the logarithms lowers the variance"
+                        break
+                    continue
+                point = candidate
+                values.append(value)
+        except KeyboardInterrupt:
+            status, message = Status.INTERRUPTED, "interrupted from the keyboard"
         variance = values[-1]
         if dispersion.smoothing is not None:
             variance = dispersion.changed().value(point)
