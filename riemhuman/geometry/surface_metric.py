@@ -514,13 +514,14 @@ class GeneralElasticMetric(SurfaceMetric):
     Notes
     -----
     `dist` is the geodesic distance of the metric on fields, where g and n are free of each other.
-    On surfaces it is a lower bound of the length of every path, tighter than the sum of the
-    distance for b − c/16 in place of b and c = 0, and c times that of square root normal fields.
+    On surfaces it is a lower bound of the length of every path. Its square is at least that of the
+    distance for b − c/16 in place of b and c = 0, plus c times that of square root normal fields.
 
     `ElasticMetric` weighs the rotation of normals by the area of the template, this metric by that
     of the moving surface: here all weights have the same unit, and distances do not depend on the
-    template, unlike those of `ElasticMetric` with c > 0. Triangles without area are ignored here,
-    and an error there. (1, λ, 0) is ElasticMetric(1, λ, 0), and (0, 1/16, 1) is `SRNFMetric`.
+    template, unlike those of `ElasticMetric` with c > 0. Triangles without area, the apex of the
+    cone, are legal here and an error there. (1, λ, 0) is ElasticMetric(1, λ, 0), and (0, 1/16, 1)
+    is `SRNFMetric`.
 
     For retrieval, `ElasticMetric` with (1, 1e-4, 0) or (0, 0, 1) is better. The weights (1, 1, 1)
     are sensitive to build and pose at once: the nearest of the open bodies at coarse resolution is

@@ -382,7 +382,7 @@ class _OfElasticMetric:
         self._targets = np.stack(
             [_separate_triangles(metric, separate, image) for image in images[used]]
         )
-        self._sees_all = metric.a > 0 and metric.c > 0
+        self._has_both_terms = metric.a > 0 and metric.c > 0
 
     def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
         targets, faces = self._targets, self._separate.faces
@@ -397,7 +397,7 @@ class _OfElasticMetric:
         two rounds (Peng et al., "Anderson acceleration for geometry optimization", ACM TOG 37,
         2018). Errors are relative to the triangles' sizes, as those of normals are.
         """
-        if len(self._targets) > 1 or not self._sees_all:
+        if len(self._targets) > 1 or not self._has_both_terms:
             return surface
         operator = self._template.differential_operator
         frames = triangle_frames(self._targets[0], self._separate.differential_operator)
