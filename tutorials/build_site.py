@@ -123,12 +123,12 @@ def section(title: str, module: ModuleType, names: list[str]) -> str:
 
 
 def is_module(module: Any, name: str) -> bool:
-    """Tell whether an attribute is a module."""
+    """Return whether an attribute is a module."""
     return isinstance(getattr(module, name), ModuleType)
 
 
 def defined_in(module: ModuleType, name: str) -> bool:
-    """Tell whether a public class or function is the module's own."""
+    """Return whether a public class or function is the module's own."""
     found = getattr(module, name)
     return not name.startswith("_") and getattr(found, "__module__", None) == module.__name__
 

@@ -389,5 +389,5 @@ def by_vertex(surfaces: ndarray) -> ndarray:
 
 
 def is_worth_threads(surfaces: ndarray, faces: ndarray) -> bool:
-    """Tell whether loops over the triangles of surfaces gain from threads."""
+    """Return whether loops over the triangles of surfaces gain from threads."""
     return len(faces) * surfaces.shape[1] > _WORTH_THREADS_WITH_FRAMES

@@ -17,7 +17,7 @@ shapes and poses of many bodies, fast              `riemhuman.learned.ShapePoseC
 The first three solve one Poisson equation a surface. A triangle of body A and its normal move from
 frame P₀ to frame P; the matrix S = P P₀⁻¹ of this change is applied to the same triangle of body B,
 and the surface whose derivatives come closest to the results solves a Poisson equation (Sumner and
-Popović, "Deformation transfer for triangle meshes", SIGGRAPH 2004; `riemhuman.surfaces.poisson`).
+Popović, "Deformation transfer for triangle meshes", SIGGRAPH 2004; `riemhuman.surfaces._poisson`).
 B thus keeps its own metric field, changed by as much as A's, and its triangles rotate as those of
 A. Poses are transferred by `PoseTransfer`, from which `Disentangling` starts.
 """
@@ -519,7 +519,7 @@ class PoseTransfer:
 
     The polar rotations R of the triangles, from body A to body B, contain two things: the pose of
     B, which varies from bone to bone, and the build of B, which varies around a limb and within a
-    face. The heat flow of R over the template (`riemhuman.surfaces.triangle_heat`) keeps the first.
+    face. The heat flow of R over the template (`surfaces._triangle_heat`) keeps the first.
     Where the smoothed field bends, there are joints; heat then flows anew from R, `bone_smoothing`
     times as long, and slowly across them (after Perona and Malik, "Scale-space and edge detection
     using anisotropic diffusion", IEEE PAMI 12, 1990), so that bones lose more of B's build and

@@ -205,7 +205,7 @@ def one_by_one(points):
 
 
 def same_partition(labels, other):
-    """Tell whether two labellings differ in the names of the clusters alone."""
+    """Return whether two labellings differ in the names of the clusters alone."""
     return np.array_equal(labels[:, None] == labels, other[:, None] == other)
 
 

@@ -80,7 +80,7 @@ class Watchman:
 
 
 def _compiler_at_work() -> bool:
-    """Tell whether Numba is reading its own cache of compiled functions."""
+    """Return whether Numba is reading its own cache of compiled functions."""
     frame = sys._getframe(2)
     while frame is not None:
         if f"{os.sep}numba{os.sep}" in frame.f_code.co_filename:

@@ -89,7 +89,7 @@ def call_of(name, parameters):
 
 
 def is_met(theirs, ours):
-    """Tell whether every call that theirs takes is taken by ours, and means the same."""
+    """Return whether every call that theirs takes is taken by ours, and means the same."""
     wanted = [each for each in theirs if each.kind is not each.VAR_KEYWORD]
     if len(ours) < len(wanted):
         return False
