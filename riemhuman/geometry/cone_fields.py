@@ -198,7 +198,7 @@ class GeneralElasticFieldMetric(RiemannianMetric):
         (g1, n1), (g2, n2) = self._fields(start, "start"), self._fields(end, "end")
         refuse_triangles(
             (values_of(sphere.angle(n1, n2)) >= sphere.ANTIPODAL)
-            & ~cones.runs_through_apex(*map(values_of, (g1, n1, g2, n2)), self._term),
+            & ~values_of(cones.runs_through_apex(g1, n1, g2, n2, self._term)),
             "end_point must hold no normal antipodal to that of initial_point where ψ < π, or "
             "there is no unique geodesic",
             OutsideManifoldError,

@@ -457,19 +457,15 @@ class GradientDescentMean(MeanSolver):
         try:
             for _ in range(self.max_iter):
                 if values[-1] <= floor:
-                    status, message = (
-                        Status.CONVERGED,
-                        "the variance is no more than rounding errors",
-                    )
+                    status = Status.CONVERGED
+                    message = "the variance is no more than rounding errors"
                     break
                 direction = _mean_of_logarithms(dispersion, point)
                 size = float(metric.norm(direction, point))
                 spread = np.sqrt(values[-1]) if dispersion.smoothing is None else values[-1]
                 if size <= self.tolerance * spread:
-                    status, message = (
-                        Status.CONVERGED,
-                        "the mean of the logarithms is below the tolerance",
-                    )
+                    status = Status.CONVERGED
+                    message = "the mean of the logarithms is below the tolerance"
                     break
                 # Without it, rounding errors off the manifold would double with every step.
                 candidate = metric.space.projection(metric.exp(step * direction, point))
