@@ -25,6 +25,9 @@ from riemhuman.io.mesh_arrays import check_mesh
 _FLOAT, _BYTE, _SHORT, _INT = 5126, 5121, 5123, 5125  # component types of glTF
 _TRIANGLES = 4  # mode of primitives
 _DEEPEST = 100  # levels of nodes that are read
+_LARGEST_STRIDE = 252  # bytes from a vertex to the next, by the specification
+# Corners of triangles for each byte of the file: primitives and nodes may share some.
+_MOST_CORNERS = 4
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _COLOR = (0.80, 0.72, 0.66, 1.0)
 
@@ -90,14 +93,15 @@ def read_glb(file: Path) -> tuple[np.ndarray, np.ndarray]:
         document, binary = _chunks(content)
         scenes = document.get("scenes") or [{"nodes": range(len(document.get("nodes", ())))}]
         roots = scenes[document.get("scene", 0)].get("nodes", ())
-        vertices, faces, n_vertices = [], [], 0
-        for mesh, matrix in _placed_meshes(document, roots, np.eye(4), 0):
+        vertices, faces, n_vertices, n_corners = [], [], 0, 0
+        for mesh, matrix in _placed_meshes(document, roots, np.eye(4), 0, set()):
             for positions, triangles in _primitives(document, binary, mesh):
                 vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
                 faces.append(triangles + n_vertices)
                 n_vertices += len(positions)
+                n_corners += triangles.size
                 # Many nodes may show one mesh.
-                if n_vertices > len(content):
+                if n_vertices > len(content) or n_corners > _MOST_CORNERS * len(content):
                     raise FileFormatError("its nodes repeat its meshes too often")
     except FileFormatError:
         raise
@@ -119,7 +123,7 @@ def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
 
 
 def _placed_meshes(
-    document: dict[str, Any], nodes: Iterable[int], parent: np.ndarray, depth: int
+    document: dict[str, Any], nodes: Iterable[int], parent: np.ndarray, depth: int, seen: set[int]
 ) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
     """Yield the meshes below some nodes, each with its matrix of homogeneous coordinates."""
     from scipy.spatial.transform import Rotation  # takes long
@@ -127,6 +131,10 @@ def _placed_meshes(
     if depth > _DEEPEST:
         raise FileFormatError(f"its nodes are nested more than {_DEEPEST} deep")
     for number in nodes:
+        # The specification asks for trees. Shared nodes could be reached in 2^100 ways.
+        if number in seen:
+            raise FileFormatError(f"its node {number} has more than one parent")
+        seen.add(number)
         node = document["nodes"][number]
         matrix = np.eye(4)
         if "matrix" in node:
@@ -138,7 +146,8 @@ def _placed_meshes(
             matrix[:3, 3] = node.get("translation", (0, 0, 0))
         if "mesh" in node:
             yield document["meshes"][node["mesh"]], parent @ matrix
-        yield from _placed_meshes(document, node.get("children", ()), parent @ matrix, depth + 1)
+        children = node.get("children", ())
+        yield from _placed_meshes(document, children, parent @ matrix, depth + 1, seen)
 
 
 def _primitives(
@@ -146,13 +155,17 @@ def _primitives(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield vertices and triangles; primitives that share vertices count as one."""
     parts: dict[int, list[np.ndarray]] = {}
+    n_corners = 0
     for primitive in mesh["primitives"]:
         if primitive.get("mode", _TRIANGLES) == _TRIANGLES:
             number = primitive["attributes"]["POSITION"]
             if "indices" in primitive:
                 corners = _accessor(document, binary, primitive["indices"], 1)
             else:
-                corners = np.arange(document["accessors"][number]["count"])
+                corners = np.arange(len(_accessor(document, binary, number, 3)))
+            n_corners += corners.size
+            if n_corners > _MOST_CORNERS * len(binary):
+                raise FileFormatError("its primitives repeat their corners too often")
             parts.setdefault(number, []).append(corners.reshape(-1, 3).astype(np.int64))
     for number, triangles in parts.items():
         yield _accessor(document, binary, number, 3).astype(float), np.concatenate(triangles)
@@ -168,6 +181,8 @@ def _accessor(document: dict[str, Any], binary: bytes, number: int, width: int) 
         {_FLOAT: "<f4", _BYTE: "<u1", _SHORT: "<u2", _INT: "<u4"}[accessor["componentType"]]
     )
     stride = max(view.get("byteStride", 0), width * dtype.itemsize)
+    if stride > _LARGEST_STRIDE:  # NumPy's own check of huge strides overflows
+        raise FileFormatError(f"its vertices are {stride} bytes apart, more than {_LARGEST_STRIDE}")
     offset = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
     return np.ndarray((accessor["count"], width), dtype, binary, offset, (stride, dtype.itemsize))
 
