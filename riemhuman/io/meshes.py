@@ -390,8 +390,8 @@ def _read_stl(file: Path) -> _Mesh:
     if len(content) == _STL_HEADER + n_faces * _STL_ROW.itemsize:
         corners = np.frombuffer(content, _STL_ROW, offset=_STL_HEADER)["corners"].reshape(-1, 3)
     else:
-        words = re.findall(rb"^\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", content, re.MULTILINE)
-        facets = len(re.findall(rb"^\s*endfacet\b", content, re.MULTILINE))
+        words = re.findall(rb"^[ \t]*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", content, re.MULTILINE)
+        facets = len(re.findall(rb"^[ \t]*endfacet\b", content, re.MULTILINE))
         if b"endsolid" not in content or len(words) != 3 * facets:
             raise FileFormatError(
                 "not a whole STL file: neither as many bytes as its header declares nor facets of "
