@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
+from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,10 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.errors import FileFormatError
+from riemhuman.io.arrays import memory_limit
 from riemhuman.io.files import file_path, read_bytes
 from riemhuman.representation import Record
 
 _CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
+# Bytes of the rotation and the translation of a joint in a frame.
+_BYTES_OF_JOINT = 96
 # Messages quote at most so many characters of a file.
 _LONGEST_QUOTE = 60
 
@@ -124,11 +128,16 @@ def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
     'Hips'
     """
     file = file_path(path)
-    text = read_bytes(file).decode("utf-8-sig", errors="replace")
-    reader = _Reader(file, text.splitlines())
+    content = read_bytes(file)
+    reader = _Reader(file, content.decode("utf-8-sig", errors="replace").splitlines())
     skeleton = reader.read_hierarchy()
     values, frames_per_second = reader.read_frames(sum(map(len, skeleton.channels)))
     offsets = np.array(skeleton.offsets)
+    if _BYTES_OF_JOINT * len(values) * len(offsets) > memory_limit(len(content)):
+        raise FileFormatError(
+            f"{file}: {len(offsets)} joints in {len(values)} frames take far more memory than a "
+            "file of its size may"
+        )
     rotations = np.empty((len(values), len(offsets), 3, 3))
     translations = np.tile(offsets, (len(values), 1, 1))
     column = 0
@@ -311,8 +320,8 @@ class _Reader:
         line, frame_time = self._value(lines, "FRAME TIME")
         if not frame_time > 0.0 or math.isinf(1.0 / frame_time):
             raise self._error(line, f"Frame Time must be above 0; found {frame_time:g}")
-        # The number of lines bounds the memory, whatever the file says.
-        values = np.empty((min(int(n_frames), len(self._lines)), n_channels))
+        # Grows with the numbers that are read, whatever the file declares.
+        values = array("d")
         count = 0
         for number, text in lines:
             words = text.split()
@@ -320,13 +329,13 @@ class _Reader:
                 raise self._error(number, f"{n_channels} numbers expected; found {len(words)}")
             if count == n_frames:
                 raise self._error(number, f"a frame after the last of {count}")
-            values[count] = self._floats(number, words)
+            values.extend(self._floats(number, words))
             count += 1
         if count < n_frames:
             raise self._error(
                 len(self._lines), f"the file ends after {count} of {int(n_frames)} frames"
             )
-        return values, 1.0 / frame_time
+        return np.array(values).reshape(count, n_channels), 1.0 / frame_time
 
     def _value(self, lines: Iterator[tuple[int, str]], name: str) -> tuple[int, float]:
         line, text = next(lines, (len(self._lines), "the end of the file"))

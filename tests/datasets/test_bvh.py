@@ -123,3 +123,14 @@ def test_files_that_end_early(tmp_path):
             load_bvh(write(tmp_path, ARM[:length]))
     with pytest.raises(FileError):
         load_bvh(tmp_path / "missing.bvh")
+
+
+@pytest.mark.parametrize("n_channels", [1, 100_000])
+def test_memory_is_that_of_the_numbers_in_the_file(tmp_path, n_channels):
+    root = "ROOT a {\nOFFSET 0 0 0\n"
+    channels = f"CHANNELS {n_channels} {'Xrotation ' * n_channels}\n"
+    text = f"HIERARCHY\n{root}{channels}}}\n" + (root + "}\n") * 20_000
+    text += "MOTION\nFrames: 100000\nFrame Time: 1\n"
+    frames = "0\n" if n_channels == 1 else "\n"
+    with pytest.raises(FileFormatError, match="far more memory|ends after 0 of"):
+        load_bvh(write(tmp_path, text + frames * 100_000))
