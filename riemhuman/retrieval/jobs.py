@@ -65,7 +65,7 @@ _PAIRS, _N_NUMBERS = 16, 6
 
 # Points and paths that are computed again when a job is resumed, and the differences due to
 # rounding, relative to the largest number.
-_TRIED_POINTS, _TRIED_PATHS = 8, 2
+_TRIED_POINTS, _TRIED_TILES, _TRIED_PATHS = 8, 3, 2
 _ROUNDING = {"single": 1e-5, "double": 1e-9}
 _ROUNDING_OF_PATHS = 1e-4
 
@@ -375,10 +375,16 @@ def _try_distances(
     # First points of blocks, and the last point, so that they come from different tiles.
     spread = np.linspace(0, len(starts) - 1, _TRIED_POINTS).astype(int)
     numbers = sorted({starts[k] for k in spread} | ({blocks[-1].stop - 1} if known[-1] else set()))
+    complete = job.exists(RESULT)
+    if finished and not complete:
+        # The few tiles of a job that has just begun may hold no distance of two of these points.
+        order = sorted(finished)
+        for k in np.linspace(0, len(order) - 1, _TRIED_TILES).astype(int):
+            tile = tiles[order[k]]
+            numbers = sorted({*numbers, tile.rows.start, tile.columns.stop - 1})
     some = np.concatenate([metric.check_points(points[slice(n, n + 1)]) for n in numbers])
     features = metric.features(some, precision)
     rounding = _ROUNDING[precision]
-    complete = job.exists(RESULT)
     if not complete:
         for k in range(len(features)):
             table = job.read(feature_file(k))

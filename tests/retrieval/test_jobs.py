@@ -290,12 +290,12 @@ def test_one_process_at_a_time(tmp_path):
     pairwise_job(METRIC, POINTS, tmp_path)
 
 
-def begun(folder, monkeypatch, n_steps=30):
+def begun(folder, monkeypatch, n_steps=30, memory=MEMORY):
     """Begin a job in a folder, and interrupt it."""
     with monkeypatch.context() as patches:
         interrupt_after(n_steps, patches, KeyboardInterrupt)
         with pytest.raises(KeyboardInterrupt):
-            pairwise_job(METRIC, POINTS, folder, memory=MEMORY)
+            pairwise_job(METRIC, POINTS, folder, memory=memory)
 
 
 def contents(folder):
@@ -361,9 +361,13 @@ def test_a_metric_whose_constant_changed_is_refused(n_steps, precision, tmp_path
     np.testing.assert_array_equal(pairwise_job(heights(1), POINTS, tmp_path, **settings), expected)
 
 
-def test_distances_of_other_code_are_refused_though_features_are_the_same(tmp_path, monkeypatch):
-    begun(tmp_path, monkeypatch, 100)
+@pytest.mark.parametrize(("memory", "n_tiles"), [(20_000, 1), (20_000, 2), (MEMORY, 6)])
+def test_distances_of_other_code_are_refused_though_features_are_the_same(
+    memory, n_tiles, tmp_path, monkeypatch
+):
+    begun(tmp_path, monkeypatch, 105, memory)
     marks = np.load(tmp_path / "done.npy", mmap_mode="r+")
+    marks[n_tiles:] = 0
     assert marks.any()
     distances = np.load(tmp_path / "D.unfinished.npy", mmap_mode="r+")
     distances *= 1.001
@@ -374,7 +378,7 @@ def test_distances_of_other_code_are_refused_though_features_are_the_same(tmp_pa
             marks[number] = mark(distances[tile.rows, tile.columns])
     marks.flush()
     with pytest.raises(ArgumentError, match="the distance of points.*differs by"):
-        pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
+        pairwise_job(METRIC, POINTS, tmp_path, memory=memory)
 
 
 @pytest.mark.parametrize("exponent", [20, 30])
