@@ -1,4 +1,4 @@
-"""Steps of the fit of a pose_body body to loose points, compiled: equations, assignment, annealing.
+"""Steps of the fit of a posed body to loose points, compiled: equations, assignment, annealing.
 
 The equations are those of `riemhuman.bodies.fit_model`, here in loops that release the interpreter
 lock, so that many starts run in parallel. Joints have rotation matrices, and a step rotates a joint

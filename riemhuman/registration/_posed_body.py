@@ -157,7 +157,7 @@ def shaped_points(body: ModelSamples, pose: Pose) -> np.ndarray:
 
 @compiled
 def pose_body(body: ModelSamples, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points of a pose_body body and their normals."""
+    """Return the points of a posed body and their normals."""
     rotations, _, shifts, _, _ = joint_motions(body, pose)
     shaped = shaped_points(body, pose)
     n, n_bones = body.bones.shape

@@ -21,6 +21,7 @@ from riemhuman.datasets.registered_meshes import existing_folder, natural_key
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, read_bytes
+from riemhuman.io.fingerprint import describe
 from riemhuman.io.meshes import save_mesh
 from riemhuman.io.points import POINT_SUFFIXES, load_points
 from riemhuman.progress import ProgressBar
@@ -33,7 +34,7 @@ from riemhuman.registration.scan_registration import (
 from riemhuman.registration.scans import Scan, in_metres
 
 UNTRUSTED, RECORDS = "untrusted", "registrations"
-_VERSION = 2
+_VERSION = 3
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
 _FIELDS = ("trusted", "message", "likelihood", "median_distance", "matched_share")
@@ -264,11 +265,9 @@ def _register_file(
 def _identity(registration: ScanRegistration, sequence: bool, keep_axes: bool) -> bytes:
     """Return a digest of what a registration depends on beside the scan."""
     options = (_VERSION, registration.unit, registration.up, sequence, keep_axes)
-    digest = hashlib.sha256(repr(options).encode())
     model = registration.model
-    for array in (model.template.vertices, model.faces, model.shapedirs, model.weights):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.digest()
+    parts = [model.template.vertices, model.parents, model]
+    return hashlib.sha256(repr([options, *map(describe, parts)]).encode()).digest()
 
 
 def _write(folder: Path, record: ScanRecord, key: str, transform: np.ndarray | None) -> None:
@@ -308,9 +307,15 @@ def _completed_record(folder: Path, name: str, key: str) -> ScanRecord | None:
 
 def _read(file: Path) -> ScanRecord:
     fields = load_arrays(file, _FIELDS, _ARRAYS)
+    for name in _FIELDS:
+        kinds = "U" if name == "message" else "bf"
+        if fields[name].shape or fields[name].dtype.kind not in kinds:
+            raise FileFormatError(f"{file}: {name} must be a single value, not {fields[name]!r}")
     for name in ("points", "shown"):
-        if name in fields:
-            real_array(fields[name], f"{name} of {file}", ("n", 3), batched=False)
+        try:
+            real_array(fields.get(name, np.empty((0, 3))), name, ("n", 3), batched=False)
+        except RiemhumanError as error:
+            raise FileFormatError(f"{file}: {error}") from error
     return ScanRecord(
         name=file.stem,
         trusted=bool(fields["trusted"]),

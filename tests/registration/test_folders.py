@@ -1,5 +1,6 @@
 """Folders of scans: what is written, what a second run leaves, and what is damaged."""
 
+import copy
 import shutil
 
 import numpy as np
@@ -74,6 +75,31 @@ def test_a_second_run_does_what_is_missing(registered, registration, monkeypatch
     assert solved == [2000]
     assert records[0].trusted
     assert records[1].message == "solved again"
+
+
+@pytest.mark.parametrize(
+    "change", [{"trusted": [True, False]}, {"message": 1.0}, {"points": np.full((3, 3), np.nan)}]
+)
+def test_damaged_records_are_refused(registered, tmp_path, change):
+    arrays = rh.io.load_arrays(registered[1] / "registrations" / "anna.npz", [])
+    (tmp_path / "registrations").mkdir()
+    rh.io.save_arrays(tmp_path / "registrations" / "anna.npz", arrays | change)
+    with pytest.raises(rh.errors.FileFormatError, match=next(iter(change))):
+        read_records(tmp_path)
+
+
+def test_another_model_registers_scans_again(registered, registration, tmp_path, monkeypatch):
+    scans, output, _ = registered
+    shutil.copytree(output, tmp_path / "bodies")
+    model = copy.copy(registration.model)
+    model._joint_regressor = np.roll(model.joint_regressor, 1, axis=1)
+
+    def solve(self, scan, **options):
+        raise rh.errors.ArgumentError("solved again")
+
+    monkeypatch.setattr(ScanRegistration, "solve", solve)
+    records = register_folder(ScanRegistration(model, up="y"), scans, tmp_path / "bodies")
+    assert [record.message for record in records[:2]] == ["solved again"] * 2
 
 
 def test_the_page_shows_every_scan(registered):
