@@ -101,7 +101,7 @@ def atomic_file(file: Path) -> Iterator[Path]:
 
 def neighbour(path: Path) -> Path:
     """Return an unused hidden name in the folder of a path, with the same suffix."""
-    return path.with_name(f".{path.stem[:100]}.{secrets.token_hex(4)}.part{path.suffix}")
+    return path.with_name(f".{path.stem[:40]}.{secrets.token_hex(4)}.part{path.suffix}")
 
 
 @contextmanager

@@ -38,6 +38,8 @@ def describe(value: Any, _depth: int = 0) -> Any:
     if isinstance(value, np.ndarray) and value.dtype.kind != "O":
         found = {"dtype": str(value.dtype), "sha256": digest(value).hex()}
         return {"shape": list(value.shape), **found}
+    if isinstance(value, np.longdouble):  # whose `item` is itself
+        return repr(value)
     if isinstance(value, np.generic):
         return describe(value.item())
     if isinstance(value, functools.partial):

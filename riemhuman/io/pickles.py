@@ -266,7 +266,10 @@ def _dense(value: Any, depth: int) -> np.ndarray:
         ):
             raise FileFormatError(f"holds {_describe(value)} in place of an array")
         numbers.append(number)
-    return np.asarray(numbers if isinstance(value, (list, tuple)) else numbers[0])
+    array = np.asarray(numbers if isinstance(value, (list, tuple)) else numbers[0])
+    if array.dtype.kind == "O":
+        raise FileFormatError("holds a whole number beyond 64 bits")
+    return array
 
 
 def _array(record: _Record, kind: str) -> np.ndarray:

@@ -112,13 +112,14 @@ class MetricCodes(Estimator):
         coordinates = self._coordinates(X)
         if len(coordinates) < 3:
             raise ArgumentError(f"X must hold at least three bodies; found {len(coordinates)}")
-        self.mean_ = coordinates.mean(axis=0)
-        centered = coordinates - self.mean_
+        mean = coordinates.mean(axis=0)
+        centered = coordinates - mean
         values, vectors = np.linalg.eigh(centered @ centered.T)
         kept = np.flatnonzero(values > _ROUNDING * max(values[-1], 0.0))[::-1]
         kept = kept[: min(n_components, n_codes - 1)]
         if values[-1] <= _ROUNDING * np.sum(coordinates**2):
             raise ArgumentError("X must hold different bodies; all are the same to rounding")
+        self.mean_ = mean
         self.components_ = (vectors[:, kept] / np.sqrt(values[kept])).T @ centered
         self._projection = _random_signs(centered.shape[1], n_codes - len(kept), seed)
         self.scale_ = 1.0

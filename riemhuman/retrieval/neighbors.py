@@ -14,6 +14,7 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.io.files import file_path
 from riemhuman.kernels.projections import Projection
 from riemhuman.kernels.threads import thread_count
 from riemhuman.retrieval._neighbor_index import NeighborIndex
@@ -266,6 +267,8 @@ class NearestNeighbors(Estimator):
 
         Raises
         ------
+        ArgumentTypeError
+            If `path` is not a path.
         FileError
             If the file is missing or cannot be read.
         FileFormatError
@@ -273,7 +276,7 @@ class NearestNeighbors(Estimator):
         ArgumentError
             If the index is for another metric or template.
         """
-        file = os.fspath(path)
+        file = str(file_path(path))
         arrays = load_arrays(path, _FIELDS)
         if "components" in arrays:
             arrays = load_arrays(path, [*_FIELDS, *_FIELDS_OF_PROJECTION])

@@ -315,6 +315,12 @@ def test_cells_are_one_line_and_no_formulas(text, expected):
     assert csv_cell(text) == expected
 
 
+def test_long_names_in_other_scripts(tmp_path):
+    file = tmp_path / ("\N{CJK UNIFIED IDEOGRAPH-8EAB}" * 83 + ".ply")
+    write_text(file, "ply")
+    assert file.read_text() == "ply"
+
+
 def test_named_rows(tmp_path):
     file = tmp_path / "rows.csv"
     file.write_text("Name, x, y\nanna, 1, 2\n\nbert,3,-4e1\n")

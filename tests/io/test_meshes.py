@@ -2,8 +2,8 @@
 
 import os
 import struct
-import time
 import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
 

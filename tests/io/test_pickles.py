@@ -269,6 +269,13 @@ def test_scalars_and_big_endian_numbers(folder):
         assert found["c"] == 7
 
 
+@pytest.mark.parametrize("numbers", [-(2**63) - 1, [2**64 - 1, -(2**63) - 1]])
+def test_whole_numbers_that_no_array_holds(folder, numbers):
+    (folder / "model.pkl").write_bytes(pickle.dumps({"a": numbers}))
+    with pytest.raises(FileFormatError, match="whole number beyond 64 bits, in its field a"):
+        load_pickled_arrays("model.pkl", ["a"])
+
+
 def test_no_file(folder):
     with pytest.raises(FileError, match="cannot be read"):
         load_pickled_arrays(folder, [])

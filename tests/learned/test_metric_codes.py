@@ -68,7 +68,8 @@ def test_conventions_and_refusals():
     with pytest.raises(ArgumentError, match="at least three bodies; found 2"):
         clone(codes).fit(known.points[:2])
     with pytest.raises(ArgumentError, match="all are the same"):
-        clone(codes).fit(known.points[[0, 0, 0]])
+        codes.fit(known.points[[0, 0, 0]])
+    np.testing.assert_array_equal(codes.transform(known.points[:4]), found)
     with pytest.raises(ArgumentError, match="n_codes"):
         MetricCodes(codes.metric, n_codes=1).fit(known.points)
     with pytest.raises(ArgumentTypeError, match="metric must be a RiemannianMetric"):

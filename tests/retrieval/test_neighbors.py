@@ -205,6 +205,8 @@ def test_loading_refuses_another_metric_or_template(tmp_path):
         with pytest.raises(ArgumentError, match=r"index\.npz: metric must be that of the index"):
             NearestNeighbors.load(path, metric)
     NearestNeighbors.load(path, ElasticMetric(AlignedSurfaces(space.template), 1.0, 0.1, 0.1))
+    with pytest.raises(ArgumentTypeError, match="path"):
+        NearestNeighbors.load(3, metric)
 
 
 def test_loading_refuses_what_is_no_index(tmp_path):
