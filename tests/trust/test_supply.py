@@ -93,7 +93,7 @@ def test_the_tests_run_from_the_source_archive(archives, tmp_path):
     (folder,) = tmp_path.iterdir()
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
     environment = os.environ | {"PYTHONPATH": str(folder)}
-    tests = [["tests/test_errors.py", "tests/io/test_cells.py"]]
+    tests = [["tests/test_errors.py", "tests/io/test_arrays.py"]]
     for arguments in [*tests, ["--collect-only"]] if FULL else tests:
         done = subprocess.run(
             [*command, *arguments],
