@@ -25,14 +25,14 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.kernels.differentiable import entry
 
 DEGENERATE = 8 * np.finfo(float).eps
-"""Below this squared sine of the angle between f_u and f_v, det g is rounding error alone."""
+"""Triangles count as degenerate below this squared sine of the angle between f_u and f_v."""
 
 NEARLY_DEGENERATE = 2 * DEGENERATE
-"""Below this one, whoever rounds in another order may find that det g is rounding error alone."""
+"""Below this squared sine, another order of summation may make a triangle degenerate."""
 
 
 class Derivatives(NamedTuple):
-    """What terms know of surfaces: first derivatives, and what follows from them."""
+    """First derivatives of surfaces, their area vectors, area ratios and metric entries."""
 
     f_u: ndarray
     f_v: ndarray
@@ -44,7 +44,7 @@ class Derivatives(NamedTuple):
 
 
 def derivatives(points: ndarray, operator: csr_matrix) -> Derivatives:
-    """Return the first derivatives of surfaces, and what follows from them.
+    """Return the first derivatives of surfaces with the quantities computed from them.
 
     det g = ‖f_u × f_v‖² comes with relative errors of ε times the aspect ratio of a triangle; from
     rounded entries of g, the square of that ratio would count.
@@ -53,7 +53,7 @@ def derivatives(points: ndarray, operator: csr_matrix) -> Derivatives:
 
 
 def follow_up(f_u: ndarray, f_v: ndarray, bound: float = DEGENERATE) -> Derivatives:
-    """Return first derivatives with what follows from them."""
+    """Return first derivatives with the quantities computed from them."""
     area_vectors = np.cross(f_u, f_v)
     squared, e = dot(area_vectors, area_vectors), dot(f_u, f_u)
     degenerate = squared <= bound * e * dot(f_v, f_v)

@@ -188,7 +188,7 @@ def _pool() -> ThreadPoolExecutor:
 if hasattr(os, "register_at_fork"):
     # Threads do not survive a fork: the child makes a pool of its own.
     os.register_at_fork(after_in_child=_pool.cache_clear)
-    # Nor does whoever holds the lock of the limit.
+    # Neither does a thread that holds the lock of the limit.
     os.register_at_fork(after_in_child=_limit.keep_own)
 
 
