@@ -17,12 +17,12 @@ from riemhuman import __version__
 
 # isort: off
 # The order of the commands in the help.
-from riemhuman.cli import _tables  # noqa: F401
-from riemhuman.cli import _distances, _paths  # noqa: F401
-from riemhuman.cli import _registration  # noqa: F401
-from riemhuman.cli import _measuring  # noqa: F401
-from riemhuman.cli import _bodies  # noqa: F401
-from riemhuman.cli import _motions, _files  # noqa: F401
+from riemhuman.cli import _table_commands  # noqa: F401
+from riemhuman.cli import _distance_commands, _path_commands  # noqa: F401
+from riemhuman.cli import _registration_commands  # noqa: F401
+from riemhuman.cli import _measurement_commands  # noqa: F401
+from riemhuman.cli import _body_commands  # noqa: F401
+from riemhuman.cli import _motion_commands, _file_commands  # noqa: F401
 
 # isort: on
 from riemhuman.cli._commands import make_parser, path
@@ -58,7 +58,7 @@ examples:
 """
 _EPILOG = """\
 `riemhuman COMMAND --help` explains a command and shows examples. After
-`pip install 'riemhuman[completion]'`, the shell completes commands and options with
+`pip install '.[completion]'` in its folder, the shell completes commands and options with
 `eval "$(register-python-argcomplete riemhuman)"`.
 
 exit codes: 0 done; 1 done, but something in it is not trusted: a scan without a trusted body, or

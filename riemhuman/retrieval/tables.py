@@ -35,7 +35,9 @@ class TableRow:
     scores: RetrievalScores
 
 
-def retrieval_table(distances: Mapping[str, ndarray], labels: ndarray) -> list[TableRow]:
+def retrieval_table(
+    distances: Mapping[str, ndarray], labels: ndarray, groups: ndarray | None = None
+) -> list[TableRow]:
     """Return the scores of several distance matrices for the same labels.
 
     Parameters
@@ -44,6 +46,8 @@ def retrieval_table(distances: Mapping[str, ndarray], labels: ndarray) -> list[T
         Distance matrices by name of representation.
     labels : array, shape (n,)
         Class of each body.
+    groups : array, shape (n,), optional
+        Groups, such as people: bodies of the group of a query are left out.
 
     Returns
     -------
@@ -59,7 +63,7 @@ def retrieval_table(distances: Mapping[str, ndarray], labels: ndarray) -> list[T
     >>> row.representation, row.scores.first_tier
     ('toy', 100.0)
     """
-    return [TableRow(name, scores(matrix, labels)) for name, matrix in distances.items()]
+    return [TableRow(name, scores(matrix, labels, groups)) for name, matrix in distances.items()]
 
 
 def format_table(title: str, rows: list[TableRow]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.retrieval import RetrievalScores, scores
+from riemhuman.retrieval import RetrievalScores, retrieval_table, scores
 
 
 def recount(order, labels, query):
@@ -208,3 +208,20 @@ SQUARE = np.ones((4, 4))
 def test_bad_arguments_are_refused_by_name(distances, labels, error, message):
     with pytest.raises(error, match=message):
         scores(distances, labels)
+
+
+def test_bodies_of_the_group_of_a_query_are_left_out():
+    rng = np.random.default_rng(5)
+    points = rng.normal(size=(24, 3))
+    distances = np.linalg.norm(points[:, None] - points, axis=-1)
+    labels, people = np.arange(24) % 4, np.repeat(np.arange(6), 4)
+    totals = []
+    for query in range(24):
+        others = np.flatnonzero(people != people[query])
+        order = others[np.argsort(distances[query, others])]
+        totals.append(recount(order, labels, query))
+    among_others = scores(distances, labels, groups=people)
+    np.testing.assert_allclose(as_array(among_others), 100 * np.mean(totals, axis=0))
+    row = retrieval_table({"toy": distances}, labels, groups=people)[0]
+    assert row.scores == among_others
+    assert among_others != scores(distances, labels)

@@ -23,7 +23,7 @@ from riemhuman.cli._commands import (
     output,
     template,
 )
-from riemhuman.cli._meshes import (
+from riemhuman.cli._inputs import (
     MESH_ENDINGS,
     check_file,
     check_folder,
@@ -33,7 +33,7 @@ from riemhuman.cli._meshes import (
     read_surfaces,
     save_figure,
 )
-from riemhuman.cli._metrics import (
+from riemhuman.cli._metric_options import (
     BASIS,
     PATH_METRIC,
     check_metric,

@@ -20,7 +20,7 @@ from riemhuman.cli._commands import (
     path_option,
     several,
 )
-from riemhuman.cli._meshes import check_file, check_folder_or_file, write_motion
+from riemhuman.cli._inputs import check_file, check_folder_or_file, write_motion
 from riemhuman.cli._terminal import csv_text, lines, matrix_rows
 from riemhuman.errors import ArgumentError
 

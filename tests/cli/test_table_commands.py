@@ -144,7 +144,7 @@ def test_plot_without_labels_names_points_by_files_and_explains_its_scale(
     run, matrix, tmp_path, monkeypatch
 ):
     figures = []
-    save = "riemhuman.cli._tables.save_figure"
+    save = "riemhuman.cli._table_commands.save_figure"
     monkeypatch.setattr(save, lambda figure, file: figures.append(figure))
     assert run("plot", matrix, "-o", tmp_path / "map.png", "--quiet").code == 0
     (ax,) = figures[0].axes
@@ -230,7 +230,7 @@ def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):
         return output / "index.html"
 
     monkeypatch.setattr("riemhuman.report.make_report", make_report)
-    monkeypatch.setattr("riemhuman.cli._tables._N_COMPONENTS", 3)
+    monkeypatch.setattr("riemhuman.cli._table_commands._N_COMPONENTS", 3)
     with h5py.File(tmp_path / "registrations_m.hdf5", "w") as file:
         file["faces"] = bodies.template.faces
         file["50002_hips"] = np.moveaxis(bodies.points[:50], 0, -1)

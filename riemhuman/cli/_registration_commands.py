@@ -17,7 +17,7 @@ from riemhuman.cli._commands import (
     output,
     path_option,
 )
-from riemhuman.cli._meshes import MESH_ENDINGS, check_file
+from riemhuman.cli._inputs import MESH_ENDINGS, check_file
 from riemhuman.cli._terminal import note
 from riemhuman.errors import ArgumentError, FileError
 

@@ -18,7 +18,7 @@ from riemhuman.cli._commands import (
     output,
     path_option,
 )
-from riemhuman.cli._meshes import (
+from riemhuman.cli._inputs import (
     MESH_ENDINGS,
     advice,
     check_file,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from riemhuman.cli._files import mesh_facts
+from riemhuman.cli._file_commands import mesh_facts
 from riemhuman.datasets import load_open_model
 from riemhuman.io import save_mesh
 from riemhuman.measurements import Measurements

@@ -20,7 +20,7 @@ from riemhuman.cli._commands import (
     path_option,
     several,
 )
-from riemhuman.cli._meshes import check_file, save_figure
+from riemhuman.cli._inputs import check_file, save_figure
 from riemhuman.cli._terminal import lines, note
 from riemhuman.errors import ArgumentError, FileFormatError, MissingDependencyError
 
@@ -189,6 +189,10 @@ def _metric_tables(bodies: Bodies, head: str, options: argparse.Namespace) -> An
         for label, question in _QUESTIONS.items()
         if getattr(bodies, label) is not None
     }
+    if options.open == "natural":
+        poses = distances | learned.get("pose", {})
+        rows = rh.retrieval.retrieval_table(poses, bodies.pose, groups=bodies.subject)
+        tables["How, among other people?"] = rows
     record = {
         title: {row.representation: asdict(row.scores) for row in rows}
         for title, rows in tables.items()
@@ -197,6 +201,8 @@ def _metric_tables(bodies: Bodies, head: str, options: argparse.Namespace) -> An
         "Per cent, each body against all others: NN nearest neighbour, FT and ST first and second "
         "tier."
     )
+    if options.open == "natural":
+        end += " Among other people: other bodies of the same person are left out."
     parts = [rh.retrieval.format_table(title, rows) for title, rows in tables.items()]
     return Answer("\n\n".join([head, *parts, end]), record)
 

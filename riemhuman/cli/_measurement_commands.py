@@ -21,7 +21,7 @@ from riemhuman.cli._commands import (
     path_option,
     several,
 )
-from riemhuman.cli._meshes import advice, check_file, list_meshes, save_figure
+from riemhuman.cli._inputs import advice, check_file, list_meshes, save_figure
 from riemhuman.cli._terminal import csv_text
 from riemhuman.errors import ArgumentError
 

@@ -20,8 +20,8 @@ from riemhuman.cli._commands import (
     path_option,
     template,
 )
-from riemhuman.cli._meshes import Surfaces, check_file, list_folder, read_surfaces, same_file
-from riemhuman.cli._metrics import (
+from riemhuman.cli._inputs import Surfaces, check_file, list_folder, read_surfaces, same_file
+from riemhuman.cli._metric_options import (
     BASIS,
     check_metric,
     chosen_basis,

@@ -24,7 +24,7 @@ from riemhuman.cli._commands import (
     path_option,
     template,
 )
-from riemhuman.cli._meshes import (
+from riemhuman.cli._inputs import (
     MESH_ENDINGS,
     advice,
     check_file,
