@@ -18,7 +18,7 @@ AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command has found: a record for ``--json``, else lines of text."""
+    """The answer of a command: a record for ``--json``, else lines of text."""
 
     text: str
     record: Any = None

@@ -412,7 +412,7 @@ class RiemannianMetric:
 
     @property
     def bulk(self) -> Bulk:
-        """How distances of many pairs are computed from features; by default one by one."""
+        """Distances of many pairs computed from features; by default one by one."""
         return PairByPair(self.squared_dist)
 
     def dist_pairwise(

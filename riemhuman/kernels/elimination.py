@@ -14,7 +14,7 @@ from riemhuman.kernels.compilation import FUSED, compiled
 
 
 class Elimination(NamedTuple):
-    """What the elimination A = L D Lᵀ of matrices knows from their pattern of blocks alone."""
+    """The elimination A = L D Lᵀ of matrices with one pattern of blocks, prepared once."""
 
     order: ndarray
     ends: ndarray

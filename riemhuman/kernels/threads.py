@@ -202,7 +202,7 @@ LARGEST, SMALLEST = 1e15, 1e-15
 """Squares of numbers beyond these, and their products, leave the range of single precision."""
 
 UNDERFLOW = 1e-34
-"""What a square too small for single precision may add to a sum."""
+"""Bound on the square of a number that single precision rounds to zero."""
 
 # Pairs times values of one tile, so that features, which come from far in memory, are used often.
 _TILE_WORK = 320_000_000

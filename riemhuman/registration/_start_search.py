@@ -58,7 +58,7 @@ _WARM_ROUNDS = (Round(500, 800, (0.08, 0.04), 5, 1), Round(1000, 1500, (0.03, 0.
 
 
 class Target(NamedTuple):
-    """What bodies are fitted to."""
+    """The points that bodies are fitted to."""
 
     points: np.ndarray  # (m, 3) evenly spread points of the scan, metres
     normals: np.ndarray  # (m, 3)

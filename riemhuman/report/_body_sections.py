@@ -71,7 +71,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Materials:
-    """What sections are made from."""
+    """The results that sections are made from."""
 
     experiments: Experiments
     results: Results

@@ -22,7 +22,7 @@ from riemhuman.report.retrieval_benchmark import PAPER_TABLES, BenchmarkRecord, 
 from riemhuman.solvers.paths import LinearPath
 
 STRAIGHT = ", straight"
-"""How names end of metrics without closed form, which compare by the cost of the straight way."""
+"""End of the names of metrics without closed form, compared by the cost of straight paths."""
 SOBOLEV = f"Sobolev metric{STRAIGHT}"
 GAUGE_INVARIANT = f"gauge-invariant SRNF{STRAIGHT}"
 

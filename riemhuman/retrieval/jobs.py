@@ -527,7 +527,7 @@ def feature_file(number: int) -> str:
 
 
 class _DistanceTable:
-    """Where tiles of distances are kept: in both triangles of one matrix."""
+    """Tiles of distances, kept in both triangles of one matrix."""
 
     title, unit = "Distances", " pairs"
 
@@ -555,7 +555,7 @@ class _DistanceTable:
 
 @dataclass(frozen=True)
 class _PathTable:
-    """Where blocks of paths are kept: a row of numbers for each pair, and perhaps its path."""
+    """Blocks of paths, kept as a row of numbers for each pair, and perhaps its path."""
 
     keep_paths: bool
     title, unit = "Geodesics", " paths"

@@ -1,4 +1,4 @@
-r"""What a term of a metric on surfaces is: fields of first derivatives, with a metric.
+r"""The base class of terms of metrics on surfaces: fields of first derivatives, with a metric.
 
 A metric of surfaces over a template T is a sum of terms
 
