@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import operator
 from typing import TYPE_CHECKING, Any
 
 import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import SCALES, Rng, check_same_scale, generator, one_of, real_array, values_of
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.surface_metric import ElasticMetric
+from riemhuman.io import as_arrays
+from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.kernels import surface
 from riemhuman.kernels.differentiable import square_root
 from riemhuman.kernels.threads import of_one_kind
@@ -241,6 +245,30 @@ class AlignedSurfaces(Manifold):
             surface.unit_normals_differential(*derivatives, *change),
         )
 
+    def as_array(self, points: Any, name: str = "points") -> Any:
+        """Return the vertices of mesh objects, see `riemhuman.io.as_arrays`, or of a list of them.
+
+        Raises
+        ------
+        ArgumentError
+            If a mesh does not have the triangles of the template.
+        """
+        if isinstance(points, (list, tuple)):
+            each = [self.as_array(point, f"{name}[{k}]") for k, point in enumerate(points)]
+            return points if all(map(operator.is_, each, points)) else np.stack(each)
+        if not hasattr(points, "faces") and not hasattr(points, "cells"):
+            return points
+        vertices, faces = as_arrays(points)
+        difference = face_difference(faces, self.template.faces)
+        if difference is None and len(vertices) != self.template.n_vertices:
+            difference = f"{len(vertices)} vertices found, {self.template.n_vertices} expected"
+        if difference is not None:
+            raise ArgumentError(
+                f"{name} must be a mesh with the triangles of the template ({difference}); "
+                "register it first: riemhuman.registration.ScanRegistration(model).solve(mesh)"
+            )
+        return vertices
+
     def check_point(self, point: Any, name: str = "point") -> ndarray:
         """Return surfaces as float64 arrays after checking them.
 
@@ -253,8 +281,11 @@ class AlignedSurfaces(Manifold):
             leave the range of double precision, or a surface is evidently in another unit than the
             template.
         """
+        if not isinstance(point, ndarray):
+            point = self.as_array(point, name)
         point = real_array(point, name, self.shape, rows=True, lengths=True)
-        self.check_scale(point, name)
+        if self.scale is not None:
+            check_same_scale(values_of(point), self._reference, name, "the template")
         return point
 
     def check_tangent_vec(self, tangent_vec: Any, name: str = "tangent_vec") -> ndarray:
@@ -277,7 +308,7 @@ class AlignedSurfaces(Manifold):
             If the number of vertices is not the template's, an entry is not finite, or areas
             would leave the range of double precision.
         """
-        return real_array(tangent_vec, name, self.shape, lengths=True)
+        return real_array(self.as_array(tangent_vec, name), name, self.shape, lengths=True)
 
     def check_scale(self, point: ndarray, name: str = "point") -> None:
         """Raise ArgumentError if surfaces are in another unit than the template; see `scale`."""

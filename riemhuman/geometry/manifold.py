@@ -291,7 +291,7 @@ class Manifold(ABC):
         ArgumentError
             If the shape is wrong or there are NaN or infinite entries.
         """
-        return real_array(point, name, self.shape, rows=True)
+        return real_array(self.as_array(point, name), name, self.shape, rows=True)
 
     def check_scale(self, point: ndarray, name: str = "point") -> None:
         r"""Raise an error if points are measured in another unit of length, where there is one.
@@ -304,6 +304,23 @@ class Manifold(ABC):
             Name of the argument, for messages.
         """
         return
+
+    def as_array(self, points: Any, name: str = "points") -> Any:
+        """Return points that are no arrays, such as meshes on a space of surfaces, as arrays.
+
+        Parameters
+        ----------
+        points : object
+            Points.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        object
+            Here, what was given.
+        """
+        return points
 
     @property
     def _point_axes(self) -> tuple[int, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import wraps
 from operator import attrgetter
 from typing import Any, TypedDict, cast
 
@@ -36,6 +35,7 @@ from riemhuman.geometry.strategies import (
     GeodesicSolver,
     LogSolver,
     TransportSolver,
+    default_strategy,
 )
 from riemhuman.kernels.differentiable import square_root
 from riemhuman.representation import constructor_text
@@ -62,18 +62,10 @@ class RiemannianMetric:
     ----------
     space : Manifold
         The manifold.
-    geodesic_solver : GeodesicSolver, optional
-        Strategy with a method ``solve(metric, start, end)`` for geodesics and distances that have
-        no closed form, see `riemhuman.solvers`.
-    exp_solver : ExpSolver, optional
-        Strategy with a method ``solve(metric, tangent_vec, base_point)`` for `exp` where it has
-        no closed form.
-    log_solver : LogSolver, optional
-        Strategy with a method ``solve(metric, point, base_point)`` for `log` where it has no
-        closed form.
-    transport_solver : TransportSolver, optional
-        Strategy with a method ``solve(metric, tangent_vec, base_point, direction, end_point)`` for
-        `parallel_transport` where it has no closed form.
+    geodesic_solver, exp_solver, log_solver, transport_solver : object, optional
+        Strategies for what has no closed form, see `riemhuman.solvers` and
+        `riemhuman.geometry.strategies`. Distances without a closed form need a `geodesic_solver`;
+        the others have defaults.
 
     Notes
     -----
@@ -139,6 +131,11 @@ class RiemannianMetric:
         names = "geodesic_solver", "exp_solver", "log_solver", "transport_solver"
         given = {name: getattr(self, name) for name in names}
         return cast(Solvers, {name: value for name, value in given.items() if value is not None})
+
+    def _solver(self, name: str) -> Any:
+        """Return a strategy that was given, or the default one."""
+        given = getattr(self, name)
+        return default_strategy(name, self) if given is None else given
 
     @property
     def has_closed_form_dist(self) -> bool:
@@ -392,7 +389,13 @@ class RiemannianMetric:
         NotDefinedError
             If there is neither a closed form nor a solver.
         """
-        return self._solve("squared_dist", point_a, point_b).energy
+        if self.geodesic_solver is None:
+            raise NotDefinedError(
+                f"{type(self).__name__} has no closed form for distances; pass the strategy whose "
+                "paths they shall measure, such as "
+                "geodesic_solver=riemhuman.solvers.BasisPath(basis)"
+            )
+        return self._solve(self.geodesic_solver, "squared_dist", point_a, point_b).energy
 
     def dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         r"""Return the distance of points, with gradient 0 where they coincide.
@@ -601,6 +604,8 @@ class RiemannianMetric:
         -------
         array, shape (n, \*shape)
         """
+        if not isinstance(points, ndarray):
+            points = self.space.as_array(points, name)
         checked: ndarray = real_array(points, name, self.space.shape, rows=True)
         check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
         return checked
@@ -720,19 +725,23 @@ class RiemannianMetric:
         return self.squared_norm(end - start, self.space.projection(0.5 * (start + end)))
 
     def _check_path(self, path: ndarray, batched: bool = True) -> ndarray:
+        if not isinstance(path, ndarray):
+            path = self.space.as_array(path, "path")
         path = real_array(path, "path", ("n_times", *self.space.shape), batched=batched)
         n_times = path.shape[-len(self.space.shape) - 1]
         if n_times < 2:
             raise ArgumentError(f"path must have at least two times; found {n_times}")
         return path
 
-    # Geodesics, exponentials, logarithms and transport, by solvers where there is no closed form.
+    # Geodesics, exponentials, logarithms and transport. Where there is neither a closed form nor a
+    # strategy given, the default strategies of `riemhuman.solvers` find them.
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the end point of the geodesic with this initial velocity after unit time.
 
-        Where the class has no closed form, `exp_solver` computes the geodesics one by one; autograd
-        differentiates through solvers that have derivatives.
+        Where the class has no closed form, `exp_solver` computes the geodesics one by one, by
+        default in ten steps over 60 harmonics of the template: some tenths of a second each on a
+        coarse body. Autograd differentiates through solvers that have derivatives.
 
         Parameters
         ----------
@@ -745,14 +754,10 @@ class RiemannianMetric:
 
         Raises
         ------
-        NotDefinedError
-            If there is neither a closed form nor a solver.
         OutsideManifoldError
             If the solver stops where the geodesic leaves the manifold.
         """
-        solver = self.exp_solver
-        if solver is None:
-            raise self._not_defined("exp")
+        solver = self._solver("exp_solver")
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         return self._one_by_one(
@@ -764,7 +769,9 @@ class RiemannianMetric:
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the initial velocity of the minimal geodesic from `base_point` to `point`.
 
-        Where the class has no closed form, `log_solver` computes the logarithms one by one.
+        Where the class has no closed form, `log_solver` computes the logarithms one by one. By
+        default it makes as many steps as `exp`, which undoes it: a second each on a coarse body,
+        and a warning where the exponential does not come back.
 
         Parameters
         ----------
@@ -777,14 +784,10 @@ class RiemannianMetric:
 
         Raises
         ------
-        NotDefinedError
-            If there is neither a closed form nor a solver.
         OutsideManifoldError
             If no unique minimal geodesic inside the manifold exists.
         """
-        solver = self.log_solver
-        if solver is None:
-            raise self._not_defined("log")
+        solver = self._solver("log_solver")
         base_point = self.space.check_point(base_point, "base_point")
         point = self.space.check_point(point, "point")
         return self._one_by_one(
@@ -802,7 +805,8 @@ class RiemannianMetric:
     ) -> ndarray:
         r"""Transport tangent vectors in parallel along geodesics.
 
-        Where the class has no closed form, `transport_solver` transports the vectors one by one.
+        Where the class has no closed form, `transport_solver` transports the vectors one by one, by
+        default by pole ladders along paths over 60 harmonics of the template: seconds each.
 
         Parameters
         ----------
@@ -816,15 +820,8 @@ class RiemannianMetric:
         Returns
         -------
         array, shape (..., \*shape)
-
-        Raises
-        ------
-        NotDefinedError
-            If there is neither a closed form nor a solver.
         """
-        solver = self.transport_solver
-        if solver is None:
-            raise self._not_defined("parallel_transport")
+        solver = self._solver("transport_solver")
         _check_one_is_given(direction, end_point)
         name = "end_point" if direction is None else "direction"
         goals = real_array(end_point if direction is None else direction, name, self.space.shape)
@@ -844,8 +841,9 @@ class RiemannianMetric:
     ) -> Callable[[Any], ndarray]:
         r"""Return the geodesic between two points, or with an initial velocity.
 
-        Between two points it is the path that `geodesic_solver` finds, interpolated linearly
-        between its times; with an initial velocity it is exp(t v).
+        Between two points it is the path that `geodesic_solver` finds, by default over 60 harmonics
+        of the template, interpolated linearly between its times. With an initial velocity it is
+        exp(t v), a geodesic for each time where there is no closed form.
 
         Parameters
         ----------
@@ -861,11 +859,6 @@ class RiemannianMetric:
         callable
             Maps times in [0, 1], shape (n_times,) or a number, to points, shape (..., n_times,
             \*shape).
-
-        Raises
-        ------
-        NotDefinedError
-            If there is neither a closed form nor a solver.
         """
         initial_point = self.space.check_point(initial_point, "initial_point")
         if (end_point is None) == (initial_tangent_vec is None):
@@ -884,7 +877,8 @@ class RiemannianMetric:
         return follow
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
-        path = np.asarray(self._solve("geodesic", start, end).path)
+        solver = self._solver("geodesic_solver")
+        path = np.asarray(self._solve(solver, "geodesic", start, end).path)
 
         def follow(t: Any) -> ndarray:
             position = self._times(t).ravel() * (len(path) - 1)
@@ -894,10 +888,8 @@ class RiemannianMetric:
 
         return follow
 
-    def _solve(self, name: str, start: ndarray, end: ndarray) -> Any:
-        """Return the result of `geodesic_solver` for one pair of points."""
-        if self.geodesic_solver is None:
-            raise self._not_defined(name)
+    def _solve(self, solver: GeodesicSolver, name: str, start: ndarray, end: ndarray) -> Any:
+        """Return the result of a solver for one pair of points."""
         start, end = (
             real_array(point, "point", self.space.shape, rows=True) for point in (start, end)
         )
@@ -906,7 +898,7 @@ class RiemannianMetric:
                 f"{name} by a solver takes one pair of points of shape {self.space.shape}; "
                 f"found {np.shape(start)} and {np.shape(end)}"
             )
-        return self.geodesic_solver.solve(self, start, end)
+        return solver.solve(self, start, end)
 
     def _velocity(
         self, base_point: ndarray, direction: ndarray | None, end_point: ndarray | None
@@ -1015,15 +1007,6 @@ class RiemannianMetric:
         flat = area <= 1e-14 * squares
         return np.where(flat, np.nan, form / np.where(flat, 1.0, area))
 
-    def _not_defined(self, name: str) -> NotDefinedError:
-        return NotDefinedError(
-            f"{type(self).__name__} has no closed form for {name}; for geodesics pass a strategy "
-            "such as geodesic_solver=riemhuman.solvers.BasisPath(basis), for exp and log "
-            "exp_solver=riemhuman.solvers.DiscreteExponential(basis) and "
-            "log_solver=riemhuman.solvers.DiscreteLogarithm(basis), for parallel transport "
-            "transport_solver=riemhuman.solvers.PoleLadder(basis=basis)"
-        )
-
     def _not_defined_at_all(self, name: str) -> NotDefinedError:
         return NotDefinedError(f"{type(self).__name__} does not define {name}")
 
@@ -1053,6 +1036,10 @@ class ScalarProductMetric(RiemannianMetric):
         return self._scale
 
     @property
+    def target_metric(self) -> RiemannianMetric:
+        return self.scale * self.underlying_metric.target_metric
+
+    @property
     def bulk(self) -> Bulk:
         return SumOfFactors([(lambda points: points, self.scale, self.underlying_metric.bulk)])
 
@@ -1070,7 +1057,6 @@ class ScalarProductMetric(RiemannianMetric):
 
 
 def _scaled(name: str, power: float) -> Callable[..., Any]:
-    @wraps(getattr(RiemannianMetric, name))
     def method(self: ScalarProductMetric, *arguments: Any, **keywords: Any) -> Any:
         result = getattr(self.underlying_metric, name)(*arguments, **keywords)
         return result if power == 0 else self.scale**power * result
@@ -1082,7 +1068,7 @@ def _scaled(name: str, power: float) -> Callable[..., Any]:
 for _power, _names in {
     1.0: "inner_product covector gram_matrix metric_matrix squared_dist energy curvature_form",
     0.5: "length injectivity_radius lower_bound_coordinates",
-    0.0: "exp log parallel_transport remove_drift _geodesic_between",
+    0.0: "exp log parallel_transport remove_drift map differential _geodesic_between",
 }.items():
     for _name in _names.split():
         setattr(ScalarProductMetric, _name, _scaled(_name, _power))
@@ -1093,12 +1079,25 @@ for _name in [
     "has_closed_form_transport",
     "has_metric_matrix",
     "has_lower_bound_coordinates",
+    "has_target_metric",
     "is_translation_invariant",
     "is_rotation_invariant",
     "is_stretch_invariant",
     "is_reparametrization_invariant",
 ]:
     setattr(ScalarProductMetric, _name, property(attrgetter(f"underlying_metric.{_name}")))
+
+
+def metric_of(space: Any) -> RiemannianMetric:
+    """Return the metric that a manifold was equipped with, or a metric given in its place."""
+    if isinstance(space, RiemannianMetric):
+        return space
+    if not isinstance(space, Manifold) or not space.is_equipped:
+        raise ArgumentTypeError(
+            "space must be a manifold equipped with a metric, or the metric; found "
+            f"{type(space).__name__}{' without one' if isinstance(space, Manifold) else ''}"
+        )
+    return space.metric
 
 
 def _check_one_is_given(direction: ndarray | None, end_point: ndarray | None) -> None:

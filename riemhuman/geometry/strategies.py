@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from importlib import import_module
 from typing import Any, Protocol
 
 from numpy import ndarray
@@ -16,7 +18,24 @@ __all__ = [
     "MeanSolver",
     "PathEnergy",
     "TransportSolver",
+    "default_strategy",
+    "register_defaults",
 ]
+
+
+_defaults: dict[str, Callable[[Any], Any]] = {}
+
+
+def register_defaults(**factories: Callable[[Any], Any]) -> None:
+    """Set the strategies, made for a metric, that metrics without their own use."""
+    _defaults.update(factories)
+
+
+def default_strategy(name: str, metric: Any) -> Any:
+    """Return the default strategy of a metric; `riemhuman.solvers` registers them."""
+    if name not in _defaults:
+        import_module("riemhuman.solvers")
+    return _defaults[name](metric)
 
 
 class GeodesicSolver(Protocol):

@@ -1,5 +1,6 @@
 """Solvers: path energies, geodesics, exponentials, logarithms, transport, Fréchet means."""
 
+from riemhuman.solvers import _defaults  # noqa: F401  (registers them)
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.exponential import DiscreteExponential, ExponentialResult
 from riemhuman.solvers.geodesic_regression import GeodesicRegression

@@ -426,3 +426,31 @@ def test_what_belongs_has_an_area_for_everybody():
     without = surface.is_degenerate(*space.partial_derivatives(path))[:, 0]
     assert not without[belong].any()
     assert 0 < without[shares == 1.0].sum() < 500
+
+
+# Meshes of other libraries.
+
+
+@pytest.mark.parametrize("library", ["trimesh", "meshio"])
+def test_meshes_are_taken_for_surfaces(library):
+    template = sphere_template()
+    space, points = AlignedSurfaces(template), surfaces(template, 3)
+    other = Template(points[0], np.roll(template.faces, 1, axis=0))
+    if library == "trimesh":
+        meshes, wrong = [template.to_trimesh(f) for f in points], other.to_trimesh()
+    else:
+        meshio = pytest.importorskip("meshio")
+        meshes = [meshio.Mesh(f, [("triangle", template.faces)]) for f in points]
+        wrong = meshio.Mesh(other.vertices, [("triangle", other.faces)])
+    metric = ElasticMetric(space, 1.0, 0.1, 0.1)
+    assert metric.dist(meshes[0], meshes[1]) == metric.dist(points[0], points[1])
+    expected = metric.dist_pairwise(points)
+    np.testing.assert_array_equal(metric.dist_pairwise(meshes), expected)
+    assert metric.energy(meshes) == metric.energy(points)
+    norm = metric.norm(points[1] - points[0], meshes[0])
+    assert norm == metric.norm(points[1] - points[0], points[0])
+    np.testing.assert_array_equal(space.normals(meshes[0]), space.normals(points[0]))
+    assert metric.closest_neighbor_index(meshes[1], meshes) == 1
+    for call in (lambda: metric.dist(points[0], wrong), lambda: metric.cdist(meshes, [wrong])):
+        with pytest.raises(ArgumentError, match="of the template .*; register it first: "):
+            call()

@@ -7,7 +7,6 @@ import pytest
 from autograd import grad
 from cases import CASES, name_of, sphere_template, surface_cases, surfaces
 
-from riemhuman.errors import NotDefinedError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, PullbackMetric, VectorSpace
 
 every_surface_metric = pytest.mark.parametrize("case", surface_cases("dist"), ids=name_of)
@@ -84,22 +83,6 @@ def test_a_map_of_ones_own():
     np.testing.assert_allclose(dist, np.linalg.norm(widths(a) - widths(b)), rtol=1e-13)
     t = np.linspace(0, 1, 9)[:, None, None]
     assert metric.length((1 - t) * a + t * b) >= dist
-
-
-def test_geodesics_need_a_solver():
-    case = CASES["all sphere"]
-    for call in (
-        lambda: case.metric.geodesic(*case.points[:2]),
-        lambda: case.metric.exp(case.tangent_vecs[0], case.points[0]),
-        lambda: case.metric.log(*case.points[:2]),
-    ):
-        with pytest.raises(
-            NotDefinedError,
-            match=r"ElasticMetric has no closed form for \w+; .*geodesic_solver=riemhuman\.solv",
-        ):
-            call()
-    with pytest.raises(NotDefinedError, match="no closed form for exp"):
-        case.metric.geodesic(case.points[0], initial_tangent_vec=case.tangent_vecs[0])(1.0)
 
 
 def test_solvers_are_kept():

@@ -37,6 +37,12 @@ def test_multiples_of_every_metric(case):
     for name in [name for name in dir(RiemannianMetric) if name.startswith("is_")]:
         assert getattr(double, name) == getattr(metric, name)
     assert double.has_inner_product == metric.has_inner_product
+    assert double.has_target_metric == metric.has_target_metric
+    if metric.has_target_metric:
+        image, change = double.map(x), double.differential(v, x)
+        np.testing.assert_array_equal(image, metric.map(x))
+        squared = double.target_metric.squared_norm(change, image)
+        np.testing.assert_allclose(squared, double.squared_norm(v, x))
     if metric.has_closed_form_dist:
         np.testing.assert_allclose(double.dist(x, y), 2.0 * metric.dist(x, y))
         np.testing.assert_allclose(

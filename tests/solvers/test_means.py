@@ -13,7 +13,6 @@ from riemhuman.errors import (
     ArgumentError,
     ConvergenceWarning,
     DegenerateSurfaceError,
-    NotDefinedError,
     OutsideManifoldError,
     StretchInvarianceWarning,
 )
@@ -395,8 +394,6 @@ def test_wrong_points_and_settings():
             FrechetMean(space, solver).fit(wrong)
     with pytest.raises(ArgumentError, match="3606.*12"):
         FrechetMean(space, BasisMean(basis_of(np.eye(12)))).fit(points)
-    with pytest.raises(NotDefinedError, match="log"):
-        FrechetMean(space, GradientDescentMean()).fit(points)
     for settings, message in (
         ({"start": "median"}, "start.*'median'"),
         ({"with_differences": False}, "with_differences must be True"),

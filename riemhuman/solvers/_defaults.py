@@ -1,0 +1,93 @@
+"""Strategies of metrics that were given none.
+
+On surfaces they search over smooth deformations of the template: over all vertices, metrics that
+measure no bending crumple a mesh. `exp` and `log` make as many steps over the same deformations and
+the velocity, so that each undoes the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from numpy import ndarray
+
+from riemhuman.geometry.strategies import LogSolver, register_defaults
+from riemhuman.solvers.basis_path import BasisPath
+from riemhuman.solvers.exponential import DiscreteExponential
+from riemhuman.solvers.logarithm import DiscreteLogarithm
+from riemhuman.solvers.parallel_transport import PoleLadder
+from riemhuman.solvers.path_straightening import PathStraightening
+from riemhuman.solvers.paths import LinearPath
+from riemhuman.surfaces.deformation_basis import DeformationBasis
+from riemhuman.surfaces.template import Template
+
+# Deformations of a body: more of them, and `exp` of metrics without bending stops on the way.
+_N_DEFORMATIONS = 60
+
+# Smaller meshes have hardly more deformations.
+_FEWEST_VERTICES = 200
+
+_N_STEPS = 10
+
+# Of paths whose first step is a velocity.
+_TOLERANCE = 1e-10
+
+
+def basis_of(metric: Any) -> DeformationBasis | None:
+    """Return smooth deformations of surfaces; None where all coordinates are free."""
+    space = metric.space
+    if not space.is_surface_space or space.template.n_vertices < _FEWEST_VERTICES:
+        return None
+    return _harmonics(space.template)
+
+
+@lru_cache(maxsize=4)
+def _harmonics(template: Template) -> DeformationBasis:
+    return DeformationBasis.from_laplacian(template, _N_DEFORMATIONS)
+
+
+def _path(metric: Any) -> Any:
+    basis = basis_of(metric)
+    return BasisPath(basis) if basis is not None else PathStraightening()
+
+
+def _exponential(metric: Any) -> DiscreteExponential:
+    return DiscreteExponential(basis_of(metric), _N_STEPS, n_doublings=0)
+
+
+@dataclass(frozen=True)
+class _Logarithm(LogSolver):
+    """The logarithm over some deformations and the difference of the ends."""
+
+    basis: DeformationBasis
+
+    def solve(self, metric: Any, point: ndarray, base_point: ndarray) -> Any:
+        basis = self.basis.extend((point - base_point)[None])
+        n_nodes = _N_STEPS + 1
+        # From paths that rotate limbs it would leave the deformations that the exponential knows.
+        path = BasisPath(
+            basis, n_nodes, initial=LinearPath(n_nodes), tolerance=_TOLERANCE, remove_drift=False
+        )
+        solver = DiscreteLogarithm(basis, _N_STEPS, geodesic_solver=path)
+        return solver.solve(metric, point, base_point)
+
+
+def _logarithm(metric: Any) -> LogSolver:
+    basis = basis_of(metric)
+    if basis is None:
+        return DiscreteLogarithm(None, _N_STEPS, n_doublings=0)
+    return _Logarithm(basis)
+
+
+def _transport(metric: Any) -> PoleLadder:
+    return PoleLadder(basis=basis_of(metric), geodesic_solver=_path(metric))
+
+
+register_defaults(
+    geodesic_solver=_path,
+    exp_solver=_exponential,
+    log_solver=_logarithm,
+    transport_solver=_transport,
+)
