@@ -568,16 +568,13 @@ class RiemannianMetric:
             return features_in_threads(self, points, precision, n_jobs)
         return self.bulk.features(self._check_members(points, name), precision)
 
-    def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
+    def lower_bound_coordinates(self, points: ndarray) -> ndarray:
         r"""Return coordinates whose Euclidean distances are at most those of the metric.
 
         Parameters
         ----------
         points : array, shape (..., \*shape)
             Points.
-        n_patches : int, optional
-            Number of patches of triangles to average over; by default there is no averaging, and
-            the bound is tightest.
 
         Returns
         -------

@@ -16,7 +16,7 @@ from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.kernels import rotations
 from riemhuman.kernels.drift import still_path
-from riemhuman.kernels.projections import patch_coordinates, triangle_patches
+from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.rotations import (
     axial,
     cross_product_matrix,
@@ -317,17 +317,14 @@ class RotationMetric(PullbackMetric):
 
         return TermOfFields(RotationTerm(), self.space.template, fields)
 
-    def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
+    def lower_bound_coordinates(self, points: ndarray) -> ndarray:
         """Return coordinates whose Euclidean distances are at most those of the metric.
 
-        See `riemhuman.kernels.projections`: ‖R₁ − R₂‖² = 8 sin²(θ/2) ≤ 2 θ².
+        ‖R₁ − R₂‖² = 8 sin²(θ/2) ≤ 2 θ².
         """
-        template, patches = self.space.template, None
-        if n_patches is not None:
-            patches = triangle_patches(template.vertices, template.faces, n_patches)
         rotations = self.rotations(points)
         flat = np.sqrt(0.5) * np.reshape(rotations, (*np.shape(rotations)[:-2], 9))
-        return patch_coordinates(flat, template.face_areas, patches)
+        return field_coordinates(flat, self.space.template.face_areas)
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the closed-form energy of one path, infinite without area, and its gradient."""

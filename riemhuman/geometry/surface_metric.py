@@ -25,7 +25,7 @@ from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels import surface
 from riemhuman.kernels.differentiable import with_known_gradient
 from riemhuman.kernels.drift import still_path
-from riemhuman.kernels.projections import patch_coordinates, triangle_patches
+from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.threads import quadratic_form
 from riemhuman.representation import Record
 from riemhuman.terms._quadratic import SumOfQuadraticTerms
@@ -206,14 +206,8 @@ class SurfaceMetric(MetricOfTerms):
         areas = self.space.template.vertex_areas
         return still_path(path, areas, rotations=self.is_rotation_invariant)
 
-    def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
-        """Return coordinates from the charts of those terms that have one.
-
-        See `riemhuman.kernels.projections`.
-        """
-        template, patches = self.space.template, None
-        if n_patches is not None:
-            patches = triangle_patches(template.vertices, template.faces, n_patches)
+    def lower_bound_coordinates(self, points: ndarray) -> ndarray:
+        """Return coordinates from the charts of those terms that have one."""
         points = self.space.check_point(points, "points")
         first = self._derivatives(points)
         sketches = [np.zeros((*points.shape[:-2], 0))]
@@ -221,7 +215,7 @@ class SurfaceMetric(MetricOfTerms):
             chart = term.chart(term.fields(first))
             if chart is not None:
                 chart = np.sqrt(term.weight) * chart
-                sketches.append(patch_coordinates(chart, template.face_areas, patches))
+                sketches.append(field_coordinates(chart, self.space.template.face_areas))
         return np.concatenate(sketches, axis=-1)
 
     @property

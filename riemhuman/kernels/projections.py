@@ -1,4 +1,4 @@
-"""Projections of rows and fields to fewer coordinates: principal components, means over patches."""
+"""Projections of rows to principal components, and coordinates of fields."""
 
 from __future__ import annotations
 
@@ -38,40 +38,6 @@ class Projection:
         return np.column_stack([projected, np.sqrt(np.maximum(rest, 0.0))])
 
 
-def patch_coordinates(values: ndarray, areas: ndarray, patches: ndarray | None = None) -> ndarray:
-    r"""Return coordinates whose distances are at most those of fields, :math:`L^2(T)`.
-
-    A field on a patch P is its mean and a rest, orthogonal to each other. With w_P the area of P,
-    ‖u − v‖² ≥ Σ_P (w_P |ū_P − v̄_P|² + (‖rest of u‖_P − ‖rest of v‖_P)²): Jensen's inequality, and
-    the triangle inequality for the rest.
-    """
-    leading = values.shape[:-2]
-    if patches is None:
-        return (np.sqrt(areas)[:, None] * values).reshape(*leading, -1)
-    order = np.argsort(patches, kind="stable")
-    starts = np.flatnonzero(np.diff(patches[order], prepend=-1))
-    weighted = (areas[:, None] * values)[..., order, :]
-    patch_areas = np.add.reduceat(areas[order], starts)[:, None]
-    means = np.add.reduceat(weighted, starts, axis=-2) / patch_areas
-    rest = values[..., order, :] - np.repeat(means, np.diff(starts, append=len(order)), axis=-2)
-    squares = np.sum(areas[order, None] * rest**2, axis=-1)
-    rests = np.sqrt(np.add.reduceat(squares, starts, axis=-1))[..., None]
-    coordinates = np.concatenate([np.sqrt(patch_areas) * means, rests], axis=-1)
-    return coordinates.reshape(*leading, -1)
-
-
-def triangle_patches(vertices: ndarray, faces: ndarray, n_patches: int) -> ndarray:
-    """Group triangles into patches, halving the largest along its longest side again and again."""
-    centers = vertices[faces].mean(axis=1)
-    groups = [np.arange(len(centers))]
-    while len(groups) < min(n_patches, len(centers)):
-        largest = max(range(len(groups)), key=lambda k: len(groups[k]))
-        members = groups.pop(largest)
-        axis = np.argmax(np.ptp(centers[members], axis=0))
-        ranked = members[np.argsort(centers[members, axis], kind="stable")]
-        half = len(ranked) // 2
-        groups += [ranked[:half], ranked[half:]]
-    patches = np.empty(len(centers), dtype=np.int64)
-    for number, members in enumerate(groups):
-        patches[members] = number
-    return patches
+def field_coordinates(values: ndarray, areas: ndarray) -> ndarray:
+    r"""Return coordinates whose distances are those of fields, :math:`L^2(T)`."""
+    return (np.sqrt(areas)[:, None] * values).reshape(*values.shape[:-2], -1)

@@ -75,8 +75,8 @@ class NeighborIndex:
     Without a projection, queries are compared with all points.
     """
 
-    def __init__(self, metric: RiemannianMetric, n_patches: int | None, n_jobs: int | None) -> None:
-        self.metric, self.n_patches, self.n_jobs = metric, n_patches, n_jobs
+    def __init__(self, metric: RiemannianMetric, n_jobs: int | None) -> None:
+        self.metric, self.n_jobs = metric, n_jobs
         self.projection: Projection | None = None
         # Number of points at which bounds were last tried and found useless.
         self.n_tried = 0
@@ -107,7 +107,9 @@ class NeighborIndex:
                 for rows, feature in zip(self._features, features, strict=True):
                     rows.append(feature)
                 if self.projection is not None:
-                    self._coordinates.append(self.projection(self._full_coordinates(points)))
+                    self._coordinates.append(
+                        self.projection(self.metric.lower_bound_coordinates(points))
+                    )
                 # Last, since it counts the points.
                 self._rounding.append(self.metric.bulk.rounding(features))
         except BaseException:
@@ -121,10 +123,10 @@ class NeighborIndex:
             return
         if not always and len(self) < max(_FEW, 2 * self.n_tried):
             return
-        first = self._full_coordinates(self.points[:1])
+        first = self.metric.lower_bound_coordinates(self.points[:1])
         n_sample = min(_SAMPLE, max(1, _SAMPLE_SIZE // first.size), len(self))
         sample = np.linspace(0, len(self) - 1, n_sample).astype(int)
-        rows = [self._full_coordinates(self.points[i : i + 1]) for i in sample]
+        rows = [self.metric.lower_bound_coordinates(self.points[i : i + 1]) for i in sample]
         self.set_projection(Projection.fit(np.concatenate(rows), n_components))
         if not always:
             trials = sample[np.linspace(0, n_sample - 1, _TRIALS).astype(int)]
@@ -137,7 +139,9 @@ class NeighborIndex:
         """Use a projection, and compute the coordinates of all points."""
         self.projection, self._coordinates = projection, GrowingRows()
         for part in slices(len(self), _BLOCK):
-            self._coordinates.append(projection(self._full_coordinates(self.points[part])))
+            self._coordinates.append(
+                projection(self.metric.lower_bound_coordinates(self.points[part]))
+            )
 
     def checked(self, X: Any, start: int, stop: int) -> ndarray:
         """Return a range of points after checking them."""
@@ -168,7 +172,7 @@ class NeighborIndex:
                 found = self._compare_all(features, numbers, k)
             else:
                 rounding = self.metric.bulk.rounding(features)
-                rows = self.projection(self._full_coordinates(points))
+                rows = self.projection(self.metric.lower_bound_coordinates(points))
                 bounds, slack = _squared_distances(rows, self._coordinates.array)
 
                 def search(i: int) -> tuple[ndarray, int]:
@@ -277,9 +281,6 @@ class NeighborIndex:
             for _ in mapped(compare, range(len(candidates)), n_threads=n_threads):
                 pass
         return exact
-
-    def _full_coordinates(self, points: ndarray) -> ndarray:
-        return self.metric.lower_bound_coordinates(points, self.n_patches)
 
 
 def _squared_distances(rows: ndarray, others: ndarray) -> tuple[ndarray, float]:

@@ -99,12 +99,11 @@ def test_gram_matrix_holds_inner_products(time):
         assert gram[j, k] == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize("n_patches", [None, 12])
-def test_lower_bounds(n_patches):
+def test_lower_bounds():
     template = sphere_template()
     metric = RotationMetric(AlignedSurfaces(template), time=0.01)
     points = surfaces(template, 6)
-    coordinates = metric.lower_bound_coordinates(points, n_patches)
+    coordinates = metric.lower_bound_coordinates(points)
     bounds = np.linalg.norm(coordinates[:, None] - coordinates, axis=-1)
     distances = metric.dist_pairwise(points, precision="double")
     assert np.all(bounds <= distances * (1 + 1e-12))

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from cases import CASES, cases_that, name_of, open_template, sphere_template, surfaces
+from cases import cases_that, name_of, sphere_template, surfaces
 
 import riemhuman.retrieval._neighbor_index
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric, VectorSpace
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.retrieval import NearestNeighbors
 from riemhuman.terms._sum import SumOfTerms
 
@@ -48,16 +48,14 @@ METRICS = metrics()
 POSE = METRICS["pose"]
 
 
-@pytest.mark.parametrize(
-    ("algorithm", "n_patches"), [("auto", None), ("index", None), ("index", 8)]
-)
+@pytest.mark.parametrize("algorithm", ["auto", "index"])
 @pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
-def test_same_as_by_all_distances(metric, algorithm, n_patches):
+def test_same_as_by_all_distances(metric, algorithm):
     points, queries = groups(sphere_template()), groups(sphere_template(), rng=1)[:7]
     # Queries that are points of the set, some nearly.
     queries[:3] = points[:3]
     queries[1] *= 1 + 1e-12
-    neighbors = NearestNeighbors(metric, 4, algorithm=algorithm, n_patches=n_patches).fit(points)
+    neighbors = NearestNeighbors(metric, 4, algorithm=algorithm).fit(points)
     assert neighbors.n_samples_fit_ == len(points)
     assert_same(neighbors.kneighbors(), by_all_distances(metric, None, points, 4))
     assert_same(neighbors.kneighbors(queries), by_all_distances(metric, queries, points, 4))
@@ -139,13 +137,6 @@ def test_bounds_are_used_where_they_save_work(name, monkeypatch):
     assert (neighbors.exact_share_ < 0.5) == (name == "pose")
 
 
-def test_neighbors_without_distances():
-    points = groups(sphere_template())
-    neighbors = NearestNeighbors(POSE).fit(points)
-    indices = neighbors.kneighbors(points[:5], return_distance=False)
-    np.testing.assert_array_equal(indices, neighbors.kneighbors(points[:5])[1])
-
-
 class OnTheFly:
     """A set that makes its points when it is sliced."""
 
@@ -165,73 +156,8 @@ def test_points_made_on_the_fly():
     neighbors = NearestNeighbors(POSE).fit(OnTheFly(points))
     expected = by_all_distances(POSE, None, points, 5)
     assert_same(neighbors.kneighbors(), expected)
+    np.testing.assert_array_equal(neighbors.kneighbors(return_distance=False), expected[1])
     assert_same(neighbors.kneighbors(OnTheFly(points[:9]), 1)[:1] * 2, (np.zeros((9, 1)),) * 2)
-
-
-@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
-def test_saved_and_loaded(metric, tmp_path):
-    points = groups(sphere_template())
-    neighbors = NearestNeighbors(metric, 3, algorithm="index", n_patches=8).fit(points[:90])
-    neighbors.save(tmp_path / "index.npz")
-    loaded = NearestNeighbors.load(tmp_path / "index.npz", metric)
-    assert_same(loaded.kneighbors(), neighbors.kneighbors())
-    assert loaded.exact_share_ == neighbors.exact_share_
-    loaded.partial_fit(points[90:])
-    neighbors.partial_fit(points[90:])
-    assert_same(loaded.kneighbors(points[80:]), neighbors.kneighbors(points[80:]))
-
-
-def test_saved_without_coordinates(tmp_path):
-    metric = VectorSpace((3,)).metric
-    points = np.random.default_rng(0).random((50, 3))
-    NearestNeighbors(metric).fit(points).save(tmp_path / "index.npz")
-    loaded = NearestNeighbors.load(tmp_path / "index.npz", metric, n_jobs=2)
-    assert_same(loaded.kneighbors(), by_all_distances(metric, None, points, 5))
-
-
-def test_loading_refuses_another_metric_or_template(tmp_path):
-    path = tmp_path / "index.npz"
-    NearestNeighbors(METRICS["both"], algorithm="index").fit(groups(sphere_template())).save(path)
-    space = METRICS["both"].space
-    swollen = type(space.template)(1.1 * space.template.vertices, space.template.faces)
-    others = [
-        *(METRICS[name] for name in ("pose", "shape", "srnf")),
-        ElasticMetric(space, 1.0, 0.1 + 1e-6, 0.1),
-        ElasticMetric(AlignedSurfaces(swollen), 1.0, 0.1, 0.1),
-        ElasticMetric(AlignedSurfaces(open_template()), 1.0, 0.1, 0.1),
-        CASES["flat"].metric,
-    ]
-    for metric in others:
-        with pytest.raises(ArgumentError, match=r"index\.npz: metric must be that of the index"):
-            NearestNeighbors.load(path, metric)
-    NearestNeighbors.load(path, ElasticMetric(AlignedSurfaces(space.template), 1.0, 0.1, 0.1))
-    with pytest.raises(ArgumentTypeError, match="path"):
-        NearestNeighbors.load(3, metric)
-
-
-def test_loading_refuses_what_is_no_index(tmp_path):
-    path = tmp_path / "index.npz"
-    with pytest.raises(FileError, match="cannot be read"):
-        NearestNeighbors.load(path, POSE)
-    np.savez(path, points=np.zeros((3, 42, 3)))
-    with pytest.raises(FileFormatError, match="lacks the fields"):
-        NearestNeighbors.load(path, POSE)
-    NearestNeighbors(POSE, algorithm="index").fit(groups(sphere_template())).save(path)
-    with np.load(path) as archive:
-        arrays = dict(archive)
-    for name, wrong, message in (
-        ("components", arrays["components"][:, 1:], "must have 378 columns|must have .* columns"),
-        ("components", 2.0 * arrays["components"], "components must be orthonormal"),
-        ("points", arrays["points"] * np.nan, "points must hold finite real numbers"),
-        ("n_neighbors", np.array(0), "n_neighbors must be at least 1"),
-    ):
-        np.savez(path, **{**arrays, name: wrong})
-        with pytest.raises(FileFormatError, match=message):
-            NearestNeighbors.load(path, POSE)
-    del arrays["mean"]
-    np.savez(path, **arrays)
-    with pytest.raises(FileFormatError, match="lacks the fields mean"):
-        NearestNeighbors.load(path, POSE)
 
 
 def test_a_wrong_point_leaves_the_index_as_it_was():
@@ -255,7 +181,6 @@ def test_a_wrong_point_leaves_the_index_as_it_was():
         ({"n_neighbors": 2.5}, ArgumentTypeError, "n_neighbors must be a whole number"),
         ({"algorithm": "tree"}, ArgumentError, "algorithm must be one of"),
         ({"n_components": -1}, ArgumentError, "n_components must be a whole number of at least 0"),
-        ({"n_patches": 0}, ArgumentError, "n_patches must be a whole number of at least 1"),
         ({"n_jobs": 0}, ArgumentError, "n_jobs must be -1, or at least 1"),
     ],
 )
@@ -264,13 +189,11 @@ def test_wrong_parameters(options, error, message):
         NearestNeighbors(POSE, **options).fit(groups(sphere_template())[:8])
 
 
-def test_wrong_calls(tmp_path):
+def test_wrong_calls():
     points = groups(sphere_template())[:8]
     neighbors = NearestNeighbors(POSE)
     with pytest.raises(ArgumentError, match="call fit first"):
         neighbors.kneighbors(points)
-    with pytest.raises(ArgumentError, match="call fit first"):
-        neighbors.save(tmp_path / "index.npz")
     with pytest.raises(ArgumentError, match="X must hold at least one point"):
         neighbors.fit(points[:0])
     with pytest.raises(ArgumentTypeError, match="X must be an array"):
