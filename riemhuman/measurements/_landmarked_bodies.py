@@ -38,11 +38,12 @@ class LandmarkedBodies:
         return self._positions[place]
 
     def axis(self, axis: Any) -> Any:
-        """Return "up", "left" or "forward", or the unit vectors from one place to another."""
+        """Return an axis of the bodies, or the unit vectors that two or three places define."""
         if isinstance(axis, str):
             return self._axes[..., _AXES[axis]]
-        start, end = axis
-        return _unit(self.place(end) - self.place(start))
+        start, *ends = axis
+        steps = [self.place(end) - self.place(start) for end in ends]
+        return _unit(steps[0] if len(steps) == 1 else np.cross(*steps))
 
     @cached_property
     def _axes(self) -> Any:

@@ -7,7 +7,7 @@ A measurement refers to landmarks, axes and parts by name; a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from difflib import get_close_matches
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -50,6 +50,9 @@ class Measurement:
         The standard that defines it, such as "ISO 8559-1".
     note : str
         A remark.
+    equivalents : mapping of str to str
+        What others call it, such as ``{"ANSUR II": "stature"}``; a name after "≈ " is of a
+        measurement that differs a little, as the note says.
 
     Examples
     --------
@@ -61,6 +64,7 @@ class Measurement:
     name: str
     standard: str = ""
     note: str = ""
+    equivalents: Mapping[str, str] = field(default_factory=dict)
     units: ClassVar[str] = "m"
     needs_closed_surface: ClassVar[bool] = False
 
@@ -132,7 +136,7 @@ class Measurement:
         defaults = {f.name: f.default for f in fields(self) if f.default is not MISSING}
         record = {"kind": type(self).__name__}
         for name, value in asdict(self).items():
-            if value != () and (name not in defaults or value != defaults[name]):
+            if value not in ((), {}) and (name not in defaults or value != defaults[name]):
                 record[name] = _as_lists(value)
         return record
 
@@ -149,6 +153,14 @@ def _names(value: Any, name: str) -> tuple[str, ...]:
     return tuple(value)
 
 
+def _checked_axis(axis: Any, name: str) -> Any:
+    if isinstance(axis, str):
+        return one_of(axis, name, _AXES)
+    if not isinstance(axis, Sequence) or len(axis) not in (2, 3):
+        raise ArgumentError(f"{name} must be an axis or two or three places; found {axis!r}")
+    return tuple(axis)
+
+
 @dataclass(frozen=True, kw_only=True)
 class _PlaneSection(Measurement):
     """A measurement of the section of the body by a plane."""
@@ -162,12 +174,7 @@ class _PlaneSection(Measurement):
         super().__post_init__()
         object.__setattr__(self, "parts", _names(self.parts, "parts"))
         object.__setattr__(self, "leave_out", _names(self.leave_out, "leave_out"))
-        if isinstance(self.normal, str):
-            one_of(self.normal, "normal", _AXES)
-        elif not isinstance(self.normal, Sequence) or len(self.normal) != 2:
-            raise ArgumentError(f"normal must be an axis or two places; found {self.normal!r}")
-        else:
-            object.__setattr__(self, "normal", tuple(self.normal))
+        object.__setattr__(self, "normal", _checked_axis(self.normal, "normal"))
 
     @property
     def places(self) -> tuple[Place, ...]:
@@ -208,14 +215,14 @@ class Girth(_PlaneSection):
 
     Parameters
     ----------
-    name, standard, note : str
-        Name, the standard that defines it, and a remark.
+    name, standard, note, equivalents
+        As for `Measurement`.
     at : str or mapping of str to float
         A place in the plane: a landmark, or landmarks with weights. The line nearest to it is
         measured.
-    normal : str or pair of places
-        Normal of the plane: "up", "left", "forward", or the direction from one place to another,
-        such as along a bone.
+    normal : str or sequence of places
+        Normal of the plane: "up", "left", "forward", the direction from one place to another, such
+        as along a bone, or the normal of the plane through three places.
     parts : sequence of str
         Parts of the body that are measured; by default the whole body.
     leave_out : sequence of str
@@ -251,11 +258,11 @@ class Breadth(_PlaneSection):
 
     Parameters
     ----------
-    name, standard, note : str
-        Name, the standard that defines it, and a remark.
+    name, standard, note, equivalents
+        As for `Measurement`.
     at : str or mapping of str to float
         A place in the plane, as for `Girth`.
-    normal : str or pair of places
+    normal : str or sequence of places
         Normal of the plane, as for `Girth`.
     parts, leave_out : sequence of str
         Parts of the body that are measured, and that are not, as for `Girth`.
@@ -288,11 +295,11 @@ class Depth(Breadth):
 
     Parameters
     ----------
-    name, standard, note : str
-        Name, the standard that defines it, and a remark.
+    name, standard, note, equivalents
+        As for `Measurement`.
     at : str or mapping of str to float
         A place in the plane, as for `Girth`.
-    normal : str or pair of places
+    normal : str or sequence of places
         Normal of the plane, as for `Girth`.
     parts, leave_out : sequence of str
         Parts of the body that are measured, and that are not, as for `Girth`.
@@ -314,8 +321,8 @@ class Height(Measurement):
 
     Parameters
     ----------
-    name, standard, note : str
-        Name, the standard that defines it, and a remark.
+    name, standard, note, equivalents
+        As for `Measurement`.
     at : str or mapping of str to float
         The place: a landmark, or landmarks with weights.
     above : str or mapping of str to float, optional
@@ -356,13 +363,16 @@ class Length(Measurement):
 
     Parameters
     ----------
-    name, standard, note : str
-        Name, the standard that defines it, and a remark.
+    name, standard, note, equivalents
+        As for `Measurement`.
     along : sequence of places
         Two or more places in order; for the path "joints", the first and the last joint.
     path : {"straight", "surface", "joints"}
         Straight lines between the places, geodesics on the surface between them, or straight lines
         from joint to joint of the body model.
+    axis : str or sequence of places, optional
+        Axis along which straight lines are measured, as between the arms of a calliper, given as
+        the normal of a `Girth`; by default their own directions.
 
     Examples
     --------
@@ -376,10 +386,13 @@ class Length(Measurement):
 
     along: tuple[Place, ...]
     path: str = "straight"
+    axis: Any = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         one_of(self.path, "path", _PATHS)
+        if self.axis is not None:
+            object.__setattr__(self, "axis", _checked_axis(self.axis, "axis"))
         if isinstance(self.along, (str, Mapping)) or len(self.along) < 2:
             raise ArgumentError(f"along must hold two or more places; found {self.along!r}")
         object.__setattr__(self, "along", tuple(self.along))
@@ -390,7 +403,8 @@ class Length(Measurement):
 
     @property
     def places(self) -> tuple[Place, ...]:
-        return self.along
+        ends = () if self.axis is None or isinstance(self.axis, str) else self.axis
+        return (*self.along, *ends)
 
     def _stops(self, bodies: LandmarkedBodies) -> tuple[Place, ...]:
         return bodies.set.bones(*self.along) if self.path == "joints" else self.along
@@ -404,6 +418,8 @@ class Length(Measurement):
                 for a, b in pairs
             )
         steps = (bodies.place(a) - bodies.place(b) for a, b in pairs)
+        if self.axis is not None:
+            return sum(np.abs(np.sum(step * bodies.axis(self.axis), axis=-1)) for step in steps)
         return sum(np.sqrt(np.sum(step**2, axis=-1)) for step in steps)
 
     def lines(self, bodies: LandmarkedBodies) -> list[Any]:
@@ -415,7 +431,11 @@ class Length(Measurement):
                 geodesic_path(surface, on_surface(a), on_surface(b), mesh)
                 for a, b in pairwise(stops)
             ]
-        return [np.stack([bodies.place(place)[0] for place in stops])]
+        places = [bodies.place(place)[0] for place in stops]
+        if self.axis is None:
+            return [np.stack(places)]
+        axis = bodies.axis(self.axis)[0]
+        return [np.stack([a, a + (b - a) @ axis * axis]) for a, b in pairwise(places)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -424,8 +444,8 @@ class Volume(Measurement):
 
     Parameters
     ----------
-    name, standard, note : str
-        Name, the standard that defines it, and a remark.
+    name, standard, note, equivalents
+        As for `Measurement`.
 
     Examples
     --------
@@ -449,8 +469,8 @@ class Mass(Measurement):
 
     Parameters
     ----------
-    name, standard, note : str
-        Name, the standard that defines it, and a remark.
+    name, standard, note, equivalents
+        As for `Measurement`.
     density : float
         Kilograms per cubic metre.
 
@@ -482,8 +502,8 @@ class Area(Measurement):
 
     Parameters
     ----------
-    name, standard, note : str
-        Name, the standard that defines it, and a remark.
+    name, standard, note, equivalents
+        As for `Measurement`.
     parts : sequence of str
         Parts of the body; by default the whole body.
 

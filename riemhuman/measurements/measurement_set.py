@@ -79,7 +79,7 @@ class MeasurementSet:
     >>> import riemhuman as rh
     >>> model = rh.datasets.load_open_model("coarse")
     >>> rh.measurements.open_measurements(model)
-    <MeasurementSet: 32 measurements, 48 landmarks, 1,202 vertices>
+    <MeasurementSet: 85 measurements, 166 landmarks, 1,202 vertices>
     """
 
     template: Template | BodyModel
@@ -116,7 +116,9 @@ class MeasurementSet:
                 f"vertices of shape {vertices.shape} and weights with sum {weights.sum():g}"
             )
         _check_numbers(f"landmark {name!r} is at vertex", vertices, self.n_vertices)
-        return vertices, weights / weights.sum()
+        # Dividing by a sum of one would change the last digits at every reading of a file.
+        total = float(weights.sum())
+        return vertices, weights / total if abs(total - 1.0) > 1e-12 else weights
 
     def _check_names(self) -> None:
         for name in self.names:
@@ -505,13 +507,18 @@ def _json_text(record: Mapping[str, Any]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def open_measurements(model: BodyModel | Template | str = "full") -> MeasurementSet | None:
+def open_measurements(
+    model: BodyModel | Template | str = "full", pose: str = "standing"
+) -> MeasurementSet | None:
     """Return the measurements of the open body model.
 
     Parameters
     ----------
     model : BodyModel, Template, "full" or "coarse"
         The open model or a template with the same triangles, or a resolution of the model.
+    pose : {"standing", "seated"}
+        Whether the set holds the measurements of people who stand, or of people who sit with their
+        forearms forward; its standard pose is that one.
 
     Returns
     -------
@@ -529,16 +536,22 @@ def open_measurements(model: BodyModel | Template | str = "full") -> Measurement
     >>> rh.measurements.open_measurements("coarse").names[:2]
     ('stature', 'cervical height')
     """
+    one_of(pose, "pose", ("standing", "seated"))
     if isinstance(model, str):
-        return _load_open_set(one_of(model, "model", _RESOLUTIONS))
+        return _load_open_set(one_of(model, "model", _RESOLUTIONS), pose)
     faces = _surface_of(model).faces
     for resolution in _RESOLUTIONS:
         if np.array_equal(load_open_model(resolution).faces, faces):
-            return _load_open_set(resolution)
+            return _load_open_set(resolution, pose)
     return None
 
 
-@lru_cache(maxsize=len(_RESOLUTIONS))
-def _load_open_set(resolution: str) -> MeasurementSet:
-    path = DATA / f"open_body_{resolution}.json"
-    return MeasurementSet.load(path, load_open_model(resolution))
+@lru_cache(maxsize=4)
+def _load_open_set(resolution: str, pose: str) -> MeasurementSet:
+    if pose == "standing":
+        path = DATA / f"open_body_{resolution}.json"
+        return MeasurementSet.load(path, load_open_model(resolution))
+    seated = json.loads(read_bytes(DATA / "seated.json"))
+    definitions = [measurement_from_dict(entry) for entry in seated["measurements"]]
+    standing = _load_open_set(resolution, "standing")
+    return replace(standing, measurements=definitions, standard_pose=seated["standard_pose"])

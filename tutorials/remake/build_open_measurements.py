@@ -2,14 +2,15 @@
 
     python tutorials/remake/build_open_measurements.py [folder]
 
-writes open_body_full.json and open_body_coarse.json, by default over those that ship. Landmarks are
-found on the mean body in the standard pose: legs straight down, arms straight at 50 degrees below
-the horizontal; y is up, x left, z forward.
+writes open_body_full.json, open_body_coarse.json and seated.json, by default over those that ship.
+Some landmarks are found on the mean body in the standard pose (legs straight down, arms straight at
+50 degrees below the horizontal; y is up, x left, z forward); `open_definitions` lists the others.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +19,16 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from open_definitions import LEGS, PARTS, STANDARD_POSE, TRUNK, open_definitions
+from open_definitions import (
+    LANDMARKS,
+    LEGS,
+    PARTS,
+    SEATED_POSE,
+    STANDARD_POSE,
+    TRUNK,
+    open_definitions,
+    seated_definitions,
+)
 
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets import joint_rotations, load_open_model, pose_vectors
@@ -60,6 +70,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
         path = folder / f"open_body_{resolution}.json"
         build(load_open_model(resolution), points, fractions).save(path)
         sys.stdout.write(f"{path}: {len(points)} landmarks, {path.stat().st_size / 1e3:.0f} kB\n")
+    vectors = pose_vectors(joint_rotations(SEATED_POSE, full), full).round(6)
+    seated = {
+        "standard_pose": {
+            name: vector.tolist()
+            for name, vector in zip(full.joint_names, vectors, strict=True)
+            if vector.any()
+        },
+        "measurements": [measurement.to_dict() for measurement in seated_definitions()],
+    }
+    (folder / "seated.json").write_text(json.dumps(seated, indent=1, ensure_ascii=False) + "\n")
 
 
 def build(
@@ -138,12 +158,16 @@ def find_landmarks(model: BodyModel) -> tuple[dict[str, ndarray], dict[str, floa
     for side, sign in (("left", -1.0), ("right", 1.0)):
         thigh = joints[f"{side}_hip"] * [1.0, 0.0, 1.0] + points["crotch"] * [0.0, 1.0, 0.0]
         points[f"{side}_thigh"] = body.hits(thigh - _BELOW_CROTCH * _UP, sign * _RIGHT)[0]
-        outward = 0.6 * sign * _RIGHT + 0.8 * _UP
+        outward = 0.3 * sign * _RIGHT + 0.954 * _UP
         points[f"{side}_acromion"] = body.hits(joints[f"{side}_shoulder"], outward)[0]
         points[f"{side}_sole"] = body.hits(joints[f"{side}_ankle"], -_UP)[0]
         foot = surface[np.isin(model.weights.argmax(axis=1), _feet(model, side))]
         points[f"{side}_heel"] = foot[foot[:, 2].argmin()]
         points[f"{side}_toe"] = foot[foot[:, 2].argmax()]
+    for name, weights in LANDMARKS.items():
+        points[name] = sum(weight * surface[vertex] for vertex, weight in weights.items())
+        if name.startswith("right"):
+            points[name.replace("right", "left")] = points[name] * [-1.0, 1.0, 1.0]
 
     fractions = {}
     for limb, bone, low, high, thickest in (
