@@ -21,11 +21,17 @@ from riemhuman.datasets import Bodies, load_open_bodies
 settings.register_profile("repeatable", derandomize=True, database=None, deadline=None)
 settings.load_profile("repeatable")
 
-# While thousands of tests are collected, next to nothing becomes garbage.
+# While thousands of tests are collected, next to nothing becomes garbage; what is there then stays
+# to the end, and is not looked at again.
 gc.disable()
 
 
+def pytest_addoption(parser):
+    parser.addoption("--benchmark-enable", action="store_true", help="run tests/benchmarks")
+
+
 def pytest_collection_finish(session):
+    gc.freeze()
     gc.enable()
 
 

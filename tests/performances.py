@@ -1,8 +1,10 @@
-"""The open bodies, a basis of the open motions, and a stopwatch, for benchmarks."""
+"""The open bodies, a basis of the open motions, and stopwatches, for benchmarks."""
 
 import time
 import warnings
 from functools import cache
+
+import numpy as np
 
 from riemhuman.datasets import load_open_bodies, load_open_motions
 from riemhuman.errors import ConvergenceWarning
@@ -22,10 +24,31 @@ def basis(resolution):
     return DeformationBasis.from_motions(motions, n_components=100)
 
 
+def pose_pair(resolution, poses):
+    """Return the third person in two poses."""
+    names = bodies(resolution).pose_names
+    return bodies(resolution).points[[20 + names.index(pose) for pose in poses]]
+
+
+def clocked(call, rounds=1):
+    """Return a result, and the least wall and processor seconds of several calls."""
+    walls, processors = [], []
+    for _ in range(rounds):
+        wall, processor = time.perf_counter(), time.process_time()
+        result = call()
+        walls.append(time.perf_counter() - wall)
+        processors.append(time.process_time() - processor)
+    return result, min(walls), min(processors)
+
+
 def timed(solver, metric, *arguments):
     """Return a solver's result and its wall time in seconds."""
-    begin = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        result = solver.solve(metric, *arguments)
-    return result, time.perf_counter() - begin
+        result, seconds, _ = clocked(lambda: solver.solve(metric, *arguments))
+    return result, seconds
+
+
+def growth(sizes, times):
+    """Return the exponent with which times grow."""
+    return np.polyfit(np.log(sizes), np.log(times), 1)[0]

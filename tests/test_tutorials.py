@@ -231,32 +231,20 @@ def test_an_error_is_seen(tmp_path):
         executed(written(tmp_path, "1 / 0"))
 
 
-def test_warnings_and_pictures_are_seen(tmp_path):
+def test_warnings_pictures_and_differences_are_seen(tmp_path):
     fresh = executed(
         written(
             tmp_path,
+            "print('about', 1.0)",
+            "print('about', 1.2)",
+            "import matplotlib.pyplot as plt\nplt.imshow([[1, 2], [3, 4]]);",
             "import warnings; warnings.warn('look out')",
-            "import matplotlib.pyplot as plt\nplt.plot([1, 2]);",
             "import os; assert 'OPENBLAS_NUM_THREADS' not in os.environ",
         )
     )
     assert "look out" in warnings_of(fresh)
     assert len(pictures_of(fresh)) == 1
-
-
-def test_differences_are_seen(tmp_path):
-    first, other, picture = code_cells(
-        small(
-            executed(
-                written(
-                    tmp_path,
-                    "print('about', 1.0)",
-                    "print('about', 1.2)",
-                    "import matplotlib.pyplot as plt\nplt.imshow([[1, 2], [3, 4]]);",
-                )
-            )
-        )
-    )
+    first, other, picture, *_ = code_cells(small(fresh))
     assert differences(first, first) == differences(picture, picture) == []
     assert differences(first, other) == ["1.0 is stored, 1.2 is shown"]
     assert differences(first, picture) != []

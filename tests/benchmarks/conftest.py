@@ -1,19 +1,18 @@
-"""Benchmarks run where clocks are asked for, and in the long job: elsewhere they cost minutes.
+"""Benchmarks run where clocks are asked for, with `--benchmark-enable`: elsewhere they cost hours.
 
-`--benchmark-enable -s` measures and prints; `RIEMHUMAN_TESTS=full` alone runs the brief forms, of
-which the files speak as those where benchmarks are disabled.
+A benchmark is a test that prints what it measures, by `performances.clocked`, and asserts what the
+documentation promises.
 """
 
 from pathlib import Path
 
 import pytest
-from lengths import FULL
 
 FOLDER = Path(__file__).parent
 
 
 def pytest_collection_modifyitems(config, items):
-    if FULL or config.getoption("--benchmark-enable"):
+    if config.getoption("--benchmark-enable"):
         return
     reason = pytest.mark.skip(reason="a benchmark: add --benchmark-enable -s")
     for item in items:

@@ -6,8 +6,7 @@ prints, for the metrics of pose, shape, both and SRNF, microseconds a pair of th
 one thread and on two, of the definitions on fields computed before and on raw vertices, and their
 ratios; of SRNF also those of a product of matrices of the same features; then all 4,950 pairs from
 raw vertices, the growth with triangles and bodies, and the memory held. Times are the shortest of
-several runs, in turns. Where benchmarks are disabled, the same code runs briefly at coarse
-resolution.
+several runs, in turns.
 """
 
 import subprocess
@@ -17,7 +16,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from performances import bodies
+from performances import bodies, growth
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.kernels.surface import derivatives
@@ -66,12 +65,9 @@ def definition_on_fields(metric, points):
 
 
 @each_metric
-def test_against_the_definition(benchmark, name):
-    full = not benchmark.disabled
-    resolution, n_bodies = ("full", 100) if full else ("coarse", 5)
-    points = bodies(resolution).points[:n_bodies]
-    n_pairs = n_bodies * (n_bodies - 1) // 2
-    metric = metric_of(name, resolution)
+def test_against_the_definition(name):
+    points, metric = bodies("full").points, metric_of(name, "full")
+    n_pairs = 4950
     all_features = metric.features(points, "single")
     # Few enough pairs that a run takes milliseconds, as one of the definition does.
     features = tuple(feature[:24] for feature in all_features)
@@ -88,71 +84,57 @@ def test_against_the_definition(benchmark, name):
         lambda: metric.dist(points[0], points[1]),
         lambda: metric.dist_pairwise(points),
         lambda: metric.dist_pairwise(points, n_jobs=2),
-        rounds=15 if full else 1,
+        rounds=15,
     )
     one, alone, two = 1e6 * times[:3] / [n_timed, n_pairs, n_pairs]
     fields, vertices = 1e6 * times[3:5]
     print(
-        f"\n{name:7} {resolution}: {one:.2f} us a pair, {two:.2f} with two threads "
+        f"\n{name:7}: {one:.2f} us a pair, {two:.2f} with two threads "
         f"({alone / two:.2f} times as fast); definition {fields:.0f} us on fields, {vertices:.0f} "
         f"us on vertices: ratios {fields / one:.0f} and {vertices / one:.0f}, with two threads "
         f"{fields / two:.0f} and {vertices / two:.0f}; {n_pairs:,} pairs from raw vertices "
         f"{times[5]:.3f} s, with two threads {times[6]:.3f} s"
     )
     if name == "srnf":
-        half = n_bodies // 2
+        half = 50
         rows = tuple(feature[:half] for feature in all_features)
         columns = tuple(feature[half:] for feature in all_features)
         with single_threaded_libraries():
             times_of_halves = shortest(
                 lambda: metric.bulk.squared_distances(rows, columns),
                 lambda: rows[0] @ columns[0].T,
-                rounds=15 if full else 1,
+                rounds=15,
             )
-        loops, product = 1e6 * times_of_halves / (half * (n_bodies - half))
+        loops, product = 1e6 * times_of_halves / (half * half)
         print(
             f"        between two halves of them {loops:.2f} us a pair on one thread; a product of "
             f"matrices, which is not as exact, {product:.2f}: ratio {loops / product:.2f}"
         )
-    benchmark.pedantic(lambda: metric.dist_pairwise(points, n_jobs=2), rounds=3)
-    if full:
-        assert name not in ("pose", "shape") or fields >= 40 * one
-        assert times[6] <= 0.5
-
-
-def exponent(sizes, times):
-    return np.polyfit(np.log(sizes), np.log(times), 1)[0]
+    assert name not in ("pose", "shape") or fields >= 40 * one
+    assert times[6] <= 0.5
 
 
 @each_metric
-def test_growth(benchmark, name):
-    full = not benchmark.disabled
-    counts = (25, 50, 100) if full else (3, 6)
-    metrics = {r: metric_of(name, r) for r in (("coarse", "full") if full else ("coarse",))}
-    finest = list(metrics)[-1]
-    features = {
-        r: metric.features(bodies(r).points[: counts[-1]], "single")
-        for r, metric in metrics.items()
-    }
+def test_growth(name):
+    features = {r: metric_of(name, r).features(bodies(r).points) for r in ("coarse", "full")}
 
     def all_pairs(resolution, count):
         part = tuple(feature[:count] for feature in features[resolution])
-        return lambda: metrics[resolution].bulk.squared_distances(part, part)
+        bulk = metric_of(name, resolution).bulk
+        return lambda: bulk.squared_distances(part, part)
 
-    with_bodies = shortest(*(all_pairs(finest, count) for count in counts))
-    line = f"\n{name:7} time grows as n^{exponent(counts, with_bodies):.2f} with bodies"
-    if full:
-        triangles = [metric.space.template.n_faces for metric in metrics.values()]
-        times = shortest(*(all_pairs(r, counts[-1]) for r in metrics))
-        line += f", as F^{exponent(triangles, times):.2f} with triangles"
-    print(line)
-    benchmark.pedantic(all_pairs(finest, counts[-1]), rounds=3)
+    counts, triangles = (25, 50, 100), [bodies(r).template.n_faces for r in features]
+    with_bodies = growth(counts, shortest(*(all_pairs("full", count) for count in counts)))
+    with_triangles = growth(triangles, shortest(*(all_pairs(r, 100) for r in features)))
+    print(
+        f"\n{name:7} time grows as n^{with_bodies:.2f} with bodies, as F^{with_triangles:.2f} with "
+        "triangles"
+    )
 
 
-def test_memory(benchmark):
-    full = not benchmark.disabled
-    resolution, n_bodies = ("full", 100) if full else ("coarse", 12)
-    points, metric = (bodies(resolution).points[:n_bodies], metric_of("mixed", resolution))
+def test_memory():
+    points, metric = bodies("full").points, metric_of("mixed", "full")
+    n_bodies = len(points)
     a_body = sum(array.nbytes for array in metric.features(points[:1], "single"))
     metric.dist_pairwise(points[:2])
     whole = None
@@ -162,7 +144,7 @@ def test_memory(benchmark):
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
         print(
-            f"\n{n_bodies} bodies {resolution}, budget {share * n_bodies * a_body / 2**20:.1f} MiB:"
+            f"\n{n_bodies} bodies, budget {share * n_bodies * a_body / 2**20:.1f} MiB:"
             f" peak {peak / 2**20:.1f} MiB",
             end="",
         )
@@ -170,7 +152,6 @@ def test_memory(benchmark):
         np.testing.assert_array_equal(matrix, whole)
         # Beside the features: the surfaces of the slice being read, and the table.
         assert peak <= share * n_bodies * (a_body + 2 * points[0].nbytes) + 2 * 2**20
-    benchmark.pedantic(lambda: metric.dist_pairwise(points), rounds=1)
 
 
 FIRST_CALL = """
@@ -181,7 +162,7 @@ imported = time.perf_counter()
 from riemhuman.datasets import load_open_bodies
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.geometry import ElasticMetric
-bodies = load_open_bodies({resolution!r})
+bodies = load_open_bodies()
 metric = ElasticMetric(AlignedSurfaces(bodies.template), 0.0, 0.0, 1.0)
 ready = time.perf_counter()
 metric.dist(bodies.points[0], bodies.points[1])
@@ -191,22 +172,17 @@ print(imported - begin, first - ready, time.perf_counter() - first)
 """
 
 
-def test_first_call_in_a_fresh_process(benchmark):
-    resolution = "coarse" if benchmark.disabled else "full"
-
+def test_first_call_in_a_fresh_process():
     def run():
-        code = FIRST_CALL.format(resolution=resolution)
-        result = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        )
-        return [float(word) for word in result.stdout.split()]
+        command = [sys.executable, "-c", FIRST_CALL]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        return [float(word) for word in done.stdout.split()]
 
-    benchmark.pedantic(run, rounds=1)
-    times = np.min([run() for _ in range(1 if benchmark.disabled else 5)], axis=0)
+    run()
+    times = np.min([run() for _ in range(5)], axis=0)
     print(
         f"\nfresh process: import {times[0]:.3f} s, first distance {times[1]:.3f} s, then the "
         f"first table {times[2]:.3f} s (loads the compiled loops)"
     )
-    if not benchmark.disabled:
-        assert times[0] <= 0.6
-        assert times[1] <= 0.3
+    assert times[0] <= 0.6
+    assert times[1] <= 0.3

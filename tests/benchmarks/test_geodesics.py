@@ -6,11 +6,11 @@ prints, for twenty seeded pairs under three metrics, the energy and the wall tim
 solver and of the recipe, then the medians and the worst. The recipe is L-BFGS-B in the coefficients
 from the straight path, with the same compiled energy, for 2,000 iterations: where SciPy's line
 search gives up before, it starts again from where it was, as long as that gains 0.01 %. It takes
-half an hour; with `-k turn0` every pair comes under one metric, which takes a third of that. Where
-benchmarks are disabled, the same code runs briefly at coarse resolution. With `-k straightening` it
-prints the energy and the seconds of paths straightened in all coordinates, for the same pairs; with
-`-k gaps` what results say of their distance to the minimum; with `-k "warm or many"` the time of
-warm starts under other weights, and of a table of distances by the lengths of paths.
+half an hour; with `-k turn0` every pair comes under one metric, which takes a third of that. With
+`-k straightening` it prints the energy and the seconds of paths straightened in all coordinates,
+for the same pairs; with `-k gaps` what results say of their distance to the minimum; with
+`-k "warm or many"` the time of warm starts under other weights, and of a table of distances by the
+lengths of paths.
 """
 
 import resource
@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from paper_recipe import paper_path
-from performances import basis, bodies, timed
+from performances import basis, bodies, clocked, timed
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
@@ -30,8 +30,7 @@ WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)]
 KINDS = ["pose", "pose", "build", "both"]
 # What the bent elbow and the raised knee are called among the poses of the open bodies.
 REQUIRED = [("t_like", "bent_elbows"), ("t_like", "leg_raised")]
-FULL_ITERATIONS, BRIEF_ITERATIONS = 2000, 30
-N_BRIEF = 3
+MOST_ITERATIONS = 2000
 
 
 def pairs():
@@ -102,28 +101,20 @@ def ratios():
 
 
 @pytest.mark.parametrize(("start", "end", "kind", "weights"), runs())
-def test_against_the_papers_recipe(benchmark, ratios, start, end, kind, weights):
-    full = not benchmark.disabled
-    resolution = "full" if full else "coarse"
-    most = FULL_ITERATIONS if full else BRIEF_ITERATIONS
-    start_point, end_point = bodies(resolution).points[[start, end]]
-    metric = ElasticMetric(AlignedSurfaces(bodies(resolution).template), *weights)
-    deformations = basis(resolution)
+def test_against_the_papers_recipe(ratios, start, end, kind, weights):
+    start_point, end_point = bodies("full").points[[start, end]]
+    metric = ElasticMetric(AlignedSurfaces(bodies("full").template), *weights)
+    deformations = basis("full")
     # Compiles, loads, keeps what can be kept.
     BasisPath(deformations).solve(metric, start_point, end_point)
 
     watched = []
-
-    def solve():
+    for _ in range(3):
         energy = WatchedEnergy()
         solver = BasisPath(deformations, energy=energy)
         watched.append((*timed(solver, metric, start_point, end_point), energy))
-
-    benchmark.pedantic(solve, rounds=3 if full else 1, iterations=1)
     ours = watched[0][0]
-    energy, n_iterations, n_starts, seconds = recipe(
-        metric, deformations, start_point, end_point, most
-    )
+    energy, n_iterations, n_starts, seconds = recipe(metric, deformations, start_point, end_point)
     assert ours.converged
     assert ours.energy <= 1.001 * energy
     reached = float(np.median([watch.seconds_to(1.001 * energy) for *_, watch in watched]))
@@ -138,13 +129,14 @@ def test_against_the_papers_recipe(benchmark, ratios, start, end, kind, weights)
     )
 
 
-def recipe(metric, deformations, start, end, most):
+def recipe(metric, deformations, start, end):
     """Return the energy of the paper's recipe, its iterations, starts, and seconds."""
     path, done, n_starts, seconds = None, 0, 0, 0.0
-    while done < most:
-        began = time.perf_counter()
-        result = paper_path(metric, deformations, start, end, max_iter=most - done, path=path)
-        duration = time.perf_counter() - began
+    while done < MOST_ITERATIONS:
+        options = {"max_iter": MOST_ITERATIONS - done, "path": path}
+        result, duration, _ = clocked(
+            lambda: paper_path(metric, deformations, start, end, **options)  # noqa: B023
+        )
         path, n_starts, seconds = result.path, n_starts + 1, seconds + duration
         done += result.n_iterations
         if result.gain > 0.9999:
@@ -173,30 +165,23 @@ def straightened():
 
 
 @pytest.mark.parametrize("weights", WEIGHTS, ids=str)
-def test_straightening(benchmark, straightened, weights):
-    full = not benchmark.disabled
-    resolution = "full" if full else "coarse"
-    open_bodies = bodies(resolution)
-    metric = ElasticMetric(AlignedSurfaces(open_bodies.template), *weights)
-
-    def solve_all():
-        for start, end, kind in pairs()[: None if full else N_BRIEF]:
-            ends = open_bodies.points[[start, end]]
-            begin = time.process_time()
-            result, duration = timed(PathStraightening(), metric, *ends)
-            processor = time.process_time() - begin
-            over_basis, _ = timed(BasisPath(basis(resolution)), metric, *ends)
-            assert result.converged
-            assert result.lower_bound <= result.energy < over_basis.energy
-            straightened.append((weights, processor, result.energy / over_basis.energy))
-            print(
-                f"\n{start:3d} {end:3d} {kind:5} {weights!s:16} energy {result.energy:.5g}, over "
-                f"the basis {over_basis.energy:.5g}, bound {result.lower_bound:.5g}, gap "
-                f"{result.gap:.2f} %; {result.n_iterations} iterations, {duration:.2f} s, "
-                f"{processor:.2f} s of processor time"
-            )
-
-    benchmark.pedantic(solve_all, rounds=1, iterations=1)
+def test_straightening(straightened, weights):
+    metric = ElasticMetric(AlignedSurfaces(bodies("full").template), *weights)
+    for start, end, kind in pairs():
+        ends = bodies("full").points[[start, end]]
+        result, duration, processor = clocked(
+            lambda: PathStraightening().solve(metric, *ends)  # noqa: B023
+        )
+        over_basis, _ = timed(BasisPath(basis("full")), metric, *ends)
+        assert result.converged
+        assert result.lower_bound <= result.energy < over_basis.energy
+        straightened.append((weights, processor, result.energy / over_basis.energy))
+        print(
+            f"\n{start:3d} {end:3d} {kind:5} {weights!s:16} energy {result.energy:.5g}, over "
+            f"the basis {over_basis.energy:.5g}, bound {result.lower_bound:.5g}, gap "
+            f"{result.gap:.2f} %; {result.n_iterations} iterations, {duration:.2f} s, "
+            f"{processor:.2f} s of processor time"
+        )
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     print(f"peak of memory {peak:.2f} GiB, of all that has run in this process")
 
@@ -212,10 +197,10 @@ def registered(variant):
 
 @pytest.mark.parametrize("variant", ["open", "natural", "noisy"])
 @pytest.mark.parametrize("weights", WEIGHTS, ids=str)
-def test_gaps(benchmark, weights, variant):
+def test_gaps(weights, variant):
     """What results say of their distance to the minimum, against running on; and ends swapped."""
     metric = ElasticMetric(AlignedSurfaces(bodies("coarse").template), *weights)
-    points, some = registered(variant), pairs()[:: 2 if not benchmark.disabled else 10]
+    points, some = registered(variant), pairs()[::2]
     for name, solver, further, most in (
         ("over a basis", BasisPath(basis("coarse"), remove_drift=False), 1e-10, 0.1),
         ("in all coordinates", PathStraightening(remove_drift=False), 1e-6, np.inf),
@@ -239,41 +224,36 @@ def test_gaps(benchmark, weights, variant):
             "most"
         )
         assert shown.max() < most
-    benchmark.pedantic(lambda: solver.solve(metric, *ends), rounds=1)
 
 
-def test_warm_start_under_other_weights(benchmark):
+def test_warm_start_under_other_weights():
     """A geodesic between the same coarse bodies, when the weights have changed a little."""
     space, deformations = AlignedSurfaces(bodies("coarse").template), basis("coarse")
     solver, cold, warm = BasisPath(deformations), [], []
-    for start, end, _ in pairs()[: 3 if benchmark.disabled else None]:
+    for start, end, _ in pairs():
         ends = bodies("coarse").points[[start, end]]
         path = solver.solve(ElasticMetric(space, 1.0, 1.0, 0.0), *ends).path
         for c in (0.1, 0.2, 0.4):
             metric = ElasticMetric(space, 1.0, 1.0, c)
             for times, initial_path in ((cold, None), (warm, path)):
-                begin = time.process_time()
-                result = solver.solve(metric, *ends, initial_path)
-                times.append(1e3 * (time.process_time() - begin))
+                result, _, seconds = clocked(
+                    lambda: solver.solve(metric, *ends, initial_path)  # noqa: B023
+                )
+                times.append(1e3 * seconds)
             path = result.path
-    benchmark.pedantic(lambda: solver.solve(metric, *ends, path), rounds=3)
     print(
         f"\nwarm solve under other weights: {np.median(warm):.0f} ms of processor time in the "
         f"median, {max(warm):.0f} at most; cold {np.median(cold):.0f} and {max(cold):.0f}"
     )
 
 
-def test_many_geodesics(benchmark):
+def test_many_geodesics():
     """A table by path length of coarse bodies, and how far the closed form is from it."""
-    n_bodies = 5 if benchmark.disabled else 46
+    n_bodies = 46
     metric = ElasticMetric(AlignedSurfaces(bodies("coarse").template), 1.0, 1.0, 0.1)
     points, solver = bodies("coarse").points[::2][:n_bodies], BasisPath(basis("coarse"))
     solver.solve(metric, *points[:2])
-    begin = time.perf_counter(), time.process_time()
-    found = benchmark.pedantic(
-        lambda: path_distances(solver, metric, points, n_jobs=2), rounds=1, iterations=1
-    )
-    seconds = time.perf_counter() - begin[0], time.process_time() - begin[1]
+    found, *seconds = clocked(lambda: path_distances(solver, metric, points, n_jobs=2))
     n_pairs = n_bodies * (n_bodies - 1) // 2
     a_thousand = [1000 * duration / n_pairs for duration in seconds]
     print(

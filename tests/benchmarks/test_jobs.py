@@ -4,19 +4,18 @@
 
 prints, for the metrics of poses and of shapes, the time of the job, its disk space and the peak of
 its resident memory at coarse resolution; the same for 600 bodies at full resolution; and what that
-makes for larger sets; and what a cluster costs that runs on the same machine. Where benchmarks are
-disabled, a few bodies run.
+makes for larger sets; and what a cluster costs that runs on the same machine.
 """
 
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import distributed
 import numpy as np
 import pytest
 from people_in_motion import PeopleInMotion
+from performances import clocked
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import pairwise_job
@@ -75,19 +74,11 @@ def run(folder, n_bodies, resolution, metric):
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak of memory is read from /proc")
 @pytest.mark.parametrize("metric", METRICS)
 @pytest.mark.parametrize("resolution", ["coarse", "full"])
-def test_all_pairs_on_disk(benchmark, metric, resolution, tmp_path):
+def test_all_pairs_on_disk(metric, resolution, tmp_path):
     n_bodies = {"coarse": 10_000, "full": 600}[resolution]
-    if benchmark.disabled:
-        if resolution == "full":
-            pytest.skip("the brief form runs at coarse resolution")
-        n_bodies = 40
-    measured = []
-    benchmark.pedantic(
-        lambda: measured.extend(run(tmp_path / "job", n_bodies, resolution, metric)),
-        rounds=1,
-        iterations=1,
+    seconds, of_tiles, n_tiles, n_bytes, memory = run(
+        tmp_path / "job", n_bodies, resolution, metric
     )
-    seconds, of_tiles, n_tiles, n_bytes, memory = measured
     distances = np.load(tmp_path / "job" / "D.npy", mmap_mode="r")
     n_pairs = n_bodies * (n_bodies - 1) // 2
     share = max(1.0, n_tiles - 1) / n_tiles
@@ -102,19 +93,15 @@ def test_all_pairs_on_disk(benchmark, metric, resolution, tmp_path):
     )
     assert distances.shape == (n_bodies, n_bodies)
     assert memory < 2 * 2**30
-    if benchmark.disabled:
-        np.testing.assert_array_equal(distances, np.array(distances).T)
 
 
-def test_on_a_cluster(benchmark, tmp_path):
+def test_on_a_cluster(tmp_path):
     """Two workers of a cluster against two threads of one process, the same points in memory."""
-    bodies = PeopleInMotion(60 if benchmark.disabled else 3_000)
+    bodies = PeopleInMotion(3_000)
     points = bodies[:]
     metric = ElasticMetric(AlignedSurfaces(bodies.model.template), *METRICS["pose"])
     metric.dist_pairwise(points[:2])  # compiles, where nothing is cached yet
-    begin = time.perf_counter()
-    here = pairwise_job(metric, points, tmp_path / "here", n_jobs=2)
-    seconds = time.perf_counter() - begin
+    here, seconds, _ = clocked(lambda: pairwise_job(metric, points, tmp_path / "here", n_jobs=2))
     with (
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=":0"
@@ -122,11 +109,9 @@ def test_on_a_cluster(benchmark, tmp_path):
         distributed.Client(cluster) as client,
     ):
         pairwise_job(metric, points[:50], tmp_path / "warm-up", client=client)
-        begin = time.perf_counter()
-        there = benchmark.pedantic(
-            lambda: pairwise_job(metric, points, tmp_path / "there", client=client), rounds=1
+        there, seconds_there, _ = clocked(
+            lambda: pairwise_job(metric, points, tmp_path / "there", client=client)
         )
-        seconds_there = time.perf_counter() - begin
     print(
         f"\n{len(points)} coarse bodies: {seconds:.1f} s with two threads, {seconds_there:.1f} s "
         f"on two workers, {seconds_there / seconds:.2f} times as long"

@@ -7,11 +7,10 @@ far the mean or median of the sample alone is above that of all.
 """
 
 import resource
-import time
 
 import numpy as np
 import pytest
-from performances import basis, bodies
+from performances import basis, bodies, clocked
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
@@ -23,38 +22,25 @@ from riemhuman.surfaces.measures import triangle_areas
 OTHER_PEOPLE = 81  # on whom no setting was compared
 
 
-def test_mean_of_five_people(benchmark):
-    resolution = "coarse" if benchmark.disabled else "full"
-    points = bodies(resolution).points[0:50:10]
-    metric = ElasticMetric(AlignedSurfaces(bodies(resolution).template), 0.0, 0.0, 1.0)
-    solver = BasisMean(basis(resolution))
-    result = benchmark.pedantic(
-        lambda: solver.solve(metric, points), rounds=3, iterations=1, warmup_rounds=1
-    )
+def test_mean_of_five_people():
+    points = bodies("full").points[0:50:10]
+    metric = ElasticMetric(AlignedSurfaces(bodies("full").template), 0.0, 0.0, 1.0)
+    solver = BasisMean(basis("full"))
+    result, seconds, _ = clocked(lambda: solver.solve(metric, points), rounds=3)
     dispersion = Dispersion(metric, points)
     print(
-        f"\n{resolution}: variance {result.variance:.6g} after {result.n_iterations} iterations; "
-        f"of the Euclidean mean {dispersion.value(points.mean(axis=0)):.6g}, "
+        f"\n{seconds:.2f} s: variance {result.variance:.6g} after {result.n_iterations} "
+        f"iterations; of the Euclidean mean {dispersion.value(points.mean(axis=0)):.6g}, "
         f"of the best sample {min(map(dispersion.value, points)):.6g}"
     )
     assert result.converged
     assert result.variance < dispersion.value(points.mean(axis=0))
 
 
-def timed(call):
-    """Return a result with the wall and processor seconds it took."""
-    wall, processor = time.perf_counter(), time.process_time()
-    result = call()
-    return result, time.perf_counter() - wall, time.process_time() - processor
-
-
-def test_mean_of_poses(benchmark):
+def test_mean_of_poses():
     """The default mean of one natural person's ten poses, beside that over their differences."""
-    full = not benchmark.disabled
-    for person in (2, 7) if full else (2,):
-        data = load_open_bodies(
-            "full" if full else "coarse", variant="natural", people=OTHER_PEOPLE
-        )
+    data = load_open_bodies("full", variant="natural", people=OTHER_PEOPLE)
+    for person in (2, 7):
         points = data.points[10 * person : 10 * person + 10]
         space = AlignedSurfaces(data.template)
         for weights in ((1.0, 1.0, 0.1), (0.0, 0.0, 1.0)):
@@ -62,7 +48,7 @@ def test_mean_of_poses(benchmark):
             metric.dist_pairwise(points[:2])
             differences = DeformationBasis(points[1:] - points[0], orthonormalize=True)
             over_span = BasisMean(differences, tolerance=1e-6).solve(metric, points)
-            result, wall, processor = timed(lambda: BasisMean().solve(metric, points))  # noqa: B023
+            result, wall, processor = clocked(lambda: BasisMean().solve(metric, points))  # noqa: B023
             areas = [triangle_areas(f, data.template.faces).sum() for f in (*points, result.point)]
             print(
                 f"\n{weights}, person {person}: variance {result.variance:.4f} after "
@@ -73,7 +59,6 @@ def test_mean_of_poses(benchmark):
             )
             assert result.converged
             assert result.variance < over_span.variance
-    benchmark.pedantic(lambda: None, rounds=1)
 
 
 def written(folder, count):
@@ -93,16 +78,16 @@ def written(folder, count):
 
 
 @pytest.mark.parametrize("kind", [FrechetMean, GeometricMedian])
-def test_center_of_thousands_from_a_file(benchmark, tmp_path, kind):
-    count = 40 if benchmark.disabled else 10_000
+def test_center_of_thousands_from_a_file(tmp_path, kind):
+    count = 10_000
     points = written(tmp_path, count)
     space = AlignedSurfaces(bodies("coarse").template)
     space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
     space.metric.dist_pairwise(bodies("coarse").points[:2])
     batches = [points[first : first + 256] for first in range(0, count, 256)]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    solver = BasisMean(basis("coarse"), tolerance=1e-7, sample_size=min(64, count))
-    result, wall, processor = timed(lambda: kind(space, solver).fit(batches).result_)
+    solver = BasisMean(basis("coarse"), tolerance=1e-7, sample_size=64)
+    result, wall, processor = clocked(lambda: kind(space, solver).fit(batches).result_)
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 2**10
     excess = result.variances[0] / result.variances[-1] - 1
     print(
@@ -112,4 +97,3 @@ def test_center_of_thousands_from_a_file(benchmark, tmp_path, kind):
         f"is minimised is {excess:.2%} more at the sample's own"
     )
     assert result.converged
-    benchmark.pedantic(lambda: None, rounds=1)

@@ -1,63 +1,41 @@
-"""Speed and repeatability of measurements.
+"""Speed of measurements.
 
 pytest tests/benchmarks/test_measurements.py --benchmark-enable -s
 """
 
 import numpy as np
-from performances import bodies
+from performances import bodies, clocked
 
 from riemhuman.measurements import Measurements, in_standard_pose, model_from_measurements
 
-_N_BODIES = 10_000
-_N_POSED = 10
 
-
-def test_measure(benchmark):
-    """All measurements of coarse bodies, in one pass."""
+def test_measure():
+    """All measurements of coarse bodies, and of one full body with derivatives by the vertices."""
     model = bodies("coarse").model
     own = Measurements(model)
-    n_bodies = 100 if benchmark.disabled else _N_BODIES
-    betas = np.random.default_rng(0).normal(size=(n_bodies, model.n_betas))
-    points = model(betas)
+    points = model(np.random.default_rng(0).normal(size=(10_000, model.n_betas)))
     own.measure(points[:2])  # compiled
-    measured = benchmark.pedantic(
-        lambda: own.measure(points, missing="nan"), rounds=1, iterations=1
-    )
-    if not benchmark.disabled:
-        print(f"\n{n_bodies} coarse bodies: {benchmark.stats.stats.min:.1f} s")
-    assert measured.values.shape == (n_bodies, len(own.names))
+    measured, seconds, _ = clocked(lambda: own.measure(points, missing="nan"))
+    print(f"\n{len(points)} coarse bodies: {seconds:.1f} s")
     assert np.isnan(measured.values).mean() < 0.001
+    own = Measurements(bodies("full").model)
+    body = bodies("full").points[0]
+    _, seconds, _ = clocked(lambda: own.measure(body, gradient=True), rounds=2)
+    print(f"a full body with derivatives: {seconds:.2f} s")
 
 
-def test_gradient(benchmark):
-    """All measurements of one body with their derivatives by the vertices."""
-    resolution = "coarse" if benchmark.disabled else "full"
-    data = bodies(resolution)
-    own = Measurements(data.model)
-    measured = benchmark.pedantic(
-        lambda: own.measure(data.points[0], gradient=True), rounds=1, warmup_rounds=1
-    )
-    assert np.isfinite(measured.gradient).all()
-
-
-def test_standard_pose(benchmark):
+def test_standard_pose():
     """Bodies in ten poses brought to the standard pose."""
-    resolution = "coarse" if benchmark.disabled else "full"
-    data = bodies(resolution)
-    own = Measurements(data.model)
-    points = data.points[: 2 if benchmark.disabled else _N_POSED]
-    straight = benchmark.pedantic(
-        lambda: in_standard_pose(own.definitions, points), rounds=1, iterations=1
-    )
-    if not benchmark.disabled:
-        print(f"\n{resolution}: {benchmark.stats.stats.min / len(points):.2f} s a body")
+    definitions = Measurements(bodies("full").model).definitions
+    points = bodies("full").points[:10]
+    straight, seconds, _ = clocked(lambda: in_standard_pose(definitions, points))
+    print(f"\nto the standard pose: {seconds / len(points):.2f} s a body")
     assert straight.shape == points.shape
 
 
-def test_inverse(benchmark):
+def test_inverse():
     """A body from three measurements."""
     wanted = {"stature": 1.7, "waist girth": 0.8, "hip girth": 1.0}
-    person = benchmark.pedantic(
-        lambda: model_from_measurements(wanted, resolution="coarse"), rounds=1, warmup_rounds=1
-    )
+    person, seconds, _ = clocked(lambda: model_from_measurements(wanted, resolution="coarse"), 2)
+    print(f"\na body from three measurements: {seconds:.2f} s")
     assert max(map(abs, person.misses.values())) < 0.002

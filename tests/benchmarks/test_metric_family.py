@@ -4,16 +4,13 @@
 
 prints the time of an energy with its gradient and of a geodesic between two poses over 100
 deformations at full resolution, by wall clock and by the processor's time of all threads, and the
-time of a distance with a term that a user wrote beside those of the library. Where benchmarks are
-disabled, the same code runs briefly at coarse resolution.
+time of a distance with a term that a user wrote beside those of the library.
 """
 
-import time
-
 import autograd.numpy as np
-import numpy as onp
+import numpy
 import pytest
-from performances import basis, bodies, timed
+from performances import basis, bodies, clocked, pose_pair, timed
 
 from riemhuman.geometry import (
     AlignedSurfaces,
@@ -39,31 +36,13 @@ METRICS = {
 PAIRS = [("t_like", "bent_elbows"), ("t_like", "leg_raised")]
 
 
-def pose_pair(resolution, poses):
-    names = bodies(resolution).pose_names
-    return bodies(resolution).points[[20 + names.index(pose) for pose in poses]]
-
-
-def clocked(function, repetitions):
-    """Return the least wall time and the least processor time of several calls."""
-    walls, processors = [], []
-    for _ in range(repetitions):
-        wall, processor = time.perf_counter(), time.process_time()
-        function()
-        walls.append(time.perf_counter() - wall)
-        processors.append(time.process_time() - processor)
-    return min(walls), min(processors)
-
-
 @pytest.mark.parametrize("name", METRICS)
-def test_energy_and_gradient(benchmark, name):
-    resolution, repetitions = ("coarse", 1) if benchmark.disabled else ("full", 20)
-    metric = METRICS[name](AlignedSurfaces(bodies(resolution).template, equip=False))
-    path = LinearPath(11).solve(metric, *pose_pair(resolution, PAIRS[0])).path
-    energy, _ = benchmark.pedantic(lambda: metric.energy_and_gradient(path), rounds=repetitions)
-    wall, processor = clocked(lambda: metric.energy_and_gradient(path), repetitions)
+def test_energy_and_gradient(name):
+    metric = METRICS[name](AlignedSurfaces(bodies("full").template, equip=False))
+    path = LinearPath(11).solve(metric, *pose_pair("full", PAIRS[0])).path
+    (energy, _), wall, processor = clocked(lambda: metric.energy_and_gradient(path), 20)
     print(
-        f"\n{name}, {resolution}, 11 surfaces: energy {energy:.4g} with gradient in "
+        f"\n{name}, 11 surfaces: energy {energy:.4g} with gradient in "
         f"{1e3 * wall:.0f} ms, {1e3 * processor:.0f} ms of the processor"
     )
     assert energy > 0
@@ -71,20 +50,14 @@ def test_energy_and_gradient(benchmark, name):
 
 @pytest.mark.parametrize("poses", PAIRS, ids="-".join)
 @pytest.mark.parametrize("name", [name for name in METRICS if "gauge" not in name])
-def test_geodesic(benchmark, name, poses):
-    resolution = "coarse" if benchmark.disabled else "full"
-    metric = METRICS[name](AlignedSurfaces(bodies(resolution).template, equip=False))
-    start, end = pose_pair(resolution, poses)
-    solver = BasisPath(basis(resolution))
-    if not benchmark.disabled:
-        solver.solve(metric, start, end)  # compiles, loads, keeps what can be kept
-    began = time.process_time()
-    result, wall = benchmark.pedantic(
-        lambda: timed(solver, metric, start, end), rounds=1, iterations=1
-    )
-    processor = time.process_time() - began
+def test_geodesic(name, poses):
+    metric = METRICS[name](AlignedSurfaces(bodies("full").template, equip=False))
+    start, end = pose_pair("full", poses)
+    solver = BasisPath(basis("full"))
+    solver.solve(metric, start, end)  # compiles, loads, keeps what can be kept
+    result, wall, processor = clocked(lambda: solver.solve(metric, start, end))
     print(
-        f"\n{name}, {' to '.join(poses)}, {resolution}: {wall:.2f} s, {processor:.2f} s of the "
+        f"\n{name}, {' to '.join(poses)}: {wall:.2f} s, {processor:.2f} s of the "
         f"processor, {result.n_evaluations} evaluations, energy {result.energies[0]:.5g} to "
         f"{result.energy:.5g}"
     )
@@ -92,17 +65,16 @@ def test_geodesic(benchmark, name, poses):
 
 
 @pytest.mark.parametrize("people", [(20, 40), (30, 50)], ids=str)
-def test_geodesic_along_normals(benchmark, people):
+def test_geodesic_along_normals(people):
     """Between two people in one pose, over mesh harmonics."""
-    resolution = "coarse" if benchmark.disabled else "full"
-    data = bodies(resolution)
+    data = bodies("full")
     metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(data.template, equip=False)))
     harmonics = DeformationBasis.from_laplacian(data.template, n_components=100)
     solver, ends = BasisPath(harmonics, n_nodes=6), data.points[list(people)]
-    result, wall = benchmark.pedantic(lambda: timed(solver, metric, *ends), rounds=1, iterations=1)
+    result, wall = timed(solver, metric, *ends)
     straight = metric.energy(np.linspace(*ends, 6))
     print(
-        f"\ngauge-invariant SRNF over 100 harmonics, {resolution}: {wall:.1f} s, "
+        f"\ngauge-invariant SRNF over 100 harmonics: {wall:.1f} s, "
         f"{result.n_evaluations} evaluations, energy {straight:.3g} to {result.energy:.3g}"
     )
     assert result.converged
@@ -118,25 +90,21 @@ class LogAreas(FlatTerm):
         return np.log(first.areas)[..., None]
 
 
-def test_distances_with_a_term_of_ones_own(benchmark):
-    resolution = "coarse" if benchmark.disabled else "full"
-    data = bodies(resolution)
-    space = AlignedSurfaces(data.template, equip=False)
-    points = data.points[: 10 if benchmark.disabled else 100]
-    n_pairs = len(points) * (len(points) - 1) // 2
+def test_distances_with_a_term_of_ones_own():
+    space, points = AlignedSurfaces(bodies("full").template, equip=False), bodies("full").points
+    n_pairs = 4950
     own, srnf = SurfaceMetric(space, [LogAreas(0.1)]), SRNFMetric(space)
     times = {}
     for name, metric in (("own term", own), ("SRNF", srnf)):
         features = metric.bulk.features(points, "single")
         metric.bulk.squared_distances(features, features, 1)
-        times[name], _ = clocked(
+        _, times[name], _ = clocked(
             lambda: metric.bulk.squared_distances(features, features, 1),  # noqa: B023
-            1 if benchmark.disabled else 5,
+            5,
         )
-    benchmark.pedantic(lambda: own.dist_pairwise(points), rounds=1)
-    one, _ = clocked(lambda: own.dist(points[0], points[1]), 3)
+    _, one, _ = clocked(lambda: own.dist(points[0], points[1]), 3)
     shown = ", ".join(f"{name} {1e6 * t / n_pairs:.1f} µs a pair" for name, t in times.items())
-    print(f"\n{resolution}, {n_pairs} pairs: {shown}; by the definition {1e6 * one:.0f} µs")
-    onp.testing.assert_allclose(
+    print(f"\n{n_pairs} pairs: {shown}; by the definition {1e6 * one:.0f} µs")
+    numpy.testing.assert_allclose(
         own.dist_pairwise(points[:2])[0, 1], own.dist(points[0], points[1]), rtol=1e-5
     )

@@ -9,13 +9,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.interpolate import make_lsq_spline
+from performances import clocked
 
 import riemhuman as rh
 from riemhuman.datasets import pose_vectors
-from riemhuman.motions._velocity_curves import even_segments
 from riemhuman.motions.motion_representations import random_places, retime_at_random
-from riemhuman.motions.rate_invariant_metric import _Curve
 
 COMPONENTS = 200
 
@@ -56,9 +54,7 @@ def rate_invariant():
 
 
 def timed_pairs(measure, motions):
-    begin = time.perf_counter(), time.process_time()
-    distances = measure.dist_pairwise(motions)
-    return distances, time.perf_counter() - begin[0], time.process_time() - begin[1]
+    return clocked(lambda: measure.dist_pairwise(motions))
 
 
 @cache
@@ -218,45 +214,6 @@ def test_motions_and_their_own_samplings(name, frames):
     if name == "velocities":
         assert np.median(shares) <= 2.0
         assert np.median(shares[unseen]) <= 2.0
-
-
-@pytest.mark.parametrize("smoothing", [0.0, 0.03])
-def test_what_few_numbers_tell_of_a_motion(smoothing):
-    """The distance of a motion to the cubic spline of so many coefficients that is nearest to it.
-
-    The spline is fitted to all frames at their true times: where it is far, frames as few do not
-    tell the velocities of the motion, however they are joined.
-    """
-    motions = rh.motions.MotionSpace(space())
-    metric = rh.motions.RateInvariantMetric(motions, smoothing=smoothing)
-    pairs = pairs_of_motions()
-    usual = np.median([metric.dist(one[:], other[:]) for one, other in pairs])
-    every = [metric._velocities.segments(one[:]) for one, _ in pairs]
-
-    def moved(one, other):
-        return metric._between(None, *(_as_curve(sides, smoothing) for sides in (one, other)))
-
-    for count in (60, 40, 24):
-        shares = []
-        for sides in every:
-            corners = np.concatenate([np.zeros((1, sides.shape[1])), np.cumsum(sides, axis=0)])
-            times = np.linspace(0.0, 1.0, len(corners))
-            inner = np.linspace(0.0, 1.0, count - 2)[1:-1]
-            knots = np.concatenate([[0.0] * 4, inner, [1.0] * 4])
-            nearest = make_lsq_spline(times, corners, knots)
-            shares.append(100 * moved(sides, np.diff(nearest(times), axis=0)) / usual)
-        print(
-            f"\n{count} coefficients, smoothing {smoothing:g}: {np.median(shares):.1f} % of "
-            f"another's, at most 2 % in {np.sum(np.array(shares) <= 2)} of {len(shares)} motions, "
-            f"at worst {max(shares):.0f} %"
-        )
-    assert np.median(shares) > 2.0
-
-
-def _as_curve(sides, smoothing):
-    chords, places = even_segments(sides, 60, smoothing)
-    lengths = np.linalg.norm(chords, axis=1)
-    return _Curve(chords / np.sqrt(lengths)[:, None], lengths.sum(), places)
 
 
 @pytest.mark.parametrize("name", ["rate-invariant", "time warping of velocities"])

@@ -7,15 +7,15 @@ prints, for the open model at full resolution, the errors of a hundred scans (re
 exact bodies, and seconds a scan; what landmarks, half of the surface, 5 mm noise, 2,000 points and
 more cost; seconds and memory for 5,000 to 500,000 points; errors of natural bodies, whose hands lie
 on hips and head; how far points go astray between bodies that the model cannot make; and how well
-it fits such bodies once it is transferred to their mesh. Where benchmarks are disabled, the same
-code runs on one coarse scan.
+it fits such bodies once it is transferred to their mesh.
 """
 
+import itertools
 import resource
-import time
 
 import numpy as np
 import pytest
+from performances import clocked
 from scanned_people import (
     N_PEOPLE,
     bodies_to_scan,
@@ -45,10 +45,8 @@ LANDMARKS = ("left_wrist", "right_wrist", "left_ankle", "right_ankle", "head")
 
 
 @pytest.fixture(scope="module")
-def registrations():
-    return {
-        name: ScanRegistration(rh.datasets.load_open_model(name)) for name in ("coarse", "full")
-    }
+def registration():
+    return ScanRegistration(rh.datasets.load_open_model("full"))
 
 
 def solved(registration, scan, landmarks=False):
@@ -58,30 +56,20 @@ def solved(registration, scan, landmarks=False):
         model = registration.model
         joints = model.joint_regressor @ scan.body
         known = {name: joints[model.joint_names.index(name)] for name in LANDMARKS}
-    begin = time.perf_counter()
-    result = registration.solve(scan.surface, landmarks=known)
-    seconds = time.perf_counter() - begin
+    result, seconds, _ = clocked(lambda: registration.solve(scan.surface, landmarks=known))
     return result, np.linalg.norm(result.points - scan.body, axis=1), seconds
 
 
-def test_a_hundred_scans(benchmark, registrations):
-    full = not benchmark.disabled
-    registration = registrations["full" if full else "coarse"]
+def test_a_hundred_scans(registration):
     model = registration.model
-    numbers = range(100 if full else 1)
+    numbers = range(100)
     scans = list(scans_of(bodies_to_scan(model, SEED), model.faces, SEED, numbers))
     registration.solve(scans[0][-1].surface)  # compiles
-
-    def run():
-        return [solved(registration, scan) for *_, scan in scans]
-
-    found = benchmark.pedantic(run, rounds=1)
+    found = [solved(registration, scan) for *_, scan in scans]
     means = np.array([errors.mean() for _, errors, _ in found])
     trusted = np.array([result.trusted for result, _, _ in found])
     largest = np.array([errors.max() for _, errors, _ in found])
     assert not np.any(trusted & (means > FAR))
-    if not full:
-        return
     millimetres = 1000 * means[trusted]
     print(f"\n{len(found)} scans: {millimetres.mean():.1f} mm in the mean", end="")
     print(f", worst body {millimetres.max():.1f} mm", end="")
@@ -101,110 +89,75 @@ def test_a_hundred_scans(benchmark, registrations):
             print(f"{name}, {task}: NN {scores.nn:.1f}, first tier {scores.first_tier:.1f}")
 
 
-def test_what_scans_cost(benchmark, registrations):
-    full = not benchmark.disabled
-    registration = registrations["full" if full else "coarse"]
+def test_what_scans_cost(registration):
     model = registration.model
-    numbers = range(3, 3 + N_PEOPLE * 10, 13) if full else [3]
-    conditions = CONDITIONS if full else {"as above": {}}
-
-    def run():
-        rows = {}
-        for name, options in conditions.items():
-            chosen = dict(options)
-            landmarks = chosen.pop("landmarks", False)
-            bodies = bodies_to_scan(model, SEED + 1)
-            scans = scans_of(bodies, model.faces, SEED, numbers, **chosen)
-            rows[name] = [solved(registration, scan, landmarks) for *_, scan in scans]
-        return rows
-
-    rows = benchmark.pedantic(run, rounds=1)
-    for name, found in rows.items():
+    for name, options in CONDITIONS.items():
+        chosen = dict(options)
+        landmarks = chosen.pop("landmarks", False)
+        numbers = range(3, 3 + N_PEOPLE * 10, 13)
+        scans = scans_of(bodies_to_scan(model, SEED + 1), model.faces, SEED, numbers, **chosen)
+        found = [solved(registration, scan, landmarks) for *_, scan in scans]
         means = np.array([errors.mean() for _, errors, _ in found])
         trusted = np.array([result.trusted for result, _, _ in found])
         assert not np.any(trusted & (means > FAR))
-        if full:
-            seen = np.mean([errors[result.matched].mean() for result, errors, _ in found])
-            far = np.mean([np.median(result.distances[~result.background]) for result, *_ in found])
-            print(
-                f"| {name} | {1000 * means.mean():.1f} | {1000 * means.max():.1f} | "
-                f"{1000 * seen:.1f} | {1000 * far:.1f} | {trusted.sum()} of {len(found)} | "
-                f"{np.mean([s for *_, s in found]):.1f} |"
-            )
+        seen = np.mean([errors[result.matched].mean() for result, errors, _ in found])
+        far = np.mean([np.median(result.distances[~result.background]) for result, *_ in found])
+        print(
+            f"| {name} | {1000 * means.mean():.1f} | {1000 * means.max():.1f} | "
+            f"{1000 * seen:.1f} | {1000 * far:.1f} | {trusted.sum()} of {len(found)} | "
+            f"{np.mean([s for *_, s in found]):.1f} |"
+        )
 
 
-def test_numbers_of_points(benchmark, registrations):
-    full = not benchmark.disabled
-    registration = registrations["full" if full else "coarse"]
+def test_numbers_of_points(registration):
     model = registration.model
     *_, body = next(bodies_to_scan(model, SEED))
-    sizes = (5_000, 50_000, 500_000) if full else (5_000,)
+    sizes = (5_000, 50_000, 500_000)
     scans = [simulated_scan(body, model.faces, 7, n_points=size, missing=0.1) for size in sizes]
     registration.solve(scans[0].points)  # compiles
-
-    def run():
-        rows = []
-        for scan in scans:
-            begin = time.process_time()
-            result, errors, seconds = solved(registration, scan)
-            processor = time.process_time() - begin
-            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
-            rows.append((result, errors, seconds, processor, peak))
-        return rows
-
-    rows = benchmark.pedantic(run, rounds=1)
-    for scan, (result, errors, seconds, processor, peak) in zip(scans, rows, strict=True):
+    for scan in scans:
+        (result, errors, seconds), _, processor = clocked(
+            lambda: solved(registration, scan)  # noqa: B023
+        )
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
         assert result.trusted, result.message
         assert errors.mean() < FAR
         assert peak < 2048
-        if full:
-            print(
-                f"\n{len(scan.points)} points: {seconds:.1f} s, {processor:.1f} s of CPU time, "
-                f"at most {peak:.0f} MiB in the process, {1000 * errors.mean():.1f} mm",
-                end="",
-            )
+        print(
+            f"\n{len(scan.points)} points: {seconds:.1f} s, {processor:.1f} s of CPU time, "
+            f"at most {peak:.0f} MiB in the process, {1000 * errors.mean():.1f} mm",
+            end="",
+        )
 
 
-def test_natural_bodies(benchmark, registrations):
-    full = not benchmark.disabled
-    registration = registrations["full" if full else "coarse"]
-    bodies = rh.datasets.load_open_bodies(
-        "full" if full else "coarse", variant="natural", people=NATURAL_SEED
-    )
-    numbers = range(1, 100, 3) if full else [4]
+def test_natural_bodies(registration):
+    bodies = rh.datasets.load_open_bodies("full", variant="natural", people=NATURAL_SEED)
+    numbers = range(1, 100, 3)
     scans = [
         simulated_scan(bodies[k], bodies.template.faces, k, n_points=12_000, missing=0.1)
         for k in numbers
     ]
-
-    def run():
-        return [solved(registration, scan) for scan in scans]
-
-    found = benchmark.pedantic(run, rounds=1)
+    found = [solved(registration, scan) for scan in scans]
     for number, (result, errors, _) in zip(numbers, found, strict=True):
         assert errors.mean() < FAR or not result.trusted
-        if full:
-            print(
-                f"\nperson {number // 10}, {bodies.pose_names[bodies.pose[number]]}: "
-                f"{1000 * errors.mean():.1f} mm, worst vertex {1000 * errors.max():.0f} mm, "
-                f"log-likelihood {result.likelihood:.2f}, {result.message or 'trusted'}",
-                end="",
-            )
+        print(
+            f"\nperson {number // 10}, {bodies.pose_names[bodies.pose[number]]}: "
+            f"{1000 * errors.mean():.1f} mm, worst vertex {1000 * errors.max():.0f} mm, "
+            f"log-likelihood {result.likelihood:.2f}, {result.message or 'trusted'}",
+            end="",
+        )
     means = 1000 * np.array([errors.mean() for _, errors, _ in found])
-    if full:
-        print(f"\n{len(found)} natural bodies: {means.mean():.1f} mm in the mean", end="")
-        print(f", worst body {means.max():.1f} mm, {np.sum(means > 6)} above 6 mm", end="")
-        print(f"; {np.sum([not result.trusted for result, *_ in found])} refused")
+    print(f"\n{len(found)} natural bodies: {means.mean():.1f} mm in the mean", end="")
+    print(f", worst body {means.max():.1f} mm, {np.sum(means > 6)} above 6 mm", end="")
+    print(f"; {np.sum([not result.trusted for result, *_ in found])} refused")
 
 
-def test_a_sequence(benchmark, registrations):
-    full = not benchmark.disabled
-    registration = registrations["full" if full else "coarse"]
+def test_a_sequence(registration):
     model = registration.model
     (motion,) = rh.datasets.load_open_motions(
-        "full" if full else "coarse", subjects=["lean runner"], sequences=["punching"]
+        "full", subjects=["lean runner"], sequences=["punching"]
     )
-    frames = [motion[k] for k in range(20, 20 + (2 if not full else 20), 2)]
+    frames = [motion[k] for k in range(20, 40, 2)]
     scans = [
         simulated_scan(frame, model.faces, k, missing=0.1, rotate=False)
         for k, frame in enumerate(frames)
@@ -217,89 +170,56 @@ def test_a_sequence(benchmark, registrations):
             results.append(registration.solve(scan.points, start=results[-1]))
         return results
 
-    begin = time.perf_counter()
-    results = benchmark.pedantic(run, rounds=1)
-    seconds = time.perf_counter() - begin
+    results, seconds, _ = clocked(run)
     errors = [
         np.linalg.norm(result.points - scan.body, axis=1).mean()
         for result, scan in zip(results, scans, strict=True)
     ]
     assert all(result.trusted for result in results)
     assert max(errors, default=0.0) < FAR
-    if full:
-        print(
-            f"\n{len(scans) - 1} scans in a sequence: {1000 * np.mean(errors):.1f} mm, ",
-            end="",
-        )
-        print(f"{seconds / (len(scans) - 1):.1f} s a scan")
+    print(
+        f"\n{len(scans) - 1} scans in a sequence: {1000 * np.mean(errors):.1f} mm, ",
+        end="",
+    )
+    print(f"{seconds / (len(scans) - 1):.1f} s a scan")
 
 
-def test_bodies_of_other_kinds(benchmark, registrations):
-    full = not benchmark.disabled
-    registration = registrations["full" if full else "coarse"]
+def test_bodies_of_other_kinds(registration):
     faces = registration.model.faces
-    n_people, n_moments = (6, 3) if full else (1, 2)
+    n_people, n_moments = 6, 3
     bodies, triangles = foreign_bodies(registration.model, SEED, n_people, n_moments)
-
-    def run():
-        registered = np.empty((n_people, n_moments, registration.model.n_vertices, 3))
-        trusted = np.empty((n_people, n_moments), dtype=bool)
-        for person, moment in np.ndindex(n_people, n_moments):
-            scan = simulated_scan(
-                bodies[person, moment], triangles, 10 * person + moment, rotate=False
-            )
-            result = registration.solve(scan.points)
-            registered[person, moment], trusted[person, moment] = (
-                result.points,
-                result.trusted,
-            )
-        return registered, trusted
-
-    registered, trusted = benchmark.pedantic(run, rounds=1)
-    flat = [(p, m) for p, m in np.ndindex(n_people, n_moments) if trusted[p, m]]
+    registered = {}
+    for person, moment in np.ndindex(n_people, n_moments):
+        scan = simulated_scan(bodies[person, moment], triangles, 10 * person + moment, rotate=False)
+        result = registration.solve(scan.points)
+        if result.trusted:
+            registered[person, moment] = result.points
     errors = {"same person": [], "between people": []}
-    for one in flat:
-        for other in flat:
-            if one < other:
-                kind = "same person" if one[0] == other[0] else "between people"
-                errors[kind].append(
-                    correspondence_errors(
-                        bodies[one],
-                        bodies[other],
-                        registered[one],
-                        registered[other],
-                        faces,
-                    )
-                )
-    if full:
-        print(f"\n{trusted.sum()} of {trusted.size} foreign bodies trusted")
+    for one, other in itertools.combinations(registered, 2):
+        kind = "same person" if one[0] == other[0] else "between people"
+        points = bodies[one], bodies[other], registered[one], registered[other]
+        errors[kind].append(correspondence_errors(*points, faces))
+    print(f"\n{len(registered)} of {n_people * n_moments} foreign bodies trusted")
     for kind, found in errors.items():
         if found:
             every = np.concatenate(found)
             assert np.mean(every < FAR) > 0.9
-            if full:
-                print(
-                    f"{kind}, {len(found)} pairs: {1000 * every.mean():.1f} mm in the mean, "
-                    f"{100 * np.mean(every < FAR):.1f} % below 5 cm"
-                )
+            print(
+                f"{kind}, {len(found)} pairs: {1000 * every.mean():.1f} mm in the mean, "
+                f"{100 * np.mean(every < FAR):.1f} % below 5 cm"
+            )
 
 
-def test_transferred_models(benchmark, registrations):
+def test_transferred_models(registration):
     """The model on another mesh, from one body, fits other people of that mesh."""
-    full = not benchmark.disabled
-    model = registrations["full" if full else "coarse"].model
-    n_people, n_moments = (6, 4) if full else (2, 1)
+    model = registration.model
+    n_people, n_moments = 6, 4
     bodies, triangles = foreign_bodies(model, SEED, n_people, n_moments)
-
-    def run():
-        transferred = transfer_model(model, rh.Template(bodies[0, 0], triangles))
-        return 1000.0 * transferred.fit(bodies).mean_distance
-
-    distances = benchmark.pedantic(run, rounds=1)
-    if full:
-        print(
-            f"\nfits of the transferred model: {distances[0, 0]:.1f} mm to the body itself, "
-            f"{np.median(distances[0, 1:]):.1f} mm to its other poses in the median, "
-            f"{np.median(distances[1:]):.1f} mm to other people, {distances[1:].max():.1f} at most"
-        )
+    transferred = transfer_model(model, rh.Template(bodies[0, 0], triangles))
+    distances = 1000.0 * transferred.fit(bodies).mean_distance
+    print(
+        f"\nfits of the transferred model: {distances[0, 0]:.1f} mm to the body itself, "
+        f"{np.median(distances[0, 1:]):.1f} mm to its other poses in the median, "
+        f"{np.median(distances[1:]):.1f} mm to other people, {distances[1:].max():.1f} at most"
+    )
     assert distances.max() < 15.0

@@ -3,12 +3,11 @@
 pytest tests/benchmarks/test_statistics.py --benchmark-enable -s
 """
 
-import time
 from functools import cache
 
 import numpy as np
 import pytest
-from performances import bodies
+from performances import bodies, clocked
 from self_intersections import count_self_intersections
 
 from riemhuman.datasets import load_open_bodies
@@ -27,8 +26,8 @@ SETS = {"ten people in one pose": slice(0, 100, 10), "ten poses of one person": 
 each_set = pytest.mark.parametrize("name", SETS)
 
 
-def equipped(a, lam, c):
-    space = AlignedSurfaces(bodies("coarse").template, equip=False)
+def equipped(a, lam, c, resolution="coarse"):
+    space = AlignedSurfaces(bodies(resolution).template, equip=False)
     return space.equip_with_metric(ElasticMetric, a=a, lam=lam, c=c)
 
 
@@ -65,22 +64,19 @@ def row(kind, squared, areas, edges):
 
 
 @each_set
-def test_components_against_euclidean_ones(benchmark, name):
+def test_components_against_euclidean_ones(name):
     points = aligned(name)
     space = equipped(1.0, 1.0, 1.0)
-    pca = benchmark.pedantic(lambda: TangentPCA(space).fit(points), rounds=1, iterations=1)
+    pca = TangentPCA(space).fit(points)
     found = pca.transform(points)
     mean, directions, flat = euclidean(points)
-    chosen = slice(None) if benchmark.enabled else slice(0, 2)
     print(f"\n{name}: explained {np.round(100 * pca.explained_variance_ratio_, 1)} %")
     print("  rank      d² mean   area change %     edge change %   (mean, 99 %)")
-    ranks = range(10) if benchmark.enabled else (2,)
-    for k in ranks:
-        ours = pca.inverse_transform(found[chosen, :k])
-        theirs = mean + (flat[chosen, :k] @ directions[:k]).reshape(ours.shape)
-        originals = points[chosen]
-        measured = [changes(other, originals) for other in (ours, theirs)]
-        squared = [space.metric.squared_dist(other, originals).mean() for other in (ours, theirs)]
+    for k in range(10):
+        ours = pca.inverse_transform(found[:, :k])
+        theirs = mean + (flat[:, :k] @ directions[:k]).reshape(ours.shape)
+        measured = [changes(other, points) for other in (ours, theirs)]
+        squared = [space.metric.squared_dist(other, points).mean() for other in (ours, theirs)]
         print(row(f"{k} ours", squared[0], *measured[0]))
         print(row("  flat", squared[1], *measured[1]))
         if k < 9:
@@ -89,13 +85,11 @@ def test_components_against_euclidean_ones(benchmark, name):
 
 
 @each_set
-def test_generated_bodies(benchmark, name):
+def test_generated_bodies(name):
     points, faces = aligned(name), bodies("coarse").template.faces
     pca = TangentPCA(equipped(1.0, 1.0, 1.0)).fit(points)
-    n_samples = 40 if benchmark.enabled else 1
-    samples = benchmark.pedantic(
-        lambda: pca.sample(n_samples, rng=0).reshape(-1, *points[0].shape), rounds=1, iterations=1
-    )
+    n_samples = 40
+    samples = pca.sample(n_samples, rng=0).reshape(-1, *points[0].shape)
     drawn = pca.sample(n_samples, rng=0, accept=lambda surface: True).reshape(samples.shape)
     mean, directions, flat = euclidean(points)
     noise = np.random.default_rng(0).standard_normal((n_samples, 9)) * flat[:, :9].std(
@@ -107,8 +101,6 @@ def test_generated_bodies(benchmark, name):
         return int(inverted_triangles(surface, pca.mean_, faces).sum())
 
     shown = {"training": points, "ours": samples, "all drawn": drawn, "flat": theirs}
-    if benchmark.disabled:
-        shown = {kind: some[:1] for kind, some in shown.items()}
     print(f"\n{name}: {n_samples} generated bodies")
     for kind, some in shown.items():
         inverted = [count_inverted(surface) for surface in some]
@@ -120,34 +112,10 @@ def test_generated_bodies(benchmark, name):
         )
 
 
-def test_shape_without_pose_and_pose_without_shape(benchmark):
-    known = bodies("coarse")
-    chosen = slice(None) if benchmark.enabled else slice(40, 70)
-    points, medoid = known.points[chosen], known.points[60]
-    labels = {"people": known.subject[chosen], "poses": known.pose[chosen]}
-
-    def share_between(found, classes):
-        means = np.stack([found[classes == label].mean(axis=0) for label in classes])
-        return means.var(axis=0) / found.var(axis=0)
-
-    def fit(*weights):
-        return TangentPCA(equipped(*weights), 5, mean=medoid).fit(points).transform(points)
-
-    found = {
-        "(1, 1, 0)": benchmark.pedantic(lambda: fit(1.0, 1.0, 0.0), rounds=1, iterations=1),
-        "(0, 0, 1)": fit(0.0, 0.0, 1.0),
-        "vertices": euclidean(points)[2][:, :5],
-    }
-    print("\n100 bodies: share of the variance of the first five coordinates, per cent")
-    for kind, coordinates in found.items():
-        for name, classes in labels.items():
-            print(f"  {kind} between {name}: {np.round(100 * share_between(coordinates, classes))}")
-
-
-def test_height_against_shape(benchmark):
+def test_height_against_shape():
     model = bodies("coarse").model
     rng = np.random.default_rng(5)
-    n_people = 24 if benchmark.enabled else 6
+    n_people = 24
     betas = np.zeros((2 * n_people, model.n_betas))
     betas[:, :8] = rng.standard_normal((2 * n_people, 8))
     points = model(betas)
@@ -155,10 +123,10 @@ def test_height_against_shape(benchmark):
     space = equipped(1.0, 1.0, 1.0)
     regression = GeodesicRegression(space)
     half = slice(0, n_people)
-    benchmark.pedantic(lambda: regression.fit(heights[half], points[half]), rounds=1, iterations=1)
-    asked = np.linspace(heights.min(), heights.max(), 5 if benchmark.enabled else 2)
+    regression.fit(heights[half], points[half])
+    asked = np.linspace(heights.min(), heights.max(), 5)
     predicted = np.ptp(regression.predict(asked)[..., 1], axis=1)
-    rest = slice(n_people, None if benchmark.enabled else n_people + 1)
+    rest = slice(n_people, None)
     print(
         f"\nheight of {n_people} people: {regression.n_iter_} iterations, "
         f"R² {regression.score(heights[half], points[half]):.3f}, of others "
@@ -168,105 +136,79 @@ def test_height_against_shape(benchmark):
 
 
 @pytest.mark.parametrize("what", ["subject", "pose"])
-def test_metric_learned_from_labels(benchmark, what):
+def test_metric_learned_from_labels(what):
     """Retrieval of people to whom the metric was not fitted, on the natural bodies."""
-    known = load_open_bodies("coarse" if benchmark.disabled else "full", "natural")
+    known = load_open_bodies("full", "natural")
     labels = getattr(known, what)
     space = AlignedSurfaces(known.template, equip=False)
     a, c = (1.0, 0.0) if what == "subject" else (0.0, 1.0)
     learned = LearnedMetric(ElasticMetric(space, a=a, lam=a, c=c))
-    distances = benchmark.pedantic(
-        lambda: learned.held_out_distances(known.points, labels, known.subject),
-        rounds=1,
-        iterations=1,
-    )
+    distances = learned.held_out_distances(known.points, labels, known.subject)
     found = scores(distances, labels)
     print(f"\n{what}: {found}")
     assert found.nn >= 98.0
 
 
 @each_set
-def test_surfaces_of_coordinates_at_full_resolution(benchmark, name):
+def test_surfaces_of_coordinates_at_full_resolution(name):
     """Processor seconds a body of what three components leave of ten bodies, and of drawn ones."""
-    resolution, count = ("coarse", 2) if benchmark.disabled else ("full", 10)
-    known = bodies(resolution)
-    points = known.points[SETS[name]]
-    space = AlignedSurfaces(known.template, equip=False)
-    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    points = bodies("full").points[SETS[name]]
+    space = equipped(1.0, 1.0, 1.0, "full")
     pca = TangentPCA(space, n_components=3, mean=points[0]).fit(points)
-    noise = np.random.default_rng(0).standard_normal((count, 3))
+    noise = np.random.default_rng(0).standard_normal((10, 3))
     drawn = noise * np.sqrt(pca.explained_variance_)
     pca.inverse_transform(drawn[:1])
-
-    def run():
-        for what, coordinates in (("known", pca.transform(points[:count])), ("drawn", drawn)):
-            seconds = []
-            for one in coordinates:
-                begin = time.process_time()
-                pca.inverse_transform(one[None])
-                seconds.append(time.process_time() - begin)
-            print(
-                f"\n{name}, {what} bodies: {np.median(seconds):.2f} s of the processor a body in "
-                f"the median, {max(seconds):.2f} s at most"
-            )
-
-    benchmark.pedantic(run, rounds=1, iterations=1)
+    for what, coordinates in (("known", pca.transform(points[:10])), ("drawn", drawn)):
+        seconds = [
+            clocked(lambda: pca.inverse_transform(one[None]))[2]  # noqa: B023
+            for one in coordinates
+        ]
+        print(
+            f"\n{name}, {what} bodies: {np.median(seconds):.2f} s of the processor a body in the "
+            f"median, {max(seconds):.2f} s at most"
+        )
 
 
 @each_set
-def test_mean_over_all_vertices(benchmark, name):
+def test_mean_over_all_vertices(name):
     """Processor seconds of the Karcher mean of ten bodies with no basis."""
-    known = bodies("coarse" if benchmark.disabled else "full")
-    points = known.points[SETS[name]]
-    space = AlignedSurfaces(known.template, equip=False)
-    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    points, space = bodies("full").points[SETS[name]], equipped(1.0, 1.0, 1.0, "full")
     space.metric.dist_pairwise(points[:2])
-    begin = time.process_time()
-    pca = TangentPCA(space, n_components=1)
-    benchmark.pedantic(lambda: pca.fit(points), rounds=1, iterations=1)
+    pca, _, seconds = clocked(lambda: TangentPCA(space, n_components=1).fit(points))
     print(
-        f"\n{name}: mean over all vertices, and one component, in "
-        f"{time.process_time() - begin:.1f} s of the processor; mean squared distance "
+        f"\n{name}: mean over all vertices, and one component, in {seconds:.1f} s of the "
+        f"processor; mean squared distance "
         f"{space.metric.squared_dist(points, pca.mean_).mean():.6g}"
     )
 
 
-def test_components_of_a_thousand_people(benchmark):
+def test_components_of_a_thousand_people():
     known = bodies("coarse")
-    n_people = 20 if benchmark.disabled else 1000
+    n_people = 1000
     betas = np.zeros((n_people, known.model.n_betas))
     betas[:, :8] = np.random.default_rng(5).standard_normal((n_people, 8))
     points, space = known.model(betas), equipped(1.0, 1.0, 1.0)
     TangentPCA(space, n_components=2).fit(points[:5])
-    begin = time.process_time()
-    pca = TangentPCA(space, n_components=10)
-    benchmark.pedantic(lambda: pca.fit(points), rounds=1, iterations=1)
+    pca, _, seconds = clocked(lambda: TangentPCA(space, n_components=10).fit(points))
     print(
-        f"\n{n_people} coarse bodies: mean and ten components in "
-        f"{time.process_time() - begin:.1f} s of the processor; the first eight explain "
+        f"\n{n_people} coarse bodies: mean and ten components in {seconds:.1f} s of the "
+        f"processor; the first eight explain "
         f"{100 * pca.explained_variance_ratio_[:8].sum():.2f} %"
     )
     assert pca.explained_variance_ratio_[:8].sum() > 0.95
 
 
 @pytest.mark.parametrize("name", ["24 people in one pose", "24 bodies in five poses"])
-def test_regression_on_height_at_full_resolution(benchmark, name):
+def test_regression_on_height_at_full_resolution(name):
     """Processor seconds of a whole fit, with the Karcher mean."""
-    known = bodies("coarse" if benchmark.disabled else "full")
+    known = bodies("full")
     if "people" in name:
         betas = np.zeros((24, known.model.n_betas))
         betas[:, :8] = np.random.default_rng(5).standard_normal((24, 8))
         points = known.model(betas)
     else:
         points = known.points[::4][:24]
-    points = points[:3] if benchmark.disabled else points
     heights = np.ptp(points[..., 1], axis=1)
-    space = AlignedSurfaces(known.template, equip=False)
-    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
-    regression = GeodesicRegression(space)
-    begin = time.process_time()
-    benchmark.pedantic(lambda: regression.fit(heights, points), rounds=1, iterations=1)
-    print(
-        f"\n{name}: {time.process_time() - begin:.1f} s of the processor, "
-        f"{regression.n_iter_} iterations"
-    )
+    regression = GeodesicRegression(equipped(1.0, 1.0, 1.0, "full"))
+    _, _, seconds = clocked(lambda: regression.fit(heights, points))
+    print(f"\n{name}: {seconds:.1f} s of the processor, {regression.n_iter_} iterations")

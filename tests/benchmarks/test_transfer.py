@@ -9,7 +9,6 @@ the first one's shape and the second one's pose, by the metrics and a basis of o
 motions, after the translation that no metric sees; and for thirty seeded pairs of natural bodies
 whether head and torso are A's or B's, how far the result is from A disentangled toward A's own
 performance of the pose, and from A's own body in B's performance; and what `bone_smoothing` trades.
-Where benchmarks are disabled, a few of each run at coarse resolution.
 """
 
 import numpy as np
@@ -56,15 +55,13 @@ def centred(surface):
     return surface - surface.mean(axis=-2, keepdims=True)
 
 
-def test_motion_transfer(benchmark):
-    full = not benchmark.disabled
-    resolution = "full" if full else "coarse"
-    motions = load_open_motions(resolution)
+def test_motion_transfer():
+    motions = load_open_motions("full")
     space = AlignedSurfaces(motions[0].template, equip=False)
     n_sequences = len(motions) // 10
     rows = []
-    for one, other in PEOPLE if full else PEOPLE[1:3]:
-        for k in range(0, n_sequences, 1 if full else 3):
+    for one, other in PEOPLE:
+        for k in range(n_sequences):
             source = motions[n_sequences * one + k]
             own = frames_of(PerformedByAnother(source, motions[n_sequences * other].betas))
             seen = frames_of(source)
@@ -91,22 +88,19 @@ def test_motion_transfer(benchmark):
         f"shape: {means[3] / means[2]:.2f}, {np.median(ratios[:, 1]):.2f}, "
         f"{ratios[:, 1].max():.2f}"
     )
-    benchmark.pedantic(lambda: MotionTransfer().solve(space, seen, own[0]), rounds=1)
     assert means[1] < 0.5 * means[0]
     assert means[3] < 0.5 * means[2]
     assert np.median(ratios[:, 0]) < 0.5
 
 
-def test_disentangling(benchmark):
-    full = not benchmark.disabled
-    resolution, n_pairs = ("full", 20) if full else ("coarse", 8)
-    data = bodies(resolution)
+def test_disentangling():
+    data = bodies("full")
     space = AlignedSurfaces(data.template, equip=False)
     metrics = ElasticMetric(space, 1.0, 1.0, 0.0), ElasticMetric(space, 0.0, 0.0, 1.0)
-    solver = Disentangling(basis(resolution))
+    solver = Disentangling(basis("full"))
     rng = np.random.default_rng(0)
     rows, aligned_rows = [], []
-    for _ in range(n_pairs):
+    for _ in range(20):
         people = rng.choice(10, 2, replace=False)
         poses = rng.choice(10, 2, replace=False)
         one, other = (int(k) for k in 10 * people + poses)
@@ -134,15 +128,13 @@ def test_disentangling(benchmark):
             end="",
         )
     print()
-    benchmark.pedantic(lambda: timed(solver, metrics[0], *arguments), rounds=1)
     better, ours = np.array(rows).mean(axis=0)
     assert ours < better / 3
 
 
-def test_whose_body_it_is(benchmark):
-    full = not benchmark.disabled
-    measured = Disentangled(*natural_people("full" if full else "coarse", OTHER_PEOPLE))
-    pairs = random_pairs(30 if full else 6, OTHER_PEOPLE)
+def test_whose_body_it_is():
+    measured = Disentangled(*natural_people("full", OTHER_PEOPLE))
+    pairs = random_pairs(30, OTHER_PEOPLE)
     found = [measured.measure(*pair) for pair in pairs]
     nearer = {part: np.mean([one.nearer[part] for one in found]) for part in PARTS}
     names = ("edges", "segments", "whole", "truth", "performed", "nearer_input")
@@ -157,20 +149,16 @@ def test_whose_body_it_is(benchmark):
         f"that performance {truth:.1f} mm; from A's body in B's performance {performed:.1f} mm, "
         f"{performed / nearer_input:.2f} of the nearer input's {nearer_input:.1f} mm"
     )
-    a, p, b, q = pairs[0]
-    shape, pose = measured.points[a, p], measured.points[b, q]
-    benchmark.pedantic(lambda: measured.surface(shape, pose), rounds=1)
     assert min(nearer.values()) >= 0.9
     assert edges < 0.06
 
 
-def test_trade_off_of_heat_along_bones(benchmark):
+def test_trade_off_of_heat_along_bones():
     """Pairs of people of similar torsos, on whom `bone_smoothing` was not chosen."""
-    full = not benchmark.disabled
-    people = natural_people("full" if full else "coarse", OTHER_PEOPLE)
-    for bone_smoothing in (3.0, 10.0, 20.0) if full else (10.0,):
+    people = natural_people("full", OTHER_PEOPLE)
+    for bone_smoothing in (3.0, 10.0, 20.0):
         measured = Disentangled(*people, Disentangling(bone_smoothing=bone_smoothing))
-        pairs = measured.similar_pairs(random_pairs(20 if full else 2, OTHER_PEOPLE))
+        pairs = measured.similar_pairs(random_pairs(20, OTHER_PEOPLE))
         found = [measured.measure(*pair) for pair in pairs]
         torsos = 100 * np.mean([one.nearer["torso"] for one in found])
         torso, truth, performed = (
@@ -182,5 +170,4 @@ def test_trade_off_of_heat_along_bones(benchmark):
             f"{torso:.2f} times as far from A's as from B's; {truth:.1f} mm from A's own "
             f"performance, {performed:.1f} mm from A's body in B's performance"
         )
-    benchmark.pedantic(lambda: None, rounds=1)
     assert torso < 1.0

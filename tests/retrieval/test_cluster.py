@@ -1,4 +1,4 @@
-"""The same job on a Dask cluster of two workers, one of which is killed on the way."""
+"""Jobs on a Dask cluster of two workers, one of which is killed on the way."""
 
 import os
 import pickle
@@ -12,13 +12,15 @@ import distributed
 import numpy as np
 import pytest
 from cases import sphere_template, surfaces
+from lengths import FULL
 
 import riemhuman.retrieval._cluster
 import riemhuman.retrieval.jobs
 from riemhuman.errors import ArgumentError, ClusterError, FileError, MissingDependencyError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric, VectorSpace
-from riemhuman.retrieval import pairwise_job
+from riemhuman.retrieval import pairwise_job, path_job
 from riemhuman.retrieval.jobs import Tile, TileReader
+from riemhuman.solvers import PoissonPath, path_distances
 
 # Workers cannot import the tests: what these send goes by value.
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -49,11 +51,11 @@ def local(tmp_path_factory):
     return (folder / "D.npy").read_bytes()
 
 
-@pytest.mark.parametrize("precision", ["single", "double"])
-def test_same_bits_as_in_memory(client, precision, tmp_path):
-    options = {"precision": precision, "memory": MEMORY}
+def test_same_bits_as_in_memory(client, tmp_path):
+    options = {"precision": "double", "memory": MEMORY}
+    # First here: workers then find the compiled functions.
+    expected = METRIC.dist_pairwise(POINTS, precision="double")
     distances = pairwise_job(METRIC, POINTS, tmp_path, client=client, n_jobs=2, **options)
-    expected = METRIC.dist_pairwise(POINTS, precision=precision)
     np.testing.assert_array_equal(distances, expected)
 
 
@@ -88,6 +90,8 @@ if __name__ == "__main__":
 """
 
 
+# Every day, the test below closes a cluster within this process.
+@pytest.mark.skipif(not FULL, reason="starts a cluster of its own, which takes long")
 def test_the_scheduler_is_killed_on_the_way(local, tmp_path, monkeypatch):
     def killing(*arguments):
         for k, (number, distances) in enumerate(in_turn(*arguments)):
@@ -124,8 +128,7 @@ def test_the_scheduler_is_killed_on_the_way(local, tmp_path, monkeypatch):
     assert (folder / "D.npy").read_bytes() == local
 
 
-@pytest.mark.parametrize("moment", ["tiles", "waiting"])
-@pytest.mark.parametrize("closed", ["client", "cluster"])
+@pytest.mark.parametrize(("moment", "closed"), [("tiles", "client"), ("waiting", "cluster")])
 def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
@@ -161,24 +164,12 @@ def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
     np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
 
 
-def test_begun_here_and_finished_there(client, local, tmp_path, monkeypatch):
-    class Stop(Exception):
-        pass
-
-    def interrupted(self, metric, tile):
-        if tile.rows.start > 0:
-            raise Stop
-        return distances(self, metric, tile)
-
-    distances = TileReader.compute
-    with monkeypatch.context() as patches:
-        patches.setattr(TileReader, "compute", interrupted)
-        with pytest.raises(Stop):
-            pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
-    done = np.load(tmp_path / "done.npy")
-    assert 0 < np.count_nonzero(done) < len(done)
-    pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
-    assert (tmp_path / "D.npy").read_bytes() == local
+def test_paths(client, tmp_path):
+    solver, points = PoissonPath(n_nodes=4), POINTS[:4]
+    expected = path_distances(solver, METRIC, points)
+    found = path_job(solver, METRIC, points, tmp_path, client=client)
+    np.testing.assert_array_equal(found.lengths, expected.lengths)
+    assert found.outcome == expected.outcome
 
 
 def test_errors_of_a_worker_arrive(client, tmp_path):

@@ -2,21 +2,18 @@
 
 import json
 import os
-import random
 import shutil
 import signal
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import distributed
 import numpy as np
 import pytest
 from cases import cases_that, name_of, open_template, sphere_template, surfaces
-from lengths import FULL, sample
+from lengths import sample
 
 import riemhuman.retrieval.jobs
 from riemhuman.errors import (
@@ -206,71 +203,6 @@ def test_what_is_done_is_not_done_again(n_steps, tmp_path, monkeypatch):
     assert (n_done > 0) == (n_steps > 100)
 
 
-SCRIPT = """
-import sys
-import numpy as np
-from riemhuman.geometry import AlignedSurfaces
-from riemhuman.geometry import ElasticMetric
-from riemhuman.retrieval import pairwise_job
-from riemhuman.io.job_folder import JobFolder
-from riemhuman.surfaces.template import Template
-
-def told(room, *arguments):
-    write(room, *arguments)
-    print(".", end="", flush=True)
-
-write, JobFolder.write = JobFolder.write, told
-given = np.load(sys.argv[1])
-metric = ElasticMetric(AlignedSurfaces(Template(given["vertices"], given["faces"])), 1.0, 0.1, 0.1)
-pairwise_job(metric, given["points"], sys.argv[2], memory=120_000)
-"""
-
-
-def start(arguments):
-    """Start a job in a process of its own, which prints a dot for everything it writes."""
-    return subprocess.Popen(
-        [sys.executable, "-c", SCRIPT, *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        cwd=Path(__file__).parents[2],
-    )
-
-
-@pytest.mark.slow
-def test_killed_at_random_moments(tmp_path):
-    template = sphere_template(2)
-    points = points_of(template, 60)
-    given = tmp_path / "given.npz"
-    np.savez(given, vertices=template.vertices, faces=template.faces, points=points)
-    with start([given, tmp_path / "undisturbed"]) as process:
-        n_writes = len(process.stdout.read())
-        assert process.wait() == 0
-    moments = random.Random(7)
-    folder = tmp_path / "killed"
-    n_kills = 10 if FULL else 3
-    n_killed, n_tiles = 0, [0]
-    # More often, should none have come after the first tile.
-    while n_killed < n_kills or max(n_tiles) == 0:
-        with start([given, folder]) as process:
-            # On the way, the job gets to its end; it is then begun anew.
-            process.stdout.read(moments.randrange(n_writes // 2))
-            time.sleep(moments.uniform(0.0, 0.002))
-            process.send_signal(signal.SIGKILL)
-            n_killed += process.wait() == -signal.SIGKILL
-        if (folder / "done.npy").exists():
-            n_tiles.append(np.count_nonzero(np.load(folder / "done.npy")))
-        if (folder / "D.npy").exists() and n_killed < n_kills:
-            assert_same_bytes(folder, tmp_path / "undisturbed")
-            shutil.rmtree(folder)
-    with start([given, folder]) as process:
-        process.stdout.read()
-        assert process.wait() == 0
-    assert_same_bytes(folder, tmp_path / "undisturbed")
-
-
-def assert_same_bytes(folder, other):
-    assert (folder / "D.npy").read_bytes() == (other / "D.npy").read_bytes()
-
-
 def test_one_process_at_a_time(tmp_path):
     code = (
         "import sys; from riemhuman.io.job_folder import JobFolder\n"
@@ -338,8 +270,9 @@ def heights(factor):
     return PullbackMetric(METRIC.space, VectorSpace((42,)).metric, namespace["height"])
 
 
-@pytest.mark.parametrize("n_steps", [8, 70, 88, None])
-@pytest.mark.parametrize("precision", ["single", "double"])
+@pytest.mark.parametrize(
+    ("n_steps", "precision"), [(8, "single"), (70, "double"), (88, "single"), (None, "double")]
+)
 def test_a_metric_whose_constant_changed_is_refused(n_steps, precision, tmp_path, monkeypatch):
     """The manifest does not hold it; features or distances that are computed again tell."""
     settings = {"precision": precision, "memory": MEMORY}
@@ -648,13 +581,3 @@ def test_a_solver_whose_constant_changed_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(Bent, "bend", 0.01)
     with pytest.raises(ArgumentError, match="the length of path 0 differs by .* has changed"):
         path_job(Bent(4), PATH_METRIC, PATH_POINTS, tmp_path)
-
-
-def test_paths_on_a_cluster(expected, tmp_path):
-    with (
-        distributed.LocalCluster(
-            n_workers=1, threads_per_worker=1, dashboard_address=":0"
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        assert_same(path_job(SOLVER, PATH_METRIC, PATH_POINTS, tmp_path, client=client), expected)

@@ -27,9 +27,16 @@ def metrics(bodies):
     }
 
 
-@pytest.mark.parametrize("shrinkage", ["ledoit-wolf", "cross-validation", 0.05, 0.2])
 @pytest.mark.parametrize(
-    ("name", "what"), [("pose", "pose"), ("rotations", "pose"), ("subject", "subject")]
+    ("name", "what", "shrinkage"),
+    [
+        ("pose", "pose", "ledoit-wolf"),
+        ("pose", "pose", "cross-validation"),
+        ("rotations", "pose", "ledoit-wolf"),
+        ("subject", "subject", "ledoit-wolf"),
+        ("subject", "subject", 0.05),
+        ("subject", "subject", 0.2),
+    ],
 )
 def test_people_left_out_are_retrieved_better_than_without_labels(
     bodies, metrics, name, what, shrinkage

@@ -126,18 +126,6 @@ def srnf(found: Surfaces, abc: Weights) -> Subject:
     )
 
 
-def pulled_back(found: Surfaces, abc: Weights) -> Subject:
-    """Return the same by the definition of a pull-back, as a user would write it."""
-
-    def on(space: rh.AlignedSurfaces) -> rh.PullbackMetric:
-        fields = rh.VectorSpace((space.template.n_faces, 3))
-        weights = space.template.face_areas
-        return rh.PullbackMetric(space, rh.FlatMetric(fields, weights), space.square_root_normals)
-
-    subject = srnf(found, abc)
-    return replace(subject, metric=on(found.space))
-
-
 def of_surfaces(
     found: Surfaces,
     on: Callable[[rh.AlignedSurfaces], rh.RiemannianMetric],
@@ -210,6 +198,10 @@ def normals(found: Surfaces, abc: Weights) -> Subject:
         triples = zip(areas, points[i], points[j], strict=True)
         return sum(mp.mpf(w) * exact_arc(n, m) ** 2 for w, n, m in triples)
 
+    def exact_product(v: np.ndarray, w: np.ndarray) -> mp.mpf:
+        terms = zip(np.repeat(areas, 3), v.ravel(), w.ravel(), strict=True)
+        return sum(mp.mpf(area) * mp.mpf(x) * mp.mpf(y) for area, x, y in terms)
+
     return Subject(
         space.metric,
         points,
@@ -218,68 +210,9 @@ def normals(found: Surfaces, abc: Weights) -> Subject:
         float(np.sqrt(areas.sum())),
         0.3,
         exact,
-        partial(exact_sum, areas),
-        (turned_vectors,),
-    )
-
-
-def product(found: Surfaces, abc: Weights) -> Subject:
-    """Return the weighted product of the two."""
-    one, two = ebin(found, abc), normals(found, abc)
-    weights = (abc[0] or 1.0, abc[2] or 1e-2)
-    space = rh.ProductManifold([one.metric.space, two.metric.space], equip=False)
-
-    def exact_product(v: np.ndarray, w: np.ndarray) -> mp.mpf:
-        pairs = zip(space.project_from_product(v), space.project_from_product(w), strict=True)
-        products = (
-            factor.exact_product(*pair) for factor, pair in zip((one, two), pairs, strict=True)
-        )
-        return sum(mp.mpf(weight) * value for weight, value in zip(weights, products, strict=True))
-
-    def move_each(subject: Subject, rng: np.random.Generator) -> tuple[Subject, float]:
-        moved = other_frames(one, rng)[0].points, turned_vectors(two, rng)[0].points
-        return replace(subject, points=space.embed_to_product(moved)), 1.0
-
-    return Subject(
-        rh.ProductMetric(space, weights),
-        space.embed_to_product([one.points, two.points]),
-        space.embed_to_product([one.tangent_vecs, two.tangent_vecs]),
-        max(one.condition, two.condition),
-        float(np.sqrt(weights) @ [one.scale, two.scale]),
-        min(one.reach, two.reach),
-        lambda i, j: mp.mpf(weights[0]) * one.exact(i, j) + mp.mpf(weights[1]) * two.exact(i, j),
         exact_product,
-        (move_each,),
-    )
-
-
-def flat(found: Surfaces, abc: Weights) -> Subject:
-    """Return the flat metric on the square root normals of the surfaces."""
-    points, areas = found.space.square_root_normals(found.points), found.template.face_areas
-    space = rh.VectorSpace(points.shape[1:])
-
-    def exact(i: int, j: int) -> mp.mpf:
-        terms = zip(np.repeat(areas, 3), points[i].ravel(), points[j].ravel(), strict=True)
-        return sum(mp.mpf(w) * (mp.mpf(p) - mp.mpf(q)) ** 2 for w, p, q in terms)
-
-    size = np.abs(points[0]).max()
-    return Subject(
-        rh.FlatMetric(space, areas),
-        points,
-        size * np.random.default_rng(0).standard_normal((2, *space.shape)),
-        1.0,
-        scale_of_srnf(found),
-        0.3,
-        exact,
-        partial(exact_sum, areas),
         (turned_vectors,),
     )
-
-
-def exact_sum(areas: np.ndarray, v: np.ndarray, w: np.ndarray) -> mp.mpf:
-    """Return Σ_t w_t v_t · w_t with 60 digits."""
-    terms = zip(np.repeat(areas, 3), v.ravel(), w.ravel(), strict=True)
-    return sum(mp.mpf(area) * mp.mpf(x) * mp.mpf(y) for area, x, y in terms)
 
 
 # Isometries.
@@ -372,14 +305,11 @@ METRICS = {
     "pose": pose,
     "mixed": mixed,
     "SRNF": srnf,
-    "pull-back": pulled_back,
     "Ebin": ebin,
     "normals": normals,
-    "product": product,
-    "flat": flat,
 }
 """Makers of subjects by name, each taking surfaces and weights (a, λ, c)."""
-FIELDS = ("Ebin", "normals", "product", "flat")
+FIELDS = ("Ebin", "normals")
 """The metrics on fields, whose geodesics have a closed form."""
 
 
@@ -390,7 +320,7 @@ def subject_of(name: str, found: Surfaces, abc: Weights, smooth: bool = False) -
     and plain surfaces stand in for conditions above 1000.
     """
     plain = make("plain", "open", 0.0, 0)
-    if name in ("Ebin", "product"):
+    if name == "Ebin":
         space = rh.MetricFields(found.template)
         if not space.belongs(found.space.metric_field(found.points)).all():
             found = plain

@@ -9,7 +9,6 @@ import os
 
 os.environ.setdefault("GEOMSTATS_BACKEND", "autograd")
 
-import geomstats.backend as gs
 import numpy as np
 import pytest
 import trimesh
@@ -23,14 +22,11 @@ from geomstats.learning.agglomerative_hierarchical_clustering import (
 )
 from geomstats.learning.frechet_mean import FrechetMean
 from geomstats.learning.geometric_median import GeometricMedian
-from geomstats.learning.incremental_frechet_mean import IncrementalFrechetMean
 from geomstats.learning.kmeans import RiemannianKMeans
 from geomstats.learning.kmedoids import RiemannianKMedoids
 from geomstats.learning.knn import KNearestNeighborsClassifier
 from geomstats.learning.mdm import RiemannianMinimumDistanceToMean
-from geomstats.learning.online_kmeans import OnlineKMeans
 from geomstats.learning.pca import TangentPCA
-from geomstats.learning.riemannian_mean_shift import RiemannianMeanShift
 from geomstats.numerics.geodesic import PathStraightening
 from geomstats.numerics.path import UniformlySampledPathEnergy
 
@@ -235,13 +231,6 @@ def test_frechet_mean_of_batches(space):
 
 
 @every_space
-def test_incremental_mean_is_half_way(space):
-    start, end = clusters(space, 0.3)[:2]
-    mean = IncrementalFrechetMean(space).fit(np.stack([start, end])).estimate_
-    np.testing.assert_allclose(mean, space.metric.geodesic(start, end)(0.5)[0], atol=1e-12)
-
-
-@every_space
 def test_geometric_median(space):
     points = clusters(space, 0.3)[:6]
     theirs = GeometricMedian(space, max_iter=500, epsilon=1e-9).fit(points).estimate_
@@ -280,28 +269,6 @@ def test_minimum_distance_to_mean(space):
     predicted = RiemannianMinimumDistanceToMean(space).fit(points, LABELS).predict(points)
     means = np.stack([our_mean(space, cluster).estimate_ for cluster in one_by_one(points)])
     np.testing.assert_array_equal(predicted, np.argmin(space.metric.cdist(points, means), axis=1))
-
-
-@every_space
-def test_closest_neighbors_of_centers(space):
-    gs.random.seed(0)
-    points = clusters(space)
-    online = OnlineKMeans(space, 3, max_iter=60).fit(points)
-    nearest = np.argmin(space.metric.cdist(points, online.cluster_centers_), axis=1)
-    np.testing.assert_array_equal(online.labels_, nearest)
-    np.testing.assert_array_equal(online.predict(points[0]), nearest[0])
-
-
-@every_space
-def test_mean_shift(space):
-    gs.random.seed(0)
-    points = clusters(space)[:6]
-    shifted = RiemannianMeanShift(space, np.inf, n_clusters=2).fit(points)
-    mean = our_mean(space, points)
-    error = space.metric.dist(shifted.cluster_centers_, mean.estimate_)
-    assert np.max(error) < 0.05 * np.sqrt(mean.variance_)
-    nearest = np.argmin(space.metric.cdist(points, shifted.cluster_centers_), axis=1)
-    np.testing.assert_array_equal(shifted.predict(points), nearest)
 
 
 @product

@@ -2,7 +2,8 @@
 
 A server imports the library once and runs every operation in a child of its own, so that hundreds
 of deaths take seconds. A child counts its changes of files, as Python's audit events tell: every
-file opened for writing, renamed or removed, every folder made or removed.
+file opened for writing, renamed or removed, every folder made or removed; and every write to a
+table of a job.
 """
 
 import contextlib
@@ -16,6 +17,8 @@ import sys
 import time
 from pathlib import Path
 
+from riemhuman.io.job_folder import JobFolder
+
 ROOT = Path(__file__).parents[2]
 _CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate")
 _FOR_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
@@ -27,16 +30,10 @@ def cli(*arguments):
     return main([str(argument) for argument in arguments])
 
 
-def matrix(inputs, outputs):
-    """Write two files."""
-    files = ("-o", outputs / "D.npz", "--csv", outputs / "D.csv", "--force", "--pose")
-    return cli("matrix", inputs, *files, "-q", "--jobs", 1)
-
-
 def resumable_matrix(inputs, outputs):
-    """Fill the folder of a job, then write a file."""
-    files = ("-o", outputs / "D.npz", "--resume", outputs / "work", "--force", "--pose")
-    return cli("matrix", inputs, *files, "-q", "--jobs", 1)
+    """Fill the folder of a job, then write two files."""
+    files = ("-o", outputs / "D.npz", "--csv", outputs / "D.csv", "--resume", outputs / "work")
+    return cli("matrix", inputs, *files, "--force", "--pose", "-q", "--jobs", 1)
 
 
 def align(inputs, outputs):
@@ -44,7 +41,7 @@ def align(inputs, outputs):
     return cli("align", inputs, "-o", outputs / "aligned", "--force", "-q")
 
 
-OPERATIONS = {function.__name__: function for function in (matrix, resumable_matrix, align)}
+OPERATIONS = {function.__name__: function for function in (resumable_matrix, align)}
 
 
 def make_inputs(folder, seed):
@@ -78,8 +75,11 @@ class Changes:
             path = arguments[0]
         else:
             return
-        if isinstance(path, int) or not os.fsdecode(path).startswith(self._folder):
-            return
+        if not isinstance(path, int) and os.fsdecode(path).startswith(self._folder):
+            self.add()
+
+    def add(self):
+        """Count a change that is about to be made."""
         self.count += 1
         if self.count == self._fatal:
             os.kill(os.getpid(), signal.SIGKILL)
@@ -92,6 +92,8 @@ def _child(task, err, changed):
     os.dup2(err, 2)
     changes = Changes(task["outputs"], task["kill_at"], task["pause"])
     sys.addaudithook(changes)
+    write = JobFolder.write
+    JobFolder.write = lambda *arguments: (changes.add(), write(*arguments))
     if task["space"] is not None:
         signal.signal(signal.SIGXFSZ, signal.SIG_DFL if task["dies"] else signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -14,10 +14,7 @@ from geomstats.learning.agglomerative_hierarchical_clustering import (
 from geomstats.learning.frechet_mean import FrechetMean
 from geomstats.learning.geodesic_regression import GeodesicRegression
 from geomstats.learning.geometric_median import GeometricMedian
-from geomstats.learning.kmeans import RiemannianKMeans
-from geomstats.learning.kmedoids import RiemannianKMedoids
 from geomstats.learning.knn import KNearestNeighborsClassifier
-from geomstats.learning.mdm import RiemannianMinimumDistanceToMean
 from geomstats.learning.pca import TangentPCA
 
 import riemhuman as rh
@@ -59,20 +56,6 @@ def test_medians(space, points):
     theirs = GeometricMedian(space, max_iter=5, epsilon=1e-6).fit(points[:4]).estimate_
     sums = [float(np.sum(space.metric.dist(points[:4], x))) for x in (theirs, *points[:4])]
     assert sums[0] <= min(sums[1:])
-
-
-def test_clusters(space, points):
-    means = RiemannianKMeans(space, 3, init=points[[0, 4, 8]], max_iter=2).fit(points)
-    np.testing.assert_array_equal(means.labels_, LABELS)
-    runs = [RiemannianKMedoids(space, 3).fit(points) for _ in range(20)]
-    distances = space.metric.dist_pairwise(points)
-    best = min(runs, key=lambda run: distances[run.medoid_indices_].min(axis=0).sum())
-    assert len(set(zip(best.labels_, LABELS, strict=True))) == 3
-
-
-def test_minimum_distance_to_mean(space, points):
-    found = RiemannianMinimumDistanceToMean(space).fit(points, LABELS).predict(points)
-    np.testing.assert_array_equal(found, LABELS)
 
 
 def test_principal_components(space, points):

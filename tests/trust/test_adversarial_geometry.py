@@ -1,46 +1,27 @@
 """Metrics on legal surfaces that rounding does not like: slivers, far, flat, folded, coincident.
 
 Every property of `adversarial_properties` for every metric of `adversarial_metrics` it holds for,
-each on its own surfaces; `pytest -s` prints how many, and the accuracy by condition.
+each on its own surfaces; `pytest -s` prints the accuracy by condition.
 """
 
 import itertools
 import sys
 from collections import Counter
 
-import distributed
 import numpy as np
 import pytest
 from autograd import grad
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lengths import sample, some
-from trust.adversarial_metrics import METRICS, subject_of
+from trust.adversarial_metrics import subject_of
 from trust.adversarial_properties import CELLS, PROPERTIES, ROUNDING
 from trust.adversarial_surfaces import EPS, FAMILIES, MESHES, make, surfaces, weights
 
 import riemhuman as rh
-from riemhuman.retrieval import pairwise_job
 
 # Derivatives are taken by the chain rule from edges: what overflows or divides by 0 is an error.
 pytestmark = pytest.mark.filterwarnings("error")
-
-
-COUNTS: Counter[tuple[str, str]] = Counter()
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _table():
-    """Print how many cases each property was tried on, which the README quotes."""
-    yield
-    columns = list(METRICS)
-    lines = ["", f"{'':16}" + "".join(f"{name:>10}" for name in columns)]
-    for name in (*PROPERTIES, "jobs"):
-        counts = [COUNTS[name, metric] or "" for metric in columns]
-        lines.append(f"{name:16}" + "".join(f"{count:>10}" for count in counts))
-    total, cells = sum(COUNTS.values()), len(COUNTS)
-    lines.append(f"{total} cases of {cells} properties of metrics")
-    sys.stdout.write("\n".join(lines) + "\n")
 
 
 @pytest.mark.parametrize(("name", "metric"), CELLS, ids=map(" of ".join, CELLS))
@@ -49,7 +30,6 @@ def _table():
 def test_property(name, metric, found, abc, seed):
     wanted = PROPERTIES[name]
     subject = subject_of(metric, found, abc, wanted.smooth)
-    COUNTS[name, metric] += 1
     wanted.check(subject, np.random.default_rng(seed))
 
 
@@ -104,7 +84,7 @@ def test_exp_and_log_of_normal_fields(seed, power, antipodal):
 
 
 def test_accuracy_by_condition():
-    """Print the largest relative errors; the documentation quotes them."""
+    """Print the largest relative errors."""
     columns = {
         "shape": ("shape", 1e-4),
         "stretch": ("shape", 1.0),
@@ -136,32 +116,7 @@ def test_accuracy_by_condition():
     sys.stdout.write("\n".join(lines) + "\n")
 
 
-@pytest.fixture(scope="module")
-def client():
-    with (
-        distributed.LocalCluster(
-            n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0"
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        yield client
-
-
-@pytest.mark.sampled(4)
-@pytest.mark.parametrize("family", ["slivers", "antipodal", "near"])
-@pytest.mark.parametrize("name", METRICS)
-def test_jobs_in_tiles_and_on_a_cluster_have_the_same_bits(name, family, client, tmp_path):
-    subject = subject_of(name, make(family, "open", 0.8, 1), (1.0, 1e-2, 0.1))
-    points = np.concatenate([subject.points] * 8)
-    expected = subject.metric.dist_pairwise(points)
-    COUNTS["jobs", name] += 1
-    for options in ({}, {"client": client}):
-        folder = tmp_path / str(len(options))
-        found = pairwise_job(subject.metric, points, folder, memory=40_000, **options)
-        np.testing.assert_array_equal(found, expected)
-
-
-@pytest.mark.parametrize("power", range(1, 13))
+@pytest.mark.parametrize("power", [1, 4, 7, 8, 9, 12])
 def test_energies_of_nearly_antipodal_normals_keep_their_digits(power):
     """The compiled energy took the angle from a chord of nearly 2, and lost half of its digits."""
     template = rh.Template([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])

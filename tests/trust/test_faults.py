@@ -82,7 +82,7 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, tm
     assert server.run(operation, tmp_path / "old", inputs=server.others)["code"] == 0
     shutil.rmtree(tmp_path / "old" / "work", ignore_errors=True)
     # Replacing a result takes a few changes more.
-    for change in sample(range(1, n_changes + 6), 5):
+    for change in sample(range(1, n_changes + 6), 9, n_changes % 9):
         for before in ({}, old):
             outputs = tmp_path / f"{change} {len(before)}"
             if before:
@@ -99,6 +99,7 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, tm
             shutil.rmtree(outputs)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("operation", OPERATIONS)
 def test_no_space_for_a_file(server, undisturbed, operation, tmp_path):
     old, _ = undisturbed(operation, server.others)
@@ -123,6 +124,7 @@ def mount(*arguments):
         pytest.skip("file systems may not be mounted here")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("operation", OPERATIONS)
 def test_a_full_disk(server, undisturbed, operation, tmp_path):
     disk = tmp_path / "disk"
@@ -140,6 +142,7 @@ def test_a_full_disk(server, undisturbed, operation, tmp_path):
         subprocess.run(["umount", str(disk)], check=True)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("operation", OPERATIONS)
 def test_a_read_only_folder(server, undisturbed, operation, tmp_path):
     folder = tmp_path / "read-only"

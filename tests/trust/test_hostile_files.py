@@ -2,11 +2,9 @@
 
 import io
 import os
-import struct
 import time
 import tracemalloc
 import zipfile
-import zlib
 from contextlib import contextmanager
 
 import h5py
@@ -18,8 +16,6 @@ from trust.fuzzed_readers import (
     READERS,
     amass_file,
     amass_model,
-    index_file,
-    metric,
     ply,
     surfaces,
     template,
@@ -39,7 +35,6 @@ from riemhuman.errors import (
 from riemhuman.io.arrays import load_array, load_arrays
 from riemhuman.io.meshes import load_mesh
 from riemhuman.io.pickles import load_pickled_arrays
-from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 SHORT = 700
@@ -72,60 +67,17 @@ def test_pipes_and_devices_are_refused(valid, put):
         reader.read(folder)
 
 
-def zip_of_zeros(name, header, n_bytes):
-    """Return an archive of an array of zeros, compressed a thousand times over."""
-    block = bytes(2**20)
-    squeezer = zlib.compressobj(9, zlib.DEFLATED, -15)
-    first = squeezer.compress(header) + squeezer.flush(zlib.Z_FULL_FLUSH)
-    one = squeezer.compress(block) + squeezer.flush(zlib.Z_FULL_FLUSH)
-    n_blocks = n_bytes // len(block)
-    data = first + one * n_blocks + squeezer.flush()
-    crc = zlib.crc32(header)
-    for _ in range(n_blocks):
-        crc = zlib.crc32(block, crc)
-    size = len(header) + n_bytes
-    local = b"PK\3\4" + struct.pack(
-        "<HHHHHIIIHH", 20, 0, 8, 0, 0x21, crc, len(data), size, len(name), 0
-    )
-    central = b"PK\1\2" + struct.pack(
-        "<HHHHHHIIIHHHHHII",
-        20,
-        20,
-        0,
-        8,
-        0,
-        0x21,
-        crc,
-        len(data),
-        size,
-        len(name),
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-    )
-    body = local + name + data
-    entry = central + name
-    end = b"PK\5\6" + struct.pack("<HHHHIIH", 0, 0, 1, 1, len(entry), len(body), 0)
-    return body + entry + end
-
-
-def test_a_zip_bomb_is_not_unpacked(tmp_path):
-    n_bytes = 5 * 2**28
-    file = tmp_path / "bomb.npz"
-    file.write_bytes(zip_of_zeros(b"vectors.npy", array_header([n_bytes // 8]), n_bytes))
-    assert file.stat().st_size < 10_000_000
-    with zipfile.ZipFile(file) as found:
-        assert found.getinfo("vectors.npy").file_size > n_bytes
+@contextmanager
+def bounded(n_bytes=2**27, seconds=5):
+    """Bound the memory that Python and NumPy take, and the time."""
+    started = time.process_time()
     tracemalloc.start()
     try:
-        with pytest.raises(FileFormatError, match="far more memory than a file of its size"):
-            load_arrays(file, ["vectors"])
-        assert tracemalloc.get_traced_memory()[1] < 2**26
+        yield
+        assert tracemalloc.get_traced_memory()[1] < n_bytes
     finally:
         tracemalloc.stop()
+    assert time.process_time() - started < seconds
 
 
 @pytest.mark.parametrize("shape", [[10**12], [10**6, 10**6, 10**6], [-1, -1], [2**62, 4]])
@@ -135,18 +87,14 @@ def test_no_memory_for_missing_data(shape, tmp_path):
         file.writestr("ids.npy", content)
         file.writestr("vectors.npy", content)
     (tmp_path / "a.npy").write_bytes(content)
-    tracemalloc.start()
-    try:
-        with pytest.raises(FileFormatError):
-            load_arrays(tmp_path / "a.npz", ["vectors"])
-        with pytest.raises(FileFormatError):
-            load_array(tmp_path / "a.npy")
-        for ending in ("npz", "npy"):
-            with pytest.raises(FileFormatError):
-                LatentVectors.from_file(tmp_path / f"a.{ending}")
-        assert tracemalloc.get_traced_memory()[1] < 2**24
-    finally:
-        tracemalloc.stop()
+    for read in (
+        lambda: load_arrays(tmp_path / "a.npz", ["vectors"]),
+        lambda: load_array(tmp_path / "a.npy"),
+        lambda: LatentVectors.from_file(tmp_path / "a.npz"),
+        lambda: LatentVectors.from_file(tmp_path / "a.npy"),
+    ):
+        with bounded(2**24), pytest.raises(FileFormatError):
+            read()
 
 
 def test_members_that_are_no_arrays_are_ignored(tmp_path):
@@ -173,6 +121,9 @@ def test_characters_beyond_unicode(tmp_path):
     np.savez(tmp_path / "a.npz", a=text)
     with pytest.raises(FileFormatError, match="characters that do not exist, as 0x110000"):
         load_arrays(tmp_path / "a.npz", ["a"])
+    (tmp_path / "a.pkl").write_bytes(pickled({"joint_names": text}))
+    with pytest.raises(FileFormatError, match="do not exist"):
+        load_pickled_arrays(tmp_path / "a.pkl", ["joint_names"])
     np.savez(tmp_path / "a.npz", a=np.array(["ä"], ">U1"))
     assert load_arrays(tmp_path / "a.npz", ["a"])["a"][0] == "ä"
 
@@ -209,13 +160,6 @@ def test_motions_that_overflow(name, tmp_path):
     (tmp_path / "b.npz").write_bytes(archive(fields))
     with pytest.raises(FileFormatError, match=r"must be angles|beyond 1e\+50"):
         load_amass(tmp_path / "b.npz", amass_model())[0][:]
-
-
-def test_characters_beyond_unicode_in_a_pickle(tmp_path):
-    value = np.array([0x110000], np.uint32).view("<U1")
-    (tmp_path / "a.pkl").write_bytes(pickled({"joint_names": value}))
-    with pytest.raises(FileFormatError, match="do not exist"):
-        load_pickled_arrays(tmp_path / "a.pkl", ["joint_names"])
 
 
 def hdf5(path, put):
@@ -262,76 +206,20 @@ def test_hdf5_damaged_within(tmp_path):
         load_dfaust(tmp_path / "a.hdf5")
 
 
-@pytest.fixture
-def index(tmp_path, monkeypatch):
-    """Return the arrays of an index, and what reads others in their place."""
-    monkeypatch.chdir(tmp_path)
-    with np.load(io.BytesIO(index_file()["index.npz"])) as found:
-        arrays = dict(found)
-
-    def load(**changes):
-        (tmp_path / "index.npz").write_bytes(archive(arrays | changes))
-        return NearestNeighbors.load(tmp_path / "index.npz", metric())
-
-    return arrays, load
-
-
-@pytest.mark.parametrize(
-    ("name", "change"),
-    [
-        ("points", lambda a: a[0, 0, 0]),
-        ("points", lambda a: a.astype("U5")),
-        ("points", lambda a: np.where(np.arange(6)[:, None, None] == 5, np.nan, a)),
-        ("probes", lambda a: a.astype("m8[s]")),
-        ("probes", lambda a: a[0]),
-        ("mean", lambda a: a[:-1]),
-        ("components", lambda a: a[:, :-1]),
-        ("components", lambda a: 2 * a),
-        ("n_neighbors", lambda a: np.float64(np.nan)),
-        ("n_neighbors", lambda a: np.arange(3)),
-        ("n_neighbors", lambda a: np.array(-2)),
-        ("n_patches", lambda a: np.array("text")),
-        ("n_patches", lambda a: np.array(np.inf)),
-    ],
-)
-def test_an_index_whose_arrays_do_not_fit(name, change, index):
-    arrays, load = index
-    assert load().kneighbors(surfaces(2), 1)[0].shape == (2, 1)
-    with pytest.raises(RiemhumanError):
-        load(**{name: change(arrays[name])})
-
-
-EDGES = [-(2**63), -(2**31) - 1, -2, -1, 2**31, 2**32, 2**62, 2**63 - 1]
-
-
-@contextmanager
-def bounded(n_bytes=2**27, seconds=5):
-    """Bound the memory that Python and NumPy take, and the time."""
-    started = time.process_time()
-    tracemalloc.start()
-    try:
-        yield
-        assert tracemalloc.get_traced_memory()[1] < n_bytes
-    finally:
-        tracemalloc.stop()
-    assert time.process_time() - started < seconds
-
-
 def csc(changes):
     matrix = Sparse(sparse.csc_matrix(np.eye(3)), changes=changes)
     return pickled({"J_regressor": matrix, "notes": "of old"})
 
 
-@pytest.mark.parametrize("number", EDGES)
-@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("number", [-(2**63), -1, 2**31, 2**32, 2**62, 2**63 - 1])
 @pytest.mark.parametrize("name", ["indptr", "indices"])
-def test_indices_of_sparse_matrices_are_checked_before_arithmetic(tmp_path, name, place, number):
-    valid = np.array([0, 1, 2, 3] if name == "indptr" else [0, 1, 2], np.int64)
-    changed = valid.copy()
-    changed[min(place, len(valid) - 1)] = number
-    (tmp_path / "m.pkl").write_bytes(csc({name: changed}))
-    with pytest.raises(FileFormatError, match="csc matrix"):
-        load_pickled_arrays(tmp_path / "m.pkl", ["J_regressor"])
+def test_indices_of_sparse_matrices_are_checked_before_arithmetic(tmp_path, name, number):
+    for place in range(3):
+        changed = np.array([0, 1, 2, 3] if name == "indptr" else [0, 1, 2], np.int64)
+        changed[place] = number
+        (tmp_path / "m.pkl").write_bytes(csc({name: changed}))
+        with pytest.raises(FileFormatError, match="csc matrix"):
+            load_pickled_arrays(tmp_path / "m.pkl", ["J_regressor"])
 
 
 @pytest.mark.parametrize(
@@ -399,48 +287,30 @@ def test_memory_is_counted_in_the_type_that_arrays_will_have(tmp_path, kind):
         load_arrays(tmp_path / "a.npz", ["vectors"])
 
 
-def hdf5_of(path, **sequences):
-    with h5py.File(path, "w") as file:
-        file["faces"] = np.array([[0, 1, 2], [1, 2, 3]])
-        for name, options in sequences.items():
-            file.create_dataset(name.removeprefix("s"), **options)
-    return path
-
-
 def test_chunks_larger_than_their_data(tmp_path):
-    options = {"shape": (4, 3, 5), "maxshape": (None, None, None), "dtype": "f4"}
+    options = {"shape": (6, 3, 5), "maxshape": (None, None, None), "dtype": "f4"}
+
+    def read(**chunks):
+        def put(file):
+            del file["50002_hips"]
+            file.create_dataset("50002_hips", **options, **chunks)
+
+        return load_dfaust(hdf5(tmp_path / "a.hdf5", put))
+
     for chunks in ((4, 3, 4_000_000), (40_000, 1, 1000), (2**20, 2**5, 1)):
-        file = hdf5_of(
-            tmp_path / "a.hdf5",
-            s50002_hips=options | {"chunks": chunks, "compression": "gzip"},
-        )
         with pytest.raises(FileFormatError, match=OUTSIDE):
-            load_dfaust(file)
-    file = hdf5_of(tmp_path / "a.hdf5", s50002_hips=options | {"chunks": (40, 3, 1000)})
-    assert load_dfaust(file)[0][:].shape == (5, 4, 3)
+            read(chunks=chunks, compression="gzip")
+    assert read(chunks=(40, 3, 1000))[0][:].shape == (5, 6, 3)
 
 
 def test_frames_that_an_archive_claims_only(tmp_path):
-    n_frames = 10**12
-    header = {"descr": "<f8", "fortran_order": False, "shape": (n_frames, 3)}
     with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         for name, width in (("trans", 3), ("poses", 156), ("betas", 16)):
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                shape = header | {"shape": (n_frames, width)}
-                np.lib.format.write_array_header_1_0(member, shape)
-            info = archive.getinfo(f"{name}.npy")
-            info.file_size += n_frames * width * 8
-        with archive.open("mocap_framerate.npy", "w") as member:
-            np.lib.format.write_array(member, np.array(60.0))
-    model = BodyModel(**model_arguments())
+            archive.writestr(f"{name}.npy", array_header((10**12, width)))
+            archive.getinfo(f"{name}.npy").file_size += 10**12 * width * 8
+        archive.writestr("mocap_framerate.npy", array_file(np.array(60.0)))
     with bounded(2**25), pytest.raises(FileFormatError, match="far more memory"):
-        load_amass(tmp_path / "a.npz", model)
-
-
-def model_arguments():
-    fields = smpl_fields(n_vertices=20)
-    names = {"f": "faces", "J_regressor": "joint_regressor"}
-    return {names.get(name, name): array for name, array in fields.items()}
+        load_amass(tmp_path / "a.npz", amass_model())
 
 
 def test_a_name_that_is_there_twice(tmp_path):
@@ -478,9 +348,9 @@ def test_bytes_behind_an_array_are_noticed(tmp_path, extra):
 
 
 @pytest.mark.parametrize("name", ["vectors", "vertex_weights", "explained_variance", "mean"])
-@pytest.mark.parametrize("shape", [(0,), (10**15, 0), (0, 10**15, 3), (1, 10**12, 0)])
-def test_arrays_without_numbers_claim_nothing(tmp_path, name, shape):
+def test_arrays_without_numbers_claim_nothing(tmp_path, name):
     fields = {"format_version": np.array(1), "vectors": np.eye(3).reshape(3, 1, 3)}
-    np.savez(tmp_path / "b.npz", **fields | {name: np.empty(shape)})
-    with bounded(2**22, 1), pytest.raises(RiemhumanError):
-        DeformationBasis.load(tmp_path / "b.npz")
+    for shape in ((0,), (10**15, 0), (0, 10**15, 3), (1, 10**12, 0)):
+        np.savez(tmp_path / "b.npz", **fields | {name: np.empty(shape)})
+        with bounded(2**22, 1), pytest.raises(RiemhumanError):
+            DeformationBasis.load(tmp_path / "b.npz")

@@ -43,12 +43,12 @@ def job_folder(name):
 
 
 @pytest.mark.parametrize("name", READERS)
-@pytest.mark.parametrize("prefix", ["a\0b", "n" * 300, "~anna", "~", "Körper", "\udcff"], ids=ascii)
-def test_no_name_breaks_a_reader(tmp_path, monkeypatch, prefix, name):
+def test_no_name_breaks_a_reader(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(FileError) as caught:
-        READERS[name](prefix + name)
-    assert len(str(caught.value)) < 700
+    for prefix in ("a\0b", "n" * 300, "~anna", "~", "Körper", "\udcff"):
+        with pytest.raises(FileError) as caught:
+            READERS[name](prefix + name)
+        assert len(str(caught.value)) < 700
 
 
 @pytest.mark.parametrize("name", ["a\0b", "n" * 300])
