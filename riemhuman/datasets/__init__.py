@@ -15,6 +15,7 @@ from riemhuman.datasets.registered_meshes import (
     load_faust,
     read_labels,
 )
+from riemhuman.datasets.retargeting import RetargetedMotion, RetargetingErrors, retarget
 from riemhuman.datasets.shrec import LabelledMeshes, load_shrec14
 
 __all__ = [
@@ -23,6 +24,8 @@ __all__ = [
     "Motion",
     "Motions",
     "RegisteredMeshes",
+    "RetargetedMotion",
+    "RetargetingErrors",
     "SkeletonMotion",
     "find_meshes",
     "joint_rotations",
@@ -38,6 +41,7 @@ __all__ = [
     "load_shrec14",
     "pose_vectors",
     "read_labels",
+    "retarget",
 ]
 
 

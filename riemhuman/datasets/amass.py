@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping
-from functools import lru_cache
+from dataclasses import replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,16 +15,28 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, real_number
+from riemhuman.datasets._skeletons import SMPL_JOINTS, SMPL_PARENTS, model_joints
+from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import Motion, Motions
+from riemhuman.datasets.open_bodies import load_open_model
+from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.io.arrays import load_arrays, open_archive
 from riemhuman.io.files import file_path
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.kernels.threads import slices
 
-# Parents of the joints of SMPL's body, with which all models of its family begin.
-_BODY_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
-_BODY, _FACE, _HANDS = len(_BODY_PARENTS), 3, 30
+# All models of SMPL's family begin with the joints of its body.
+_BODY, _FACE, _HANDS = len(SMPL_JOINTS), 3, 30
+# Where these are from their parents in SMPL's rest pose, of about the mean person, centimetres.
+_BODY_OFFSETS = (
+    *((0, -22, 3), (7, -9, -1), (-7, -9, -1), (0, 11, -3), (3, -38, 0), (-3, -38, 0), (0, 14, 0)),
+    *((-1, -40, -4), (1, -40, -4), (0, 5, 3), (3, -6, 12), (-3, -6, 12), (0, 21, -4), (8, 12, -4)),
+    *((-8, 12, -4), (0, 7, 5), (9, 3, -1), (-9, 3, -1), (26, -1, -3), (-26, -1, -3), (25, 1, 0)),
+    (-25, 1, 0),
+)
+# Feet slower than this, metres a second, stand still where the length of the legs is found.
+_STANDING = 0.4
 # Parts of the joints of a file or a model, by the number of joints.
 _LAYOUTS = {
     _BODY: ("body",),
@@ -67,16 +81,10 @@ class AmassMotion(Motion):
     def __init__(
         self, path: Path, model: BodyModel, header: _Header, frames_per_second: float, up: str
     ) -> None:
-        sequence = path.stem
-        for ending in _ENDINGS:
-            sequence = sequence.removesuffix(ending)
-        # Of each wanted time, the recorded frame nearest in time.
         recorded = header.frames_per_second
-        n_frames = int((header.n_frames - 1) * frames_per_second / recorded + 1e-9) + 1
-        numbers = np.rint(np.arange(n_frames) * (recorded / frames_per_second)).astype(np.int64)
-        subject = path.absolute().parent.name
-        super().__init__(subject, sequence, frames_per_second, n_frames, model.faces)
-        self._numbers = np.minimum(numbers, header.n_frames - 1)
+        self._numbers = nearest_frames(header.n_frames, recorded, frames_per_second)
+        n_frames = len(self._numbers)
+        super().__init__(*_names(path), frames_per_second, n_frames, model.faces)
         self._up = up
         self.path = path
         self.model = model
@@ -86,7 +94,7 @@ class AmassMotion(Motion):
     @property
     def betas(self) -> np.ndarray:
         """Shape coefficients of the model, shape (B,); those missing in the file are zero."""
-        betas = _read(self.path).betas[: self.model.n_betas]
+        betas = _read(self.path, int(self._numbers[-1])).betas[: self.model.n_betas]
         return np.pad(betas, (0, self.model.n_betas - len(betas)))
 
     @property
@@ -101,10 +109,8 @@ class AmassMotion(Motion):
 
     def _parameters(self, numbers: range) -> tuple[np.ndarray, np.ndarray]:
         """Return the pose vectors and translations of some frames."""
-        recording = _read(self.path)
+        recording = _read(self.path, int(self._numbers[-1]))
         chosen = self._numbers[np.asarray(numbers, dtype=np.int64)]
-        if len(recording.translations) <= self._numbers[-1]:
-            raise FileError(f"{self.path} has changed: it has fewer frames than it had")
         pose = _of_model(recording.poses[chosen], self.model.n_joints)
         translations = recording.translations[chosen]
         if self._up == "y":
@@ -130,11 +136,11 @@ class AmassMotion(Motion):
 
 def load_amass(
     path: str | os.PathLike[str],
-    model: BodyModel | Mapping[str, BodyModel],
+    model: BodyModel | Mapping[str, BodyModel] | None = None,
     *,
     frames_per_second: float | None = None,
     up: str = "y",
-) -> Motions[AmassMotion]:
+) -> Motions[AmassMotion | RetargetedMotion]:
     """Load motions of AMASS [1]_ for a body model; frames are computed on access.
 
     The data set is not part of this library and is available from its authors on registration.
@@ -143,20 +149,25 @@ def load_amass(
     hands and the 3 of the face if both the model and the file have them; other joints of the model
     do not rotate. Soft-tissue coefficients (``dmpls``) are not used.
 
+    Another model, such as the open model, performs the motions as by `retarget`. Betas in the files
+    belong to SMPL's models: they are ignored then, with a warning, and the person is one with the
+    proportions of SMPL's mean. `RetargetedMotion.performed_by` gives it the body of another.
+
     Parameters
     ----------
     path : path_like
         A file, or a folder with .npz files at any depth, which are read in the order of their
         names; ``shape.npz`` and ``*_stagei.npz`` hold no motion and are skipped.
-    model : BodyModel or mapping of str to BodyModel
-        SMPL, SMPL-H or SMPL-X model, of 22, 24, 52 or 55 joints; or one for each gender in the
-        files, all with the same triangles. Betas are valid only for the model they belong to.
+    model : BodyModel or mapping of str to BodyModel, optional
+        SMPL, SMPL-H or SMPL-X model, of 22, 24, 52 or 55 joints, or another with named joints; by
+        default the open model, "coarse". Or one for each gender in the files, all with the same
+        triangles.
     frames_per_second : float, optional
         Frame rate, at most that of the files: the frames nearest in time are used. By default all
         frames are used.
     up : {"y", "z"}
         "y" rotates the motions of the files, whose z axis points up, to y up; "z" leaves them
-        unchanged.
+        unchanged, for models of SMPL.
 
     Returns
     -------
@@ -170,8 +181,7 @@ def load_amass(
     FileFormatError
         If files lack fields or fields are malformed; the message names every such file.
     ArgumentError
-        If the joints of the model are not SMPL's, a gender has no model, or the frame rate exceeds
-        that of a file.
+        If the model lacks joints, a gender has no model, or the frame rate exceeds that of a file.
     ArgumentTypeError
         If an argument has the wrong type.
 
@@ -193,7 +203,7 @@ def load_amass(
     wanted = None
     if frames_per_second is not None:
         wanted = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
-    models = _models(model)
+    models = _models(load_open_model("coarse") if model is None else model)
     headers: dict[Path, _Header] = {}
     problems = []
     for file in _find_files(path):
@@ -217,8 +227,90 @@ def load_amass(
                 f"frames_per_second must be at most that of the files; {file} has "
                 f"{header.frames_per_second:g}, found {rate:g}"
             )
-        motions.append(AmassMotion(file, own, header, rate, up))
+        if _is_smpl(own):
+            motions.append(AmassMotion(file, own, header, rate, up))
+        elif up == "z":
+            raise ArgumentError("up must be 'y' for models other than SMPL's; found 'z'")
+        else:
+            motions.append(_retargeted(file, own, header, rate))
+    if any(isinstance(motion, RetargetedMotion) for motion in motions):
+        warnings.warn(
+            "betas in the files belong to SMPL's models and are ignored: motions are performed by "
+            "a person of another model",
+            stacklevel=2,
+        )
     return Motions(motions)
+
+
+def _names(path: Path) -> tuple[str, str]:
+    """Return the names of the person and of the motion in a file."""
+    sequence = path.stem
+    for ending in _ENDINGS:
+        sequence = sequence.removesuffix(ending)
+    return path.absolute().parent.name, sequence
+
+
+def _is_smpl(model: BodyModel) -> bool:
+    return model.n_joints in _LAYOUTS and tuple(model.parents[:_BODY]) == SMPL_PARENTS
+
+
+def _retargeted(path: Path, model: BodyModel, header: _Header, rate: float) -> RetargetedMotion:
+    frames = nearest_frames(header.n_frames, header.frames_per_second, rate)
+    subject, sequence = _names(path)
+    return RetargetedMotion(
+        partial(_skeleton_motion, path, frames, rate),
+        model,
+        up="z",
+        subject=subject,
+        sequence=sequence,
+        frames_per_second=rate,
+        n_frames=len(frames),
+    )
+
+
+def _skeleton_motion(path: Path, frames: np.ndarray, rate: float) -> SkeletonMotion:
+    """Return the joints of SMPL's body in frames of a file, of a person with its legs' length."""
+    recording = _read(path, int(frames[-1]))
+    vectors = recording.poses[frames, :_BODY]
+    rotations = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
+    rotations = rotations.reshape(len(frames), _BODY, 3, 3)
+    offsets = 0.01 * np.array(_BODY_OFFSETS, dtype=np.float64)
+    offsets[0] = 0.0
+    translations = np.tile(offsets, (len(frames), 1, 1))
+    translations[:, 0] = recording.translations[frames]
+    none = np.empty((0, 3))
+    motion = SkeletonMotion(
+        SMPL_JOINTS,
+        np.array(SMPL_PARENTS),
+        offsets,
+        np.empty(0, dtype=np.int64),
+        none,
+        rotations,
+        translations,
+        rate,
+        _names(path)[1],
+    )
+    scale = _leg_scale(motion)
+    translations[:, 1:] *= scale
+    return replace(motion, offsets=scale * offsets, translations=translations)
+
+
+def _leg_scale(motion: SkeletonMotion) -> float:
+    """Return the scale of the skeleton at which standing feet move least."""
+    scale = 1.0
+    if len(motion) < 2:
+        return scale
+    root = motion.positions[:, :1]
+    steps = motion.frames_per_second * np.diff(motion.positions[:, 10:12] - root, axis=0)[..., :2]
+    moved = motion.frames_per_second * np.diff(root, axis=0)[..., :2]
+    for _ in range(4):
+        standing = np.linalg.norm(moved + scale * steps, axis=-1, keepdims=True) < _STANDING
+        squares = np.sum(standing * steps**2)
+        # Where nobody walks, nothing is known about the length of the legs.
+        if squares < 1e-2 * len(motion):
+            return 1.0
+        scale = float(np.clip(-np.sum(standing * steps * moved) / squares, 0.75, 1.3))
+    return scale
 
 
 def _models(model: Any) -> dict[str | None, BodyModel]:
@@ -231,13 +323,8 @@ def _models(model: Any) -> dict[str | None, BodyModel]:
         label = "model" if gender is None else f"model[{gender!r}]"
         if not isinstance(each, BodyModel):
             raise ArgumentTypeError(f"{label} must be a BodyModel; found {type(each).__name__}")
-        if each.n_joints not in _LAYOUTS or tuple(each.parents[:_BODY]) != _BODY_PARENTS:
-            numbers = ", ".join(map(str, _LAYOUTS))
-            raise ArgumentError(
-                f"{label} must have the joints of SMPL, SMPL-H or SMPL-X: one of {numbers}, the "
-                f"first {_BODY} those of SMPL's body; found {each.n_joints} joints"
-                + (" in another tree" if each.n_joints in _LAYOUTS else "")
-            )
+        if not _is_smpl(each):
+            model_joints(each)
         if face_difference(each.faces, first.faces):
             raise ArgumentError(f"{label} must have the triangles of the other models")
     return models
@@ -306,14 +393,17 @@ def _gender(value: np.ndarray | None, file: Path) -> str:
     return text.removeprefix("b'").removesuffix("'").strip().lower()
 
 
-def _read(file: Path) -> _Recording:
+def _read(file: Path, last: int) -> _Recording:
     """Return the arrays of a file, which are cached while the file does not change."""
     try:
         status = file.stat()
     except OSError as error:
         raise FileError(f"{file} cannot be read: {error.strerror}") from error
     state = (status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino)
-    return _read_unchanged(file, state)
+    recording = _read_unchanged(file, state)
+    if len(recording.translations) <= last:
+        raise FileError(f"{file} has changed: it has fewer frames than it had")
+    return recording
 
 
 @lru_cache(maxsize=_FILES_KEPT)

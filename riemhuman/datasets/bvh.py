@@ -7,13 +7,15 @@ import os
 import re
 from array import array
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from riemhuman.errors import FileFormatError
+from riemhuman.checks import real_number
+from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import memory_limit
 from riemhuman.io.files import file_path, read_bytes
 from riemhuman.representation import Record
@@ -49,6 +51,8 @@ class SkeletonMotion(Record):
         Positions relative to the parents: the offsets, where the file has no others.
     frames_per_second : float
         Frame rate.
+    name : str
+        Name of the recording: that of the file without its ending.
 
     Examples
     --------
@@ -66,9 +70,27 @@ class SkeletonMotion(Record):
     rotations: np.ndarray
     translations: np.ndarray
     frames_per_second: float
+    name: str = ""
 
     def __len__(self) -> int:
         return len(self.rotations)
+
+    def at_rate(self, frames_per_second: float) -> SkeletonMotion:
+        """Return the motion at a lower frame rate: the frames nearest in time.
+
+        Parameters
+        ----------
+        frames_per_second : float
+            Frame rate, at most that of the recording.
+
+        Returns
+        -------
+        SkeletonMotion
+        """
+        frames = nearest_frames(len(self), self.frames_per_second, frames_per_second)
+        rotations, translations = self.rotations[frames], self.translations[frames]
+        rate = float(frames_per_second)
+        return replace(self, rotations=rotations, translations=translations, frames_per_second=rate)
 
     @cached_property
     def global_rotations(self) -> np.ndarray:
@@ -161,7 +183,20 @@ def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
         rotations,
         translations,
         frames_per_second,
+        file.stem,
     )
+
+
+def nearest_frames(n_frames: int, recorded: float, wanted: Any) -> np.ndarray:
+    """Return the frames nearest in time to those at a lower frame rate."""
+    rate = real_number(wanted, "frames_per_second", minimum=0.0, strict=True)
+    if rate > recorded * (1.0 + 1e-6):
+        raise ArgumentError(
+            f"frames_per_second must be at most that of the recording, {recorded:g}; found {rate:g}"
+        )
+    wanted_frames = int((n_frames - 1) * rate / recorded + 1e-9) + 1
+    numbers = np.rint(np.arange(wanted_frames) * (recorded / rate)).astype(np.int64)
+    return np.minimum(numbers, n_frames - 1)
 
 
 def _about_axis(axis: int, angles: np.ndarray) -> np.ndarray:

@@ -1,0 +1,275 @@
+"""Skeletons of recordings and body models: their joints by name, and bones in all frames."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy import ndarray
+from scipy.ndimage import uniform_filter1d
+
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets.bvh import SkeletonMotion
+from riemhuman.errors import ArgumentError
+from riemhuman.kernels.rotations import cross_product_matrix
+from riemhuman.representation import join_names
+
+SIDES = ("left", "right")
+# Names of joints in recordings, the surest first; a joint is used once, so that "foot" is the toes
+# and "shoulder" the collar where there are other names for the ankle and the shoulder.
+_SIDED_NAMES = {
+    "hip": ("upleg", "upperleg", "thigh", "hip", "femur"),
+    "knee": ("lowleg", "lowerleg", "knee", "calf", "shin", "tibia", "leg"),
+    "ankle": ("ankle", "foot"),
+    "toes": ("toebase", "toes", "toe", "ball", "foot"),
+    "shoulder": ("upperarm", "uparm", "humerus", "shldr", "arm", "shoulder"),
+    "elbow": ("forearm", "lowerarm", "lowarm", "elbow", "radius"),
+    "wrist": ("wrist", "hand"),
+    "collar": ("collar", "clavicle", "shoulder"),
+}
+_OTHER_NAMES = {"neck": ("neck",), "head": ("head",)}
+_PARTS = {name for names in (*_SIDED_NAMES.values(), *_OTHER_NAMES.values()) for name in names}
+_SIDE_WORDS = {"left": "left", "l": "left", "right": "right", "r": "right"}
+# The joints that are looked for: name in the open model, side, and names.
+_ROLES = [
+    *((f"{side}_{part}", side, names) for part, names in _SIDED_NAMES.items() for side in SIDES),
+    *((part, "", names) for part, names in _OTHER_NAMES.items()),
+]
+LIMBS = tuple(
+    tuple(f"{side}_{part}" for part in parts)
+    for parts in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
+    for side in SIDES
+)
+BONES = tuple((first, second) for limb in LIMBS for first, second in pairwise(limb))
+# A foot stands still below this speed, in lengths of the leg a second (some 12 cm a second) …
+_STILL = 0.15
+# … averaged over so many seconds, against noise.
+_SMOOTHED = 0.1
+# A knee or elbow shows its axis where it bends by more than this, degrees.
+BENT = 15.0
+_MOST_NAMES = 40
+_Z_TO_Y = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+SMPL_JOINTS = (
+    *("pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2"),
+    *("left_ankle", "right_ankle", "spine3", "left_foot", "right_foot", "neck", "left_collar"),
+    *("right_collar", "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow"),
+    *("left_wrist", "right_wrist"),
+)
+SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
+
+
+def find_joints(
+    names: Sequence[str], parents: ndarray, table: Mapping[str, str] | None = None
+) -> dict[str, int]:
+    """Return the numbers of a skeleton's joints by their names in the open model."""
+    found: dict[str, int] = {}
+    for role, name in (table or {}).items():
+        if name not in names:
+            known = join_names(names, _MOST_NAMES)
+            raise ArgumentError(f"joints[{role!r}] must be one of {known}; found {name!r}")
+        found[role] = list(names).index(name)
+    branches = [_branch(parents, joint) for joint in range(len(names))]
+    read = [_read_name(name) for name in names]
+    for role, side, parts in _ROLES:
+        candidates = [
+            (parts.index(part), len(branches[joint]), joint)
+            for joint, (own_side, part) in enumerate(read)
+            if own_side == side and part in parts and joint not in found.values()
+        ]
+        if candidates and role not in found:
+            found[role] = min(candidates)[2]
+    for side in SIDES:
+        # Hands and toes may have other names, or be end sites.
+        for role, above in ((f"{side}_wrist", f"{side}_elbow"), (f"{side}_toes", f"{side}_ankle")):
+            below = np.flatnonzero(np.asarray(parents) == found.get(above, -2))
+            if role not in found and len(below):
+                found[role] = int(below[0])
+    missing = [role for limb in LIMBS for role in limb if role not in found]
+    if missing:
+        raise ArgumentError(
+            f"joints must name {', '.join(missing)}, such as {{{missing[0]!r}: ...}}; the skeleton "
+            f"has {join_names(names, _MOST_NAMES)}"
+        )
+    for first, second in BONES:
+        if found[first] not in branches[found[second]][1:]:
+            upper, lower = names[found[first]], names[found[second]]
+            raise ArgumentError(
+                f"joints: {second} must be below {first}; found {lower!r}, which is not below "
+                f"{upper!r}"
+            )
+    for role, part in (("pelvis", "hip"), ("chest", "shoulder")):
+        left, right = (branches[found[f"{side}_{part}"]][1:] for side in SIDES)
+        found[role] = next((joint for joint in left if joint in right), -1)
+    if found["pelvis"] not in branches[found["chest"]]:
+        raise ArgumentError("joints: the shoulders must be above the hips in one tree of joints")
+    return found
+
+
+def _branch(parents: ndarray, joint: int) -> list[int]:
+    """Return a joint and those between it and the root, in this order."""
+    branch = [joint]
+    while parents[branch[-1]] >= 0:
+        branch.append(int(parents[branch[-1]]))
+    return branch
+
+
+def _read_name(name: str) -> tuple[str, str]:
+    """Return the side and the part that the name of a joint says, or empty texts."""
+    words = [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)]
+    side = "".join(_SIDE_WORDS.get(word, "") for word in words)
+    words = [word for word in words if word not in _SIDE_WORDS]
+    # Other words before, such as the name of the person, do not matter; words after do.
+    texts = ["".join(words[first:]) for first in range(len(words))]
+    for text in texts:
+        if text in _PARTS:
+            return side, text
+        if not side and text[:1] in _SIDE_WORDS and text[1:] in _PARTS:
+            return _SIDE_WORDS[text[0]], text[1:]
+    return side, ""
+
+
+def recorded_joints(recording: SkeletonMotion, table: Mapping[str, str] | None) -> dict[str, int]:
+    """Return the numbers of a recording's joints and, after them, end sites."""
+    ends = recording.end_joints
+    names = [*recording.joint_names, *(f"{recording.joint_names[joint]} end" for joint in ends)]
+    return find_joints(names, np.concatenate([recording.parents, ends]), table)
+
+
+def model_joints(model: BodyModel) -> dict[str, int]:
+    """Return the numbers of a model's joints; those of SMPL need no names."""
+    names = model.joint_names
+    n_body = len(SMPL_JOINTS)
+    if names[0] == "joint_0" and tuple(model.parents[:n_body]) == SMPL_PARENTS:
+        names = (*SMPL_JOINTS, *names[n_body:])
+    return find_joints(names, model.parents)
+
+
+class Skeleton:
+    """Joints of a recording or a model in the rest pose."""
+
+    def __init__(self, parents: ndarray, rest: ndarray, joints: dict[str, int]) -> None:
+        self.parents, self.rest, self.joints = parents, rest, joints
+        self.leg = sum(np.linalg.norm(self.bone(*bone)) for bone in BONES[:4]) / 2.0
+        across = self.bone("right_hip", "left_hip")
+        self.frame = frame(self.middle(rest, "shoulder") - self.middle(rest, "hip"), across)
+
+    def bone(self, first: str, second: str) -> ndarray:
+        """Return the vector between two joints in the rest pose."""
+        bone: ndarray = self.rest[self.joints[second]] - self.rest[self.joints[first]]
+        if not np.linalg.norm(bone) > 0.0:
+            raise ArgumentError(f"joints: {first} and {second} lie in one place in the rest pose")
+        return bone
+
+    def middle(self, positions: ndarray, part: str) -> ndarray:
+        """Return the middle between a joint's left and right positions."""
+        left, right = (self.joints[f"{side}_{part}"] for side in SIDES)
+        return np.asarray(0.5 * (positions[..., left, :] + positions[..., right, :]))
+
+
+class RecordedSkeleton(Skeleton):
+    """A recorded skeleton in its rest pose and in space, y up, with end sites as joints."""
+
+    def __init__(
+        self, recording: SkeletonMotion, table: Mapping[str, str] | None, up: str | None
+    ) -> None:
+        ends = recording.end_joints
+        parents = np.concatenate([recording.parents, ends])
+        # Some files have positions of all joints in place of offsets.
+        rest = np.median(recording.translations, axis=0)
+        rest[recording.parents < 0] = 0.0
+        rest = np.concatenate([rest, recording.end_offsets])
+        for joint, parent in enumerate(parents):
+            if parent >= 0:
+                rest[joint] += rest[parent]
+        super().__init__(parents, rest, recorded_joints(recording, table))
+        rotations = recording.global_rotations
+        self.rotations = np.concatenate([rotations, rotations[:, ends]], axis=1)
+        self.positions = np.concatenate([recording.positions, recording.end_positions], axis=1)
+        if up == "z" or (up is None and self._is_z_up()):
+            self.rotations = _Z_TO_Y @ self.rotations
+            self.positions = self.positions @ _Z_TO_Y.T
+        self.hips = self.middle(self.positions, "hip")
+        self.trunk = self.middle(self.positions, "shoulder") - self.hips
+        self.frames_per_second = recording.frames_per_second
+        self.still = [self._still_frames(side) for side in SIDES]
+
+    def _is_z_up(self) -> bool:
+        shoulders, feet = (self.middle(self.positions, part) for part in ("shoulder", "ankle"))
+        upward = unit(shoulders - feet).mean(axis=0)
+        return bool(upward[2] > abs(upward[1]))
+
+    def direction(self, first: str, second: str) -> ndarray:
+        """Return the directions between two joints in all frames."""
+        first_joint, second_joint = self.joints[first], self.joints[second]
+        return unit(self.positions[:, second_joint] - self.positions[:, first_joint])
+
+    def _still_frames(self, side: str) -> tuple[ndarray, ndarray]:
+        """Return whether the ball of a foot, and the whole foot, stand still in each frame."""
+        width = max(1, round(_SMOOTHED * self.frames_per_second))
+        still = []
+        for part in ("toes", "ankle"):
+            joint = self.joints.get(f"{side}_{part}", self.joints[f"{side}_ankle"])
+            path = uniform_filter1d(self.positions[:, joint], width, axis=0, mode="nearest")
+            if len(path) < 2:
+                still.append(np.ones(len(path), dtype=bool))
+                continue
+            speeds = np.linalg.norm(np.gradient(path, axis=0), axis=1) * self.frames_per_second
+            still.append(speeds < _STILL * self.leg)
+        return still[0], still[0] & still[1]
+
+    def hinge(self, upper: str, lower: str, end: str) -> ndarray | None:
+        """Return the axis in which a knee or elbow bends, in the axes of the bone above it."""
+        axes = np.cross(self.direction(upper, lower), self.direction(lower, end))
+        bent = np.linalg.norm(axes, axis=1)
+        local = np.einsum("nji,nj->ni", self.rotations[:, self.joints[upper]], axes)
+        # Squares weight the frames in which the joint bends most.
+        mean = np.sum(bent[:, None] * local, axis=0)
+        if bent.max() < np.sin(np.radians(BENT)) or not mean @ mean > 0.25 * np.sum(bent**2) ** 2:
+            return None
+        return unit(mean)
+
+
+def unit(vectors: ndarray) -> ndarray:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.maximum(lengths, 1e-300))
+
+
+def angles_between(a: ndarray, b: ndarray) -> ndarray:
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
+
+
+def frame(first: ndarray, second: ndarray) -> ndarray:
+    """Return rotation matrices with columns along a vector, towards another, and across both."""
+    first, second = np.broadcast_arrays(unit(first), second)
+    second = unit(second - np.sum(second * first, axis=-1, keepdims=True) * first)
+    return np.stack([first, second, np.cross(first, second)], axis=-1)
+
+
+def shortest(start: ndarray, end: ndarray) -> ndarray:
+    """Return the shortest rotations between unit vectors, shape (..., 3, 3)."""
+    start, end = np.broadcast_arrays(start, end)
+    axis = np.cross(start, end)
+    cosine = np.sum(start * end, axis=-1)
+    # Opposite vectors: half a turn about any axis across them.
+    opposite = cosine < -1.0 + 1e-12
+    if np.any(opposite):
+        other = np.cross(start, np.eye(3)[np.argmin(np.abs(start), axis=-1)])
+        half = 2.0 * unit(other)[..., :, None] * unit(other)[..., None, :] - np.eye(3)
+        cosine = np.where(opposite, 0.0, cosine)
+    cross = cross_product_matrix(axis)
+    turn = np.eye(3) + cross + (cross @ cross) / (1.0 + cosine)[..., None, None]
+    return np.where(opposite[..., None, None], half, turn) if np.any(opposite) else turn
+
+
+def shortest_within(start: ndarray, end: ndarray, most: float) -> ndarray:
+    """Return the shortest rotations between unit vectors, by no more than an angle."""
+    angle = np.minimum(angles_between(start, end), most)[..., None]
+    across = unit(end - np.sum(start * end, axis=-1, keepdims=True) * start)
+    return shortest(start, np.cos(angle) * start + np.sin(angle) * across)
+
+
+def pointed(rotations: ndarray, bone: ndarray, directions: ndarray) -> ndarray:
+    """Turn rotations the shortest way so that a bone has the given directions."""
+    return np.asarray(shortest(rotations @ unit(bone), directions) @ rotations)
