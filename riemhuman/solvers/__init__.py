@@ -1,7 +1,7 @@
 """Solvers: path energies, geodesics, exponentials, logarithms, transport, Fréchet means."""
 
 from riemhuman.solvers import _defaults  # noqa: F401  (registers them)
-from riemhuman.solvers.basis_path import BasisPath
+from riemhuman.solvers.path_search import BasisPath, PathStraightening
 from riemhuman.solvers.exponential import DiscreteExponential, ExponentialResult
 from riemhuman.solvers.geodesic_regression import GeodesicRegression
 from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath, PoissonPath
@@ -17,7 +17,6 @@ from riemhuman.solvers.path_comparison import (
     measure_path,
     path_distances,
 )
-from riemhuman.solvers.path_straightening import PathStraightening
 from riemhuman.solvers.paths import (
     ClosedFormGeodesic,
     FiniteDifferenceEnergy,

@@ -45,21 +45,14 @@ _SLOW = 10
 _PATIENCE = 15
 _STILL = 0.01
 
+_AT_ZERO = "the value is no more than rounding errors"
+
 
 @dataclass(frozen=True, repr=False)
 class Minimum(Result):
-    """The result of a minimisation.
+    """The best point x and its value, and the values at the start and after each iteration.
 
-    Attributes
-    ----------
-    x : array, shape (n,)
-        The best point.
-    value : float
-        Its value.
-    values : array, shape (n_iterations + 1,)
-        Value at the start and after each iteration.
-    gap : float
-        Estimate of how far the value is above its minimum, nan where there is none.
+    `gap` estimates how far the value is above its minimum; it is nan where there is no estimate.
     """
 
     x: ndarray
@@ -72,24 +65,13 @@ class Minimum(Result):
 class LBFGS:
     """A preconditioned quasi-Newton method for smooth functions, with kinks at most here and there.
 
-    Parameters
-    ----------
-    tolerance : float
-        Stop when a Newton step would gain at most this share of the value, as estimated from the
-        operator and the last steps, or when many iterations together have gained a small part of
-        that.
-    max_iter : int
-        Most iterations.
-    recent_decrease : float
-        A Newton step counts as small only if the second half of the iterations, if they are many,
-        has gained at most this share of the value: along soft directions that no step has explored,
-        an estimate is too small.
-    refresh : int
-        Number of iterations after which the operator is formed anew.
-    callback : callable, optional
-        Called with (iteration, value, x) after each iteration.
-    progress : str
-        Text of a progress bar; there is none if it is empty.
+    The search ends when a Newton step, as estimated from the operator and the last steps, would
+    gain at most the share `tolerance` of the value, or when many iterations together have gained a
+    small part of that. A Newton step counts as small only if the second half of the iterations, if
+    they are many, has gained at most the share `recent_decrease`: along soft directions that no
+    step has explored, an estimate is too small. The operator is formed anew after `refresh`
+    iterations. `callback` is called with (iteration, value, x) after each iteration; `progress` is
+    the text of a progress bar, if there is to be one.
     """
 
     tolerance: float
@@ -111,25 +93,9 @@ class LBFGS:
     ) -> Minimum:
         """Minimise a function; if interrupted from the keyboard, return the best point so far.
 
-        Parameters
-        ----------
-        objective : callable
-            The function.
-        start : array, shape (n,)
-            Where to start.
-        inverse_hessian_at : callable
-            Returns the operator at x.
-        floor : float
-            Value that counts as zero: smaller ones are rounding errors.
-        earlier : sequence of float
-            Values of iterations before these, which count for `recent_decrease`.
-        freeze_at : callable, optional
-            Returns an operator at x whose steps avoid a kink, for where no step lowers the value
-            though a Newton step promises to.
-
-        Returns
-        -------
-        Minimum
+        Values of at most `floor` are rounding errors and count as zero; those of iterations before
+        these, `earlier`, count for `recent_decrease`. Where no step lowers the value though a
+        Newton step promises to, there is a kink: the steps of `freeze_at`'s operators avoid it.
         """
         descent = _Descent(self, objective, start, floor, earlier, inverse_hessian_at, freeze_at)
         bar = ProgressBar(
@@ -175,6 +141,11 @@ class _Descent:
         if not np.isfinite(self.value):
             self._newton = np.nan
             self.end(Status.OUTSIDE_MANIFOLD, "the start has no finite value")
+        elif self.value <= floor:
+            self.end(Status.CONVERGED, _AT_ZERO)
+        elif not start.size:
+            self._newton = 0.0
+            self.end(Status.CONVERGED, "there is no direction to search in")
 
     def advance(self) -> bool:
         """Test whether to stop, and otherwise make a step; return whether one was made."""
@@ -233,7 +204,7 @@ class _Descent:
         self._newton_was_small |= is_small
         recent = _gain_of_second_half([*self._earlier, *self.values])
         if value <= self._floor:
-            self.end(Status.CONVERGED, "the value is no more than rounding errors")
+            self.end(Status.CONVERGED, _AT_ZERO)
         elif is_small and not recent > settings.recent_decrease * value:
             self.end(Status.CONVERGED, "the expected decrease is below the tolerance")
         elif _stands_still(settings.tolerance, self.values[self._formed_after :]):

@@ -80,6 +80,10 @@ class CholeskyFactor:
         """Return A⁻¹ X."""
         return self.solve_transposed(self.solve(columns))
 
+    def __call__(self, vector: ndarray) -> ndarray:
+        """Return A⁻¹ x."""
+        return self.inverse(vector.reshape(-1, 1)).ravel()
+
 
 class PathPreconditioner:
     """The inverse of the Hessian 2n (D ⊗ G) of paths of n segments, given the factor of G."""
@@ -90,9 +94,10 @@ class PathPreconditioner:
         self._gram = gram
         self._scale = 1.0 / (2.0 * n_segments)
 
-    def inverse(self, gradient: ndarray) -> ndarray:
-        """Return the image of a gradient, shape (n_segments − 1, K)."""
-        return self._scale * self._inverse_time @ self._gram.inverse(gradient.T).T
+    def __call__(self, gradient: ndarray) -> ndarray:
+        """Return the image of a gradient, the coordinates of all interior points in one row."""
+        rows = gradient.reshape(len(self._inverse_time), -1)
+        return (self._scale * self._inverse_time @ self._gram.inverse(rows.T).T).ravel()
 
 
 class SparseCholeskyFactor(CholeskyFactor):

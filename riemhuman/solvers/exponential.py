@@ -52,25 +52,16 @@ class ExponentialResult(Result):
         Number of steps per unit time.
     complete : bool
         Whether all steps were possible.
-    n_iterations, n_evaluations : int
-        Iterations, and evaluations of energy and gradient, of all steps.
-    status : Status
-        ``CONVERGED`` if all steps were made and their equations solved within the tolerance.
-    message : str
-        The same for people, in more detail.
+    n_iterations, n_evaluations, status, message
+        See `Result`, of all steps; converged if all were made within the tolerance.
 
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
-    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
-    >>> velocity = 0.02 * basis.vectors[8]
-    >>> solver = rh.solvers.DiscreteExponential(basis, n_steps=4)
-    >>> result = solver.solve(metric, velocity, bodies[0])
-    >>> result.complete, result.path.shape
-    (True, (5, 1202, 3))
+    >>> metric = rh.VectorSpace((2,)).metric
+    >>> solver = rh.solvers.DiscreteExponential(n_steps=4)
+    >>> solver.solve(metric, [2.0, 0.0], [0.0, 0.0]).end.round(6).tolist()
+    [2.0, 0.0]
     """
 
     path: ndarray
@@ -91,7 +82,7 @@ class ExponentialResult(Result):
 
 @dataclass(frozen=True)
 class DiscreteExponential:
-    r"""exp in n steps, by the discrete geodesic equation.
+    """exp in n steps, by the discrete geodesic equation.
 
     The first step is symmetric: of the points x₀ ± v/n + w, x₀ is the middle. Every following point
     solves the discrete geodesic equation, see `GeodesicEquation`. The error of the end
@@ -117,14 +108,11 @@ class DiscreteExponential:
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.AlignedSurfaces(bodies.template).metric
     >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
-    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
-    >>> velocity = 0.02 * basis.vectors[8]
     >>> solver = rh.solvers.DiscreteExponential(basis, n_steps=4)
-    >>> result = solver.solve(metric, velocity, bodies[0])
-    >>> result.complete, result.path.shape
-    (True, (5, 1202, 3))
+    >>> solver.solve(metric, 0.02 * basis.vectors[8], bodies[0]).path.shape
+    (5, 1202, 3)
     """
 
     basis: DeformationBasis | None = None
@@ -158,11 +146,6 @@ class DiscreteExponential:
         ExponentialResult
             If a triangle degenerates on the way, it holds the part that was reached.
 
-        Raises
-        ------
-        ArgumentError
-            If the base point, the velocity or the basis does not fit the metric's space.
-
         Warns
         -----
         ConvergenceWarning
@@ -195,7 +178,7 @@ class DiscreteExponential:
         return replace(result, n_iterations=n_iterations, n_evaluations=n_evaluations)
 
     def extend(self, metric: RiemannianMetric, path: ndarray, n_steps: int) -> ExponentialResult:
-        r"""Continue a discrete geodesic beyond its end, with the same time step.
+        r"""Continue a discrete geodesic beyond its end, with the same time step; warns as `solve`.
 
         Parameters
         ----------
@@ -210,16 +193,6 @@ class DiscreteExponential:
         -------
         ExponentialResult
             Its path begins with the one given.
-
-        Raises
-        ------
-        ArgumentError
-            If the path or the basis does not fit the metric's space.
-
-        Warns
-        -----
-        ConvergenceWarning
-            If it stopped early, or a step's equation was not solved within the tolerance.
         """
         path = metric.check_points(path, "path")
         if len(path) < 2:
@@ -233,7 +206,8 @@ class DiscreteExponential:
     ) -> tuple[ndarray, ndarray]:
         r"""Return the derivatives of a function of a path by its initial velocity and point.
 
-        Autograd uses them to differentiate through `metric.exp`.
+        They are exact where the equations determine the path up to motions that the metric does not
+        measure, as for closed surfaces. Autograd uses them to differentiate through `metric.exp`.
 
         Parameters
         ----------
@@ -249,8 +223,6 @@ class DiscreteExponential:
         Returns
         -------
         by_tangent_vec, by_base_point : array, shape (\*shape,)
-            Exact where the equations determine the path up to motions that the metric does not
-            measure, as for closed surfaces.
 
         Raises
         ------

@@ -38,12 +38,8 @@ class GeodesicRegression(Estimator):
     ----------
     space : Manifold
         A manifold equipped with a metric.
-    mean : array, shape (\*shape,), or object, optional
-        The Karcher mean or a solver for it, as in `TangentPCA`.
-    image : {"auto", "fields", "points"}
-        Space of the geodesics, as in `TangentPCA`.
-    nearest : NearestSurface, optional
-        Solver that finds surfaces from fields.
+    mean, image, nearest
+        As in `TangentPCA`.
     tolerance : float
         The refinement stops when a Newton step would gain at most this share of the sum of squared
         distances to the mean, as estimated from the preconditioned gradient.
@@ -72,11 +68,9 @@ class GeodesicRegression(Estimator):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> metric = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=1.0)
-    >>> heights = bodies.points[:50:10, :, 1].max(axis=1)
-    >>> regression = rh.GeodesicRegression(space).fit(heights, bodies.points[:50:10])
-    >>> regression.predict([1.8]).shape
+    >>> points = bodies.points[:50:10]
+    >>> regression = rh.GeodesicRegression(rh.AlignedSurfaces(bodies.template))
+    >>> regression.fit(points[:, :, 1].max(axis=1), points).predict([1.8]).shape
     (1, 1202, 3)
     """
 
@@ -113,16 +107,8 @@ class GeodesicRegression(Estimator):
         y : array, shape (n, \*shape)
             Points, at least two.
 
-        Returns
-        -------
-        GeodesicRegression
-            The estimator itself.
-
         Raises
         ------
-        ArgumentError
-            If the numbers are all the same, or their number is not that of the points, or a
-            refinement is requested where `exp` comes from a solver and has no derivative.
         OutsideManifoldError
             If a point has no logarithm at the mean, or the geodesic leaves the manifold.
 
@@ -175,11 +161,6 @@ class GeodesicRegression(Estimator):
         Returns
         -------
         array, shape (n, \*shape)
-
-        Raises
-        ------
-        OutsideManifoldError
-            If the geodesic leaves the manifold before that.
         """
         self._require_fit("velocity_")
         times = _numbers(X) - self.center_
@@ -188,9 +169,7 @@ class GeodesicRegression(Estimator):
         return image.restore(image.metric.exp(vectors, self.intercept_), self.mean_)
 
     def score(self, X: ndarray, y: ndarray) -> float:
-        r"""Return R² = 1 − Σ_i d(prediction, y_i)²/Σ_i d(mean, y_i)².
-
-        The mean is that of the points given to `fit`.
+        r"""Return R² = 1 − Σ_i d(prediction, y_i)²/Σ_i d(mean, y_i)², with the mean found by `fit`.
 
         Parameters
         ----------
@@ -198,16 +177,6 @@ class GeodesicRegression(Estimator):
             Numbers.
         y : array, shape (n, \*shape)
             Points.
-
-        Returns
-        -------
-        float
-            1 for perfect predictions, 0 for those no better than the mean.
-
-        Raises
-        ------
-        ArgumentError
-            If there are not as many numbers as points.
         """
         metric = self.space.metric
         points, predictions = metric.check_points(y, "y"), self.predict(X)
@@ -220,21 +189,12 @@ class GeodesicRegression(Estimator):
         return 1.0 - left / whole
 
     def gram_matrix(self, y: ndarray) -> ndarray:
-        r"""Return the inner products of the logarithms of points at the mean.
+        r"""Return the inner products of the logarithms of points at the mean, shape (n, n).
 
         Parameters
         ----------
         y : array, shape (n, \*shape)
             Points.
-
-        Returns
-        -------
-        array, shape (n, n)
-
-        Raises
-        ------
-        OutsideManifoldError
-            If a point has no logarithm at the mean.
         """
         self._require_fit("mean_")
         image = self._image()

@@ -53,10 +53,8 @@ class PoissonPath(PathSolver):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
-    >>> result = rh.solvers.PoissonPath(n_nodes=5).solve(metric, bodies[0], bodies[2])
-    >>> result.path.shape
+    >>> metric = rh.AlignedSurfaces(bodies.template).metric
+    >>> rh.solvers.PoissonPath(n_nodes=5).solve(metric, bodies[0], bodies[2]).path.shape
     (5, 1202, 3)
     """
 
@@ -67,7 +65,6 @@ class PoissonPath(PathSolver):
         whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
-        """Return the path between surfaces whose triangles have an area."""
         start, end = check_end_points(metric, start, end)
         path, _ = rotating_paths(metric, self.energy, start, end, self.n_nodes)[0]
         return known_path(metric, self.energy, path, "interpolated deformation gradients")
@@ -147,11 +144,10 @@ class ModelParameters(NamedTuple):
 
     Examples
     --------
+    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> fit = bodies.model.fit(bodies[0])
-    >>> rh.solvers.ModelParameters(fit.betas, fit.pose, fit.trans).betas.shape
-    (16,)
+    >>> rh.solvers.ModelParameters(np.zeros(10), np.zeros((24, 3)), np.zeros(3)).pose.shape
+    (24, 3)
     """
 
     betas: ndarray
@@ -188,14 +184,12 @@ class ModelPath(PathSolver):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> model = bodies.model
+    >>> metric, model = rh.AlignedSurfaces(bodies.template).metric, bodies.model
     >>> def parameters(f):
     ...     fit = model.fit(f)
     ...     return rh.solvers.ModelParameters(fit.betas, fit.pose, fit.trans)
     >>> solver = rh.solvers.ModelPath(model, n_nodes=3, parameters=parameters)
-    >>> result = solver.solve(space.metric, bodies[0], bodies[1])
-    >>> result.path.shape
+    >>> solver.solve(metric, bodies[0], bodies[1]).path.shape
     (3, 1202, 3)
     """
 
@@ -232,12 +226,6 @@ class ModelPath(PathSolver):
         Returns
         -------
         PathResult
-            Its message says how far the path's ends are from the surfaces.
-
-        Raises
-        ------
-        ArgumentError
-            If parameters are missing or malformed, or surfaces do not fit the metric's space.
         """
         start, end = check_end_points(metric, start, end)
         first = self._parameters_of(start, start_parameters, "start_parameters")

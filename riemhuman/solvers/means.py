@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from autograd.core import make_vjp
 from numpy import ndarray
 
 from riemhuman.checks import one_of, real_number, values_of, whole_number
@@ -15,7 +14,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.strategies import MeanSolver
-from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.solvers._coordinates import Coordinates
 from riemhuman.solvers._dispersion import AreaCheck, Dispersion, dispersion_of, metric_of_search
 from riemhuman.solvers._lbfgs import LBFGS, Minimum
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
@@ -54,7 +53,7 @@ _SMALLEST_STEP = 1e-6
 
 @dataclass(frozen=True)
 class BasisMean(MeanSolver):
-    r"""The point x̄ = x₀ + Σ_j β_j D_j of least mean squared distance, over a basis or over all.
+    """The point x̄ = x₀ + Σ_j β_j D_j of least mean squared distance, over a basis or over all.
 
     Algorithm 2 of the paper: minimisation by L-BFGS, preconditioned by the metric's matrix. With
     a basis the result is the mean over the span of the basis and of the points' differences, and
@@ -96,13 +95,10 @@ class BasisMean(MeanSolver):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.AlignedSurfaces(bodies.template).metric
     >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
-    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
-    >>> over_basis = rh.solvers.BasisMean(basis).solve(metric, bodies.points[:30:10])
-    >>> mean = rh.solvers.BasisMean().solve(metric, bodies.points[:30:10])
-    >>> mean.converged, mean.variance < over_basis.variance
-    (True, True)
+    >>> rh.solvers.BasisMean(basis).solve(metric, bodies.points[:30:10]).point.shape
+    (1202, 3)
     """
 
     basis: DeformationBasis | None = None
@@ -156,8 +152,6 @@ class BasisMean(MeanSolver):
 
         Raises
         ------
-        ArgumentError
-            If the points, weights or basis do not fit the metric's space.
         DegenerateSurfaceError
             If triangles of the mean vanish, as between dissimilar bodies for a small λ.
 
@@ -175,22 +169,23 @@ class BasisMean(MeanSolver):
         if in_batches or exponent == 1:
             tolerance = max(self.tolerance or 0.0, _ROUGH_TOLERANCE)
             rough = replace(self, tolerance=tolerance, callback=None, progress=False)
-            point, start = rough._over_basis(dispersion.sample, point)
+            start = rough._over_basis(dispersion.sample, point)
             is_finished = start.status is not Status.INTERRUPTED
             if exponent == 1 and start.value > 0.0 and is_finished:
                 dispersion = dispersion.changed(smoothing=_SMOOTHING * np.sqrt(start.value))
                 if in_batches:
-                    point, start = rough._over_basis(dispersion.sample, point)
+                    start = rough._over_basis(dispersion.sample, start.x)
+            point = start.x
             if start.status is Status.INTERRUPTED:
                 variance = dispersion.sample.changed(metric).value(point)
                 return finish(self, MeanResult(point, variance, start.values, **start.outcome))
-        point, minimum = self._over_basis(dispersion, point)
+        minimum = self._over_basis(dispersion, point)
         if self.basis is None and minimum.status is not Status.INTERRUPTED:
-            point, minimum = self._over_all(dispersion, point, minimum)
+            minimum = self._over_all(dispersion, minimum)
         variance = minimum.value
         if of_search is not metric or dispersion.smoothing is not None:
-            variance = dispersion.changed(metric).value(point)
-        result = MeanResult(point, variance, minimum.values, **minimum.outcome)
+            variance = dispersion.changed(metric).value(minimum.x)
+        result = MeanResult(minimum.x, variance, minimum.values, **minimum.outcome)
         return finish(self, result)
 
     def _origin(self, dispersion: Dispersion, initial_point: ndarray | None) -> ndarray:
@@ -230,135 +225,71 @@ class BasisMean(MeanSolver):
         rows = axes[:, is_known].T @ outside / np.sqrt(squares[is_known, None])
         return np.concatenate([flat, rows])
 
-    def _over_basis(self, dispersion: Dispersion, origin: ndarray) -> tuple[ndarray, Minimum]:
+    def _over_basis(self, dispersion: Dispersion, origin: ndarray) -> Minimum:
         """Return the best point over the basis and the differences of the points."""
         directions = self._directions(dispersion.points, origin)
         vectors = directions.reshape(-1, *origin.shape)
-
-        def factor_at(point: ndarray, scale: float) -> CholeskyFactor:
-            return CholeskyFactor(scale * dispersion.metric.gram_matrix(vectors, point))
-
-        family = _Family(dispersion.metric.space, origin, directions)
-        point, minimum = self._minimize(
+        minimizer = LBFGS(self.tolerance or _TOLERANCE, self.max_iter, refresh=_REFRESH)
+        minimum = self._minimize(
             dispersion,
-            family,
-            factor_at,
-            refresh=_REFRESH,
-            max_iter=self.max_iter,
-            tolerance=self.tolerance or _TOLERANCE,
-            callback=self.callback,
+            Coordinates(dispersion.metric.space, origin, directions),
+            lambda point, scale: CholeskyFactor(
+                scale * dispersion.metric.gram_matrix(vectors, point)
+            ),
+            minimizer,
         )
         if self.basis is None:
-            return point, minimum
+            return minimum
         message = f"{minimum.message}, over the span of {len(directions)} deformations"
-        return point, replace(minimum, message=message)
+        return replace(minimum, message=message)
 
-    def _over_all(
-        self, dispersion: Dispersion, origin: ndarray, earlier: Minimum
-    ) -> tuple[ndarray, Minimum]:
+    def _over_all(self, dispersion: Dispersion, earlier: Minimum) -> Minimum:
         """Return the best point in all coordinates, with the iterations of an earlier search."""
-
-        def factor_at(point: ndarray, scale: float) -> CholeskyFactor:
-            return metric_factor(dispersion.metric, point[None], 1.0 / scale)
-
-        def report(iteration: int, value: float, point: ndarray) -> None:
-            if self.callback is not None:
-                self.callback(earlier.n_iterations + iteration, value, point)
-
-        point, minimum = self._minimize(
-            dispersion,
-            _Family(dispersion.metric.space, origin),
-            factor_at,
+        minimizer = LBFGS(
+            self.tolerance or _TOLERANCE_OF_ALL,
+            self.max_iter - earlier.n_iterations,
+            np.inf if self.tolerance else _RECENT_DECREASE,
             refresh=_REFRESH_OF_ALL,
-            max_iter=self.max_iter - earlier.n_iterations,
-            tolerance=self.tolerance or _TOLERANCE_OF_ALL,
-            recent_decrease=np.inf if self.tolerance else _RECENT_DECREASE,
-            callback=report,
         )
-        both = replace(
+        minimum = self._minimize(
+            dispersion,
+            Coordinates(dispersion.metric.space, earlier.x),
+            lambda point, scale: metric_factor(dispersion.metric, point[None], 1.0 / scale),
+            minimizer,
+            earlier.n_iterations,
+        )
+        return replace(
             minimum,
             values=np.concatenate([earlier.values[:-1], minimum.values]),
             n_iterations=earlier.n_iterations + minimum.n_iterations,
             n_evaluations=earlier.n_evaluations + minimum.n_evaluations,
         )
-        return point, both
 
-    @single_threaded_libraries()
     def _minimize(
         self,
         dispersion: Dispersion,
-        family: _Family,
+        coordinates: Coordinates,
         factor_at: Callable[[ndarray, float], CholeskyFactor],
-        callback: Callable[[int, float, ndarray], Any] | None,
-        **settings: Any,
-    ) -> tuple[ndarray, Minimum]:
-        """Return the best point of a family, and the minimum in its coefficients."""
-        start, space = np.zeros(family.size), dispersion.metric.space
-        variance, _ = dispersion.value_and_gradient(family.origin)
-        if not np.isfinite(variance):
-            dispersion.value(family.origin)  # names the triangle without area, if the metric can
-        floor = dispersion.floor(family.origin)
-        # Distances of points that coincide to rounding error have no gradient to follow.
-        if variance <= floor or not family.size:
-            message = "all points coincide" if variance <= floor else "no direction to search in"
-            values = np.array([variance])
-            minimum = Minimum(start, variance, values, n_evaluations=1, message=message)
-            return family.origin, minimum
+        minimizer: LBFGS,
+        n_earlier: int = 0,
+    ) -> Minimum:
+        """Return the best point; the factor is that of the metric's matrix times a number."""
+        origin, space = coordinates.origin, dispersion.metric.space
+        variance = dispersion.value(origin)
         check_areas = AreaCheck(space, dispersion.points)
 
-        def objective(x: ndarray) -> tuple[float, ndarray]:
-            point, pull_back = family.point_and_pull_back(x)
-            if not np.all(space.belongs(point)):
-                return np.inf, np.zeros_like(x)
-            value, gradient = dispersion.value_and_gradient(point)
-            return value, pull_back(gradient)
-
-        def inverse_hessian_at(x: ndarray) -> Callable[[ndarray], ndarray]:
-            factor = factor_at(family.point(x), dispersion.curvature(variance))
-            return lambda gradient: factor.inverse(gradient[:, None])[:, 0]
-
-        def report(iteration: int, value: float, x: ndarray) -> None:
-            point = family.point(x)
+        def report(iteration: int, value: float, point: ndarray) -> None:
             check_areas(point)
-            if callback is not None:
-                callback(iteration, value, point)
+            if self.callback is not None:
+                self.callback(n_earlier + iteration, value, point)
 
-        minimizer = LBFGS(callback=report, progress="mean" if self.progress else "", **settings)
-        minimum = minimizer.minimize(objective, start, inverse_hessian_at, floor=floor)
-        return family.point(minimum.x), minimum
-
-
-@dataclass(frozen=True)
-class _Family:
-    """The points origin + Σ_j β_j D_j, projected to the manifold; by default D is the identity."""
-
-    space: Manifold
-    origin: ndarray
-    directions: ndarray | None = None
-
-    @property
-    def size(self) -> int:
-        return self.origin.size if self.directions is None else len(self.directions)
-
-    def _shifted(self, coefficients: ndarray) -> ndarray:
-        shift = coefficients if self.directions is None else coefficients @ self.directions
-        return self.origin + shift.reshape(self.origin.shape)
-
-    def point(self, coefficients: ndarray) -> ndarray:
-        """Return the point with these coefficients."""
-        return self.space.projection(self._shifted(coefficients))
-
-    def point_and_pull_back(
-        self, coefficients: ndarray
-    ) -> tuple[ndarray, Callable[[ndarray], ndarray]]:
-        """Return the point, and the map from gradients there to gradients in the coefficients."""
-        transposed, point = make_vjp(self.space.projection, self._shifted(coefficients))
-
-        def pull_back(gradient: ndarray) -> ndarray:
-            flat = np.ravel(transposed(gradient))
-            return flat if self.directions is None else self.directions @ flat
-
-        return point, pull_back
+        return coordinates.minimize(
+            replace(minimizer, callback=report, progress="mean" if self.progress else ""),
+            dispersion.value_and_gradient,
+            lambda point: factor_at(point, dispersion.curvature(variance)),
+            # Distances of points that coincide to rounding error have no gradient to follow.
+            floor=dispersion.floor(origin),
+        )
 
 
 @dataclass(frozen=True)
@@ -381,12 +312,11 @@ class GradientDescentMean(MeanSolver):
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
     >>> plane = rh.VectorSpace((2,))
-    >>> points = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 3.0]])
-    >>> rh.solvers.GradientDescentMean().solve(plane.metric, points).point.round(6).tolist()
-    [1.0, 1.0]
+    >>> result = rh.solvers.GradientDescentMean().solve(plane.metric, [[0.0, 0.0], [1.0, 3.0]])
+    >>> result.point.round(6).tolist()
+    [0.5, 1.5]
     """
 
     step: float = 1.0
@@ -406,37 +336,10 @@ class GradientDescentMean(MeanSolver):
         initial_point: ndarray | None = None,
         exponent: int = 2,
     ) -> MeanResult:
-        r"""Find the mean.
+        """Find the mean, by default from the first point of positive weight; medians from the mean.
 
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            A metric with `exp` and `log`.
-        points : array, shape (n, \*shape), or iterable of batches, arrays of shape (m, \*shape)
-            Every evaluation reads the batches once.
-        weights : array, shape (n,), optional
-            Weights of at least 0; by default all are the same.
-        initial_point : array, shape (\*shape,), optional
-            Where to start, by default at the first point of positive weight, for medians at the
-            mean.
-        exponent : int
-            2 for the mean, 1 for the geometric median.
-
-        Returns
-        -------
-        MeanResult
-
-        Raises
-        ------
-        OutsideManifoldError
-            If a point has no logarithm at a point on the way.
-        NotDefinedError
-            If the metric has no closed form for exp and log.
-
-        Warns
-        -----
-        ConvergenceWarning
-            If the stopping test was not met.
+        The other parameters are those of `BasisMean.solve`. A point without a logarithm at a point
+        on the way raises an OutsideManifoldError.
         """
         dispersion = dispersion_of(metric, points, weights, sample_size=1)
         if initial_point is None:
@@ -535,15 +438,11 @@ class FrechetMean(Estimator):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> normals = rh.NormalFields(bodies.template)
-    >>> samples = normals.random_point(4, rng=0)
-    >>> mean = rh.FrechetMean(normals, solver=rh.solvers.GradientDescentMean()).fit(samples)
-    >>> mean.estimate_.shape
-    (2400, 3)
-    >>> batches = [samples[:2], samples[2:]]
-    >>> bool(abs(rh.FrechetMean(normals).fit(batches).variance_ - mean.variance_) < 1e-9)
-    True
+    >>> plane = rh.VectorSpace((2,))
+    >>> rh.FrechetMean(plane).fit([[0.0, 0.0], [1.0, 3.0]]).estimate_.round(6).tolist()
+    [0.5, 1.5]
+    >>> rh.FrechetMean(plane).fit([[[0.0, 0.0]], [[1.0, 3.0]]]).variance_  # in two batches
+    2.5
     """
 
     estimate_: ndarray
@@ -568,11 +467,6 @@ class FrechetMean(Estimator):
             Not used.
         weights : array, shape (n,), optional
             Weights of at least 0; by default all are the same.
-
-        Returns
-        -------
-        Estimator
-            The estimator itself.
         """
         result = complete_mean_result(self._solve(X, weights))
         self.result_ = result
@@ -604,21 +498,14 @@ class GeometricMedian(FrechetMean):
     ----------
     estimate_ : array, shape (\*shape,)
         The median, after `fit`.
-    variance_ : float
-        Weighted mean of the squared distances to it.
-    n_iter_ : int
-        Iterations of the solver.
-    result_ : MeanResult
-        Point and variance; `variances` holds the weighted mean distance after every iteration.
+    variance_, n_iter_, result_
+        As of `FrechetMean`; the result's `variances` are weighted mean distances.
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> plane = rh.VectorSpace((2,))
-    >>> points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [100.0, 100.0]])
-    >>> median = rh.GeometricMedian(plane, solver=rh.solvers.GradientDescentMean()).fit(points)
-    >>> median.estimate_.round(3).tolist()
+    >>> points = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [100.0, 100.0]]
+    >>> rh.GeometricMedian(rh.VectorSpace((2,))).fit(points).estimate_.round(3).tolist()
     [0.5, 0.5]
     """
 

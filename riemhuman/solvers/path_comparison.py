@@ -21,17 +21,7 @@ from riemhuman.surfaces.measures import edge_lengths, signed_volume, triangle_ar
 
 
 class Distortion(NamedTuple):
-    """A summary of the distortions of all triangles or edges.
-
-    Attributes
-    ----------
-    largest : float
-        The largest distortion.
-    quantile_99 : float
-        The 99 % quantile.
-    mean : float
-        The weighted mean.
-    """
+    """A summary of the distortions of all triangles or edges; the mean is weighted."""
 
     largest: float
     quantile_99: float
@@ -42,17 +32,17 @@ class Distortion(NamedTuple):
 class PathMeasures(Record):
     """Energies of a path of surfaces, and how much it distorts them.
 
-    Changes are relative, the largest along the path beyond those between its ends, see
-    `change_along_path`.
+    Changes are relative, the largest along the path beyond those between its ends: for sizes A(τ)
+    with ends A₀, A₁ the maximum over τ of A(τ)/max(A₀, A₁) − 1, min(A₀, A₁)/A(τ) − 1 and 0, so that
+    doubling and halving count the same.
 
     Attributes
     ----------
     energies : dict of str to float
         Energy under each metric.
-    area_change : Distortion
-        Changes of the triangles' areas; the mean is weighted by the template's areas.
-    edge_change : Distortion
-        Changes of the edges' lengths; the mean is weighted by the template's lengths.
+    area_change, edge_change : Distortion
+        Largest change, 99 % quantile and mean of the triangles' areas, and of the edges' lengths;
+        means are weighted by areas and lengths of the template.
     volume_change : float
         Change of the volume; NaN if the mesh is not closed.
     mean_deviation, max_deviation : float
@@ -63,10 +53,9 @@ class PathMeasures(Record):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> result = rh.solvers.LinearPath(n_nodes=5).solve(space.metric, bodies[0], bodies[2])
-    >>> measures = rh.solvers.measure_path({"shape": space.metric}, result.path)
-    >>> sorted(measures.energies)
+    >>> metric = rh.AlignedSurfaces(bodies.template).metric
+    >>> path = rh.solvers.LinearPath(n_nodes=5).solve(metric, bodies[0], bodies[2]).path
+    >>> sorted(rh.solvers.measure_path({"shape": metric}, path).energies)
     ['shape']
     """
 
@@ -84,10 +73,8 @@ class PathComparison(Record):
 
     Attributes
     ----------
-    name : str
-        Name of the solver.
-    metric : str
-        Name of its metric.
+    name, metric : str
+        Names of the solver and of its metric.
     result : PathResult
         Result of the solver.
     measures : PathMeasures
@@ -99,12 +86,11 @@ class PathComparison(Record):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> metrics = {"elastic": rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)}
+    >>> metrics = {"elastic": rh.AlignedSurfaces(bodies.template).metric}
     >>> solvers = {"straight": (rh.solvers.LinearPath(n_nodes=5), "elastic")}
-    >>> rows = rh.solvers.compare_paths(metrics, bodies[0], bodies[2], solvers)
-    >>> [(row.name, row.metric) for row in rows]
-    [('straight', 'elastic')]
+    >>> [row] = rh.solvers.compare_paths(metrics, bodies[0], bodies[2], solvers)
+    >>> row.as_row()["n_iterations"]
+    0
     """
 
     name: str
@@ -114,12 +100,7 @@ class PathComparison(Record):
     seconds: float
 
     def as_row(self) -> dict[str, Any]:
-        """Return everything but the path, by name, for a table.
-
-        Returns
-        -------
-        dict of str to str, float, int or bool
-        """
+        """Return everything but the path, by name, for a table."""
         measures = self.measures
         row: dict[str, Any] = {"name": self.name, "metric": self.metric}
         row |= {f"energy_{name}": value for name, value in measures.energies.items()}
@@ -159,20 +140,12 @@ def compare_paths(
     Returns
     -------
     list of PathComparison
-        One for each solver, in the same order.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no metric, a solver names an unknown metric, the surfaces do not fit, or the
-        reference has other times or vertices than a path.
 
     Examples
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> metrics = {"elastic": rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)}
+    >>> metrics = {"elastic": rh.AlignedSurfaces(bodies.template).metric}
     >>> solvers = {"straight": (rh.solvers.LinearPath(n_nodes=5), "elastic")}
     >>> rows = rh.solvers.compare_paths(metrics, bodies[0], bodies[2], solvers)
     >>> [(row.name, row.metric) for row in rows]
@@ -212,19 +185,13 @@ def measure_path(
     -------
     PathMeasures
 
-    Raises
-    ------
-    ArgumentError
-        If there is no metric, or the path or the reference does not fit.
-
     Examples
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> result = rh.solvers.LinearPath(n_nodes=5).solve(space.metric, bodies[0], bodies[2])
-    >>> measures = rh.solvers.measure_path({"shape": space.metric}, result.path)
-    >>> sorted(measures.energies)
+    >>> metric = rh.AlignedSurfaces(bodies.template).metric
+    >>> path = rh.solvers.LinearPath(n_nodes=5).solve(metric, bodies[0], bodies[2]).path
+    >>> sorted(rh.solvers.measure_path({"shape": metric}, path).energies)
     ['shape']
     """
     if not metrics:
@@ -266,22 +233,17 @@ class PathDistances(Result):
         Distances in closed form, 0 where the metric has none: no path is shorter.
     gaps : array, shape (n, n)
         `PathResult.gap` of the paths, per cent of their energies.
-    n_iterations, n_evaluations : int
-        Iterations and evaluations of all paths together.
-    status : Status
-        ``CONVERGED`` if all paths are, otherwise ``STALLED``.
-    message : str
-        How many paths converged.
+    n_iterations, n_evaluations, status, message
+        See `Result`, of all paths together; ``STALLED`` if one has not converged.
 
     Examples
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> solver = rh.solvers.PoissonPath(n_nodes=5)
-    >>> table = rh.solvers.path_distances(solver, space.metric, bodies.points[:3])
-    >>> table.lengths.shape, bool((table.excess >= 0).all())
-    ((3, 3), True)
+    >>> metric = rh.AlignedSurfaces(bodies.template).metric
+    >>> table = rh.solvers.path_distances(rh.solvers.PoissonPath(5), metric, bodies.points[:3])
+    >>> bool((table.excess >= 0).all())
+    True
     """
 
     lengths: ndarray
@@ -297,7 +259,10 @@ class PathDistances(Result):
 
     @staticmethod
     def row_of(metric: RiemannianMetric, result: PathResult) -> ndarray:
-        """Return the numbers of one path that `from_rows` takes.
+        """Return the numbers of one path that `from_rows` takes, shape (6,).
+
+        These are its length, the distance in closed form, the gap, iterations, evaluations, and
+        whether it converged.
 
         Parameters
         ----------
@@ -305,11 +270,6 @@ class PathDistances(Result):
             The metric.
         result : PathResult
             The path.
-
-        Returns
-        -------
-        array, shape (6,)
-            Length, distance in closed form, gap, iterations, evaluations, and whether it converged.
         """
         length, bound = float(metric.length(result.path)), float(np.sqrt(result.lower_bound))
         counts = result.n_iterations, result.n_evaluations, result.converged
@@ -325,10 +285,6 @@ class PathDistances(Result):
             Number of points n.
         rows : array, shape (n (n − 1)/2, 6)
             Row of each pair, see `row_of`.
-
-        Returns
-        -------
-        PathDistances
         """
         rows = rows.reshape(-1, 6)
         tables = np.zeros((3, n_points, n_points))
@@ -371,19 +327,13 @@ def path_distances(
     -------
     PathDistances
 
-    Raises
-    ------
-    ArgumentError
-        If a point is wrong.
-
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> solver = rh.solvers.LinearPath(n_nodes=3)
-    >>> rh.solvers.path_distances(solver, space.metric, bodies.points[:2]).lengths.shape
-    (2, 2)
+    >>> metric = rh.VectorSpace((2,)).metric
+    >>> rh.solvers.path_distances(rh.solvers.LinearPath(), metric, [[0.0, 0.0], [3.0, 4.0]]).lengths
+    array([[0., 5.],
+           [5., 0.]])
     """
     pairs = PairsOfPoints(points)
     results = solve_pairs(solver, metric, pairs, n_jobs=n_jobs, progress=progress)
@@ -408,20 +358,9 @@ class PairsOfPoints(Sequence[Any]):
 
 
 def change_along_path(sizes: ndarray) -> ndarray:
-    """Return the largest relative change of sizes along a path beyond the sizes at its ends.
+    """Return the largest relative change of sizes along a path, see `PathMeasures`.
 
-    For sizes A(τ) with ends A₀, A₁ it is the maximum over τ of A(τ)/max(A₀, A₁) − 1,
-    min(A₀, A₁)/A(τ) − 1 and 0, so that doubling and halving count the same.
-
-    Parameters
-    ----------
-    sizes : array, shape (n_times, ...)
-        Areas, lengths or volumes along a path, all of one sign.
-
-    Returns
-    -------
-    array, shape (...)
-        Infinite where a size vanishes only between the ends, or only at both ends.
+    It is infinite where a size vanishes only between the ends, or only at both ends.
     """
     sizes = np.abs(real_array(sizes, "sizes", finite=False))
     largest, smallest = np.maximum(sizes[0], sizes[-1]), np.minimum(sizes[0], sizes[-1])
@@ -431,15 +370,6 @@ def change_along_path(sizes: ndarray) -> ndarray:
 
 
 def summarize(distortions: ndarray, weights: ndarray) -> Distortion:
-    """Return the largest, the 99 % quantile and the weighted mean of distortions.
-
-    Parameters
-    ----------
-    distortions : array, shape (m,)
-        Distortions of triangles or edges.
-    weights : array, shape (m,)
-        Their areas or lengths.
-    """
     return Distortion(
         float(distortions.max()),
         float(np.quantile(distortions, 0.99)),

@@ -41,11 +41,9 @@ class SegmentEnergy:
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> solver = rh.solvers.LinearPath(n_nodes=5, energy=rh.solvers.SegmentEnergy())
-    >>> bool(solver.solve(space.metric, bodies[0], bodies[2]).energy > 0)
-    True
+    >>> metric = rh.VectorSpace((2,)).metric
+    >>> rh.solvers.SegmentEnergy().value(metric, [[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]])
+    8.0
     """
 
     def value(self, metric: RiemannianMetric, path: ndarray) -> float:
@@ -57,15 +55,11 @@ class SegmentEnergy:
             The metric.
         path : array, shape (n_nodes, \*shape)
             Path.
-
-        Returns
-        -------
-        float
         """
         return float(metric.energy(path))
 
     def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
-        r"""Return the energy of a path and its gradient with respect to all points.
+        r"""Return the energy, infinite off the manifold, and its gradient by all points.
 
         Parameters
         ----------
@@ -73,12 +67,6 @@ class SegmentEnergy:
             The metric.
         path : array, shape (n_nodes, \*shape)
             Path.
-
-        Returns
-        -------
-        energy : float
-            May be infinite where the path leaves the manifold.
-        gradient : array, shape (n_nodes, \*shape)
         """
         return metric.energy_and_gradient(path)
 
@@ -92,44 +80,16 @@ class FiniteDifferenceEnergy:
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> solver = rh.solvers.LinearPath(n_nodes=5, energy=rh.solvers.FiniteDifferenceEnergy())
-    >>> bool(solver.solve(space.metric, bodies[0], bodies[2]).energy > 0)
-    True
+    >>> metric = rh.VectorSpace((2,)).metric
+    >>> path = [[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]]
+    >>> rh.solvers.FiniteDifferenceEnergy().value(metric, path)
+    8.0
     """
 
     def value(self, metric: RiemannianMetric, path: ndarray) -> float:
-        r"""Return the energy of a path, see `SegmentEnergy.value`.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        path : array, shape (n_nodes, \*shape)
-            Path.
-
-        Returns
-        -------
-        float
-        """
         return float(self._energy(metric, metric.check_points(path, "path")))
 
     def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
-        r"""Return the energy of a path and its gradient, by autograd.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        path : array, shape (n_nodes, \*shape)
-            Path.
-
-        Returns
-        -------
-        energy : float
-        gradient : array, shape (n_nodes, \*shape)
-        """
         energy = value_and_grad(lambda points: self._energy(metric, points))
         value, gradient = energy(metric.check_points(path, "path"))
         return float(value), gradient
@@ -167,7 +127,7 @@ class PathSolver(ABC):
         n_jobs: int | None = None,
         progress: bool = False,
     ) -> list[PathResult]:
-        r"""Find a path between the points of every pair.
+        r"""Find a path between the points of every pair, see `rh.path_job` for very many.
 
         Parameters
         ----------
@@ -183,12 +143,6 @@ class PathSolver(ABC):
         Returns
         -------
         list of PathResult
-            In the order of the pairs; see `rh.path_job` for more than memory holds.
-
-        Raises
-        ------
-        ArgumentError
-            If an item is not two points, or `solve` raises it for a pair; it names the item.
 
         Warns
         -----
@@ -258,11 +212,9 @@ class LinearPath(PathSolver):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> result = rh.solvers.LinearPath(n_nodes=3).solve(space.metric, bodies[0], bodies[1])
-    >>> bool((result.path[1] == (bodies[0] + bodies[1]) / 2).all())
-    True
+    >>> metric = rh.VectorSpace((2,)).metric
+    >>> rh.solvers.LinearPath(n_nodes=3).solve(metric, [0.0, 0.0], [2.0, 0.0]).energy
+    4.0
     """
 
     n_nodes: int = 11
@@ -272,7 +224,6 @@ class LinearPath(PathSolver):
         whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
-        """Return the straight path."""
         start, end = check_end_points(metric, start, end)
         path = linear_path(start, end, self.n_nodes)
         path[1:-1] = metric.space.projection(path[1:-1])
@@ -281,7 +232,7 @@ class LinearPath(PathSolver):
 
 @dataclass(frozen=True)
 class ClosedFormGeodesic(PathSolver):
-    """The geodesic, for metrics that have it in closed form.
+    """The geodesic, for metrics that have it in closed form; others raise a NotDefinedError.
 
     Parameters
     ----------
@@ -293,12 +244,9 @@ class ClosedFormGeodesic(PathSolver):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> fields = rh.NormalFields(bodies.template)
-    >>> n = fields.random_point(2, rng=0)
-    >>> result = rh.solvers.ClosedFormGeodesic(n_nodes=5).solve(fields.metric, n[0], n[1])
-    >>> bool(abs(result.energy / fields.metric.squared_dist(n[0], n[1]) - 1) < 1e-9)
-    True
+    >>> metric = rh.VectorSpace((2,)).metric
+    >>> rh.solvers.ClosedFormGeodesic(n_nodes=3).solve(metric, [0.0, 0.0], [2.0, 0.0]).energy
+    4.0
     """
 
     n_nodes: int = 11
@@ -308,7 +256,6 @@ class ClosedFormGeodesic(PathSolver):
         whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
-        """Return the geodesic; raise NotDefinedError if the metric has no closed form."""
         if not metric.has_closed_form_geodesic:
             raise NotDefinedError(
                 f"{type(metric).__name__} has no closed-form geodesics; use BasisPath or "

@@ -37,7 +37,7 @@ class TangentPCA(Estimator):
     the nearest fields, see `NearestSurface`. The weights of the metric thus decide what is
     analysed: (1, 1, 0) how a body is built, whatever its pose, (0, 0, 1) how it stands, (1, 1, 1)
     both. If λ is so small that triangles have no logarithm (θ ≥ π, as with the λ = 1e-4 of
-    retrieval), `fit` raises an error.
+    retrieval), `fit` raises an OutsideManifoldError.
 
     Parameters
     ----------
@@ -80,7 +80,6 @@ class TangentPCA(Estimator):
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> metric = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=1.0)
     >>> components = rh.TangentPCA(space, n_components=2).fit(bodies.points[:50:10])
     >>> components.transform(bodies.points[:50:10]).shape
     (5, 2)
@@ -119,18 +118,6 @@ class TangentPCA(Estimator):
             Not used.
         base_point : array, shape (\*shape,), optional
             Point to use instead of the mean.
-
-        Returns
-        -------
-        TangentPCA
-            The estimator itself.
-
-        Raises
-        ------
-        ArgumentError
-            If there are too few points for the components, or the points coincide.
-        OutsideManifoldError
-            If a point has no logarithm at the mean.
         """
         points = self.space.metric.check_points(X, "X")
         if len(points) < 2:
@@ -187,13 +174,6 @@ class TangentPCA(Estimator):
         Returns
         -------
         array, shape (n, n_components)
-
-        Raises
-        ------
-        ArgumentError
-            If the points do not fit the space.
-        OutsideManifoldError
-            If a point has no logarithm at the mean.
         """
         self._require_fit("components_")
         image = self._image()
@@ -215,17 +195,11 @@ class TangentPCA(Estimator):
             Not used.
         base_point : array, shape (\*shape,), optional
             Point to use instead of the mean.
-
-        Returns
-        -------
-        array, shape (n, n_components)
         """
         return self.fit(X, base_point=base_point).transform(X)
 
     def inverse_transform(self, X: ndarray) -> ndarray:
-        r"""Return the points with these coordinates, exp(offset + Σ_k z_k u_k).
-
-        For surfaces, return those with the nearest fields.
+        r"""Return the points exp(offset + Σ_k z_k u_k), on surfaces those with the nearest fields.
 
         Parameters
         ----------
@@ -235,13 +209,6 @@ class TangentPCA(Estimator):
         Returns
         -------
         array, shape (n, \*shape)
-
-        Raises
-        ------
-        ArgumentError
-            If there are more coordinates than directions.
-        OutsideManifoldError
-            If a geodesic leaves the manifold.
         """
         self._require_fit("components_")
         scores = real_array(X, "X", ("n", "n_components"), batched=False)
@@ -270,19 +237,12 @@ class TangentPCA(Estimator):
         rng : int or numpy.random.Generator
             Seed, or the generator to draw from.
         accept : callable, optional
-            Tells whether a point is acceptable; others are redrawn. By default surfaces with
-            inverted triangles are rejected, see `inverted_triangles`, and nothing else.
+            Tells whether a point is acceptable; others are redrawn, a hundred times at most. By
+            default surfaces with `inverted_triangles` are rejected, and nothing else.
 
         Returns
         -------
         array, shape (n_samples, \*shape), or (\*shape,) for one sample
-
-        Raises
-        ------
-        ArgumentError
-            If fewer than one in a hundred points are accepted.
-        OutsideManifoldError
-            If a geodesic leaves the manifold.
         """
         self._require_fit("components_")
         n_samples, rng = sample_count(n_samples), generator(rng)

@@ -39,8 +39,8 @@ from riemhuman.kernels.surface import (
     stacked_derivatives,
     triangle_frames,
 )
-from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.solvers._lbfgs import LBFGS, Minimum, Operator
+from riemhuman.solvers._coordinates import Coordinates
+from riemhuman.solvers._lbfgs import LBFGS, Minimum
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
 from riemhuman.solvers.paths import rounded
 from riemhuman.solvers.results import Result, finish
@@ -92,12 +92,7 @@ class MotionTransfer:
         "change": the target repeats the changes of the source since the reference; if its initial
         pose differs a little, its later poses differ as much, so that hands may end beside the head
         instead of on it. "pose": the target takes the pose of the source in every frame, whatever
-        its own initial pose.
-
-    Raises
-    ------
-    ArgumentError
-        If an option is unknown, or poses are to be transferred about the axes of the body.
+        its own initial pose; `axes` must then be "world".
 
     Examples
     --------
@@ -105,8 +100,7 @@ class MotionTransfer:
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> motion = rh.datasets.load_open_motions("coarse", sequences="knees")[0][:30:10]
-    >>> moved = rh.solvers.MotionTransfer().solve(space, motion, bodies[0])
-    >>> moved.shape
+    >>> rh.solvers.MotionTransfer().solve(space, motion, bodies[0]).shape
     (3, 1202, 3)
     """
 
@@ -140,7 +134,7 @@ class MotionTransfer:
             Body to be moved.
         reference : array, shape (V, 3), optional
             The source in the target's pose, by default the first frame: for a frame equal to the
-            reference, the result is the target. Not used for poses.
+            reference, the result is the target. It must be left out where poses are transferred.
 
         Returns
         -------
@@ -148,14 +142,6 @@ class MotionTransfer:
             It is placed so that parts which rest on the source also rest on the target, above all
             planted feet: mean displacements of vertices agree, with weights 1/(d² + 1 cm²) of the
             displacement d. For poses, the first frame has the centroid of the source.
-
-        Raises
-        ------
-        ArgumentError
-            If the motion is empty, a surface does not fit the space, or there is a reference where
-            poses are transferred.
-        DegenerateSurfaceError
-            If a triangle has no area.
         """
         if reference is not None and self.transfer == "pose":
             raise ArgumentError(
@@ -196,8 +182,7 @@ class ShapeTransfer:
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> result = rh.solvers.ShapeTransfer().solve(space, bodies[0], bodies[10], bodies[3])
-    >>> result.shape
+    >>> rh.solvers.ShapeTransfer().solve(space, bodies[0], bodies[10], bodies[3]).shape
     (1202, 3)
     """
 
@@ -219,13 +204,6 @@ class ShapeTransfer:
         -------
         array, shape (V, 3)
             The centroid of each connected component is that of the target.
-
-        Raises
-        ------
-        ArgumentError
-            If a surface does not fit the space.
-        DegenerateSurfaceError
-            If a triangle has no area.
         """
         before, after, target = (
             _one_surface(space, body, name)
@@ -250,23 +228,18 @@ class DisentanglingResult(Result):
         The same at the start and after each iteration, before any basis.
     shape_dist, pose_dist : float
         Distances from the two bodies in the respective metric.
-    n_iterations, n_evaluations : int
-        Iterations, and evaluations of the sum and its gradient.
-    status : Status
-        How it ended.
-    message : str
-        The same for people, in more detail.
+    n_iterations, n_evaluations, status, message
+        See `Result`.
 
     Examples
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> build = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0)
-    >>> pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
+    >>> build, pose = rh.ElasticMetric(space, 1.0, 1.0, 0.0), rh.ElasticMetric(space, 0.0, 0.0, 1.0)
     >>> result = rh.solvers.Disentangling().solve(build, pose, bodies[0], bodies[13])
-    >>> result.surface.shape
-    (1202, 3)
+    >>> bool(result.value <= result.values[0])
+    True
     """
 
     surface: ndarray
@@ -327,10 +300,8 @@ class Disentangling:
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> build = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0)
-    >>> pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
-    >>> result = rh.solvers.Disentangling().solve(build, pose, bodies[0], bodies[13])
-    >>> result.surface.shape
+    >>> build, pose = rh.ElasticMetric(space, 1.0, 1.0, 0.0), rh.ElasticMetric(space, 0.0, 0.0, 1.0)
+    >>> rh.solvers.Disentangling().solve(build, pose, bodies[0], bodies[13]).surface.shape
     (1202, 3)
     """
 
@@ -374,13 +345,6 @@ class Disentangling:
         -------
         DisentanglingResult
 
-        Raises
-        ------
-        ArgumentError
-            If the surfaces, the metrics or the basis do not fit each other.
-        DegenerateSurfaceError
-            If a triangle of a body has no area.
-
         Warns
         -----
         ConvergenceWarning
@@ -401,8 +365,8 @@ class Disentangling:
         sum_ = _WeightedSum(
             (shape_metric, pose_metric), (self.shape_weight, self.pose_weight), (shape, posed)
         )
-        minimum = self._minimize(sum_, shape, start)
-        surface, value = minimum.x.reshape(start.shape), minimum.value
+        minimum = self._minimize(sum_, space, shape, start)
+        surface, value = minimum.x, minimum.value
         if self.basis is not None:
             # Translations change neither metric.
             difference = surface - shape
@@ -421,38 +385,22 @@ class Disentangling:
         )
         return finish(self, result)
 
-    def _minimize(self, sum_: _WeightedSum, shape: ndarray, start: ndarray) -> Minimum:
-        """Return the surface of least value, as a vector."""
-        value, rounding = sum_.value_and_gradient(start)[0], sum_.rounding(start)
-        if value <= rounding:
-            message = "the start is at no distance from either"
-            return Minimum(start, value, np.array([value]), n_evaluations=1, message=message)
-        areas = [triangle_areas(body, sum_.faces) for body in (shape, start)]
-        least_areas = _LEAST_AREA * np.minimum(*areas)
+    def _minimize(
+        self, sum_: _WeightedSum, space: AlignedSurfaces, shape: ndarray, start: ndarray
+    ) -> Minimum:
+        """Return the surface of least value."""
+        faces = space.template.faces
+        least_areas = np.minimum(*(triangle_areas(body, faces) for body in (shape, start)))
 
-        def objective(x: ndarray) -> tuple[float, ndarray]:
-            surface = x.reshape(start.shape)
-            if np.any(triangle_areas(surface, sum_.faces) < least_areas):
-                return np.inf, np.zeros_like(x)
-            value, gradient = sum_.value_and_gradient(surface)
-            return value, gradient.ravel()
+        def objective(surface: ndarray) -> tuple[float, ndarray]:
+            if np.any(triangle_areas(surface, faces) < _LEAST_AREA * least_areas):
+                return np.inf, np.zeros_like(surface)
+            return sum_.value_and_gradient(surface)
 
-        def inverse_hessian_at(x: ndarray) -> Operator:
-            factor = sum_.factor(x.reshape(start.shape))
-            return lambda gradient: factor.inverse(gradient[:, None])[:, 0]
-
-        def report(iteration: int, value: float, x: ndarray) -> None:
-            if self.callback is not None:
-                self.callback(iteration, value, x.reshape(start.shape))
-
-        minimizer = LBFGS(
-            self.tolerance,
-            self.max_iter,
-            callback=report,
-            progress="disentangling" if self.progress else "",
-        )
-        with single_threaded_libraries():
-            return minimizer.minimize(objective, start.ravel(), inverse_hessian_at)
+        text = "disentangling" if self.progress else ""
+        minimizer = LBFGS(self.tolerance, self.max_iter, callback=self.callback, progress=text)
+        coordinates = Coordinates(space, start)
+        return coordinates.minimize(minimizer, objective, sum_.factor, floor=sum_.rounding(start))
 
 
 class _WeightedSum:
@@ -464,7 +412,6 @@ class _WeightedSum:
         weights: tuple[float, ...],
         points: tuple[ndarray, ...],
     ) -> None:
-        self.faces = metrics[0].space.template.faces
         self._terms = list(zip(metrics, weights, points, strict=True))
 
     def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
@@ -524,8 +471,8 @@ class PoseTransfer:
     times as long, and slowly across them (after Perona and Malik, "Scale-space and edge detection
     using anisotropic diffusion", IEEE PAMI 12, 1990), so that bones lose more of B's build and
     joints less of their bends. A's triangles, rotated by the smooth field, are put together by a
-    Poisson equation. Each further round adds the smoothed remainder of the rotations, which
-    restores the bends of joints, long waves sooner than short ones.
+    Poisson equation. A second round adds the smoothed remainder of the rotations, which restores
+    the bends of joints.
     """
 
     def __init__(
@@ -533,10 +480,9 @@ class PoseTransfer:
         space: AlignedSurfaces,
         smoothing: float = _SMOOTHING,
         bone_smoothing: float = _BONE_SMOOTHING,
-        n_rounds: int = 1,
     ) -> None:
         self._template = template = space.template
-        self._n_rounds, self._bone_smoothing = n_rounds, bone_smoothing
+        self._bone_smoothing = bone_smoothing
         self._area = float(template.face_areas.sum())
         self._time = self._area * smoothing
 
@@ -552,11 +498,9 @@ class PoseTransfer:
         assemble = self._template.interpolator.with_weights(trust)
         field = _flow(along_bones, rotations)
         posed = assemble.surface_of(stacked_derivatives(field @ frames), pose)
-        for _ in range(self._n_rounds):
-            missing = self._rotations(self._frames(posed), pose)
-            field = _flow(along_bones, missing) @ field
-            posed = assemble.surface_of(stacked_derivatives(field @ frames), pose)
-        return posed
+        missing = self._rotations(self._frames(posed), pose)
+        field = _flow(along_bones, missing) @ field
+        return assemble.surface_of(stacked_derivatives(field @ frames), pose)
 
     def _frames(self, surface: ndarray) -> ndarray:
         return triangle_frames(surface, self._template.differential_operator)

@@ -9,7 +9,7 @@ from cases import CASES
 
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import ElasticMetric, SRNFMetric
-from riemhuman.solvers.basis_path import BasisPath
+from riemhuman.solvers.path_search import BasisPath
 from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath
 from riemhuman.solvers.path_comparison import (
     change_along_path,
@@ -17,7 +17,7 @@ from riemhuman.solvers.path_comparison import (
     measure_path,
     summarize,
 )
-from riemhuman.solvers.path_straightening import PathStraightening
+from riemhuman.solvers.path_search import PathStraightening
 from riemhuman.solvers.paths import LinearPath
 
 N_TIMES = 6

@@ -1,0 +1,484 @@
+"""Paths of least energy: over a basis of deformations, and over all coordinates."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy import ndarray
+from scipy import sparse
+from scipy.interpolate import make_interp_spline
+
+from riemhuman.checks import real_number, whole_number
+from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
+from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.kernels.triangles import nearly_degenerate_triangles
+from riemhuman.solvers._coordinates import Coordinates
+from riemhuman.solvers._lbfgs import LBFGS, Operator
+from riemhuman.solvers._preconditioners import CholeskyFactor, PathPreconditioner, metric_factor
+from riemhuman.solvers.interpolated_paths import rotating_paths
+from riemhuman.solvers.paths import (
+    PathSolver,
+    SegmentEnergy,
+    check_end_points,
+    check_initial_path,
+    known_path,
+    linear_path,
+    lower_bound,
+    path_floor,
+    percentage,
+)
+from riemhuman.solvers.results import PathResult, Status, finish
+
+if TYPE_CHECKING:
+    from riemhuman.surfaces.deformation_basis import DeformationBasis
+
+# Tolerance of the first runs from several starts, of which the best goes on to the end.
+_FIRST_TOLERANCE = 1e-3
+
+# Weight of the Dirichlet energy in the preconditioner of surfaces: fewest iterations on the open
+# bodies, under metrics with and without a and c; a third or three times as much costs some more.
+_STIFFNESS = 0.2
+
+# Least and largest ridge, in between the tolerance: a ridge hides how softly limbs as a whole move,
+# the more the finer the mesh, and what such motions still gain matters to narrow tolerances alone.
+_RIDGES = 1e-6, 1e-4
+
+# Heights, as shares of the longest edge, of flat triangles; and how many are frozen at most, the
+# flattest: each costs three vectors of all coordinates.
+_FLAT = 1e-5
+_MOST_FROZEN = 20
+
+# Share by which heights are lifted, more than rounding of rotations changes them, and how often at
+# most: a corner may be the tip of several triangles.
+_LIFT = 1e-4
+_MOST_LIFTS = 20
+
+
+class PathSearch(PathSolver):
+    """What searches for paths of least energy have in common."""
+
+    n_nodes: int
+    energy: PathEnergy
+    initial: GeodesicSolver | None
+    tolerance: float
+    max_iter: int
+    remove_drift: bool
+    callback: Callable[[int, float, ndarray], Any] | None
+    progress: bool
+
+    # The share of the energy that the second half of many iterations may have gained at the end,
+    # and the least such share in units of the tolerance.
+    _recent_decrease: float
+    _recent_tolerances: float
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
+        whole_number(self.max_iter, "max_iter", minimum=1)
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+
+    def solve(
+        self,
+        metric: RiemannianMetric,
+        start: ndarray,
+        end: ndarray,
+        initial_path: ndarray | None = None,
+    ) -> PathResult:
+        r"""Find a path of least energy.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        start, end : array, shape (\*shape,)
+            End points.
+        initial_path : array, shape (n_nodes, \*shape), optional
+            Path to start from, between the same ends.
+
+        Returns
+        -------
+        PathResult
+
+        Raises
+        ------
+        ArgumentError
+            If the initial path has other ends, leaves the manifold or has no finite energy.
+        Interrupted
+            If it is interrupted from the keyboard, with the best result so far.
+
+        Warns
+        -----
+        ConvergenceWarning
+            If the stopping test was not met.
+        """
+        start, end = check_end_points(metric, start, end)
+        self._check_search(metric, start, end)
+        if self.n_nodes == 2:
+            path = linear_path(start, end, 2)
+            return known_path(metric, self.energy, path, "a single segment", gap=0.0)
+        with single_threaded_libraries():
+            if initial_path is None:
+                paths = self._starts(metric, start, end)
+            else:
+                paths = [check_initial_path(metric, start, end, self.n_nodes, initial_path)]
+            return finish(self, self._best_of(metric, paths))
+
+    @abstractmethod
+    def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
+        """Raise an error or warn if a search makes no sense."""
+
+    @abstractmethod
+    def _factor(self, metric: RiemannianMetric, nodes: ndarray) -> CholeskyFactor:
+        """Return a factor of the metric's matrix in the coordinates of the interior points."""
+
+    def _directions(self) -> ndarray | None:
+        """Return the rows along which points move, or None for all coordinates."""
+        return None
+
+    def _may_freeze(self, metric: RiemannianMetric) -> bool:
+        return False
+
+    def _starts(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> list[ndarray]:
+        """Return the start of least energy, and those with a limb that rotates the other way."""
+        starts, alternatives = [linear_path(start, end, self.n_nodes)], []
+        if metric.space.is_surface_space and np.all(metric.space.belongs(np.stack([start, end]))):
+            rotating = rotating_paths(metric, self.energy, start, end, self.n_nodes)
+            starts.append(rotating[0][0])
+            alternatives = [path for path, _ in rotating[1:]]
+        if self.initial is not None:
+            starts.append(self.initial.solve(metric, start, end).path)
+            alternatives = []
+        starts = [_on_manifold(metric, path) for path in starts]
+        best = min(starts, key=lambda path: _energy(metric, self.energy, path))
+        return [best, *alternatives]
+
+    def _best_of(self, metric: RiemannianMetric, paths: list[ndarray]) -> PathResult:
+        """Descend from the start that leads to the least energy, as far as a short run tells."""
+        if len(paths) == 1:
+            return self._descend(metric, paths[0])
+        short = replace(self, tolerance=max(_FIRST_TOLERANCE, self.tolerance), callback=None)
+        results: list[PathResult] = []
+        for path in paths:
+            results.append(short._descend(metric, path))
+            if results[-1].status is Status.INTERRUPTED:
+                break
+        best, last = min(results, key=lambda result: result.energy), results[-1]
+        if last.status is Status.INTERRUPTED:
+            return replace(best, status=last.status, message=last.message)
+        result = self._descend(metric, best.path, best.energies[:-1])
+        n_evaluations = result.n_evaluations + sum(each.n_evaluations for each in results)
+        return replace(result, n_evaluations=n_evaluations)
+
+    def _descend(
+        self, metric: RiemannianMetric, path: ndarray, earlier: ndarray | tuple[()] = ()
+    ) -> PathResult:
+        """Minimise over the interior points of a path."""
+        path = _on_manifold(metric, path)
+        coordinates = Coordinates(metric.space, path[1:-1], self._directions())
+
+        def energy(nodes: ndarray) -> tuple[float, ndarray]:
+            value, gradient = self.energy.value_and_gradient(metric, _with_interior(path, nodes))
+            return value, gradient[1:-1]
+
+        def inverse_hessian_at(nodes: ndarray) -> Operator:
+            return PathPreconditioner(self._factor(metric, nodes), len(nodes) + 1)
+
+        def freeze_at(nodes: ndarray) -> Operator:
+            faces = metric.space.template.faces
+            return freeze_flat_triangles(inverse_hessian_at(nodes), nodes, faces)
+
+        def report(iteration: int, value: float, nodes: ndarray) -> None:
+            if self.callback is not None:
+                self.callback(iteration, value, _with_interior(path, nodes))
+
+        recent_decrease = max(self._recent_decrease, self._recent_tolerances * self.tolerance)
+        text = "geodesic" if self.progress else ""
+        minimizer = LBFGS(
+            self.tolerance, self.max_iter, recent_decrease, callback=report, progress=text
+        )
+        minimum = coordinates.minimize(
+            minimizer,
+            energy,
+            inverse_hessian_at,
+            freeze_at if self._may_freeze(metric) else None,
+            floor=path_floor(metric, self.energy, path),
+            earlier=earlier,
+        )
+        if not np.isfinite(minimum.value):
+            if metric.space.is_surface_space:
+                metric.space.check_immersed(path, "the initial path")
+            raise ArgumentError(
+                "the initial path leaves the manifold or has no finite energy; pass another "
+                "initial_path"
+            )
+        return PathResult(
+            self._without_drift(metric, _with_interior(path, minimum.x)),
+            minimum.value,
+            minimum.values,
+            lower_bound(metric, path),
+            percentage(minimum.gap, minimum.value),
+            **minimum.outcome,
+        )
+
+    def _without_drift(self, metric: RiemannianMetric, path: ndarray) -> ndarray:
+        """Return a path without drift, if asked for.
+
+        A triangle that is nearly flat may become flat by the rounding of a rotation.
+        """
+        if not self.remove_drift:
+            return path
+        path = metric.remove_drift(path)
+        if metric.space.is_surface_space and not np.all(metric.space.belongs(path)):
+            path[1:-1] = lift_flat_triangles(path[1:-1], metric.space.template)
+        return path
+
+
+@dataclass(frozen=True)
+class BasisPath(PathSearch):
+    r"""Paths of least energy over a basis, without exponential map: Algorithm 1 of the paper.
+
+    .. math:: f(t_i) = l(t_i) + \sum_j \alpha_{ij} \mathcal{D}_j
+
+    for every interior time (corrected: α has one block for each of them). In the paper l is the
+    straight path (1 − t) f₀ + t f₁ (corrected), as here with ``initial=LinearPath(n_nodes)``. By
+    default l is the path that rotates every triangle (`PoissonPath`) where that has less energy, so
+    that limbs bend instead of shrinking. A quasi-Newton method finds α, preconditioned by the
+    metric's Gram matrix on the basis, averaged over the first and the last surface between the
+    ends.
+
+    Parameters
+    ----------
+    basis : DeformationBasis
+        Deformations D_j.
+    n_nodes : int
+        Number of points of the path, both ends included.
+    energy : PathEnergy
+        Energy to minimise.
+    initial : GeodesicSolver, optional
+        Solver for l, with as many times. By default `PoissonPath` or `LinearPath`, whichever path
+        has less energy.
+    tolerance : float
+        The search stops when a Newton step would gain at most this share of the energy, as far as
+        the preconditioned gradient tells, and the second half of its iterations, if they are ten or
+        more, has gained at most 0.1 %, or ten times this share.
+    max_iter : int
+        Most iterations.
+    remove_drift : bool
+        Whether to remove motions that leave the energy unchanged from the path found, such as rigid
+        motions of interior surfaces where c = 0.
+    callback : callable, optional
+        Called with (iteration, energy, path) after each iteration.
+    progress : bool
+        Whether to show a progress bar.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> metric = rh.AlignedSurfaces(bodies.template).metric
+    >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
+    >>> rh.solvers.BasisPath(basis, n_nodes=5).solve(metric, bodies[0], bodies[2]).path.shape
+    (5, 1202, 3)
+    """
+
+    basis: DeformationBasis
+    n_nodes: int = 11
+    energy: PathEnergy = SegmentEnergy()
+    initial: GeodesicSolver | None = None
+    tolerance: float = 1e-4
+    max_iter: int = 1000
+    remove_drift: bool = True
+    callback: Callable[[int, float, ndarray], Any] | None = None
+    progress: bool = False
+
+    _recent_decrease = 1e-3
+    _recent_tolerances = 10.0
+
+    def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
+        self.basis.check_fits(start.shape[0])
+
+    def _directions(self) -> ndarray:
+        return self.basis.flat
+
+    def _starts(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> list[ndarray]:
+        if self.initial is not None:
+            return [self.initial.solve(metric, start, end).path]
+        return super()._starts(metric, start, end)
+
+    def _factor(self, metric: RiemannianMetric, nodes: ndarray) -> CholeskyFactor:
+        return CholeskyFactor(metric.gram_matrix(self.basis.vectors, nodes[[0, -1]]))
+
+
+@dataclass(frozen=True)
+class PathStraightening(PathSearch):
+    """Paths of least energy in all coordinates of all interior points, on any manifold.
+
+    Coordinates are the entries of the arrays; `projection` maps them back to the manifold, and
+    steps that leave it (`belongs`) are rejected. The minimisation is L-BFGS with the inverse of the
+    metric's matrix, averaged over the path, as its first inverse Hessian; it starts from the
+    straight path, or on surfaces from the path that rotates every triangle (`PoissonPath`) if that
+    has less energy. Where a limb may rotate either way, both ways are tried, as in `BasisPath`.
+    Triangles that have nearly vanished, where normals jump and no slope leads on, are frozen while
+    others move. Its energies were lower than those of `BasisPath` for all pairs tried, and are
+    never higher with ``initial=BasisPath(...)``.
+
+    If it costs nothing that surfaces slide along themselves, their meshes crumple: a
+    `ReparametrizationInvarianceWarning` says so.
+
+    Parameters
+    ----------
+    n_nodes : int
+        Number of points of the path, both ends included.
+    energy : PathEnergy
+        Energy to minimise.
+    initial : GeodesicSolver, optional
+        Solver whose path, with as many nodes, is another start.
+    tolerance : float
+        The search stops when a Newton step would gain at most this share of the energy, as far as
+        the preconditioned gradient tells, and the second half of its iterations, if they are ten or
+        more, has gained at most 0.2 %, or twenty times this share.
+    max_iter : int
+        Most iterations.
+    remove_drift : bool
+        Whether to remove motions that leave the energy unchanged, see `BasisPath`.
+    callback : callable, optional
+        Called with (iteration, energy, path) after each iteration.
+    progress : bool
+        Whether to show a progress bar.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> metric = rh.VectorSpace((2,)).metric
+    >>> result = rh.solvers.PathStraightening(n_nodes=5).solve(metric, [0.0, 0.0], [1.0, 1.0])
+    >>> round(result.energy, 6)
+    2.0
+    """
+
+    n_nodes: int = 11
+    energy: PathEnergy = SegmentEnergy()
+    initial: GeodesicSolver | None = None
+    tolerance: float = 1e-4
+    max_iter: int = 1000
+    remove_drift: bool = True
+    callback: Callable[[int, float, ndarray], Any] | None = None
+    progress: bool = False
+
+    _recent_decrease = 2e-3
+    _recent_tolerances = 20.0
+
+    def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
+        if metric.is_reparametrization_invariant and not np.array_equal(start, end):
+            warn(
+                f"under {metric!r} it costs nothing that surfaces slide along themselves: over all "
+                "vertices the meshes of a path crumple, and its energy falls on and on. Search "
+                "over smooth deformations, as BasisPath(DeformationBasis.from_laplacian(template)) "
+                "does",
+                ReparametrizationInvarianceWarning,
+            )
+
+    def _factor(self, metric: RiemannianMetric, nodes: ndarray) -> CholeskyFactor:
+        ridge = float(np.clip(self.tolerance, *_RIDGES))
+        return metric_factor(metric, nodes, stiffness=_STIFFNESS, ridge=ridge)
+
+    def _may_freeze(self, metric: RiemannianMetric) -> bool:
+        return metric.space.is_surface_space
+
+
+def refine_path(path: ndarray, n_segments: int) -> ndarray:
+    """Return a path at other times, by a spline."""
+    known = np.linspace(0.0, 1.0, len(path))
+    spline = make_interp_spline(known, path, k=min(3, len(path) - 1))
+    refined = spline(np.linspace(0.0, 1.0, n_segments + 1))
+    refined[[0, -1]] = path[[0, -1]]
+    return refined
+
+
+def _with_interior(path: ndarray, nodes: ndarray) -> ndarray:
+    moved = path.copy()
+    moved[1:-1] = nodes
+    return moved
+
+
+def _on_manifold(metric: RiemannianMetric, path: ndarray) -> ndarray:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return _with_interior(path, metric.space.projection(path[1:-1]))
+
+
+def _energy(metric: RiemannianMetric, energy: PathEnergy, path: ndarray) -> float:
+    """Return the energy, infinite where the path leaves the manifold."""
+    if not np.all(metric.space.belongs(path[1:-1])):
+        return np.inf
+    value = energy.value(metric, path)
+    return value if np.isfinite(value) else np.inf
+
+
+def freeze_flat_triangles(inverse: Operator, nodes: ndarray, faces: ndarray) -> Operator:
+    r"""Return an inverse Hessian over the motions that leave flat triangles as flat as they are.
+
+    Where a triangle loses its area its normal jumps, and a path may get stuck: each direction that
+    still leads down moves such a triangle a little, too. The corner opposite to the longest edge
+    therefore stays where it is relative to that edge. With these linear conditions C x = 0 the
+    inverse H, over the coordinates of nodes of shape (n, V, 3), becomes
+    H − H Cᵀ (C H Cᵀ)⁻¹ C H.
+    """
+    _, n_vertices, n_axes = nodes.shape
+    columns, entries = [], []
+    for node, corners, weights in islice(_flat_triangles(nodes, faces), _MOST_FROZEN):
+        columns.append(n_axes * (n_vertices * node + corners) + np.arange(n_axes)[:, None])
+        entries.append(np.broadcast_to(weights, columns[-1].shape))
+    if not columns:
+        return inverse
+    starts = np.arange(0, np.size(columns) + 1, len(weights))
+    shape = len(starts) - 1, nodes.size
+    conditions = sparse.csr_array((np.ravel(entries), np.ravel(columns), starts), shape=shape)
+    images = np.array([inverse(conditions[[row]].toarray()[0]) for row in range(shape[0])])
+    # Conditions on triangles that share corners may depend on each other.
+    among = np.linalg.pinv((conditions @ images.T).T, hermitian=True)
+    return lambda slope: inverse(slope) - (among @ (images @ slope)) @ images
+
+
+def lift_flat_triangles(nodes: ndarray, template: Any) -> ndarray:
+    """Return surfaces, shape (n, V, 3), whose triangles without area are very slightly higher.
+
+    The triangles have no area by rounding errors alone.
+    """
+    higher = nodes.copy()
+    for _ in range(_MOST_LIFTS):
+        marked = nearly_degenerate_triangles(higher, template.faces, template.frame_coefficients)
+        if not marked.any():
+            break
+        for node, triangle in np.argwhere(marked):
+            corners, weights = _tip_over_edge(higher[node], template.faces[triangle])
+            higher[node, corners[0]] += _LIFT * weights @ higher[node, corners]
+    return higher
+
+
+def _flat_triangles(nodes: ndarray, faces: ndarray) -> Iterator[tuple[int, ndarray, ndarray]]:
+    """Yield node, corners and their weights in the height, the flattest triangle first."""
+    corners = nodes[:, faces]
+    # Edge k is opposite to corner k.
+    edges = np.roll(corners, -2, axis=2) - np.roll(corners, -1, axis=2)
+    squares = np.sum(edges**2, axis=-1)
+    doubled_areas = np.linalg.norm(np.cross(edges[:, :, 0], edges[:, :, 1]), axis=-1)
+    flatness = doubled_areas / squares.max(axis=-1)
+    order = np.argsort(flatness, axis=None)[: np.count_nonzero(flatness < _FLAT)]
+    for node, triangle in zip(*np.unravel_index(order, flatness.shape), strict=True):
+        yield node, *_tip_over_edge(nodes[node], faces[triangle])
+
+
+def _tip_over_edge(f: ndarray, face: ndarray) -> tuple[ndarray, ndarray]:
+    """Return the corner over the longest edge, then its ends, and their weights in the height."""
+    x = f[face]
+    lengths = [np.linalg.norm(x[k - 1] - x[k - 2]) for k in range(3)]
+    cycle = (int(np.argmax(lengths)) + np.arange(3)) % 3
+    tip, first, last = x[cycle]
+    edge = last - first
+    share = (tip - first) @ edge / (edge @ edge)
+    return face[cycle], np.array([1.0, share - 1.0, -share])
