@@ -54,8 +54,6 @@ def register(kind: str, name: str, factory: Callable[..., Any]) -> None:
     ------
     ArgumentError
         If the kind is unknown, or another extension has the name.
-    ArgumentTypeError
-        If it cannot be called.
 
     Examples
     --------
@@ -84,11 +82,6 @@ def unregister(kind: str, name: str) -> None:
         Its kind.
     name : str
         Its name.
-
-    Raises
-    ------
-    ArgumentError
-        If the kind is unknown, or no such name was registered in this process.
     """
     _check_kind(kind)
     if name not in _REGISTERED[kind]:
@@ -97,7 +90,7 @@ def unregister(kind: str, name: str) -> None:
 
 
 def extensions(kind: str) -> dict[str, Callable[..., Any]]:
-    """Return the extensions of installed packages and of this process.
+    """Return the extensions of installed packages and of this process by name.
 
     Parameters
     ----------
@@ -107,12 +100,12 @@ def extensions(kind: str) -> dict[str, Callable[..., Any]]:
     Returns
     -------
     dict of str to callable
-        By name, those of installed packages first.
+        Those of installed packages first.
 
     Raises
     ------
     ArgumentError
-        If the kind is unknown, or an extension of an installed package cannot be loaded.
+        If an extension of an installed package cannot be loaded.
     """
     _check_kind(kind)
     found: dict[str, Callable[..., Any]] = {}
@@ -136,15 +129,6 @@ def extension(kind: str, name: str) -> Callable[..., Any]:
         Its kind.
     name : str
         Its name.
-
-    Returns
-    -------
-    callable
-
-    Raises
-    ------
-    ArgumentError
-        If the kind or the name is unknown.
     """
     known = extensions(kind)
     if name not in known:

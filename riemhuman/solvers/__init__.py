@@ -1,7 +1,10 @@
-"""Solvers: path energies, geodesics, exponentials, logarithms, transport, Fréchet means."""
+"""Solvers: path energies, geodesics, exponentials, logarithms, transport, Fréchet means.
+
+A solver that has not converged issues a `ConvergenceWarning`; its result says why. Stopped from the
+keyboard, it raises `Interrupted`, which carries the best so far.
+"""
 
 from riemhuman.solvers import _defaults  # noqa: F401  (registers them)
-from riemhuman.solvers.path_search import BasisPath, PathStraightening
 from riemhuman.solvers.exponential import DiscreteExponential, ExponentialResult
 from riemhuman.solvers.geodesic_regression import GeodesicRegression
 from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath, PoissonPath
@@ -17,6 +20,7 @@ from riemhuman.solvers.path_comparison import (
     measure_path,
     path_distances,
 )
+from riemhuman.solvers.path_search import BasisPath, PathStraightening
 from riemhuman.solvers.paths import (
     ClosedFormGeodesic,
     FiniteDifferenceEnergy,

@@ -14,10 +14,10 @@ from typing import Any
 from numpy import ndarray
 
 from riemhuman.geometry.strategies import LogSolver, register_defaults
-from riemhuman.solvers.path_search import BasisPath, PathStraightening
 from riemhuman.solvers.exponential import DiscreteExponential
 from riemhuman.solvers.logarithm import DiscreteLogarithm
 from riemhuman.solvers.parallel_transport import PoleLadder
+from riemhuman.solvers.path_search import BasisPath, PathStraightening
 from riemhuman.solvers.paths import LinearPath
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.template import Template

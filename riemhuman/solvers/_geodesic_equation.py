@@ -272,7 +272,7 @@ def find_root(
         return Root(start, np.inf, 0, n_evaluations)
     value, dual = values
     best = Root(x, _length(value, dual), 0, n_evaluations)
-    memory = _Memory()
+    memory = _Memory(start.size)
     for iteration in range(1, max_iter + 1):
         if best.residual <= tolerance:
             break
@@ -295,37 +295,24 @@ def find_root(
 
 
 class _Memory:
-    """The last steps, with their changes of F and of A F."""
+    """The last steps, with their changes of F and of A F, in any order."""
 
-    def __init__(self) -> None:
-        self._steps: list[ndarray] = []
-        self._changes: list[ndarray] = []
-        self._duals: list[ndarray] = []
-        # Of changes of F with changes of A F.
-        self._products = np.empty((0, 0))
+    def __init__(self, size: int) -> None:
+        self._rows = np.empty((3, _MEMORY, size))
+        self._count = 0
 
     def add(self, step: ndarray, change: ndarray, dual: ndarray) -> None:
-        """Remember a step, and forget the oldest one where there are many."""
-        if len(self._steps) == _MEMORY:
-            for rows in (self._steps, self._changes, self._duals):
-                del rows[0]
-            self._products = self._products[1:, 1:]
-        self._steps.append(step)
-        self._changes.append(change)
-        self._duals.append(dual)
-        column = np.array([earlier @ dual for earlier in self._changes])
-        row = np.array([change @ earlier for earlier in self._duals[:-1]])
-        self._products = np.column_stack([np.vstack([self._products, row]), column])
+        """Remember a step in place of the oldest one."""
+        self._rows[:, self._count % _MEMORY] = step, change, dual
+        self._count += 1
 
     def direction(self, value: ndarray, dual: ndarray) -> ndarray:
         """Return the next step from a point with the values F and A F."""
-        direction = -value
-        if self._steps:
-            shares = np.array([change @ dual for change in self._changes])
-            weights = np.linalg.lstsq(self._products, shares, rcond=None)[0]
-            for weight, step, change in zip(weights, self._steps, self._changes, strict=True):
-                direction -= weight * (step - change)
-        return direction
+        steps, changes, duals = self._rows[:, : min(self._count, _MEMORY)]
+        if not self._count:
+            return -value
+        weights = np.linalg.lstsq(changes @ duals.T, changes @ dual, rcond=None)[0]
+        return weights @ (changes - steps) - value
 
 
 def _length(value: ndarray, dual: ndarray) -> float:

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import one_of
+from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError, OutsideManifoldError
+from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.metric import metric_of
 from riemhuman.solvers.means import GradientDescentMean
 from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
 
@@ -106,3 +108,28 @@ def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> Point
             f"found {type(metric).__name__}"
         )
     return Fields(metric, nearest or NearestSurface())
+
+
+class ImageEstimator(Estimator):
+    """An estimator with the parameters `space`, `image` and `nearest`."""
+
+    space: Any
+    image: str
+    nearest: NearestSurface | None
+
+    @property
+    def _metric(self) -> RiemannianMetric:
+        return metric_of(self.space)
+
+    def _image_space(self) -> Points | Fields:
+        return image_space(self._metric, self.image, self.nearest)
+
+    def _mean_point(self, mean: Any, points: ndarray) -> ndarray:
+        """Return the point of tangency: a point, what a solver finds, or the Karcher mean."""
+        metric = self._metric
+        if mean is None:
+            return self._image_space().mean(points)
+        if hasattr(mean, "solve"):
+            return mean.solve(metric, points).point
+        mean = real_array(mean, "mean", metric.space.shape, batched=False)
+        return metric.space.check_point(mean, "mean")

@@ -145,11 +145,6 @@ class DiscreteExponential:
         -------
         ExponentialResult
             If a triangle degenerates on the way, it holds the part that was reached.
-
-        Warns
-        -----
-        ConvergenceWarning
-            If it stopped early, or a step's equation was not solved within the tolerance.
         """
         base_point = metric.check_points(values_of(base_point, "base_point")[None], "base_point")[0]
         velocity = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
@@ -229,11 +224,6 @@ class DiscreteExponential:
         NotDefinedError
             If there is a basis, where the result jumps as the velocity leaves its span; or if
             points are no surfaces.
-
-        Warns
-        -----
-        ConvergenceWarning
-            If a linear equation was not solved within the tolerance.
         """
         if self.basis is not None or not metric.space.is_surface_space:
             raise NotDefinedError(

@@ -12,20 +12,18 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
-from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, ProductMetric, RiemannianMetric
-from riemhuman.solvers._image_spaces import Fields, Points, image_space
+from riemhuman.solvers._image_spaces import ImageEstimator
 from riemhuman.solvers._lbfgs import LBFGS, Minimum
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.results import MeanResult, finish
-from riemhuman.solvers.tangent_pca import mean_point
 
 # Points whose misfits are taken together, so that what they need stays in the processor's cache.
 _BLOCK = 4
 
 
-class GeodesicRegression(Estimator):
+class GeodesicRegression(ImageEstimator):
     r"""The geodesic that minimises :math:`\sum_i d(\exp_p((t_i - \bar t) v), y_i)^2` [1]_.
 
     The search starts from the straight line that fits the logarithms at the Karcher mean; a
@@ -111,15 +109,10 @@ class GeodesicRegression(Estimator):
         ------
         OutsideManifoldError
             If a point has no logarithm at the mean, or the geodesic leaves the manifold.
-
-        Warns
-        -----
-        ConvergenceWarning
-            If the refinement has not converged.
         """
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=0)
-        points = self.space.metric.check_points(y, "y")
+        points = self._metric.check_points(y, "y")
         times = _numbers(X)
         if len(times) != len(points):
             raise ArgumentError(f"X holds {len(times)} numbers and y {len(points)} points")
@@ -130,13 +123,13 @@ class GeodesicRegression(Estimator):
         unit = float(np.abs(times - self.center_).max())
         times = (times - self.center_) / unit
 
-        image = self._image()
+        image = self._image_space()
         if self.max_iter and type(image.metric).exp is RiemannianMetric.exp:
             raise ArgumentError(
                 f"max_iter must be 0 where {type(image.metric).__name__} has no closed form "
                 "for exp: the refinement needs its derivative"
             )
-        self.mean_ = mean_point(self.mean, self.space, image, points)
+        self.mean_ = self._mean_point(self.mean, points)
         images = image.embed(points)
         base = image.embed(self.mean_[None])[0]
         line = _tangent_regression(image.metric, base, times, images)
@@ -164,7 +157,7 @@ class GeodesicRegression(Estimator):
         """
         self._require_fit("velocity_")
         times = _numbers(X) - self.center_
-        image = self._image()
+        image = self._image_space()
         vectors = times.reshape(-1, *(1,) * self.velocity_.ndim) * self.velocity_
         return image.restore(image.metric.exp(vectors, self.intercept_), self.mean_)
 
@@ -178,7 +171,7 @@ class GeodesicRegression(Estimator):
         y : array, shape (n, \*shape)
             Points.
         """
-        metric = self.space.metric
+        metric = self._metric
         points, predictions = metric.check_points(y, "y"), self.predict(X)
         if len(points) != len(predictions):
             raise ArgumentError(f"X holds {len(predictions)} numbers and y {len(points)} points")
@@ -197,15 +190,12 @@ class GeodesicRegression(Estimator):
             Points.
         """
         self._require_fit("mean_")
-        image = self._image()
+        image = self._image_space()
         base = image.embed(self.mean_[None])[0]
-        logs = image.metric.log(image.embed(self.space.metric.check_points(y, "y")), base)
+        logs = image.metric.log(image.embed(self._metric.check_points(y, "y")), base)
         return np.array(
             [[float(image.metric.inner_product(a, b, base)) for b in logs] for a in logs]
         )
-
-    def _image(self) -> Fields | Points:
-        return image_space(self.space.metric, self.image, self.nearest)
 
     def _refine(
         self,

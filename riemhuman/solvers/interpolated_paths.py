@@ -222,10 +222,6 @@ class ModelPath(PathSolver):
             Surfaces.
         start_parameters, end_parameters : ModelParameters, optional
             Their parameters (betas, pose, trans); by default the solver's `parameters` finds them.
-
-        Returns
-        -------
-        PathResult
         """
         start, end = check_end_points(metric, start, end)
         first = self._parameters_of(start, start_parameters, "start_parameters")

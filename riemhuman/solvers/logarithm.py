@@ -15,9 +15,8 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.kernels.drift import steady_path
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, degeneration, rotates_far
-from riemhuman.solvers.path_search import BasisPath
 from riemhuman.solvers.exponential import DiscreteExponential
-from riemhuman.solvers.path_search import PathStraightening, refine_path
+from riemhuman.solvers.path_search import BasisPath, PathStraightening, refine_path
 from riemhuman.solvers.paths import check_end_points, linear_path
 from riemhuman.solvers.results import (
     PathResult,
@@ -147,15 +146,6 @@ class DiscreteLogarithm:
             The metric.
         point, base_point : array, shape (\*shape,)
             End and start.
-
-        Returns
-        -------
-        LogarithmResult
-
-        Warns
-        -----
-        ConvergenceWarning
-            If the exponential of the velocity does not come back to the point.
         """
         start, end = check_end_points(metric, base_point, point)
         if self.geodesic_solver is not None:

@@ -10,9 +10,10 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import one_of, real_number, values_of, whole_number
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
+from riemhuman.geometry.metric import metric_of
 from riemhuman.geometry.strategies import MeanSolver
 from riemhuman.solvers._coordinates import Coordinates
 from riemhuman.solvers._dispersion import AreaCheck, Dispersion, dispersion_of, metric_of_search
@@ -341,6 +342,11 @@ class GradientDescentMean(MeanSolver):
         The other parameters are those of `BasisMean.solve`. A point without a logarithm at a point
         on the way raises an OutsideManifoldError.
         """
+        if metric.log_solver is None and not metric.has_closed_form_geodesic:
+            raise NotDefinedError(
+                f"GradientDescentMean needs a closed form of log, or a log_solver; "
+                f"{type(metric).__name__} has neither: use BasisMean"
+            )
         dispersion = dispersion_of(metric, points, weights, sample_size=1)
         if initial_point is None:
             point = next(dispersion.batches())[0][0]
@@ -476,7 +482,7 @@ class FrechetMean(Estimator):
         return self
 
     def _solve(self, points: Any, weights: ndarray | None, **settings: Any) -> Any:
-        metric, solver = self.space.metric, self.solver
+        metric, solver = metric_of(self.space), self.solver
         if solver is None:
             # Logarithms found by strategies belong to geodesics, whose lengths are not the
             # distances of pull-backs: their mean is no descent direction.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +25,7 @@ from riemhuman.terms._sum import SumOfTerms
 # Iterations after which the matrix is factored anew.
 _REFRESH = 30
 
-# Share of the first value below which there is nothing left to gain.
+# Share of the first value below which, by default, there is nothing left to gain.
 _ROUNDING = 1e-8
 
 # Share of the start's value below which a guess is one: where it is not, limbs may lie across.
@@ -115,11 +114,6 @@ class NearestSurface:
         MeanResult
             `variance` is the weighted mean squared distance without the companion's part, which
             `variances` include.
-
-        Warns
-        -----
-        ConvergenceWarning
-            If the stopping test was not met.
         """
         target = metric.target_metric
         images = target.check_points(images, "images")
@@ -161,7 +155,7 @@ class NearestSurface:
             ),
             function,
             half_inverse_hessian_at,
-            floor=_ROUNDING * first_value,
+            floor=min(_ROUNDING, self.tolerance) * first_value,
         )
         variance, _ = distances.value_and_gradient(minimum.x)
         return finish(self, MeanResult(minimum.x, variance, minimum.values, **minimum.outcome))

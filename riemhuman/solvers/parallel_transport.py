@@ -122,19 +122,10 @@ class PoleLadder(TransportSolver):
         path : array, shape (n_nodes, \*shape), optional
             Path from the base point, with one rung per segment; exactly one of the three is given.
 
-        Returns
-        -------
-        TransportResult
-
         Raises
         ------
         NotDefinedError
             If there is no path, and neither a closed form nor a solver for geodesics.
-
-        Warns
-        -----
-        ConvergenceWarning
-            If an equation was not solved within its tolerance.
         """
         if sum(way is not None for way in (direction, end_point, path)) != 1:
             raise ArgumentError("solve needs exactly one of direction, end_point and path")

@@ -137,10 +137,6 @@ def compare_paths(
     reference : array, shape (n_nodes, V, 3), optional
         Path to measure deviations from, such as the body model's own motion.
 
-    Returns
-    -------
-    list of PathComparison
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -180,10 +176,6 @@ def measure_path(
         Path.
     reference : array, shape (n_nodes, V, 3), optional
         Path to measure deviations from.
-
-    Returns
-    -------
-    PathMeasures
 
     Examples
     --------
@@ -323,10 +315,6 @@ def path_distances(
     progress : bool
         Whether to show a progress bar.
 
-    Returns
-    -------
-    PathDistances
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -370,6 +358,7 @@ def change_along_path(sizes: ndarray) -> ndarray:
 
 
 def summarize(distortions: ndarray, weights: ndarray) -> Distortion:
+    """Return a summary of distortions, shape (m,), weighted by areas or lengths."""
     return Distortion(
         float(distortions.max()),
         float(np.quantile(distortions, 0.99)),

@@ -113,10 +113,6 @@ class PathSolver(ABC):
             The metric.
         start, end : array, shape (\*shape,)
             End points.
-
-        Returns
-        -------
-        PathResult
         """
 
     def solve_many(
@@ -139,15 +135,6 @@ class PathSolver(ABC):
             Number of threads, -1 for one per core; by default one. Paths do not depend on it.
         progress : bool
             Whether to show a progress bar.
-
-        Returns
-        -------
-        list of PathResult
-
-        Warns
-        -----
-        ConvergenceWarning
-            If some paths have not converged; one warning counts them.
         """
         return solve_pairs(self, metric, pairs, n_jobs=n_jobs, progress=progress)
 

@@ -11,10 +11,9 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold
 from riemhuman.geometry.manifold import sample_count, stack_samples
-from riemhuman.solvers._image_spaces import Fields, Points, image_space
+from riemhuman.solvers._image_spaces import Fields, ImageEstimator, Points
 from riemhuman.solvers.nearest_surface import NearestSurface
 
 # Squared singular values below this share of the first are rounding errors.
@@ -24,7 +23,7 @@ _ROUNDING = 1e-13
 _MOST_DRAWN = 100
 
 
-class TangentPCA(Estimator):
+class TangentPCA(ImageEstimator):
     r"""Principal directions of logarithms at the Karcher mean, orthonormal in the metric there.
 
     With :math:`v_i = \log_{\bar x} x_i` less their average, the directions :math:`u_k` maximise
@@ -119,7 +118,7 @@ class TangentPCA(Estimator):
         base_point : array, shape (\*shape,), optional
             Point to use instead of the mean.
         """
-        points = self.space.metric.check_points(X, "X")
+        points = self._metric.check_points(X, "X")
         if len(points) < 2:
             raise ArgumentError(f"X must hold at least two points; found {len(points)}")
         if self.n_components is not None:
@@ -129,9 +128,9 @@ class TangentPCA(Estimator):
                     f"n_components={self.n_components} exceeds what {len(points)} points can "
                     f"span: at most {len(points) - 1}"
                 )
-        image = self._image()
+        image = self._image_space()
         mean = self.mean if base_point is None else base_point
-        self.mean_ = mean_point(mean, self.space, image, points)
+        self.mean_ = self._mean_point(mean, points)
         self._base = image.embed(self.mean_[None])[0]
         logs = image.metric.log(image.embed(points), self._base)
         self.offset_ = logs.mean(axis=0)
@@ -176,8 +175,8 @@ class TangentPCA(Estimator):
         array, shape (n, n_components)
         """
         self._require_fit("components_")
-        image = self._image()
-        points = self.space.metric.check_points(X, "X")
+        image = self._image_space()
+        points = self._metric.check_points(X, "X")
         logs = image.metric.log(image.embed(points), self._base) - self.offset_
         covectors = image.metric.covector(self.components_, self._base)
         return logs.reshape(len(logs), -1) @ covectors.reshape(self.n_components_, -1).T
@@ -217,7 +216,7 @@ class TangentPCA(Estimator):
                 f"X holds {scores.shape[1]} coordinates a point; there are "
                 f"{self.n_components_} components"
             )
-        image = self._image()
+        image = self._image_space()
         directions = self.components_[: scores.shape[1]]
         vectors = self.offset_ + np.tensordot(scores, directions, axes=1)
         return image.restore(image.metric.exp(vectors, self._base), self.mean_)
@@ -247,7 +246,7 @@ class TangentPCA(Estimator):
         self._require_fit("components_")
         n_samples, rng = sample_count(n_samples), generator(rng)
         if accept is None:
-            accept = partial(self._image().is_sound, reference=self.mean_)
+            accept = partial(self._image_space().is_sound, reference=self.mean_)
         deviations = np.sqrt(self.explained_variance_)
         accepted: list[ndarray] = []
         n_drawn = 0
@@ -262,15 +261,3 @@ class TangentPCA(Estimator):
             n_drawn += len(points)
             accepted += [point for point in points if accept(point)]
         return stack_samples(np.stack(accepted), n_samples)
-
-    def _image(self) -> Fields | Points:
-        return image_space(self.space.metric, self.image, self.nearest)
-
-
-def mean_point(mean: Any, space: Manifold, image: Fields | Points, points: ndarray) -> ndarray:
-    r"""Return the point of tangency."""
-    if mean is None:
-        return image.mean(points)
-    if hasattr(mean, "solve"):
-        return mean.solve(space.metric, points).point
-    return space.check_point(real_array(mean, "mean", space.shape, batched=False), "mean")

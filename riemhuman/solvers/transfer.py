@@ -340,15 +340,6 @@ class Disentangling:
             Body B, which gives the pose.
         initial : array, shape (V, 3), optional
             Surface to start from.
-
-        Returns
-        -------
-        DisentanglingResult
-
-        Warns
-        -----
-        ConvergenceWarning
-            If the stopping test was not met.
         """
         space: Any = shape_metric.space
         if not space.is_surface_space or space.shape != pose_metric.space.shape:

@@ -20,7 +20,6 @@ from cases import (
 
 from riemhuman.errors import (
     ArgumentError,
-    ArgumentTypeError,
     ConvergenceWarning,
     NotDefinedError,
     OutsideManifoldError,
@@ -189,29 +188,6 @@ def test_energy_along_bodies_is_conserved_to_second_order(elbow):
     assert drifts[-1] < 0.1
 
 
-def test_path_stays_in_the_basis_and_the_velocity(elbow):
-    metric, start, velocity = elbow
-    result = DiscreteExponential(bodies.basis(30), n_steps=5).solve(metric, 0.3 * velocity, start)
-    joined = bodies.basis(30).extend(velocity[None])
-    difference = result.path - start
-    np.testing.assert_allclose(joined.project(difference), difference, atol=1e-10)
-    assert np.abs(bodies.basis(30).project(difference) - difference).max() > 1e-5
-
-
-def test_extension_continues_what_solve_began(elbow):
-    metric, start, velocity = elbow
-    solver = DiscreteExponential(bodies.basis(30), n_steps=5)
-    half = solver.solve(metric, 0.5 * velocity, start)
-    twice = DiscreteExponential(bodies.basis(30).extend(velocity[None]), n_steps=10)
-    whole = twice.extend(metric, half.path, 5)
-    assert len(whole.path) == 11
-    assert whole.n_steps == 5
-    np.testing.assert_array_equal(whole.path[:6], half.path)
-    reference = twice.solve(metric, velocity, start)
-    np.testing.assert_allclose(whole.path, reference.path, atol=1e-5)
-    np.testing.assert_allclose(whole.energies, 0.25 * reference.energies, rtol=1e-4)
-
-
 def test_extension_stays_in_the_basis_and_the_last_segment():
     case = CASES["mixed sphere"]
     start, velocity = case.points[0], 0.3 * case.tangent_vecs[0]
@@ -229,26 +205,6 @@ def test_extension_stays_in_the_basis_and_the_last_segment():
     # The last segment decides alone.
     last = DiscreteExponential(basis).extend(case.metric, half.path[-2:], 2)
     np.testing.assert_allclose(last.path[1:], whole.path[-3:], atol=1e-12)
-
-
-def test_extension_beyond_the_end_of_a_geodesic():
-    case = CASES["ebin 1 sphere"]
-    start, end = case.points[:2]
-    curve = case.metric.geodesic(start, end_point=end)
-    path = curve(np.linspace(0, 1, 6))
-    result = DiscreteExponential().extend(case.metric, path, 2)
-    beyond = case.metric.exp(1.4 * case.metric.log(end, start), start)
-    np.testing.assert_allclose(result.end, beyond, rtol=1e-5)
-
-
-def test_no_velocity_stays_where_it_is():
-    case = CASES["mixed open"]
-    result = DiscreteExponential(n_steps=3).solve(
-        case.metric, np.zeros(case.space.shape), case.points[0]
-    )
-    assert result.converged
-    np.testing.assert_allclose(result.path, case.points[[0, 0, 0, 0]], atol=1e-12)
-    assert result.energy == 0
 
 
 @pytest.mark.parametrize("name", ["all sphere", "mixed open", "all triangle", "stretch triangle"])
@@ -286,21 +242,6 @@ def test_says_when_an_equation_was_not_solved():
     assert not result.converged
 
 
-def test_joined_basis():
-    basis = bodies.basis(20)
-    inside = 3.0 * basis.vectors[2] - basis.vectors[5]
-    assert basis.extend(inside[None]) is basis
-    joined = basis.extend((bodies.body("other build") - bodies.body("resting"))[None])
-    assert len(joined) == 21
-    assert basis.extend((np.zeros_like(inside))[None]) is basis
-    weighted = DeformationBasis(
-        basis.vectors, orthonormalize=True, vertex_weights=bodies.model().template.vertex_areas
-    )
-    np.testing.assert_array_equal(
-        weighted.extend((inside + 1.0)[None]).vertex_weights, weighted.vertex_weights
-    )
-
-
 def test_metrics_take_it_as_exp_solver():
     template = sphere_template()
     solver = DiscreteExponential(n_steps=4)
@@ -331,20 +272,6 @@ def test_an_exponential_that_does_not_exist_is_refused():
         pytest.warns(ConvergenceWarning),
     ):
         metric.exp(-1.5 * case.points[0], case.points[0])
-
-
-@pytest.mark.parametrize(
-    ("settings", "error"),
-    [
-        ({"n_steps": 0}, ArgumentError),
-        ({"n_steps": 2.5}, ArgumentTypeError),
-        ({"tolerance": 0.0}, ArgumentError),
-        ({"max_iter": 0}, ArgumentError),
-    ],
-)
-def test_settings_are_checked(settings, error):
-    with pytest.raises(error, match=next(iter(settings))):
-        DiscreteExponential(**settings)
 
 
 def test_bad_input():

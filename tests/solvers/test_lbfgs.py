@@ -5,8 +5,8 @@ import pytest
 from scipy import optimize
 
 from riemhuman.solvers import _lbfgs
-from riemhuman.solvers._lbfgs import LBFGS, Minimum
-from riemhuman.solvers.results import Result, Status, finish
+from riemhuman.solvers._lbfgs import LBFGS
+from riemhuman.solvers.results import Status
 
 SETTINGS = {"max_iter": 500, "tolerance": 1e-10}
 
@@ -376,10 +376,3 @@ def test_interruption_anywhere_keeps_the_best_point():
         found = descend(interrupted, np.zeros(60), lambda g: g / 1e3, **SETTINGS)
         assert found.status is Status.INTERRUPTED
         assert found.value == function(found.x)[0] == found.values[-1]
-
-
-def test_an_interrupted_solver_raises_with_its_result():
-    result = Minimum(np.zeros(1), 1.0, np.ones(1), status=Status.INTERRUPTED, message="stopped")
-    with pytest.raises(KeyboardInterrupt, match="stopped") as caught:
-        finish(Result(), result)
-    assert caught.value.result is result

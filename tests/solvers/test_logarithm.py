@@ -10,7 +10,6 @@ from cases import CASES, cases_that, deformations, name_of
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import (
     ArgumentError,
-    ArgumentTypeError,
     ConvergenceWarning,
 )
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, VectorSpace
@@ -204,26 +203,6 @@ def test_metrics_take_it_as_log_solver():
     assert velocities.shape == (2, 3, 3)
     found = solver.solve(metric, case.points[1], case.points[0])
     np.testing.assert_array_equal(velocities[0], found.tangent_vec)
-
-
-def test_of_the_point_itself_is_zero():
-    case = CASES["mixed open"]
-    found = DiscreteLogarithm(n_steps=3).solve(case.metric, case.points[0], case.points[0])
-    np.testing.assert_allclose(found.tangent_vec, 0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("settings", "error"),
-    [
-        ({"n_steps": 0}, ArgumentError),
-        ({"n_steps": "many"}, ArgumentTypeError),
-        ({"tolerance": -1.0}, ArgumentError),
-        ({"max_iter": 0}, ArgumentError),
-    ],
-)
-def test_settings_are_checked(settings, error):
-    with pytest.raises(error, match=next(iter(settings))):
-        DiscreteLogarithm(**settings)
 
 
 def test_bad_input():

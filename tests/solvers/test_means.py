@@ -168,17 +168,6 @@ def test_the_papers_algorithm_adds_the_basis_to_the_first_body():
     assert mean.variance_ < Dispersion(space.metric, points).value(points[0])
 
 
-@pytest.mark.parametrize("estimator", [FrechetMean, GeometricMedian])
-@pytest.mark.parametrize("basis", [None, bodies.basis(10)], ids=["all", "basis"])
-def test_mean_of_copies_is_the_copy(estimator, basis):
-    space, points = five_people()
-    mean = estimator(space, BasisMean(basis)).fit(np.repeat(points[:1], 4, axis=0))
-    np.testing.assert_allclose(mean.estimate_, points[0], atol=1e-12)
-    assert mean.variance_ == pytest.approx(0.0, abs=1e-20)
-    assert mean.result_.converged
-    assert mean.n_iter_ == 0
-
-
 def test_weights_pull_the_mean():
     space, points = five_people()
     solver = BasisMean(bodies.basis())
@@ -416,7 +405,7 @@ def test_points_that_coincide_to_rounding(scale):
         points = np.stack([point, (1.0 + apart) * point])
         result = BasisMean().solve(space.metric, points, initial_point=point)
         assert result.converged
-        assert (result.message == "all points coincide") == coincide
+        assert ("no more than rounding errors" in result.message) == coincide
         assert (result.n_iterations == 0) == coincide
         np.testing.assert_allclose(result.point, points.mean(axis=0), rtol=max(1e-2 * apart, 1e-15))
 
@@ -447,14 +436,6 @@ def test_where_the_search_over_a_basis_starts(space, start):
         assert value(point) == pytest.approx(variance, rel=1e-10)
 
 
-def test_iterations_are_counted_through_both_searches():
-    space, points = one_person()
-    states = []
-    result = BasisMean(callback=lambda *state: states.append(state)).solve(space.metric, points)
-    assert [iteration for iteration, _, _ in states] == list(range(1, result.n_iterations + 1))
-    np.testing.assert_allclose([value for _, value, _ in states], result.variances[1:])
-
-
 def test_the_lowest_start_may_be_a_point():
     """Of a heavy point and one beyond a fold the average is worse than either."""
 
@@ -468,19 +449,6 @@ def test_the_lowest_start_may_be_a_point():
     result = BasisMean(basis_of(np.eye(1))).solve(metric, points, np.array([1.0, 9.0, 0.0]))
     # d² from the other is 4; the rest of the weight is at the point.
     assert result.variances[0] == pytest.approx(0.4)
-
-
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-def test_differences_join_the_basis(scale):
-    """From the first point and a vector of the basis alone the average is out of reach."""
-    space = FIELDS["vectors"]
-    points = scale * (2.0 + 1e-3 * space.random_point(5, rng=4))
-    basis = basis_of(np.eye(8)[:1])
-    result = BasisMean(basis, start="first", tolerance=1e-14).solve(space.metric, points)
-    np.testing.assert_allclose(result.point, points.mean(axis=0), atol=1e-7 * scale)
-    without = BasisMean(basis, start="first", with_differences=False).solve(space.metric, points)
-    np.testing.assert_array_equal(without.point.ravel()[1:], points[0].ravel()[1:])
-    assert without.variance > result.variance
 
 
 def test_the_solver_suits_the_metric():
@@ -554,16 +522,6 @@ def test_the_sample_is_evenly_spaced_among_points_that_have_a_weight(weights, si
     np.testing.assert_array_equal(sample.points, POINTS[list(chosen)])
     expected = check_weights(weights, 10)[list(chosen)]
     np.testing.assert_allclose(sample.weights, expected / expected.sum())
-
-
-def test_arrays_mapped_from_files_serve(tmp_path):
-    np.save(tmp_path / "bodies.npy", POINTS)
-    mapped = np.load(tmp_path / "bodies.npy", mmap_mode="r")
-    space, solver = equipped(1.0, 1.0, 0.1), BasisMean(bodies.basis(5), sample_size=5)
-    mean, in_memory = (
-        FrechetMean(space, solver).fit(batches_of(points, 4)) for points in (mapped, POINTS)
-    )
-    assert mean.variance_ == in_memory.variance_
 
 
 @pytest.mark.parametrize(

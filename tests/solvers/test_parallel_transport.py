@@ -8,7 +8,6 @@ from cases import CASES, cases_that, deformations, name_of
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import (
     ArgumentError,
-    ArgumentTypeError,
     ConvergenceWarning,
     NotDefinedError,
     OutsideManifoldError,
@@ -86,7 +85,8 @@ def test_ladders_come_to_the_closed_form_at_second_order(case, ladder):
     exact = case.metric.parallel_transport(u, start, end_point=end)
     errors = []
     for n_rungs in (4, 8, 16):
-        result = ladder(n_rungs=n_rungs, exact=False).solve(case.metric, u, start, end_point=end)
+        path = case.metric.geodesic(start, end_point=end)(np.linspace(0.0, 1.0, n_rungs + 1))
+        result = ladder().solve(case.metric, u, start, path=path)
         assert len(result.path) == len(result.tangent_vecs) == n_rungs + 1
         errors.append(np.abs(result.tangent_vec - exact).max())
     assert orders(errors)[-1] > 1.85
@@ -97,9 +97,9 @@ def test_pole_ladders_are_exact_on_symmetric_spaces(case):
     start, end = case.points[:2]
     u, _ = vectors_at(case)
     exact = case.metric.parallel_transport(u, start, end_point=end)
-    one_rung = PoleLadder(n_rungs=1, exact=False).solve(case.metric, u, start, end_point=end)
+    one_rung = PoleLadder().solve(case.metric, u, start, path=np.stack([start, end]))
     np.testing.assert_allclose(one_rung.tangent_vec, exact, atol=1e-12)
-    schild = SchildLadder(n_rungs=1, exact=False).solve(case.metric, u, start, end_point=end)
+    schild = SchildLadder().solve(case.metric, u, start, path=np.stack([start, end]))
     assert np.abs(schild.tangent_vec - exact).max() > 1e-4
 
 
@@ -150,8 +150,7 @@ def test_half_plane_against_the_known_transport():
     np.testing.assert_allclose(found.tangent_vec, 2.0 * vector, rtol=2e-2)
 
 
-@pytest.mark.parametrize("scale", [0.1, 1.0, 1.4])
-def test_sides_are_of_the_segments_length_times_the_scale(scale):
+def test_sides_are_as_long_as_the_segment():
     case, lengths = CASES["normals sphere"], []
 
     class Watched(NormalFieldMetric):
@@ -163,10 +162,10 @@ def test_sides_are_of_the_segments_length_times_the_scale(scale):
     metric, start, end = Watched(case.space), *case.points[:2]
     vector = 7.0 * vectors_at(case)[0]
     path = np.stack([start, end])
-    carried = PoleLadder(scale=scale).solve(metric, vector, start, path=path).tangent_vec
+    carried = PoleLadder().solve(metric, vector, start, path=path).tangent_vec
     segment = float(metric.dist(start, end))
     # Half the way to the end, and either side.
-    np.testing.assert_allclose(np.sort(lengths), np.sort([0.5, scale, scale]) * segment, rtol=1e-9)
+    np.testing.assert_allclose(np.sort(lengths), np.array([0.5, 1.0, 1.0]) * segment, rtol=1e-9)
     exact = metric.parallel_transport(vector, start, end_point=end)
     np.testing.assert_allclose(carried, exact, atol=1e-9)
 
@@ -223,27 +222,10 @@ def test_says_when_an_equation_was_not_solved():
     assert not result.converged
 
 
-@pytest.mark.parametrize("ladder", LADDERS)
-@pytest.mark.parametrize(
-    ("settings", "error"),
-    [
-        ({"n_rungs": 0}, ArgumentError),
-        ({"n_rungs": 1.5}, ArgumentTypeError),
-        ({"scale": 0.0}, ArgumentError),
-        ({"tolerance": 0.0}, ArgumentError),
-        ({"max_iter": 0}, ArgumentError),
-    ],
-)
-def test_settings_are_checked(ladder, settings, error):
-    with pytest.raises(error, match=next(iter(settings))):
-        ladder(**settings)
-
-
-@pytest.mark.parametrize("exact", [True, False])
-def test_along_an_initial_velocity(exact):
+def test_along_an_initial_velocity():
     case = CASES["ebin 1 sphere"]
     vector, start, end = case.tangent_vecs[1], *case.points[:2]
-    ladder = PoleLadder(n_rungs=4, exact=exact)
+    ladder = PoleLadder(n_rungs=4)
     direction = case.metric.log(end, start)
     found = ladder.solve(case.metric, vector, start, direction)
     expected = ladder.solve(case.metric, vector, start, end_point=end)

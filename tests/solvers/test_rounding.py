@@ -16,9 +16,7 @@ from riemhuman.solvers import (
     PathStraightening,
     PoissonPath,
     PoleLadder,
-    SegmentEnergy,
 )
-from riemhuman.solvers.paths import path_floor, rounding_energy
 from riemhuman.statistics import FrechetMean, GeometricMedian
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1e-4, 0.0), (1.0, 0.1, 0.1)]
@@ -122,25 +120,3 @@ def test_transport_that_stays():
         result = ladder.solve(metric, vector, body, end_point=end)
         assert result.converged
         np.testing.assert_allclose(result.tangent_vec, vector, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", ["all sphere", "normals sphere", "ebin 1 sphere", "flat"])
-def test_rounding_is_far_below_what_matters(name):
-    case = CASES[name]
-    start, end = case.points[:2]
-    rounding = rounding_energy(case.metric, start)
-    assert 0 < rounding < 1e-20 * case.metric.squared_dist(start, end)
-    floor = path_floor(case.metric, SegmentEnergy(), np.stack([start] * 6))
-    assert floor == 25 * rounding
-
-
-def test_the_floor_of_a_path_is_that_of_its_worse_end():
-    """Rounding errors of a surface twice as large have about four times the energy."""
-    case = CASES["all sphere"]
-    small, large = case.points[0], 2.0 * case.points[0]
-    stays = [
-        path_floor(case.metric, SegmentEnergy(), np.stack([end] * 3)) for end in (small, large)
-    ]
-    assert stays[0] < stays[1]
-    for path in ([small, small, large], [large, small, small]):
-        assert path_floor(case.metric, SegmentEnergy(), np.stack(path)) == stays[1]

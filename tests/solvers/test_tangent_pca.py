@@ -122,19 +122,6 @@ def test_vectors_agree_with_scikit_learn_in_weighted_coordinates():
     )
 
 
-def test_a_great_circle_is_a_line():
-    space = FIELDS["one sphere"]
-    angles = np.radians([-80.0, -10.0, 0.0, 40.0, 50.0])
-    points = np.stack([np.sin(angles), 0 * angles, np.cos(angles)], axis=-1)[:, None]
-    pca = TangentPCA(space).fit(points)
-    assert pca.n_components_ == 1
-    np.testing.assert_allclose(
-        pca.mean_, [[np.sin(angles.mean()), 0.0, np.cos(angles.mean())]], atol=1e-7
-    )
-    expected = np.var(angles, ddof=1) * triangle_template().face_areas[0]
-    np.testing.assert_allclose(pca.explained_variance_, expected)
-
-
 def test_samples_follow_the_distribution():
     space = FIELDS["one sphere"]
     points = near_points(space, 12)
@@ -255,17 +242,6 @@ def test_generated_bodies_are_bodies():
     for sample in samples:
         assert is_sound(sample)
         assert count_self_intersections(sample, faces) <= worst
-
-
-def test_surfaces_with_inverted_triangles_are_drawn_anew():
-    points, pca = bodies_and_pca("people")
-    faces = load_open_bodies("coarse").template.faces
-    turned = points[0].copy()
-    one, two, three = faces[7]
-    turned[three] = turned[one] + turned[two] - turned[three]
-    image = pca._image()
-    assert image.is_sound(points[0], pca.mean_)
-    assert not image.is_sound(turned, pca.mean_)
 
 
 def test_samples_that_are_not_accepted_are_drawn_anew():

@@ -12,10 +12,9 @@ from scipy.spatial.transform import Rotation
 from riemhuman.datasets import load_open_bodies, load_open_motions
 from riemhuman.errors import (
     ArgumentError,
-    ArgumentTypeError,
     DegenerateSurfaceError,
 )
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import Disentangling, MotionTransfer, ShapeTransfer
 from riemhuman.solvers.transfer import PoseTransfer
 from riemhuman.surfaces import DeformationBasis
@@ -43,12 +42,6 @@ def test_poses_onto_the_source_itself(space, motion):
     np.testing.assert_allclose(moved[0], motion[0], atol=1e-10)
     gap = moved[1] - path[1]
     np.testing.assert_allclose(gap, gap.mean(axis=0) + 0 * gap, atol=1e-10)
-
-
-@pytest.mark.parametrize("axes", ["world", "body"])
-def test_onto_the_source_itself(space, motion, axes):
-    moved = MotionTransfer(axes).solve(space, motion, motion[0])
-    np.testing.assert_allclose(moved, motion, atol=1e-10)
 
 
 @pytest.mark.parametrize("axes", ["world", "body"])
@@ -151,12 +144,6 @@ def test_shape_transfer_in_a_pose():
     assert error(moved) < 0.5 * error(target + after - before)
     assert error(moved) < 0.25 * error(target)
     np.testing.assert_allclose(moved.mean(axis=0), target.mean(axis=0), atol=1e-10)
-
-
-def test_shape_transfer_in_the_same_pose_is_the_other_body():
-    before, after = bodies.body("resting"), bodies.body("other build")
-    moved = ShapeTransfer().solve(bodies.space(), before, after, before)
-    np.testing.assert_allclose(moved - moved.mean(axis=0), after - after.mean(axis=0), atol=1e-10)
 
 
 def test_reference_and_streams(space, motion):
@@ -377,36 +364,6 @@ def test_weights_pull_either_way():
     assert np.all(np.diff(from_turned) < 0)
 
 
-@pytest.mark.parametrize("weight", [1.0, 50.0])
-def test_a_body_with_itself_is_itself(weight):
-    space = AlignedSurfaces(sphere_template(), equip=False)
-    body = space.template.vertices + deformations(space.template, 1, rng=2, size=0.3)[0]
-    found = Disentangling(pose_weight=weight).solve(*metrics(space), body, body)
-    np.testing.assert_allclose(found.surface, body, atol=1e-9)
-
-
-def test_the_shape_of_a_turned_body_is_its_shape():
-    """Where the two differ by a rotation the result is the second, exactly: both terms vanish."""
-    space = AlignedSurfaces(sphere_template(), equip=False)
-    body = space.template.vertices + deformations(space.template, 1, rng=4, size=0.3)[0]
-    turned = body @ Rotation.from_rotvec([0.5, -0.8, 0.3]).as_matrix() + [1.0, 0.0, 2.0]
-    found = Disentangling().solve(*metrics(space), body, turned)
-    np.testing.assert_allclose(found.surface, turned, atol=1e-7)
-
-
-def test_other_metrics_and_starts():
-    space = AlignedSurfaces(sphere_template(), equip=False)
-    shape, pose = space.template.vertices + deformations(space.template, 2, rng=6, size=0.2)
-    shape_metric, pose_metric = metrics(space)[0], SRNFMetric(space)
-    found = [
-        Disentangling(pose_weight=1.0, tolerance=1e-9).solve(
-            shape_metric, pose_metric, shape, pose, initial=initial
-        )
-        for initial in (None, pose)
-    ]
-    assert found[0].value == pytest.approx(found[1].value, rel=1e-5)
-
-
 @pytest.mark.parametrize(("share", "is_met"), [(0.96, True), (1.04, False)])
 def test_tolerance_is_the_share_that_a_newton_step_would_gain(share, is_met):
     """Between bodies so near to each other that the sum is a polynomial of second degree."""
@@ -428,22 +385,6 @@ def test_tolerance_is_the_share_that_a_newton_step_would_gain(share, is_met):
     assert found.converged
     assert found.values[0] == pytest.approx(value(start), rel=1e-6)
     assert (found.n_iterations == 0) == is_met
-
-
-@pytest.mark.parametrize(
-    ("settings", "error"),
-    [
-        ({"shape_weight": 0.0}, ArgumentError),
-        ({"pose_weight": -1.0}, ArgumentError),
-        ({"tolerance": 0.0}, ArgumentError),
-        ({"smoothing": 0.0}, ArgumentError),
-        ({"bone_smoothing": 0.0}, ArgumentError),
-        ({"max_iter": 1.5}, ArgumentTypeError),
-    ],
-)
-def test_settings_are_checked(settings, error):
-    with pytest.raises(error, match=next(iter(settings))):
-        Disentangling(**settings)
 
 
 def test_bad_input_of_disentangling():
@@ -470,7 +411,7 @@ def test_a_body_is_itself_at_once():
     body = space.template.vertices + deformations(space.template, 1, rng=1, size=0.3)[0]
     found = Disentangling().solve(*metrics(space), body, body + [0.3, -1.0, 2.0])
     np.testing.assert_allclose(found.surface, body + [0.3, -1.0, 2.0], atol=1e-9)
-    assert found.message == "the start is at no distance from either"
+    assert "no more than rounding errors" in found.message
     assert found.converged
     assert (found.n_iterations, found.n_evaluations) == (0, 1)
     np.testing.assert_array_equal(found.values, [found.value])
@@ -492,13 +433,10 @@ def test_where_the_bodies_are_makes_no_difference():
         assert there.value == pytest.approx(here.value, rel=1e-4)
 
 
-@pytest.mark.parametrize("n_rounds", [0, 1, 3])
-def test_a_rotation_is_exact(space, n_rounds):
+def test_a_rotation_is_exact(space):
     body = space.template.vertices + deformations(space.template, 1, rng=4, size=0.3)[0]
     turned = body @ Rotation.from_rotvec([0.5, -0.8, 0.3]).as_matrix() + [1.0, 0.0, 2.0]
-    np.testing.assert_allclose(
-        PoseTransfer(space, n_rounds=n_rounds).solve(body, turned), turned, atol=1e-10
-    )
+    np.testing.assert_allclose(PoseTransfer(space).solve(body, turned), turned, atol=1e-10)
 
 
 def test_size_is_no_pose(space):
@@ -529,14 +467,10 @@ def test_waves_of_the_skin_stay_with_their_owner():
 
 
 def test_bends_of_joints_come_back():
-    """By rounds, and as heat hardly flows across joints: where it did, the knee was 10.7 mm off."""
+    """As heat hardly flows across joints: where it did, the knee was 10.7 mm off."""
     shape, pose = bodies.body("resting"), bodies.body("knee raised")
-
-    def error(n_rounds):
-        gap = PoseTransfer(bodies.space(), n_rounds=n_rounds).solve(shape, pose) - pose
-        return np.linalg.norm(gap - gap.mean(axis=0), axis=1).mean()
-
-    assert error(1) < min(0.7 * error(0), 0.006)
+    gap = PoseTransfer(bodies.space()).solve(shape, pose) - pose
+    assert np.linalg.norm(gap - gap.mean(axis=0), axis=1).mean() < 0.006
 
 
 def test_the_trust_of_bends_is_that_of_strained_skin():

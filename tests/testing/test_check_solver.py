@@ -33,8 +33,8 @@ GOOD = {
     "exponential": (DiscreteExponential(n_steps=4), SURFACES),
     "logarithm": (DiscreteLogarithm(n_steps=4), SURFACES),
     "pole ladder": (PoleLadder(), EBIN),
-    "pole ladder of segments": (PoleLadder(exact=False, n_rungs=3), NORMALS),
-    "Schild's ladder": (SchildLadder(exact=False, n_rungs=3), NORMALS),
+    "pole ladder of segments": (PoleLadder(geodesic_solver=LinearPath(4)), SURFACES),
+    "Schild's ladder": (SchildLadder(geodesic_solver=LinearPath(4)), SURFACES),
     "mean": (GradientDescentMean(tolerance=1e-10), NORMALS),
 }
 

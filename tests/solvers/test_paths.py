@@ -1,0 +1,340 @@
+"""Path energies, paths without a search, what all path solvers share, and many paths at once."""
+
+import bodies_in_motion
+import numpy as np
+import pytest
+from cases import CASES, cases_that, name_of
+from oracles import taylor_slope
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning, NotDefinedError
+from riemhuman.geometry import ElasticMetric
+from riemhuman.solvers import (
+    BasisPath,
+    ClosedFormGeodesic,
+    FiniteDifferenceEnergy,
+    Interrupted,
+    LinearPath,
+    PathDistances,
+    PoissonPath,
+    SegmentEnergy,
+    path_distances,
+)
+from riemhuman.solvers.path_comparison import PairsOfPoints
+from riemhuman.solvers.paths import (
+    check_end_points,
+    check_initial_path,
+    linear_path,
+    lower_bound,
+    path_floor,
+    rounding_energy,
+)
+
+SEGMENT, DIFFERENCE = SegmentEnergy(), FiniteDifferenceEnergy()
+
+# Points so near on the path that every θ stays far below π, where d² is smooth.
+FINE = [case for case in cases_that("dist") if case.metric.has_inner_product]
+NEAR = {"shape": 1e-3, "ebin 0.0001": 0.03, "stretch": 0.1}
+
+
+def curve(case, n_segments, size=1.0):
+    """Return n + 1 points of a smooth curve from the first point."""
+    t = np.linspace(0, 1, n_segments + 1).reshape((-1,) + (1,) * len(case.space.shape))
+    start, end, third = case.points[:3]
+    return case.space.projection(
+        start + size * t * (end - start) + 0.3 * size * t * (1 - t) * (third - start)
+    )
+
+
+def size_of(case):
+    return next((size for name, size in NEAR.items() if case.name.startswith(name)), 1.0)
+
+
+@pytest.mark.parametrize("case", cases_that("dist"), ids=name_of)
+def test_segment_energy_is_never_below_squared_dist(case):
+    bound = case.metric.squared_dist(case.points[0], case.points[-1])
+    zigzag = np.concatenate([case.points[:3], case.points])
+    for path in (zigzag, zigzag[[0, 2, 1, -1]], curve(case, 9)):
+        energy = SEGMENT.value(case.metric, path)
+        assert energy >= case.metric.squared_dist(path[0], path[-1]) * (1 - 1e-12)
+    assert SEGMENT.value(case.metric, zigzag) >= bound
+
+
+@pytest.mark.parametrize("case", cases_that("dist"), ids=name_of)
+def test_segment_energy_rises_under_refinement(case):
+    energies = [SEGMENT.value(case.metric, curve(case, n)) for n in (1, 2, 4, 8, 16, 32)]
+    assert np.all(np.diff(energies) >= -1e-12 * energies[-1])
+
+
+def slope_of_difference(energy, case):
+    """Return the order at which an energy tends to that of closed-form segments."""
+    counts = np.array([32, 64, 128])
+    paths = [curve(case, n, size_of(case)) for n in counts]
+    exact = np.array([SEGMENT.value(case.metric, path) for path in paths])
+    gaps = np.abs([energy.value(case.metric, path) for path in paths] / exact - 1.0)
+    if np.all(gaps < 1e-11):
+        return np.inf
+    return -np.polyfit(np.log(counts), np.log(gaps), 1)[0]
+
+
+@pytest.mark.parametrize("case", FINE, ids=name_of)
+def test_finite_differences_converge_at_second_order(case):
+    slope = slope_of_difference(DIFFERENCE, case)
+    # Where the metric is flat both agree.
+    assert 1.9 < slope < 2.1 or (slope == np.inf and case.name in ("flat", "edges"))
+
+
+class AtTheStart(FiniteDifferenceEnergy):
+    """A broken twin: the inner product at the start of each segment, of first order only."""
+
+    def _energy(self, metric, path):
+        return (len(path) - 1) * np.sum(metric.squared_norm(path[1:] - path[:-1], path[:-1]))
+
+
+@pytest.mark.parametrize("name", ["ebin 1 sphere", "all sphere", "pose open"])
+def test_broken_twin_is_of_first_order(name):
+    assert slope_of_difference(AtTheStart(), CASES[name]) < 1.5
+
+
+def check_gradient(energy, case):
+    def value(points):
+        return energy.value(case.metric, case.space.projection(points))
+
+    found, gradient = energy.value_and_gradient(case.metric, case.points)
+    np.testing.assert_allclose(found, energy.value(case.metric, case.points), rtol=1e-12)
+    assert gradient.shape == case.points.shape
+    direction = case.space.to_tangent(case.tangent_vecs, case.points)
+    assert taylor_slope(value, case.points, direction, gradient) >= 1.9
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_gradients_of_segment_energy(case):
+    check_gradient(SEGMENT, case)
+
+
+@pytest.mark.parametrize(
+    "case", [case for case in CASES.values() if case.metric.has_inner_product], ids=name_of
+)
+def test_gradients_of_finite_difference_energy(case):
+    check_gradient(DIFFERENCE, case)
+
+
+def test_without_closed_form_both_energies_agree():
+    case = CASES["half-plane, inner product"]
+    assert SEGMENT.value(case.metric, case.points) == DIFFERENCE.value(case.metric, case.points)
+
+
+@pytest.mark.parametrize("energy", [SEGMENT, DIFFERENCE], ids=["segment", "difference"])
+def test_bad_paths_are_refused(energy):
+    case = CASES["all triangle"]
+    for path, found in (
+        (case.points[0], r"found \(3, 3\)"),
+        (np.full_like(case.points, np.nan), "36 NaN"),
+    ):
+        with pytest.raises(ArgumentError, match=found):
+            energy.value(case.metric, path)
+        with pytest.raises(ArgumentError, match=found):
+            energy.value_and_gradient(case.metric, path)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_linear_path(case):
+    start, end = case.points[:2]
+    result = LinearPath(n_nodes=5).solve(case.metric, start, end)
+    assert result.path.shape == (5, *case.space.shape)
+    np.testing.assert_array_equal(result.path[[0, -1]], case.points[:2])
+    assert np.all(case.space.belongs(result.path))
+    middle = case.space.projection(0.5 * (start + end))
+    np.testing.assert_allclose(result.path[2], middle, atol=1e-14)
+    assert result.energy == case.metric.energy(result.path)
+    np.testing.assert_array_equal(result.energies, [result.energy])
+    assert (result.n_iterations, result.n_evaluations, result.converged) == (0, 1, True)
+
+
+@pytest.mark.parametrize("case", cases_that("dist", "geodesic"), ids=name_of)
+def test_closed_form_geodesics_have_constant_speed_and_least_energy(case):
+    start, end = case.points[:2]
+    result = ClosedFormGeodesic(n_nodes=6).solve(case.metric, start, end)
+    np.testing.assert_allclose(result.energy, case.metric.squared_dist(start, end), rtol=1e-10)
+    steps = case.metric.dist(result.path[:-1], result.path[1:])
+    np.testing.assert_allclose(steps, steps[0], rtol=1e-6)
+    np.testing.assert_allclose(result.path[[0, -1]], case.points[:2], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "case", [case for case in CASES.values() if "geodesic" not in case.can], ids=name_of
+)
+def test_no_closed_form_is_said(case):
+    with pytest.raises(NotDefinedError, match="no closed-form geodesics; use BasisPath or Path"):
+        ClosedFormGeodesic().solve(case.metric, *case.points[:2])
+
+
+def test_end_points_are_checked():
+    metric, point = CASES["all triangle"].metric, CASES["all triangle"].points[0]
+    start, end = check_end_points(metric, point.astype(np.float32), point.tolist())
+    assert start.dtype == end.dtype == np.float64
+    with pytest.raises(ArgumentError, match=r"start must have shape \(3, 3\); found \(4, 3\)"):
+        check_end_points(metric, np.zeros((4, 3)), point)
+    with pytest.raises(ArgumentError, match="end holds 9 NaN"):
+        check_end_points(metric, point, np.nan * point)
+    with pytest.raises(ArgumentTypeError, match="end must be an array of real numbers"):
+        check_end_points(metric, point, "surface")
+
+
+def test_initial_paths_are_checked():
+    metric, (start, end) = CASES["all triangle"].metric, CASES["all triangle"].points[:2]
+    path = linear_path(start, end, 5)
+    np.testing.assert_array_equal(check_initial_path(metric, start, end, 5, path), path)
+    np.testing.assert_array_equal(check_initial_path(metric, start, end, 5, path.tolist()), path)
+    with pytest.raises(ArgumentError, match="n_nodes = 6 times; found 5"):
+        check_initial_path(metric, start, end, 6, path)
+    with pytest.raises(ArgumentError, match="run from start to end; its ends are off by up to "):
+        check_initial_path(metric, start, end, 5, path + 0.5)
+    with pytest.raises(ArgumentError, match="initial_path holds 45 NaN"):
+        check_initial_path(metric, start, end, 5, np.nan * path)
+    with pytest.raises(ArgumentError, match="initial_path must have shape"):
+        check_initial_path(metric, start, end, 5, path[0])
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1e4])
+@pytest.mark.parametrize("end_of_path", [0, -1])
+def test_ends_of_initial_paths_may_be_off_by_rounding(scale, end_of_path):
+    metric, points = CASES["all triangle"].metric, CASES["all triangle"].points
+    start, end = scale * points[0], 2.0 * scale * points[1]
+    path = linear_path(start, end, 5)
+    size = max(np.abs(start).max(), np.abs(end).max())
+    for share, legal in ((0.9e-9, True), (-0.9e-9, True), (1.1e-9, False), (-1.1e-9, False)):
+        moved = path.copy()
+        moved[end_of_path, 1, 2] += share * size
+        if legal:
+            check_initial_path(metric, start, end, 5, moved)
+        else:
+            with pytest.raises(ArgumentError, match=r"off by up to [1-9]"):
+                check_initial_path(metric, start, end, 5, moved)
+
+
+def test_the_lower_bound_of_a_path_is_that_of_its_ends_if_it_is_known():
+    case = CASES["all sphere"]
+    bent = case.points[[0, 2, 3, 1]]
+    assert lower_bound(case.metric, bent) == case.metric.squared_dist(bent[0], bent[3])
+    case = next(case for case in CASES.values() if not case.metric.has_closed_form_dist)
+    assert lower_bound(case.metric, case.points[:3]) == 0.0
+
+
+@pytest.mark.parametrize("name", ["all sphere", "normals sphere", "ebin 1 sphere", "flat"])
+def test_rounding_is_far_below_what_matters(name):
+    case = CASES[name]
+    start, end = case.points[:2]
+    rounding = rounding_energy(case.metric, start)
+    assert 0 < rounding < 1e-20 * case.metric.squared_dist(start, end)
+    floor = path_floor(case.metric, SegmentEnergy(), np.stack([start] * 6))
+    assert floor == 25 * rounding
+
+
+def test_the_floor_of_a_path_is_that_of_its_worse_end():
+    """Rounding errors of a surface twice as large have about four times the energy."""
+    case = CASES["all sphere"]
+    small, large = case.points[0], 2.0 * case.points[0]
+    stays = [
+        path_floor(case.metric, SegmentEnergy(), np.stack([end] * 3)) for end in (small, large)
+    ]
+    assert stays[0] < stays[1]
+    for path in ([small, small, large], [large, small, small]):
+        assert path_floor(case.metric, SegmentEnergy(), np.stack(path)) == stays[1]
+
+
+@pytest.fixture(scope="module")
+def metric():
+    return ElasticMetric(bodies_in_motion.space(), 1.0, 1.0, 0.1)
+
+
+@pytest.fixture(scope="module")
+def points():
+    names = ("resting", "arm raised", "elbow bent")
+    return np.stack([bodies_in_motion.body(name) for name in names])
+
+
+@pytest.mark.parametrize("n_jobs", [None, 2])
+def test_same_paths_as_one_by_one(metric, points, n_jobs):
+    basis = bodies_in_motion.basis().truncate(20)
+    pairs = PairsOfPoints(points)
+    for solver in (BasisPath(basis, n_nodes=4), PoissonPath(4), LinearPath(4)):
+        found = solver.solve_many(metric, pairs, n_jobs=n_jobs)
+        assert len(found) == 3
+        for (start, end), result in zip(pairs, found, strict=True):
+            expected = solver.solve(metric, start, end)
+            np.testing.assert_array_equal(result.path, expected.path)
+            assert (result.energy, result.gap) == pytest.approx(
+                (expected.energy, expected.gap), nan_ok=True
+            )
+
+
+def test_wrong_pairs_are_named(metric, points):
+    with pytest.raises(ArgumentError, match=r"pairs\[1\] must be two points"):
+        LinearPath(3).solve_many(metric, [points[:2], points[:1]])
+    flat = points[:2].copy()
+    flat[1] *= [1.0, 0.0, 0.0]
+    with pytest.raises(ArgumentError, match=r"pairs\[1\]: .*area"):
+        PoissonPath(3).solve_many(metric, [points[:2], flat], n_jobs=2)
+
+
+def test_what_has_not_converged_is_said_once(metric, points):
+    solver = BasisPath(bodies_in_motion.basis().truncate(20), n_nodes=4, max_iter=1, tolerance=1e-9)
+    pairs = [points[[0, 1]], points[[0, 0]], points[[0, 2]]]
+    with pytest.warns(ConvergenceWarning, match="2 of 3 pairs") as caught:
+        found = solver.solve_many(metric, pairs)
+    assert len(caught) == 1
+    assert [result.converged for result in found] == [False, True, False]
+
+
+class InterruptedPath(LinearPath):
+    """A solver stopped from the keyboard."""
+
+    def solve(self, metric, start, end):
+        raise Interrupted(super().solve(metric, start, end))
+
+
+def test_the_keyboard_stops_all(metric, points):
+    with pytest.raises(KeyboardInterrupt):
+        InterruptedPath(3).solve_many(metric, PairsOfPoints(points), n_jobs=2)
+
+
+def test_progress(metric, points, capsys):
+    LinearPath(3).solve_many(metric, PairsOfPoints(points))
+    assert capsys.readouterr().err == ""
+    LinearPath(3).solve_many(metric, PairsOfPoints(points), progress=True)
+    assert "Geodesics" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if "dist" in case.can])
+def test_no_path_is_shorter_than_the_bound(name):
+    """The closed form is a distance, and paths through other points are no shorter."""
+    case = CASES[name]
+    found = path_distances(LinearPath(4), case.metric, case.points)
+    assert found.lengths.shape == (len(case.points),) * 2
+    np.testing.assert_array_equal(found.lengths, found.lengths.T)
+    np.testing.assert_allclose(found.bounds, case.metric.dist_pairwise(case.points), rtol=1e-6)
+    assert np.all(found.lengths >= found.bounds * (1 - 1e-9) - 1e-12)
+
+
+def test_table_of_lengths(metric, points):
+    solver = BasisPath(bodies_in_motion.basis(), n_nodes=5)
+    found = path_distances(solver, metric, points)
+    result = solver.solve(metric, points[0], points[2])
+    assert found.lengths[0, 2] == pytest.approx(metric.length(result.path))
+    assert found.gaps[2, 0] == pytest.approx(result.gap)
+    assert found.excess[1] == pytest.approx(
+        100 * (found.lengths[0, 2] / metric.dist(points[0], points[2]) - 1)
+    )
+    assert found.converged
+    assert found.message == "3 of 3 paths converged"
+
+
+def test_the_table_holds_the_row_of_every_pair_on_both_sides():
+    rows = np.arange(18.0).reshape(3, 6)
+    rows[:, 5] = 1.0, 0.0, 1.0
+    found = PathDistances.from_rows(3, rows)
+    for name, column in (("lengths", 0), ("bounds", 1), ("gaps", 2)):
+        a, b, c = rows[:, column]
+        np.testing.assert_array_equal(getattr(found, name), [[0, a, b], [a, 0, c], [b, c, 0]])
+    assert (found.n_iterations, found.n_evaluations) == (3 + 9 + 15, 4 + 10 + 16)
+    assert (found.converged, found.message) == (False, "2 of 3 paths converged")
