@@ -103,13 +103,6 @@ class AreaProjectionTransform(Descriptor):
         :math:`\sum p \log(p/m) + q \log(q/m)` with m = (p + q) / 2, or the sum of absolute
         differences.
 
-    Raises
-    ------
-    ArgumentTypeError
-        If a parameter is of the wrong type.
-    ArgumentError
-        If a number is out of range, or a normalisation or distance is unknown.
-
     References
     ----------
     .. [1] Giachetti, Lovato, "Radial Symmetry Detection and Shape Characterization with the
@@ -162,10 +155,6 @@ class AreaProjectionTransform(Descriptor):
 
         Raises
         ------
-        ArgumentTypeError
-            If an array does not hold numbers of the right kind.
-        ArgumentError
-            If the arrays are no mesh, or the grid would have too many voxels.
         DegenerateSurfaceError
             If the mesh encloses nothing.
         """

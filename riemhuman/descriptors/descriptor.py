@@ -77,10 +77,6 @@ class Descriptor(ABC):
 
         Raises
         ------
-        ArgumentTypeError
-            If `bodies` is neither.
-        ArgumentError
-            If there is no surface.
         RiemhumanError
             If a surface cannot be described; the message gives its number.
         """

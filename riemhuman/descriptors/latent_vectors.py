@@ -67,13 +67,6 @@ class LatentVectors(Record, Descriptor):
     vectors : array_like, shape (n, d)
         Vectors, one per row.
 
-    Raises
-    ------
-    ArgumentTypeError
-        If an id is neither text nor a whole number, or the vectors are not real numbers.
-    ArgumentError
-        If an id is empty or repeated, the lengths differ, or a number is not finite.
-
     Examples
     --------
     >>> import numpy as np
@@ -119,10 +112,6 @@ class LatentVectors(Record, Descriptor):
 
         Raises
         ------
-        ArgumentTypeError
-            If `path` is not a path.
-        FileError
-            If the file is missing or cannot be read.
         FileFormatError
             If the ending is unknown, a field is missing, an id is missing or repeated, a row has
             another length than the first, or an entry is not a finite number.

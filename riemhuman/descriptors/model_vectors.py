@@ -58,11 +58,6 @@ class _ModelVectors(Descriptor):
             Vectors of each descriptor.
         seconds : list of float
             Wall-clock time that each descriptor would take alone.
-
-        Raises
-        ------
-        ArgumentError
-            If a surface is not registered to a model.
         """
         fits = {}
         models = {id(descriptor.model): descriptor for descriptor in descriptors}
@@ -112,11 +107,6 @@ class ModelShapeVectors(_ModelVectors):
         Model that the surfaces are registered to; its method ``fit`` returns a record with the
         field ``betas``.
 
-    Raises
-    ------
-    ArgumentTypeError
-        If the model has no method ``fit``.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -147,13 +137,6 @@ class ModelPoseVectors(_ModelVectors):
     root : bool
         Whether to include the rotation of joints without a parent: the orientation of the body.
 
-    Raises
-    ------
-    ArgumentTypeError
-        If the model has no method ``fit``.
-    ArgumentError
-        If the distance is unknown.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -182,11 +165,6 @@ class ModelPoseVectors(_ModelVectors):
         -------
         array, shape (n, n)
             Symmetric, with zero diagonal; in radians.
-
-        Raises
-        ------
-        ArgumentError
-            If the number of columns is not a multiple of 3.
         """
         if self.distance == "axis-angle":
             return pairwise(vectors, "euclidean")

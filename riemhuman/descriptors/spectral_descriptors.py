@@ -118,13 +118,6 @@ class ShapeDNA(SpectralDescriptor):
     laplacian : {"cotangent", "robust"}
         Discretisation, see `riemhuman.surfaces.spectrum`.
 
-    Raises
-    ------
-    ArgumentTypeError
-        If a parameter is of the wrong type.
-    ArgumentError
-        If the normalisation or Laplacian is unknown, or `n_eigenvalues` is less than one.
-
     References
     ----------
     .. [1] Reuter, Wolter, Peinecke, "Laplace–Beltrami spectra as 'Shape-DNA' of surfaces and
@@ -189,10 +182,6 @@ class KernelSignature(SpectralDescriptor):
 
         Raises
         ------
-        ArgumentTypeError
-            If an array does not hold numbers of the right kind.
-        ArgumentError
-            If the arrays are no mesh, or the mesh has too few eigenvalues.
         DegenerateSurfaceError
             If a triangle has no area, with the cotangent Laplacian.
         """
@@ -244,13 +233,6 @@ class HeatKernelSignature(KernelSignature):
         Number of bins of a histogram.
     laplacian : {"cotangent", "robust"}
         Discretisation, see `riemhuman.surfaces.spectrum`.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If a parameter is of the wrong type.
-    ArgumentError
-        If a time is not positive, or a choice is unknown.
 
     References
     ----------
@@ -328,13 +310,6 @@ class WaveKernelSignature(KernelSignature):
         Number of bins of a histogram.
     laplacian : {"cotangent", "robust"}
         Discretisation, see `riemhuman.surfaces.spectrum`.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If a parameter is of the wrong type.
-    ArgumentError
-        If a number is out of range, or a choice is unknown.
 
     References
     ----------

@@ -60,13 +60,9 @@ def save_glb(
 
     Raises
     ------
-    ArgumentTypeError
-        If an array does not hold numbers of the right kind, or `path` is not a path.
     ArgumentError
         If a shape is wrong, there is no surface, a position is not finite, or a triangle refers
         to a vertex that does not exist.
-    FileError
-        If the file cannot be written.
     FileFormatError
         If the suffix is not ``.glb``.
 

@@ -42,13 +42,6 @@ def save_arrays(
     compressed : bool
         Whether the file is compressed.
 
-    Raises
-    ------
-    ArgumentTypeError
-        If `path` is not a path.
-    FileError
-        If the file cannot be written.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -87,10 +80,6 @@ def load_arrays(
 
     Raises
     ------
-    ArgumentTypeError
-        If `path` is not a path.
-    FileError
-        If the file is missing or cannot be read.
     FileFormatError
         If it is not an .npz archive of plain arrays, holds pickled objects, lacks a required array,
         or declares more data than a file of its size may hold.
@@ -192,10 +181,6 @@ def load_array(path: str | os.PathLike[str], *, mode: Any = None) -> np.ndarray:
 
     Raises
     ------
-    ArgumentTypeError
-        If `path` is not a path.
-    FileError
-        If the file is missing or cannot be read.
     FileFormatError
         If it is not an .npy file of a plain array, or holds pickled objects.
 

@@ -73,13 +73,9 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
 
     Raises
     ------
-    FileError
-        If the file is missing, is a folder or cannot be read.
     FileFormatError
         If the suffix names no known format, the file is damaged or has no faces, a face has fewer
         than three corners or refers to a vertex that does not exist, or a position is not finite.
-    MissingDependencyError
-        If meshio is needed and not installed.
 
     Examples
     --------
@@ -125,13 +121,9 @@ def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLik
 
     Raises
     ------
-    ArgumentTypeError
-        If an array does not hold numbers of the right kind.
     ArgumentError
         If a shape is wrong, a position is not finite, there is no triangle, or a triangle
         refers to a vertex that does not exist.
-    FileError
-        If the file cannot be written.
     FileFormatError
         If the suffix names no known format.
 
@@ -171,13 +163,6 @@ def as_arrays(mesh: Any) -> tuple[ndarray, ndarray]:
     vertices : array, shape (V, 3), float64
     faces : array, shape (F, 3), int64
         Polygons are split as by `load_mesh`.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the object has no vertices and faces.
-    ArgumentError
-        If its arrays do not form a mesh.
 
     Examples
     --------
@@ -243,11 +228,6 @@ def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> Any:
     Returns
     -------
     pyvista.PolyData
-
-    Raises
-    ------
-    MissingDependencyError
-        If PyVista is not installed.
 
     Examples
     --------

@@ -27,7 +27,6 @@ from riemhuman.io.files import file_path, read_bytes, short_message
 
 # A body model takes some hundreds of operations.
 _MOST_OPERATIONS = 50_000
-_MOST_BITS = 64
 # Bytes of the returned arrays for each byte of the file: selected entries get wider.
 _LARGEST_FACTOR = 16
 _DEEPEST_CHUMPY = 8
@@ -48,9 +47,11 @@ _KINDS = {
     "_codecs encode": "bytes",
     "chumpy.ch Ch": "Ch",
     "chumpy.reordering Select": "Select",
-    **{f"{module} object": "object" for module in ("builtins", "__builtin__")},
-    **{f"{module} set": "set" for module in ("builtins", "__builtin__")},
-    **{f"{module} frozenset": "set" for module in ("builtins", "__builtin__")},
+    **{
+        f"{module} {name}": name
+        for module in ("builtins", "__builtin__")
+        for name in ("object", "set", "frozenset")
+    },
     **{f"{module} _reconstructor": "reconstructor" for module in ("copyreg", "copy_reg")},
     **{
         f"scipy.sparse.{prefix}{layout} {layout}_{end}": layout
@@ -82,10 +83,6 @@ def load_pickled_arrays(
 
     Raises
     ------
-    ArgumentTypeError
-        If `path` is not a path.
-    FileError
-        If the file is missing or cannot be read.
     FileFormatError
         If it is not the pickle of a dictionary, lacks a field, or holds anything but plain data,
         arrays, sparse matrices and chumpy arrays; the message names what was refused.
@@ -138,7 +135,6 @@ class _Record:
     """An object of a pickle: the arguments that it was made with and its state."""
 
     kind = ""
-    arguments: tuple[Any, ...] = ()
     state: Any = None
 
     def __init__(self, *arguments: Any) -> None:
@@ -147,15 +143,11 @@ class _Record:
     def __setstate__(self, state: Any) -> None:
         self.state = state
 
+    def add(self, item: Any) -> None:
+        """Drop an item of a set, which chumpy stores and nobody reads."""
+
 
 _CLASSES = {name: type(name, (_Record,), {"kind": kind}) for name, kind in _KINDS.items()}
-
-
-class _Set(list[Any]):
-    """The items of a set, which chumpy stores and nobody reads; they are not hashed."""
-
-    __slots__ = ()
-    add = list.append
 
 
 class _Unpickler(pickle._Unpickler):
@@ -174,7 +166,7 @@ class _Unpickler(pickle._Unpickler):
 
 
 def _limited(operation: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Return an operation of the unpickler that counts and checks what it is given and makes."""
+    """Return an operation of the unpickler that is counted and whose keys are checked."""
 
     def limited_operation(unpickler: Any) -> None:
         unpickler.n_operations += 1
@@ -182,7 +174,7 @@ def _limited(operation: Callable[[Any], None]) -> Callable[[Any], None]:
             raise FileFormatError(
                 f"is a pickle of more than {_MOST_OPERATIONS} operations, which is refused"
             )
-        # Keys are checked before they are hashed, which takes ages for nested tuples.
+        # Before they are hashed, which takes ages for nested tuples.
         keys = []
         if operation.__name__ == "load_setitem":
             keys = unpickler.stack[-2:-1]
@@ -191,22 +183,13 @@ def _limited(operation: Callable[[Any], None]) -> Callable[[Any], None]:
         if not all(isinstance(key, (str, bytes, int)) for key in keys):
             raise FileFormatError("holds a dictionary with keys that are neither text nor numbers")
         operation(unpickler)
-        top = unpickler.stack[-1] if unpickler.stack else None
-        if isinstance(top, int) and top.bit_length() > _MOST_BITS:
-            raise FileFormatError(
-                f"holds a whole number of {top.bit_length()} bits, which is refused"
-            )
 
     return limited_operation
 
 
-def _load_empty_set(unpickler: Any) -> None:
-    unpickler.append(_Set())
-
-
 def _load_frozenset(unpickler: Any) -> None:
-    items = unpickler.pop_mark()  # which changes the stack that is appended to
-    unpickler.append(_Set(items))
+    unpickler.pop_mark()  # which changes the stack that is appended to
+    unpickler.append(_Record())
 
 
 def _load_bytearray(unpickler: Any) -> None:
@@ -219,21 +202,14 @@ def _refuse(unpickler: Any) -> None:
 
 
 _REPLACED = {
-    pickle.EMPTY_SET: _load_empty_set,
+    pickle.EMPTY_SET: lambda unpickler: unpickler.append(_Record()),
     pickle.FROZENSET: _load_frozenset,
     pickle.BYTEARRAY8: _load_bytearray,
-    **dict.fromkeys((pickle.PERSID, pickle.BINPERSID, pickle.INST, pickle.OBJ), _refuse),
-    **dict.fromkeys((pickle.EXT1, pickle.EXT2, pickle.EXT4, pickle.NEWOBJ_EX), _refuse),
-    **dict.fromkeys((pickle.NEXT_BUFFER, pickle.READONLY_BUFFER), _refuse),
+    **dict.fromkeys((pickle.PERSID, pickle.BINPERSID), _refuse),
+    **dict.fromkeys((pickle.EXT1, pickle.EXT2, pickle.EXT4), _refuse),
 }
 _OPERATIONS = pickle._Unpickler.dispatch | {code[0]: load for code, load in _REPLACED.items()}
 _Unpickler.dispatch = {code: _limited(operation) for code, operation in _OPERATIONS.items()}
-
-
-def _value(value: Any) -> Any:
-    """Return a value of a pickle as an array or a sparse matrix."""
-    layout = _kind(value)
-    return _sparse(value, layout) if layout in ("csc", "csr", "coo") else _dense(value, 0)
 
 
 def _kind(value: Any) -> str:
@@ -248,25 +224,25 @@ def _kind(value: Any) -> str:
     return str(cls.kind)
 
 
-def _dense(value: Any, depth: int) -> np.ndarray:
-    """Return an array, a number, a text, a list of them or a chumpy object as an array."""
+def _value(value: Any, depth: int = 0) -> Any:
+    """Return an array, a sparse matrix, a chumpy object, a number, a text or a list as an array."""
     kind = _kind(value)
     if kind in ("array", "buffer", "scalar"):
         return _array(value, kind)
+    if kind in ("csc", "csr", "coo") and depth == 0:
+        return _sparse(_attributes(value), kind)
     if kind in ("Ch", "Select"):
         return _chumpy(_attributes(value), kind, depth)
-    numbers = []
-    for item in value if isinstance(value, (list, tuple)) else [value]:
-        number = _array(item, "scalar") if _kind(item) == "scalar" else item
-        # Checked one by one: a long text may be repeated any number of times.
-        if not (
-            isinstance(number, (int, float))
-            or (isinstance(number, str) and len(number) <= _LONGEST_TEXT)
-            or (isinstance(number, np.ndarray) and number.nbytes <= _LONGEST_TEXT)
-        ):
+    is_list = isinstance(value, (list, tuple))
+    items = []
+    for item in value if is_list else [value]:
+        entry = _array(item, "scalar")[()] if _kind(item) == "scalar" else item
+        # A long text may be repeated any number of times.
+        is_long = isinstance(entry, (str, bytes)) and len(entry) > _LONGEST_TEXT
+        if is_long or not isinstance(entry, (str, bytes, int, float, np.generic)):
             raise FileFormatError(f"holds {_describe(value)} in place of an array")
-        numbers.append(number)
-    array = np.asarray(numbers if isinstance(value, (list, tuple)) else numbers[0])
+        items.append(entry)
+    array = np.asarray(items if is_list else items[0])
     if array.dtype.kind == "O":
         raise FileFormatError("holds a whole number beyond 64 bits")
     return array
@@ -282,10 +258,9 @@ def _array(record: _Record, kind: str) -> np.ndarray:
         data, dtype, shape, order = record.arguments
     else:
         (dtype, data), shape = record.arguments, ()
-    if not isinstance(shape, tuple) or len(shape) > _MOST_AXES or not all(map(_is_length, shape)):
+    if not _is_shape(shape):
         raise FileFormatError(f"holds an array of shape {_describe(shape)}")
-    kind_of_entries = _dtype(dtype)
-    content = _bytes(data)
+    kind_of_entries, content = _dtype(dtype), _bytes(data)
     needed = math.prod(shape) * kind_of_entries.itemsize
     if needed != len(content):
         raise FileFormatError(
@@ -304,9 +279,7 @@ def _dtype(record: Any) -> np.dtype[Any]:
         raise FileFormatError(
             f"holds an array of type {_describe(code)}; arrays must hold numbers or text"
         )
-    if record.state is None:
-        return np.dtype(code)
-    _, byte_order, *parts = record.state
+    _, byte_order, *parts = record.state or (3, "=", None, None, None)
     if byte_order not in ("<", ">", "|", "=") or any(part is not None for part in parts[:3]):
         raise FileFormatError("holds a malformed NumPy data type")
     return np.dtype(code).newbyteorder(byte_order)
@@ -320,10 +293,7 @@ def _bytes(data: Any) -> bytes | bytearray:
             raise FileFormatError(f"encodes text as {_describe(encoding)}, which is refused")
     if not isinstance(data, (str, bytes, bytearray)):
         raise FileFormatError(f"holds an array whose data are {_describe(data)}")
-    try:
-        return data.encode("latin-1") if isinstance(data, str) else data
-    except UnicodeEncodeError as error:
-        raise FileFormatError("holds an array whose data are no bytes") from error
+    return data.encode("latin-1") if isinstance(data, str) else data
 
 
 def _chumpy(state: dict[str, Any], kind: str, depth: int) -> np.ndarray:
@@ -331,13 +301,11 @@ def _chumpy(state: dict[str, Any], kind: str, depth: int) -> np.ndarray:
     if depth == _DEEPEST_CHUMPY:
         raise FileFormatError(f"holds more than {_DEEPEST_CHUMPY} chumpy objects in another")
     needed = ("x",) if kind == "Ch" else ("a", "idxs")
-    missing = [name for name in needed if name not in state]
-    if missing:
-        raise FileFormatError(f"holds a chumpy {kind} without {' and '.join(missing)}")
+    if any(name not in state for name in needed):
+        raise FileFormatError(f"holds a chumpy {kind} without {' and '.join(needed)}")
     if kind == "Ch":
-        return _dense(state["x"], depth + 1)
-    source = _dense(state["a"], depth + 1).ravel()
-    indices = _dense(state["idxs"], depth + 1).ravel()
+        return np.asarray(_value(state["x"], depth + 1))
+    source, indices = (np.ravel(_value(state[name], depth + 1)) for name in needed)
     if source.dtype.kind not in "fiub":  # a long text may be selected any number of times
         raise FileFormatError("holds a chumpy Select from an array that holds no numbers")
     if indices.dtype.kind not in "iu" or (
@@ -348,8 +316,8 @@ def _chumpy(state: dict[str, Any], kind: str, depth: int) -> np.ndarray:
     if shape is None:
         return source[indices]
     if not isinstance(shape, tuple):
-        shape = tuple(_dense(shape, depth + 1).ravel().tolist())
-    if not all(map(_is_length, shape)) or math.prod(shape) != len(indices):
+        shape = tuple(np.ravel(_value(shape, depth + 1)).tolist())
+    if not _is_shape(shape) or math.prod(shape) != len(indices):
         raise FileFormatError(
             f"holds a chumpy Select of {len(indices)} numbers whose preferred_shape is "
             f"{_describe(shape)}"
@@ -357,23 +325,26 @@ def _chumpy(state: dict[str, Any], kind: str, depth: int) -> np.ndarray:
     return source[indices].reshape(shape)
 
 
-def _sparse(record: _Record, layout: str) -> sparse.coo_array:
+def _sparse(state: dict[str, Any], layout: str) -> sparse.coo_array:
     """Return a sparse matrix, after a check of its indices."""
-    state = _attributes(record)
+
+    def vector(part: Any, name: str, kinds: str = "iu") -> np.ndarray:
+        found = _array(part, _kind(part)) if _kind(part) in ("array", "buffer") else np.empty(())
+        if found.ndim != 1 or found.dtype.kind not in kinds:
+            raise FileFormatError(f"holds a {layout} matrix whose {name} is missing or malformed")
+        return found.astype(np.int64) if kinds == "iu" else found
+
     shape = state.get("_shape", state.get("shape"))
-    if not isinstance(shape, tuple) or len(shape) != 2 or not all(map(_is_length, shape)):
+    if not _is_shape(shape) or len(shape) != 2:
         raise FileFormatError(f"holds a sparse matrix of shape {_describe(shape)}")
-    data = _vector(state, "data", layout, "fiub")
+    data = vector(state.get("data"), "data", "fiub")
     if layout == "coo":
-        names = ("row", "col")
-        row, column = state.get("coords") or (state.get("row"), state.get("col"))
-        row, column = (
-            _vector({name: part}, name, layout, "iu")
-            for name, part in zip(names, (row, column), strict=True)
-        )
+        parts = state.get("coords") or (state.get("row"), state.get("col"))
+        row, column = map(vector, parts, ("row", "col"))
     else:
-        starts, minor = (_vector(state, name, layout, "iu") for name in ("indptr", "indices"))
+        starts, minor = (vector(state.get(name), name) for name in ("indptr", "indices"))
         n_major = shape[1] if layout == "csc" else shape[0]
+        # Compared and not subtracted, since differences may wrap around.
         if len(starts) != n_major + 1 or starts[0] != 0 or (starts[1:] < starts[:-1]).any():
             raise FileFormatError(f"holds a {layout} matrix whose indptr is malformed")
         if starts[-1] > len(minor):
@@ -389,15 +360,6 @@ def _sparse(record: _Record, layout: str) -> sparse.coo_array:
     return sparse.coo_array((data.astype(np.float64), (row, column)), shape=shape)
 
 
-def _vector(state: dict[str, Any], name: str, layout: str, kinds: str) -> np.ndarray:
-    """Return a part of a sparse matrix; whole numbers become int64."""
-    part: Any = state.get(name)
-    vector = _array(part, _kind(part)) if _kind(part) in ("array", "buffer") else np.empty(())
-    if vector.ndim != 1 or vector.dtype.kind not in kinds:
-        raise FileFormatError(f"holds a {layout} matrix whose {name} is missing or malformed")
-    return vector.astype(np.int64) if kinds == "iu" else vector
-
-
 def _attributes(record: _Record) -> dict[str, Any]:
     state = record.state
     if isinstance(state, tuple) and len(state) == 2 and state[1] is None:
@@ -407,13 +369,17 @@ def _attributes(record: _Record) -> dict[str, Any]:
     return state
 
 
-def _is_length(value: Any) -> bool:
-    return isinstance(value, (int, np.integer)) and bool(0 <= value < 2**62)
+def _is_shape(shape: Any) -> bool:
+    return (
+        isinstance(shape, tuple)
+        and len(shape) <= _MOST_AXES
+        and all(isinstance(n, (int, np.integer)) and 0 <= n < 2**62 for n in shape)
+    )
 
 
 def _describe(value: Any) -> str:
     """Return a text or a shape of the file, or the type of another value, for a message."""
-    if isinstance(value, tuple) and len(value) <= _MOST_AXES and all(map(_is_length, value)):
+    if _is_shape(value):
         return repr(value)
     if not isinstance(value, str):
         return type(value).__name__

@@ -39,8 +39,6 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
 
     Raises
     ------
-    FileError
-        If the file is missing or cannot be read.
     FileFormatError
         If the suffix is unknown or the file is damaged.
 

@@ -63,8 +63,6 @@ class PairedCodes(ABC):
 
         Raises
         ------
-        FileError
-            If the file is missing or cannot be read.
         FileFormatError
             If it does not hold a network of this class.
         """
@@ -84,11 +82,6 @@ class PairedCodes(ABC):
         Returns
         -------
         ShapePoseCodes or IntrinsicExtrinsicCodes
-
-        Raises
-        ------
-        ArgumentError
-            If the template is not in correspondence.
         """
         codes = cls(FOLDER / cls._SHIPPED)
         return codes if template is None else codes.on(template, correspondence)
@@ -100,11 +93,6 @@ class PairedCodes(ABC):
         ----------
         path : path_like
             The file; an existing file is replaced.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
         """
         save_arrays(path, self._fields, compressed=True)
 
@@ -134,13 +122,6 @@ class PairedCodes(ABC):
         Returns
         -------
         ShapePoseCodes or IntrinsicExtrinsicCodes
-
-        Raises
-        ------
-        ArgumentTypeError
-            If `template` is not a template.
-        ArgumentError
-            If the correspondence is missing or does not fit, or nearly all triangles collapse.
         """
         if not isinstance(template, Template):
             raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")

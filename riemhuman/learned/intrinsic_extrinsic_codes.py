@@ -106,8 +106,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
 
         Raises
         ------
-        ArgumentError
-            If the bodies do not fit the template.
         DegenerateSurfaceError
             If a body has no area.
         """
@@ -131,8 +129,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
 
         Raises
         ------
-        ArgumentError
-            If the arrays are no mesh.
         DegenerateSurfaceError
             If the mesh has no area.
         """
@@ -155,11 +151,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         array, shape (n, n_points, 3)
             The vertices `vertices_` of the training template, relative to the body's mean vertex,
             metres.
-
-        Raises
-        ------
-        ArgumentError
-            If the codes have another length.
         """
         codes = self._check_codes(Z)
         points = network(self.parameters_, "points", codes)
@@ -177,11 +168,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         -------
         array, shape (n, n_eigenvalues)
             Without zero, in 1 / metre².
-
-        Raises
-        ------
-        ArgumentError
-            If the codes have another length.
         """
         intrinsic, _ = self.split(Z)
         return np.exp(network(self.parameters_, "spectrum", intrinsic) + self._spectrum)

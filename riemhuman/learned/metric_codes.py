@@ -98,13 +98,6 @@ class MetricCodes(Estimator):
         -------
         MetricCodes
             The estimator itself.
-
-        Raises
-        ------
-        ArgumentTypeError
-            If the metric has no `lower_bound_coordinates`.
-        ArgumentError
-            If there are too few bodies, or they are all the same.
         """
         n_codes = whole_number(self.n_codes, "n_codes", minimum=2)
         n_components = whole_number(self.n_components, "n_components", minimum=1)
@@ -142,11 +135,6 @@ class MetricCodes(Estimator):
         Returns
         -------
         array, shape (n, n_codes)
-
-        Raises
-        ------
-        ArgumentError
-            If nothing was fitted, or the bodies do not fit the template.
         """
         self._require_fit("scale_")
         return self._encode(self._coordinates(X))

@@ -90,8 +90,6 @@ class ShapePoseCodes(PairedCodes):
 
         Raises
         ------
-        ArgumentError
-            If the bodies do not fit the template.
         DegenerateSurfaceError
             If a triangle has no area.
         """
@@ -116,11 +114,6 @@ class ShapePoseCodes(PairedCodes):
         -------
         array, shape (n, V, 3)
             Bodies with the orientation of the template and their mean vertex at the origin, metres.
-
-        Raises
-        ------
-        ArgumentError
-            If the codes have another length.
         """
         codes = self._check_codes(Z)
         features = self._decode(self.parameters_, codes) * self._scale + self._center
@@ -141,11 +134,6 @@ class ShapePoseCodes(PairedCodes):
         -------
         array, shape (n, V, 3)
             Bodies as `inverse_transform` returns them.
-
-        Raises
-        ------
-        ArgumentError
-            If the numbers of bodies differ, or the bodies do not fit the template.
         """
         of_people, of_poses = self.transform(X), self.transform(poses)
         if len(of_people) != len(of_poses):

@@ -121,8 +121,6 @@ def pairwise_job(
 
     Raises
     ------
-    ArgumentTypeError
-        If an argument has the wrong type.
     ArgumentError
         If a point or an option is not valid, or the folder holds a job on other points or with
         another metric, or anything but a job.
@@ -132,8 +130,6 @@ def pairwise_job(
         If a file of the job is damaged.
     ClusterError
         If a cluster has had no worker for a minute.
-    MissingDependencyError
-        If a client is given and distributed is not installed, or a worker lacks the library.
 
     Examples
     --------

@@ -95,11 +95,6 @@ class NearestNeighbors(Estimator):
         -------
         NearestNeighbors
             The estimator itself.
-
-        Raises
-        ------
-        ArgumentError
-            If a point or a parameter is wrong.
         """
         whole_number(self.n_neighbors, "n_neighbors", minimum=1)
         thread_count(self.n_jobs)
@@ -130,11 +125,6 @@ class NearestNeighbors(Estimator):
         -------
         NearestNeighbors
             The estimator itself.
-
-        Raises
-        ------
-        ArgumentError
-            If a point is wrong; the index then stays as it was.
         """
         if not hasattr(self, "_index"):
             return self.fit(X)
@@ -174,11 +164,6 @@ class NearestNeighbors(Estimator):
             Ascending; left out if `return_distance` is false.
         indices : array of int, shape (n_queries, n_neighbors)
             Numbers of the points; at equal distances, the lower number comes first.
-
-        Raises
-        ------
-        ArgumentError
-            If nothing was fitted, a query is wrong, or there are fewer points than neighbours.
         """
         if not hasattr(self, "_index"):
             raise ArgumentError("kneighbors needs points: call fit first")

@@ -85,8 +85,6 @@ def scores(
 
     Raises
     ------
-    ArgumentTypeError
-        If distances are not numbers or labels are not hashable.
     ArgumentError
         If the matrix is not square, a distance off the diagonal is negative, NaN or infinite,
         the number of labels or of groups is not n, or no query has another item of its class.
@@ -167,11 +165,6 @@ def labelled_distances(
     distances : array, shape (n, n)
     classes : array of int, shape (n,)
         Classes are numbered in the order of their first items.
-
-    Raises
-    ------
-    ArgumentTypeError, ArgumentError
-        As for `scores`, but classes may have one item each.
     """
     matrix = real_array(distances, "distances", ("n", "n"), batched=False, finite=False).copy()
     if matrix.shape[0] != matrix.shape[1]:
@@ -219,11 +212,6 @@ def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
     Returns
     -------
     array, shape (n, n)
-
-    Raises
-    ------
-    ArgumentError
-        If the distances are not valid, there are too few items, or the scale of an item is 0.
 
     References
     ----------

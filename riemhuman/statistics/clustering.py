@@ -84,11 +84,6 @@ class KMedoids(Estimator):
         -------
         KMedoids
             The estimator itself.
-
-        Raises
-        ------
-        ArgumentError
-            If X is no matrix of distances, or there are fewer points than clusters.
         """
         distances = distance_matrix(X, "X")
         k = whole_number(self.n_clusters, "n_clusters", minimum=1)

@@ -120,14 +120,6 @@ class LearnedMetric(Estimator):
         -------
         LearnedMetric
             The estimator itself.
-
-        Raises
-        ------
-        ArgumentError
-            If there are fewer than two classes, no class has two different points, or there are
-            fewer groups than folds.
-        ArgumentTypeError
-            If the metric has no `lower_bound_coordinates`.
         """
         coordinates = self._coordinates(X)
         classes = _numbers(y, "y", len(coordinates))
@@ -160,11 +152,6 @@ class LearnedMetric(Estimator):
         Returns
         -------
         array, shape (n, k)
-
-        Raises
-        ------
-        ArgumentError
-            If nothing was fitted, or the points do not fit the space.
         """
         self._require_fit("components_")
         return (self._coordinates(X) - self.mean_) @ self.components_.T
@@ -190,11 +177,6 @@ class LearnedMetric(Estimator):
         -------
         array, shape (n, n)
             Row i holds the distances from point i to all points; not symmetric.
-
-        Raises
-        ------
-        ArgumentError
-            As for `fit`.
         """
         coordinates = self._coordinates(X)
         classes = _numbers(y, "y", len(coordinates))

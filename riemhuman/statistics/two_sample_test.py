@@ -96,11 +96,6 @@ def two_sample_test(
     -------
     TwoSampleResult
 
-    Raises
-    ------
-    ArgumentError
-        If the distances are not valid, a group is empty, or a unit has points in both groups.
-
     References
     ----------
     .. [1] Székely, Rizzo, "Energy statistics: a class of statistics based on distances", Journal
