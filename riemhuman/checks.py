@@ -127,6 +127,17 @@ def check_shape(
         raise ArgumentError(f"{name} must have shape ({expected}); found {values.shape}")
 
 
+def path_array(path: Any, space: Any, *, batched: bool = True) -> Any:
+    """Return discrete paths of a space's points, at two times at least, as a float64 array."""
+    if not isinstance(path, np.ndarray):
+        path = space.as_array(path, "path")
+    path = real_array(path, "path", ("n_times", *space.shape), batched=batched)
+    n_times = path.shape[-len(space.shape) - 1]
+    if n_times < 2:
+        raise ArgumentError(f"path must have at least two times; found {n_times}")
+    return path
+
+
 def metric_weight(value: Any, name: str, *, strict: bool = False) -> float:
     """Return a weight of a metric as a float of at least 0, or above it if `strict`."""
     number = real_number(value, name, minimum=0.0, strict=strict)

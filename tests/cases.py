@@ -33,7 +33,7 @@ from riemhuman.geometry import (
     SRNFMetric,
     VectorSpace,
 )
-from riemhuman.kernels.differentiable import square_root
+from riemhuman.kernels.surface import square_root
 from riemhuman.surfaces.template import Template
 
 N_POINTS = 4

@@ -16,7 +16,6 @@ from riemhuman.geometry.surface_metric import ElasticMetric
 from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.kernels import surface
-from riemhuman.kernels.differentiable import square_root
 from riemhuman.kernels.threads import of_one_kind
 from riemhuman.kernels.triangles import nearly_degenerate_triangles
 from riemhuman.terms.flat import RootNormalTerm
@@ -111,7 +110,7 @@ class AlignedSurfaces(Manifold):
             In square metres; gradients are 0 where a triangle has no area.
         """
         normals = self.normals(point)
-        return square_root(surface.dot(normals, normals))
+        return surface.square_root(surface.dot(normals, normals))
 
     def normals(self, point: ndarray) -> ndarray:
         """Return the normal of every triangle, with the triangle's area as its length.

@@ -17,7 +17,7 @@ from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.terms import ConeTerm
 from riemhuman.terms import _cone_geodesics as cones
-from riemhuman.terms._sum import TermOfFields
+from riemhuman.terms._sum import SumOfTerms
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -96,8 +96,8 @@ class GeneralElasticFieldMetric(RiemannianMetric):
 
     @property
     def bulk(self) -> Bulk:
-        return TermOfFields(
-            self._term, self._template, lambda points: self._coordinates(points, "points")
+        return SumOfTerms(
+            [self._term], self._template, lambda points: self._coordinates(points, "points")
         )
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:

@@ -11,7 +11,15 @@ from autograd import elementwise_grad, value_and_grad
 from autograd.extend import defvjp_argnums, primitive
 from numpy import ndarray
 
-from riemhuman.checks import Rng, check_shape, metric_weight, one_of, real_array, whole_number
+from riemhuman.checks import (
+    Rng,
+    check_shape,
+    metric_weight,
+    one_of,
+    path_array,
+    real_array,
+    whole_number,
+)
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -37,7 +45,7 @@ from riemhuman.geometry.strategies import (
     TransportSolver,
     default_strategy,
 )
-from riemhuman.kernels.differentiable import square_root
+from riemhuman.kernels.surface import square_root
 from riemhuman.representation import constructor_text
 
 
@@ -566,7 +574,12 @@ class RiemannianMetric:
         one_of(precision, "precision", PRECISIONS)
         if n_jobs is not None:
             return features_in_threads(self, points, precision, n_jobs)
-        return self.bulk.features(self._check_members(points, name), precision)
+        if self.space.is_surface_space:
+            checked = self.space.check_point(points, name)
+            check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
+        else:
+            checked = self.check_points(points, name)
+        return self.bulk.features(checked, precision)
 
     def lower_bound_coordinates(self, points: ndarray) -> ndarray:
         r"""Return coordinates whose Euclidean distances are at most those of the metric.
@@ -607,10 +620,6 @@ class RiemannianMetric:
         check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
         return checked
 
-    def _check_members(self, points: Points, name: str) -> ndarray:
-        """Return a set of points for `bulk`."""
-        return self.check_points(points, name)
-
     # Energies and lengths of discrete paths.
 
     def energy(self, path: ndarray) -> ndarray:
@@ -629,7 +638,7 @@ class RiemannianMetric:
         -------
         array, shape (...)
         """
-        path = self._check_path(path)
+        path = path_array(path, self.space)
         n_segments = path.shape[-len(self.space.shape) - 1] - 1
         return n_segments * np.sum(self._squared_segments(path), axis=-1)
 
@@ -664,7 +673,7 @@ class RiemannianMetric:
         -------
         array, shape (...)
         """
-        path = self._check_path(path)
+        path = path_array(path, self.space)
         self.space.check_scale(path, "path")
         return np.sum(square_root(self._squared_segments(path)), axis=-1)
 
@@ -720,15 +729,6 @@ class RiemannianMetric:
         if self.has_closed_form_dist:
             return self.squared_dist(start, end)
         return self.squared_norm(end - start, self.space.projection(0.5 * (start + end)))
-
-    def _check_path(self, path: ndarray, batched: bool = True) -> ndarray:
-        if not isinstance(path, ndarray):
-            path = self.space.as_array(path, "path")
-        path = real_array(path, "path", ("n_times", *self.space.shape), batched=batched)
-        n_times = path.shape[-len(self.space.shape) - 1]
-        if n_times < 2:
-            raise ArgumentError(f"path must have at least two times; found {n_times}")
-        return path
 
     # Geodesics, exponentials, logarithms and transport. Where there is neither a closed form nor a
     # strategy given, the default strategies of `riemhuman.solvers` find them.

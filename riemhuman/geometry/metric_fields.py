@@ -16,7 +16,7 @@ from riemhuman.geometry.pairwise import Bulk
 from riemhuman.kernels.surface import refuse_triangles
 from riemhuman.terms import EbinTerm
 from riemhuman.terms import _cone_geodesics as cones
-from riemhuman.terms._sum import TermOfFields
+from riemhuman.terms._sum import SumOfTerms
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -167,8 +167,8 @@ class EbinMetric(RiemannianMetric):
     @property
     def bulk(self) -> Bulk:
         """Features x, y and s of the cones, in compiled loops."""
-        return TermOfFields(
-            self._term,
+        return SumOfTerms(
+            [self._term],
             self.space.template,
             lambda points: cones.coordinates(
                 self.space.check_point(points, "points", completion=True)

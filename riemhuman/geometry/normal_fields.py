@@ -15,7 +15,7 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot, refuse_triangles
-from riemhuman.terms._sum import TermOfFields
+from riemhuman.terms._sum import SumOfTerms
 from riemhuman.terms.normals import NormalTerm
 
 if TYPE_CHECKING:
@@ -131,8 +131,8 @@ class NormalFieldMetric(RiemannianMetric):
     @property
     def bulk(self) -> Bulk:
         """Features are the components of the normals, in compiled loops."""
-        return TermOfFields(
-            NormalTerm(),
+        return SumOfTerms(
+            [NormalTerm()],
             self.space.template,
             lambda points: (self.space.check_point(points, "points"),),
         )

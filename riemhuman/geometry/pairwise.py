@@ -108,22 +108,6 @@ class SumOfFactors(Bulk):
             start += bulk.n_arrays
 
 
-class OfImages(Bulk):
-    """Distances of another metric between the images of points under a map."""
-
-    def __init__(self, bulk: Bulk, map: Callable[[ndarray], ndarray]) -> None:
-        self._bulk, self._map, self.n_arrays = bulk, map, bulk.n_arrays
-
-    def features(self, points: ndarray, precision: str) -> Features:
-        return self._bulk.features(self._map(points), precision)
-
-    def rounding(self, features: Features) -> ndarray:
-        return self._bulk.rounding(features)
-
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
-        return self._bulk.squared_distances(a, b, n_threads)
-
-
 def features_in_threads(metric: Any, points: Points, precision: str, n_jobs: int) -> Features:
     """Return the features of points, computed in threads."""
     n_threads = thread_count(n_jobs)
@@ -207,78 +191,68 @@ def table_of_distances(
     progress: bool,
 ) -> ndarray:
     """Return the distances between two sets, or within the first; see `RiemannianMetric.cdist`."""
-    n_jobs = thread_count(n_jobs)
+    n_threads = thread_count(n_jobs)
     one_of(precision, "precision", PRECISIONS)
     memory = whole_number(memory, "memory", minimum=1)
     within = points_b is None
-    names = ("points", "points") if within else ("points_a", "points_b")
-    rows = _sliceable(metric, points_a, names[0])
-    columns = rows if within else _sliceable(metric, points_b, names[1])
+    sets: dict[str, Any] = {"points": points_a} if within else {}
+    sets = sets or {"points_a": points_a, "points_b": points_b}
+    for name, points in sets.items():
+        # Other sequences are sliced, and their parts checked, as they are needed.
+        if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
+            sets[name] = metric.check_points(points, name)
+        elif isinstance(points, ndarray):
+            sets[name] = unflatten(points, metric.space.shape)
+            check_shape(sets[name], name, ("n_points", *metric.space.shape), batched=False)
+    (row_name, rows), *_, (column_name, columns) = 2 * list(sets.items())
     result = np.zeros((len(rows), len(columns)))
     if not result.size:
         return result
 
-    features_of_rows = partial(_features, metric, rows, names[0], precision, n_jobs)
-    features_of_columns = partial(_features, metric, columns, names[1], precision, n_jobs)
-    n_points = len(result) if within else sum(result.shape)
-    _, features_of_one = features_of_rows(0, 1)[0]
+    blocks = partial(_blocks, metric, precision, n_threads)
+    [(_, features_of_one)] = blocks(rows, row_name, 0, 1)
     bytes_per_point = sum(array.nbytes for array in features_of_one)
-    # If the features of all points do not fit, those of as many rows as columns do.
-    n_at_once = n_points
-    if n_points * bytes_per_point > memory:
+    n_at_once = len(result) if within else sum(result.shape)
+    if n_at_once * bytes_per_point > memory:
+        # If the features of all points do not fit, those of as many rows as columns do.
         n_at_once = max(1, memory // (2 * bytes_per_point))
     n_pairs = len(result) * (len(result) - 1) // 2 if within else result.size
     with ProgressBar(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
         for first in range(0, len(rows), n_at_once):
-            row_blocks = features_of_rows(first, first + n_at_once)
+            of_rows = blocks(rows, row_name, first, first + n_at_once)
             for start in range(first if within else 0, len(columns), n_at_once):
                 same = within and start == first
-                column_blocks = (
-                    row_blocks if same else features_of_columns(start, start + n_at_once)
-                )
-                for i, features_a in row_blocks:
-                    for j, features_b in column_blocks:
+                of_columns = of_rows
+                if not same:
+                    of_columns = blocks(columns, column_name, start, start + n_at_once)
+                for i, a in of_rows:
+                    for j, b in of_columns:
                         if same and j.start < i.start:
                             continue
-                        block = np.sqrt(
-                            squared_dist_rectangle(
-                                metric, features_a, features_b, rows[i], columns[j], n_jobs
-                            )
-                        )
-                        result[i, j] = block
+                        squared = squared_dist_rectangle(metric, a, b, rows[i], columns[j], n_jobs)
+                        result[i, j] = np.sqrt(squared)
                         if within:
-                            result[j, i] = block.T
-                        on_diagonal = features_a is features_b
-                        n = len(block)
-                        bar.update(n * (n - 1) // 2 if on_diagonal else block.size)
+                            result[j, i] = result[i, j].T
+                        n = len(squared)
+                        bar.update(n * (n - 1) // 2 if a is b else squared.size)
                 # The next features take the memory of these.
-                del column_blocks, features_b
-            del row_blocks, features_a
+                del of_columns, b
+            del of_rows, a
     return result
 
 
-def _sliceable(metric: Any, points: Any, name: str) -> Any:
-    """Return points whose parts `RiemannianMetric.features` can check one by one."""
-    if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
-        points = metric.check_points(points, name)
-    if isinstance(points, np.ndarray):
-        points = unflatten(points, metric.space.shape)
-        check_shape(points, name, ("n_points", *metric.space.shape), batched=False)
-    return points
-
-
-def _features(
+def _blocks(
     metric: Any,
-    points: Any,
-    name: str,
     precision: str,
     n_threads: int,
+    points: Any,
+    name: str,
     first: int,
     last: int,
 ) -> list[tuple[slice, Features]]:
     """Return the features of the points from `first` to `last`, block by block, in threads."""
     last = min(last, len(points))
-    if not isinstance(points, np.ndarray):
+    if not isinstance(points, ndarray):
         # Other sequences may not be safe to read in several threads.
         n_threads = 1
     size = min(_BLOCK, math.ceil((last - first) / n_threads))

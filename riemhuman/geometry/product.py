@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric, Solvers
 from riemhuman.geometry.pairwise import Bulk, SumOfFactors
-from riemhuman.kernels.differentiable import entry
+from riemhuman.kernels.surface import entry
 
 
 class ProductManifold(Manifold):

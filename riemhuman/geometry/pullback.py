@@ -11,8 +11,8 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric, Solvers
-from riemhuman.geometry.pairwise import Bulk, OfImages
-from riemhuman.kernels import differentiable
+from riemhuman.geometry.pairwise import Bulk, SumOfFactors
+from riemhuman.kernels import surface
 
 
 class PullbackMetric(RiemannianMetric):
@@ -86,7 +86,7 @@ class PullbackMetric(RiemannianMetric):
         shape = np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point))
         # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.
         tangent_vec, base_point = tangent_vec + np.zeros(shape), base_point + np.zeros(shape)
-        return differentiable.differential(self.map, tangent_vec, base_point)
+        return surface.differential(self.map, tangent_vec, base_point)
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
@@ -111,9 +111,11 @@ class PullbackMetric(RiemannianMetric):
     @property
     def bulk(self) -> Bulk:
         """The bulk work of the target metric, on images."""
-        return OfImages(
-            self.target_metric.bulk, lambda x: self.map(self.space.check_point(x, "points"))
-        )
+
+        def image(points: ndarray) -> ndarray:
+            return self.map(self.space.check_point(points, "points"))
+
+        return SumOfFactors([(image, 1.0, self.target_metric.bulk)])
 
     def _squared_segments(self, path: ndarray) -> ndarray:
         return self.target_metric._squared_segments(self.map(path))

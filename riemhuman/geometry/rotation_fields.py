@@ -32,7 +32,7 @@ from riemhuman.kernels.surface import (
     refuse_degenerate,
     refuse_triangles,
 )
-from riemhuman.terms._sum import TermOfFields
+from riemhuman.terms._sum import SumOfTerms
 from riemhuman.terms.rotations import RotationTerm
 
 if TYPE_CHECKING:
@@ -154,8 +154,8 @@ class RotationFieldMetric(RiemannianMetric):
     @property
     def bulk(self) -> Bulk:
         """Features are the components of quaternions, in compiled loops."""
-        return TermOfFields(
-            RotationTerm(),
+        return SumOfTerms(
+            [RotationTerm()],
             self.space.template,
             lambda points: (quaternions(self.space.check_point(points, "points")),),
         )
@@ -315,7 +315,7 @@ class RotationMetric(PullbackMetric):
                 components[i] = quaternions(self.rotations(f))
             return (components,)
 
-        return TermOfFields(RotationTerm(), self.space.template, fields)
+        return SumOfTerms([RotationTerm()], self.space.template, fields)
 
     def lower_bound_coordinates(self, points: ndarray) -> ndarray:
         """Return coordinates whose Euclidean distances are at most those of the metric.

@@ -8,22 +8,23 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Unpack
 
 import autograd.numpy as np
+import numpy as onp
+from autograd import grad
+from autograd.extend import defvjp, primitive
 from autograd.tracer import isbox
 from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.checks import check_shape, metric_weight
+from riemhuman.checks import metric_weight, path_array, values_of
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.cone_fields import GeneralElasticFieldMetric
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric, Solvers
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
-from riemhuman.geometry.pairwise import Points
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels import surface
-from riemhuman.kernels.differentiable import with_known_gradient
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.threads import quadratic_form
@@ -99,7 +100,7 @@ class MetricOfTerms(RiemannianMetric):
 
     def energy(self, path: ndarray) -> ndarray:
         """Return the energy of paths: of one in compiled loops, of several by the definition."""
-        path = self._check_path(path)
+        path = path_array(path, self.space)
         if path.ndim == 3:
             energy: Any
             if isbox(path):
@@ -113,7 +114,7 @@ class MetricOfTerms(RiemannianMetric):
     @cached_property
     def _compiled_energy(self) -> Callable[[Any], Any]:
         # Cached, because autograd keeps every primitive for good.
-        return with_known_gradient(self._sum.path_energy, super().energy)
+        return _with_known_gradient(self._sum.path_energy, super().energy)
 
     def __getstate__(self) -> dict[str, Any]:
         # A copy makes its own primitive, since this one refers to the metric it was made of.
@@ -121,7 +122,7 @@ class MetricOfTerms(RiemannianMetric):
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the energy of one path, infinite outside the domain, and its gradient."""
-        return self._sum.path_energy(self._check_path(path, batched=False))
+        return self._sum.path_energy(path_array(path, self.space, batched=False))
 
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         vectors = self.space.check_tangent_vec(tangent_vec)
@@ -135,6 +136,37 @@ class MetricOfTerms(RiemannianMetric):
         flat = self.check_points(vectors, "vectors").reshape(len(vectors), self.space.dim)
         gram = quadratic_form(self.metric_matrix(base_point), flat)
         return 0.5 * (gram + gram.T)
+
+
+def _with_known_gradient(
+    value_and_gradient: Callable[[ndarray], tuple[float, ndarray]], definition: Callable[[Any], Any]
+) -> Callable[[Any], Any]:
+    """Return a scalar function as an autograd primitive.
+
+    Value and first derivatives come from `value_and_gradient`, in one evaluation; derivatives of
+    the gradient come from the definition.
+    """
+
+    @primitive
+    def evaluate(x: ndarray) -> ndarray:
+        value, gradient = value_and_gradient(x)
+        return onp.concatenate([[value], gradient.ravel()])
+
+    def transposed(answer: Any, x: Any) -> Callable[[Any], Any]:
+        def pull_back(upstream: Any) -> Any:
+            # The answer is traced too where higher derivatives are asked for.
+            pulled = upstream[0] * np.reshape(answer[1:], np.shape(x))
+            direction = upstream[1:]
+            if onp.any(values_of(direction)):
+                direction = np.reshape(direction, np.shape(x))
+                slope = grad(lambda y: np.sum(grad(definition)(y) * direction))
+                pulled = pulled + slope(x)
+            return pulled
+
+        return pull_back
+
+    defvjp(evaluate, transposed)
+    return lambda x: evaluate(x)[0]
 
 
 class SurfaceMetric(MetricOfTerms):
@@ -190,8 +222,8 @@ class SurfaceMetric(MetricOfTerms):
         others = self.check_points(others, "others")
         return self._sum.squared_dists(point, others, weights)
 
-    @property
-    def bulk(self) -> SumOfTerms:
+    @cached_property
+    def bulk(self) -> SumOfTerms:  # type: ignore[override]
         """Features of the fields of surfaces, in compiled passes over the triangles of each."""
         return self._sum
 
@@ -286,11 +318,6 @@ class SurfaceMetric(MetricOfTerms):
         values = term.squared_dist(fields_a, fields_b) * self._sum.areas
         return term.weight * np.sum(values, axis=-1)
 
-    def _check_members(self, points: Points, name: str) -> ndarray:
-        checked: ndarray = self.space.check_point(points, name)
-        check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
-        return checked
-
 
 class _TermFields:
     """The fields of one or several terms, as points of a manifold with a weighted metric."""
@@ -359,7 +386,7 @@ def _space_of(term: Term, template: Template) -> Manifold:
     if isinstance(term, NormalTerm):
         return NormalFields(template)
     if isinstance(term, FlatTerm):
-        space = VectorSpace((template.n_faces, term.feature_shape(1)[0]))
+        space = VectorSpace((template.n_faces, term.n_features))
         return space.equip_with_metric(FlatMetric, weights=template.face_areas)
     raise NotDefinedError(
         f"the fields of {type(term).__name__} have no manifold with exp and log; statistics of "

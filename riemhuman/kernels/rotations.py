@@ -16,8 +16,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array, values_of
 from riemhuman.kernels.compilation import compiled
-from riemhuman.kernels.differentiable import square_root
-from riemhuman.kernels.surface import dot
+from riemhuman.kernels.surface import dot, square_root
 
 # Below this squared angle the power series is exact to double precision and, unlike the
 # quotients, has derivatives of every order at zero.

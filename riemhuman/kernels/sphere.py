@@ -5,8 +5,12 @@ from __future__ import annotations
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.differentiable import sine_cardinal, square_root
-from riemhuman.kernels.surface import dot
+from riemhuman.kernels.surface import dot, square_root
+
+
+def sine_cardinal(x: ndarray) -> ndarray:
+    """Return sin(x)/x, 1 at 0."""
+    return np.where(x == 0, 1.0, np.sin(x) / np.where(x == 0, 1.0, x))
 
 
 def angle(n1: ndarray, n2: ndarray) -> ndarray:

@@ -1,4 +1,4 @@
-r"""First fundamental forms and normals of triangulated surfaces over a template.
+r"""First fundamental forms and normals of triangulated surfaces, differentiable with autograd.
 
 On template triangle t, with corners (0, 0), (u₂, 0), (u₃, v₃) in its own orthonormal frame, a
 surface f with corners q₁, q₂, q₃ has
@@ -12,17 +12,18 @@ surface f with corners q₁, q₂, q₃ has
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import autograd.numpy as np
 import numpy as onp
+from autograd.core import make_vjp
 from autograd.extend import defjvp, defvjp, primitive
 from autograd.numpy.numpy_vjps import unbroadcast_f
 from numpy import ndarray
 from scipy.sparse import csr_array, csr_matrix
 
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.kernels.differentiable import entry
 
 DEGENERATE = 8 * np.finfo(float).eps
 """Triangles count as degenerate below this squared sine of the angle between f_u and f_v."""
@@ -87,6 +88,70 @@ def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray,
     """Return f_u and f_v of every triangle."""
     f_u, f_v = np.split(apply_operator(operator, points), 2, axis=-2)
     return f_u, f_v
+
+
+@primitive
+def entry(values: ndarray, *index: int | slice) -> ndarray:
+    """Return ``values[..., *index]``.
+
+    Registered as an autograd primitive, because autograd accumulates the transpose of indexing
+    entry by entry, in case an index occurs twice.
+    """
+    return values[(..., *index)]
+
+
+@primitive
+def _entry_alone(values: ndarray, shape: tuple[int, ...], *index: int | slice) -> ndarray:
+    """Return zeros except for one entry of the last axes, the transpose of `entry`."""
+    zeros = np.zeros(shape)
+    zeros[(..., *index)] = values
+    return zeros
+
+
+defvjp(
+    entry,
+    lambda answer, values, *index: lambda upstream: _entry_alone(upstream, values.shape, *index),
+    argnums=(0,),
+)
+defjvp(entry, lambda tangent, answer, values, *index: entry(tangent, *index), argnums=(0,))
+defvjp(
+    _entry_alone,
+    lambda answer, values, shape, *index: lambda upstream: entry(upstream, *index),
+    argnums=(0,),
+)
+defjvp(
+    _entry_alone,
+    lambda tangent, answer, values, shape, *index: _entry_alone(tangent, shape, *index),
+    argnums=(0,),
+)
+
+
+def differential(map: Callable[[Any], Any], tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+    r"""Apply the differential of a map to tangent vectors, :math:`d_x\varphi(v)`.
+
+    The transposed differential :math:`w \mapsto d_x\varphi^T w` that reverse-mode automatic
+    differentiation gives is linear in w, so its own gradient along v is :math:`d_x\varphi(v)`. This
+    needs only reverse-mode rules, which every autograd function has.
+    """
+    pull_back, image = make_vjp(map, base_point)
+    transposed, _ = make_vjp(pull_back, np.zeros_like(image))
+    return transposed(tangent_vec)
+
+
+@primitive
+def square_root(x: ndarray) -> ndarray:
+    """Return the square root, with subgradient 0 at 0 (rounding below 0 counts as 0)."""
+    return np.sqrt(np.maximum(x, 0.0))
+
+
+def _square_root_slope(answer: ndarray) -> ndarray:
+    return np.where(answer > 0, 0.5 / np.where(answer > 0, answer, 1.0), 0.0)
+
+
+defvjp(
+    square_root,
+    lambda answer, x: lambda upstream: upstream * _square_root_slope(square_root(x)),
+)
 
 
 @primitive

@@ -226,16 +226,11 @@ def of_one_kind(array: ndarray) -> ndarray:
     return view
 
 
-def padded(shape: tuple[int, ...], precision: str) -> ndarray:
+def zero_rows(shape: tuple[int, ...], precision: str) -> ndarray:
     """Return zeros with rows of whole vector registers."""
     *leading, length = shape
     whole = -(-length // LANES) * LANES
     return np.zeros((*leading, whole), dtype=np.float32 if precision == "single" else np.float64)
-
-
-def rounding(gap: float, features: ndarray) -> float:
-    """Return a bound on the rounding error of a point's features, as a distance."""
-    return math.sqrt(gap) if features.dtype == np.float32 else 0.0
 
 
 def in_tiles(
@@ -256,8 +251,12 @@ def in_tiles(
     # Whole blocks of four, by which some loops go.
     size = 4 * int(np.clip(0.25 * math.sqrt(n_pairs) + 0.5, 2, 16))
 
-    rows = [(i, tuple(one[i] for one in a)) for i in slices(n_a, size)]
-    columns = rows if within else [(j, tuple(one[j] for one in b)) for j in slices(n_b, size)]
+    rows, columns = (
+        [(slice(k, k + size), tuple(one[k : k + size] for one in arrays)) for k in starts]
+        for arrays, starts in ((a, range(0, n_a, size)), (b, range(0, n_b, size)))
+    )
+    # Within a set both have to be the same arrays.
+    columns = rows if within else columns
     places = [
         (row, column)
         for row in rows

@@ -1,10 +1,6 @@
-"""First derivatives of surfaces in compiled loops, triangle by triangle, and the way back.
+"""Triangles in compiled loops: degenerate ones, their frames, and quadratic forms of corners.
 
-All that terms need to know of a triangle is a record of `LENGTH` numbers: f_u, f_v, the unit normal
-n, the area ratio A = ‖f_u × f_v‖, and e = f_u·f_u, m = f_u·f_v. On a triangle without area n and A
-are 0. Slopes of a sum over triangles by the numbers of a record, each taken for independent, become
-slopes by the vertices. Arrays of records hold each number of many triangles in a row, so that loops
-over triangles run in vector registers. Definitions are in `riemhuman.kernels.surface`.
+Definitions are in `riemhuman.kernels.surface`.
 
 Orthonormal frames: at corners q₁, q₂, q₃ of a triangle, e₁ runs along q₂ − q₁, e₂ across it within
 the plane and e₃ is the normal; q₂ − q₁ = p e₁ and q₃ − q₁ = q e₁ + r e₂.
@@ -17,12 +13,9 @@ import math
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.compilation import FUSED, compiled
+from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import DEGENERATE, NEARLY_DEGENERATE
 from riemhuman.kernels.threads import in_chunks, of_one_kind
-
-LENGTH = 12
-"""Numbers in a record: three of f_u, three of f_v, three of n, then A, e and m."""
 
 # Below this many triangles, threads cost more than they bring.
 _WORTH_THREADS = 5_000
@@ -90,110 +83,6 @@ def _mark_nearly_degenerate(f: ndarray, faces: ndarray, frames: ndarray, marked:
         _, m, _, _, _, area = triangle(f, faces, frames, t)
         # A² + m² = e g.
         marked[t] = area * area <= NEARLY_DEGENERATE * (area * area + m * m)
-
-
-@compiled
-def mark_degenerate(f: ndarray, faces: ndarray, frames: ndarray, marked: ndarray) -> None:
-    """Mark the triangles of a surface that have no area."""
-    for t in range(len(faces)):
-        marked[t] = triangle(f, faces, frames, t)[5] == 0.0
-
-
-@compiled
-def fill_records(
-    f: ndarray, faces: ndarray, frames: ndarray, first: int, last: int, records: ndarray
-) -> None:
-    """Fill the records of the triangles from `first` to `last`."""
-    for i in range(f.shape[1]):
-        record = records[i]
-        for t in range(first, last):
-            one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
-            scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
-            for k in range(3):
-                edge = f[two, i, k] - f[one, i, k]
-                record[k, t - first] = edge * scale_u
-                record[3 + k, t - first] = (f[three, i, k] - f[one, i, k]) * scale_v - edge * skew
-        _complete(record)
-
-
-@compiled(forceinline=True, fastmath=FUSED)
-def _complete(record: ndarray) -> None:
-    """Fill what follows from f_u and f_v."""
-    u0, u1, u2, v0, v1, v2 = record[0], record[1], record[2], record[3], record[4], record[5]
-    normal0, normal1, normal2 = record[6], record[7], record[8]
-    areas, first, mixed = record[9], record[10], record[11]
-    for t in range(record.shape[1]):
-        e, m, n0, n1, n2, area = first_forms(u0[t], u1[t], u2[t], v0[t], v1[t], v2[t])
-        scale = 1.0 / area if area > 0.0 else 0.0
-        normal0[t], normal1[t], normal2[t] = n0 * scale, n1 * scale, n2 * scale
-        areas[t], first[t], mixed[t] = area, e, m
-
-
-@compiled
-def add_gradient(
-    records: ndarray,
-    slopes: ndarray,
-    faces: ndarray,
-    frames: ndarray,
-    first: int,
-    last: int,
-    gradient: ndarray,
-) -> None:
-    """Add slopes by records up to slopes by vertices; triangles without area have none."""
-    for i in range(len(records)):
-        slope = slopes[i]
-        _join(records[i], slope)
-        for t in range(first, last):
-            one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
-            scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
-            for k in range(3):
-                in_u, in_v = slope[k, t - first], slope[3 + k, t - first]
-                at_two = scale_u * in_u - skew * in_v
-                at_three = scale_v * in_v
-                gradient[two, i, k] += at_two
-                gradient[three, i, k] += at_three
-                gradient[one, i, k] -= at_two + at_three
-
-
-@compiled(forceinline=True, fastmath=FUSED)
-def _join(record: ndarray, slope: ndarray) -> None:
-    """Add slopes by what follows from f_u and f_v up to slopes by these."""
-    u0, u1, u2, v0, v1, v2 = record[0], record[1], record[2], record[3], record[4], record[5]
-    normal0, normal1, normal2, areas = record[6], record[7], record[8], record[9]
-    by_u0, by_u1, by_u2, by_v0, by_v1, by_v2 = (
-        slope[0],
-        slope[1],
-        slope[2],
-        slope[3],
-        slope[4],
-        slope[5],
-    )
-    by_normal0, by_normal1, by_normal2 = slope[6], slope[7], slope[8]
-    by_area, by_e, by_m = slope[9], slope[10], slope[11]
-    for t in range(record.shape[1]):
-        has_area = areas[t] > 0.0
-        # N', the slope in f_u × f_v = A n; that in n counts along the triangle alone.
-        scale = 1.0 / areas[t] if has_area else 0.0
-        radial = normal0[t] * by_normal0[t] + normal1[t] * by_normal1[t]
-        radial += normal2[t] * by_normal2[t]
-        along = by_area[t] - radial * scale
-        n0 = along * normal0[t] + by_normal0[t] * scale
-        n1 = along * normal1[t] + by_normal1[t] * scale
-        n2 = along * normal2[t] + by_normal2[t] * scale
-        doubled, mixed = 2.0 * by_e[t], by_m[t]
-        # f_v × N' and N' × f_u.
-        in_u0 = by_u0[t] + doubled * u0[t] + mixed * v0[t] + (v1[t] * n2 - v2[t] * n1)
-        in_u1 = by_u1[t] + doubled * u1[t] + mixed * v1[t] + (v2[t] * n0 - v0[t] * n2)
-        in_u2 = by_u2[t] + doubled * u2[t] + mixed * v2[t] + (v0[t] * n1 - v1[t] * n0)
-        in_v0 = by_v0[t] + mixed * u0[t] + (n1 * u2[t] - n2 * u1[t])
-        in_v1 = by_v1[t] + mixed * u1[t] + (n2 * u0[t] - n0 * u2[t])
-        in_v2 = by_v2[t] + mixed * u2[t] + (n0 * u1[t] - n1 * u0[t])
-        by_u0[t] = in_u0 if has_area else 0.0
-        by_u1[t] = in_u1 if has_area else 0.0
-        by_u2[t] = in_u2 if has_area else 0.0
-        by_v0[t] = in_v0 if has_area else 0.0
-        by_v1[t] = in_v1 if has_area else 0.0
-        by_v2[t] = in_v2 if has_area else 0.0
 
 
 @compiled

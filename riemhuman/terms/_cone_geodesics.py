@@ -8,24 +8,59 @@ the cone, spanned by the radial direction and a direction across it.
 from __future__ import annotations
 
 import autograd.numpy as np
+from autograd.extend import defvjp, primitive
 from numpy import ndarray
 
 from riemhuman.kernels import sphere
-from riemhuman.kernels.differentiable import (
-    entry,
-    hyperbolic_sine_cardinal,
+from riemhuman.kernels.sphere import sine_cardinal
+from riemhuman.kernels.surface import DEGENERATE, dot, entry, square_root, symmetric_matrices
+from riemhuman.terms.cone import (
+    ConeTerm,
+    EbinTerm,
+    excess,
+    half_plane,
+    hyperbolic_distance,
     inverse_hyperbolic_sine_cardinal,
-    product_minus_square,
-    sine_cardinal,
-    square_root,
 )
-from riemhuman.kernels.surface import DEGENERATE, dot, symmetric_matrices
-from riemhuman.terms.cone import ConeTerm, EbinTerm, excess, half_plane, hyperbolic_distance
 
 _FEW_DIGITS = 1e5 * np.finfo(float).eps
 
 
 # Matrices and their half-plane coordinates.
+
+
+@primitive
+def product_minus_square(a: ndarray, b: ndarray, c: ndarray) -> ndarray:
+    """Return ab − c² to working precision, however much the two terms cancel, shape (...).
+
+    Both products are formed with their rounding errors (Dekker's algorithm).
+    """
+    product, product_error = _exact_product(a, b)
+    square, square_error = _exact_product(c, c)
+    return (product - square) + (product_error - square_error)
+
+
+def _exact_product(a: ndarray, b: ndarray) -> tuple[ndarray, ndarray]:
+    """Return the rounded product and its rounding error."""
+    product = a * b
+    (a_high, a_low), (b_high, b_low) = _halves(a), _halves(b)
+    error = a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
+    return product, error
+
+
+def _halves(a: ndarray) -> tuple[ndarray, ndarray]:
+    """Return two numbers of half the digits that add up to a."""
+    shifted = 134217729.0 * a  # 2²⁷ + 1
+    high = shifted - (shifted - a)
+    return high, a - high
+
+
+defvjp(
+    product_minus_square,
+    lambda answer, a, b, c: lambda upstream: upstream * b,
+    lambda answer, a, b, c: lambda upstream: upstream * a,
+    lambda answer, a, b, c: lambda upstream: -2.0 * upstream * c,
+)
 
 
 def determinants(g: ndarray) -> ndarray:
@@ -131,6 +166,11 @@ def inner_product(a: ndarray, b: ndarray, g: ndarray, lam: float) -> ndarray:
     a, b = whiten(a, g), whiten(b, g)
     shear = np.sum(traceless(a) * traceless(b), axis=(-2, -1))
     return (shear + lam * trace(a) * trace(b)) * np.sqrt(determinants(g))
+
+
+def hyperbolic_sine_cardinal(x: ndarray) -> ndarray:
+    """Return sinh(x)/x, 1 at 0."""
+    return np.where(x == 0, 1.0, np.sinh(x) / np.where(x == 0, 1.0, x))
 
 
 def traceless_exp(v: ndarray, factor: ndarray) -> ndarray:

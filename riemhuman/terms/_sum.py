@@ -1,11 +1,15 @@
 r"""The driver of a sum of terms: inner products by definition, and all else in compiled loops.
 
-Each term makes a pass of its own over the triangles. Along paths terms share the records of
-triangles, see `riemhuman.kernels.triangles`, some thousand at a time.
+All that terms need to know of a triangle is a record of `LENGTH` numbers: f_u, f_v, the unit normal
+n, the area ratio A = ‖f_u × f_v‖, and e = f_u·f_u, m = f_u·f_v. On a triangle without area n and A
+are 0. Slopes of a sum over triangles by the numbers of a record, each taken for independent, become
+slopes by the vertices. Arrays of records hold each number of many triangles in a row, so that loops
+over triangles run in vector registers; along paths some thousand triangles at a time.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -15,11 +19,13 @@ from numpy import ndarray
 from scipy.sparse import csr_array
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.kernels import surface, triangles
+from riemhuman.kernels import surface
+from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.kernels.surface import Derivatives, follow_up
-from riemhuman.kernels.threads import in_tiles, of_one_kind, padded, rounding, sums_in_chunks
+from riemhuman.kernels.threads import LANES, in_tiles, of_one_kind, sums_in_chunks
+from riemhuman.kernels.triangles import add_blocks, first_forms
 from riemhuman.terms.flat import FlatTerm
-from riemhuman.terms.term import Fields, Term
+from riemhuman.terms.term import LENGTH, Fields, Term
 
 Features = tuple[ndarray, ...]
 
@@ -32,20 +38,27 @@ _IN_CACHE = 8192
 class SumOfTerms:
     """A weighted sum of terms on the surfaces over a template, which others have checked.
 
+    Of points that are no surfaces, `fields_of` returns the fields of its one term.
+
     Features are what distances need to know of surfaces: of each term an array, and its rounding.
     """
 
     term_class = Term
 
-    def __init__(self, terms: Sequence[Term], template: Any) -> None:
-        self.terms, self.template = tuple(terms), template
+    def __init__(
+        self,
+        terms: Sequence[Term],
+        template: Any,
+        fields_of: Callable[[ndarray], Fields] | None = None,
+    ) -> None:
+        self.terms, self.template, self._fields_of = tuple(terms), template, fields_of
         self.n_arrays = 2 * len(self.terms)
         self.needs_area = any(term.needs_area for term in self.terms)
         self._faces, self._frames = template.faces, template.frame_coefficients
         self.areas = template.face_areas
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.terms, self.template)
+        return type(self), (self.terms, self.template, self._fields_of)
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
         """Return the inner product of the derivatives of the fields along h and k."""
@@ -69,19 +82,29 @@ class SumOfTerms:
 
     def features(self, points: ndarray, precision: str) -> Features:
         """Return the features of surfaces."""
-        faces, frames, areas = self._faces, self._frames, self.areas
+        n_faces, fields = len(self._faces), None
+        if self._fields_of is not None:
+            fields = tuple(map(of_one_kind, self._fields_of(points)))
         found: Features = ()
         for term in self.terms:
-            found += _room(term, len(points), len(faces), precision)
-        degenerate = onp.zeros((len(points), len(faces)), dtype=bool)
-        for i, f in enumerate(of_one_kind(points)):
-            if self.needs_area:
-                triangles.mark_degenerate(f, faces, frames, degenerate[i])
-                if degenerate[i].any():
+            real = onp.float32 if precision == "single" and term.single else onp.float64
+            shape = (len(points), term.n_features, -(-n_faces // LANES) * LANES)
+            found += onp.zeros(shape, real), onp.zeros(len(points))
+        records = onp.empty((1, LENGTH, n_faces))
+        degenerate = onp.zeros((len(points), n_faces), dtype=bool)
+        for i, point in enumerate(points):
+            if fields is None:
+                surface_alone = of_one_kind(point)[:, None]
+                fill_records(surface_alone, self._faces, self._frames, 0, n_faces, records)
+                if self.needs_area and not records[0, 9].all():
+                    degenerate[i] = records[0, 9] == 0.0
                     continue
             for term, kept, gaps in zip(self.terms, found[::2], found[1::2], strict=True):
-                gap = term.pack_surface(f, faces, frames, areas, kept[i])
-                gaps[i] = rounding(gap, kept)
+                if fields is None:
+                    gap = term.pack_record(records[0], self.areas, kept[i])
+                else:
+                    gap = term.pack(tuple(field[i] for field in fields), self.areas, kept[i])
+                gaps[i] = math.sqrt(gap) if kept.dtype == onp.float32 else 0.0
         if degenerate.any():
             surface.refuse_degenerate(degenerate)
         return found
@@ -115,17 +138,17 @@ class SumOfTerms:
         def run(first: int, last: int) -> tuple[Any, ...]:
             total, found = 0.0, onp.zeros(by_vertex.shape if gradient else 0)
             size = max(1, min(_IN_CACHE // n_times, last - first))
-            records, slopes = onp.empty((2, n_times, triangles.LENGTH, size))
+            records, slopes = onp.empty((2, n_times, LENGTH, size))
             for start in range(first, last, size):
                 end = min(start + size, last)
                 if end - start < size:
-                    records, slopes = onp.empty((2, n_times, triangles.LENGTH, end - start))
+                    records, slopes = onp.empty((2, n_times, LENGTH, end - start))
                 slopes[:] = 0.0
-                triangles.fill_records(by_vertex, faces, frames, start, end, records)
+                fill_records(by_vertex, faces, frames, start, end, records)
                 for term in self.terms:
                     total += term.add_segments(records, slopes, areas[start:end])
                 if gradient:
-                    triangles.add_gradient(records, slopes, faces, frames, start, end, found)
+                    add_gradient(records, slopes, faces, frames, start, end, found)
             return total, found
 
         threaded = len(faces) * n_times > _WORTH_THREADS
@@ -151,20 +174,20 @@ class SumOfTerms:
         def run(first: int, last: int) -> tuple[ndarray, ndarray]:
             squared, gradient = onp.zeros(len(others)), onp.zeros((len(point), 1, 3))
             size = max(1, min(_IN_CACHE // 2, last - first))
-            records, slopes = onp.empty((2, 2, triangles.LENGTH, size))
+            records, slopes = onp.empty((2, 2, LENGTH, size))
             for start in range(first, last, size):
                 end = min(start + size, last)
                 if end - start < size:
-                    records, slopes = onp.empty((2, 2, triangles.LENGTH, end - start))
+                    records, slopes = onp.empty((2, 2, LENGTH, end - start))
                 slopes[:] = 0.0
-                triangles.fill_records(f, faces, frames, start, end, records[1:])
+                fill_records(f, faces, frames, start, end, records[1:])
                 for i, other in enumerate(kinds):
                     # The slopes by these are added up as well, and not used.
-                    triangles.fill_records(other, other_faces, frames, start, end, records[:1])
+                    fill_records(other, other_faces, frames, start, end, records[:1])
                     weighted = of_one_kind(weights[i] * areas[start:end])
                     for term in self.terms:
                         squared[i] += term.add_segments(records, slopes, weighted)
-                triangles.add_gradient(records[1:], slopes[1:], faces, frames, start, end, gradient)
+                add_gradient(records[1:], slopes[1:], faces, frames, start, end, gradient)
             return squared, gradient
 
         threaded = len(faces) * len(others) > _WORTH_THREADS
@@ -188,34 +211,105 @@ class SumOfTerms:
             for form, scale in zip(forms, scales, strict=True):
                 if form.ndim > 2:
                     total = total + scale[:, None, None] * form
-            triangles.add_blocks(blocks, f, self._faces, total)
+            add_blocks(blocks, f, self._faces, total)
         return self.template.assembler.assemble(blocks)
 
 
-class TermOfFields(SumOfTerms):
-    """One term on fields that are no surface's."""
-
-    def __init__(self, term: Term, template: Any, fields_of: Callable[[ndarray], Fields]) -> None:
-        super().__init__([term], template)
-        self._fields_of = fields_of
-
-    def features(self, points: ndarray, precision: str) -> Features:
-        return field_features(self.terms[0], self._fields_of(points), self.areas, precision)
-
-
-def field_features(term: Term, fields: Fields, areas: ndarray, precision: str) -> Features:
-    """Return the features of fields of one term, and their rounding."""
-    fields = tuple(map(of_one_kind, fields))
-    kept, gaps = _room(term, len(fields[0]), len(areas), precision)
-    for i, row in enumerate(kept):
-        gaps[i] = rounding(term.pack(tuple(field[i] for field in fields), areas, row), row)
-    return kept, gaps
+@compiled
+def fill_records(
+    f: ndarray, faces: ndarray, frames: ndarray, first: int, last: int, records: ndarray
+) -> None:
+    """Fill the records of the triangles from `first` to `last`."""
+    for i in range(f.shape[1]):
+        record = records[i]
+        for t in range(first, last):
+            one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+            scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
+            for k in range(3):
+                edge = f[two, i, k] - f[one, i, k]
+                record[k, t - first] = edge * scale_u
+                record[3 + k, t - first] = (f[three, i, k] - f[one, i, k]) * scale_v - edge * skew
+        _complete(record)
 
 
-def _room(term: Term, n_points: int, n_faces: int, precision: str) -> Features:
-    """Return zeros for the features of a term, and for their rounding."""
-    shape = (n_points, *term.feature_shape(n_faces))
-    return padded(shape, precision if term.single else "double"), onp.zeros(n_points)
+@compiled(forceinline=True, fastmath=FUSED)
+def _complete(record: ndarray) -> None:
+    """Fill what follows from f_u and f_v."""
+    u0, u1, u2, v0, v1, v2 = record[0], record[1], record[2], record[3], record[4], record[5]
+    normal0, normal1, normal2 = record[6], record[7], record[8]
+    areas, first, mixed = record[9], record[10], record[11]
+    for t in range(record.shape[1]):
+        e, m, n0, n1, n2, area = first_forms(u0[t], u1[t], u2[t], v0[t], v1[t], v2[t])
+        scale = 1.0 / area if area > 0.0 else 0.0
+        normal0[t], normal1[t], normal2[t] = n0 * scale, n1 * scale, n2 * scale
+        areas[t], first[t], mixed[t] = area, e, m
+
+
+@compiled
+def add_gradient(
+    records: ndarray,
+    slopes: ndarray,
+    faces: ndarray,
+    frames: ndarray,
+    first: int,
+    last: int,
+    gradient: ndarray,
+) -> None:
+    """Add slopes by records up to slopes by vertices; triangles without area have none."""
+    for i in range(len(records)):
+        slope = slopes[i]
+        _join(records[i], slope)
+        for t in range(first, last):
+            one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+            scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
+            for k in range(3):
+                in_u, in_v = slope[k, t - first], slope[3 + k, t - first]
+                at_two = scale_u * in_u - skew * in_v
+                at_three = scale_v * in_v
+                gradient[two, i, k] += at_two
+                gradient[three, i, k] += at_three
+                gradient[one, i, k] -= at_two + at_three
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def _join(record: ndarray, slope: ndarray) -> None:
+    """Add slopes by what follows from f_u and f_v up to slopes by these."""
+    u0, u1, u2, v0, v1, v2 = record[0], record[1], record[2], record[3], record[4], record[5]
+    normal0, normal1, normal2, areas = record[6], record[7], record[8], record[9]
+    by_u0, by_u1, by_u2, by_v0, by_v1, by_v2 = (
+        slope[0],
+        slope[1],
+        slope[2],
+        slope[3],
+        slope[4],
+        slope[5],
+    )
+    by_normal0, by_normal1, by_normal2 = slope[6], slope[7], slope[8]
+    by_area, by_e, by_m = slope[9], slope[10], slope[11]
+    for t in range(record.shape[1]):
+        has_area = areas[t] > 0.0
+        # N', the slope in f_u × f_v = A n; that in n counts along the triangle alone.
+        scale = 1.0 / areas[t] if has_area else 0.0
+        radial = normal0[t] * by_normal0[t] + normal1[t] * by_normal1[t]
+        radial += normal2[t] * by_normal2[t]
+        along = by_area[t] - radial * scale
+        n0 = along * normal0[t] + by_normal0[t] * scale
+        n1 = along * normal1[t] + by_normal1[t] * scale
+        n2 = along * normal2[t] + by_normal2[t] * scale
+        doubled, mixed = 2.0 * by_e[t], by_m[t]
+        # f_v × N' and N' × f_u.
+        in_u0 = by_u0[t] + doubled * u0[t] + mixed * v0[t] + (v1[t] * n2 - v2[t] * n1)
+        in_u1 = by_u1[t] + doubled * u1[t] + mixed * v1[t] + (v2[t] * n0 - v0[t] * n2)
+        in_u2 = by_u2[t] + doubled * u2[t] + mixed * v2[t] + (v0[t] * n1 - v1[t] * n0)
+        in_v0 = by_v0[t] + mixed * u0[t] + (n1 * u2[t] - n2 * u1[t])
+        in_v1 = by_v1[t] + mixed * u1[t] + (n2 * u0[t] - n0 * u2[t])
+        in_v2 = by_v2[t] + mixed * u2[t] + (n0 * u1[t] - n1 * u0[t])
+        by_u0[t] = in_u0 if has_area else 0.0
+        by_u1[t] = in_u1 if has_area else 0.0
+        by_u2[t] = in_u2 if has_area else 0.0
+        by_v0[t] = in_v0 if has_area else 0.0
+        by_v1[t] = in_v1 if has_area else 0.0
+        by_v2[t] = in_v2 if has_area else 0.0
 
 
 # Partial derivatives of three triangles on each of two surfaces, nearly those of the template.

@@ -22,7 +22,6 @@ no logarithm of a matrix: tr L₀² = 2ℓ², where ℓ is the hyperbolic distan
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import autograd.numpy as np
 import numpy as onp
@@ -31,29 +30,24 @@ from numpy import ndarray
 
 from riemhuman.checks import metric_weight
 from riemhuman.kernels.compilation import FUSED, SUM, compiled
-from riemhuman.kernels.differentiable import (
-    inverse_hyperbolic_sine_cardinal,
-    sine_cardinal,
-    square_root,
-)
-from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.threads import CHUNK, LARGEST, SMALLEST, UNDERFLOW, of_one_kind
-from riemhuman.kernels.triangles import triangle
+from riemhuman.kernels.sphere import sine_cardinal
+from riemhuman.kernels.surface import Derivatives, dot, square_root
+from riemhuman.kernels.threads import CHUNK, LARGEST, SMALLEST, UNDERFLOW
 from riemhuman.terms._polynomial_fits import (
     LARGEST_RATIO,
+    PRECISION,
     excess_at_pi,
     half_angle_fit,
     half_sine_squared,
     half_sine_squared_and_slope,
     polynomial,
-    precision_flag,
     squared_angle,
     squared_angle_and_slope,
     squared_length,
     squared_length_and_slope,
 )
 from riemhuman.terms.normals import squared_arc
-from riemhuman.terms.term import Fields, Term
+from riemhuman.terms.term import LENGTH, Fields, Term
 
 
 class ConeTerm(Term):
@@ -93,21 +87,15 @@ class ConeTerm(Term):
         super().__init__(weight)
         self.a, self.c = metric_weight(a, "a"), metric_weight(c, "c")
         self.b = metric_weight(b, "b", strict=True)
+        self.n_features = 7 if self.c > 0.0 else 4
+        # ψ/ℓ where the normals are the same, and ψ/φ where ĝ is the same.
+        self.angle_per_length = math.sqrt(self.a / (8.0 * self.b))
+        self.angle_per_turn = math.sqrt(self.c / (16.0 * self.b))
 
     @property
     def is_rotation_invariant(self) -> bool:  # type: ignore[override]
         """Whether c = 0."""
         return self.c == 0.0
-
-    @property
-    def angle_per_length(self) -> float:
-        """ψ/ℓ where the normals are the same."""
-        return math.sqrt(self.a / (8.0 * self.b))
-
-    @property
-    def angle_per_turn(self) -> float:
-        """ψ/φ where ĝ is the same."""
-        return math.sqrt(self.c / (16.0 * self.b))
 
     def fields(self, first: Derivatives) -> Fields:
         """Return x, y, s and, if c > 0, n; x = 0, y = 1, s = 0 on triangles without area.
@@ -185,34 +173,22 @@ class ConeTerm(Term):
         circles = np.concatenate([np.cos(angles), np.sin(angles)], axis=-1)
         return 4.0 * np.sqrt(self.b / n_angles) * s[..., None] * circles
 
-    def feature_shape(self, n_faces: int) -> tuple[int, ...]:
-        return (7 if self.c > 0.0 else 4, n_faces)
-
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
-        # Write x, y, 1/(√2 y), √w s and n; return the squared distance to what is written.
+        record = onp.zeros((LENGTH, len(areas)))
         x, y, s = fields[:3]
-        normals = of_one_kind(fields[3].T) if self.c > 0.0 else None
-        return self._pack(x, y, s, normals, areas, kept)
+        record[9], record[10] = s**2, s**2 / y
+        record[11] = x * record[10]
+        if self.c > 0.0:
+            record[6:9] = fields[3].T
+        return self.pack_record(record, areas, kept)
 
-    def pack_surface(
-        self, f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
-    ) -> float:
-        x, y, s = onp.empty((3, len(faces)))
-        normals = onp.empty((3, len(faces))) if self.c > 0.0 else None
-        _fill(f, faces, frames, x, y, s, normals)
-        normals = None if normals is None else of_one_kind(normals)
-        x, y, s = map(of_one_kind, (x, y, s))
-        return self._pack(x, y, s, normals, areas, kept)
-
-    def _pack(
-        self, x: ndarray, y: ndarray, s: ndarray, normals: Any, areas: ndarray, kept: ndarray
-    ) -> float:
-        slope = self.angle_per_length**2, self.angle_per_turn**2
-        return 16.0 * self.b * _pack(x, y, s, normals, np.sqrt(areas), slope, kept)
+    def pack_record(self, record: ndarray, areas: ndarray, kept: ndarray) -> float:
+        turn = self.angle_per_turn**2 if self.c > 0.0 else None
+        return 16.0 * self.b * _pack(record, areas, self.angle_per_length**2, turn, kept)
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
         real, squared = a.dtype.type, np.zeros((len(a), len(b)))
-        single = precision_flag(a.dtype)
+        single = PRECISION[a.dtype]
         if self.c == 0.0 and self.b <= LARGEST_RATIO * self.a:
             ratio = self.b / self.a
             scale, fit = real(1.0 / excess_at_pi(ratio)), half_angle_fit(ratio, a.dtype)
@@ -284,6 +260,14 @@ def excess(x1: ndarray, y1: ndarray, x2: ndarray, y2: ndarray) -> ndarray:
 def hyperbolic_distance(m: ndarray) -> ndarray:
     """Return ℓ = 2 arcsinh √(m/2) from m = cosh ℓ − 1."""
     return 2.0 * np.arcsinh(square_root(0.5 * m))
+
+
+def inverse_hyperbolic_sine_cardinal(x: ndarray) -> ndarray:
+    """Return x/sinh(x), 1 at 0."""
+    safe = np.where(x == 0, 1.0, x)
+    # exp(-x) keeps the quotient finite where sinh overflows.
+    decay = np.exp(-np.abs(safe))
+    return np.where(x == 0, 1.0, 2.0 * np.abs(safe) * decay / -np.expm1(-2.0 * np.abs(safe)))
 
 
 @primitive
@@ -453,55 +437,32 @@ def _add_slopes(record: ndarray, point: ndarray, added: ndarray, slope: ndarray)
 def _half_plane(area: float, e: float, m: float) -> tuple[float, float, float]:
     """Return x, y and s; those of the apex where the area is 0."""
     if area > 0.0:
-        return m / e, area / e, math.sqrt(area)
+        return m / e, area / e, onp.sqrt(area)
     return 0.0, 1.0, 0.0
-
-
-@compiled
-def _fill(
-    f: ndarray,
-    faces: ndarray,
-    frames: ndarray,
-    x: ndarray,
-    y: ndarray,
-    s: ndarray,
-    normals: ndarray | None,
-) -> None:
-    for t in range(len(faces)):
-        e, m, n0, n1, n2, area = triangle(f, faces, frames, t)
-        x[t], y[t], s[t] = _half_plane(area, e, m)
-        if normals is not None:
-            scale = 1.0 / area if area > 0.0 else 0.0
-            normals[0, t], normals[1, t], normals[2, t] = n0 * scale, n1 * scale, n2 * scale
 
 
 @compiled(fastmath=SUM)
 def _pack(
-    x: ndarray,
-    y: ndarray,
-    s: ndarray,
-    normals: ndarray | None,
-    roots: ndarray,
-    slopes: tuple[float, float],
-    kept: ndarray,
+    record: ndarray, areas: ndarray, stretch: float, turn: float | None, kept: ndarray
 ) -> float:
-    # Apart from `_fill`, and without branches, so that it runs in vector registers.
-    gap = UNDERFLOW * len(x)
-    for t in range(len(x)):
-        h, radius = math.sqrt(0.5) / y[t], roots[t] * s[t]
-        kept[0, t], kept[1, t], kept[2, t], kept[3, t] = x[t], y[t], h, radius
-        dx, dy = x[t] - kept[0, t], y[t] - kept[1, t]
+    """Write x, y, 1/(√2 y), √w s and n; return the squared distance to what is written."""
+    gap = UNDERFLOW * len(areas)
+    for t in range(len(areas)):
+        x, y, s = _half_plane(record[9, t], record[10, t], record[11, t])
+        h, radius = math.sqrt(0.5) / y, onp.sqrt(areas[t]) * s
+        kept[0, t], kept[1, t], kept[2, t], kept[3, t] = x, y, h, radius
+        dx, dy = x - kept[0, t], y - kept[1, t]
         # 4 sin²(½ψ) ≤ ψ², and ℓ² ≤ 2m.
-        angle = 2.0 * slopes[0] * (dx * dx + dy * dy) * h * h
-        if normals is not None:
+        angle = 2.0 * stretch * (dx * dx + dy * dy) * h * h
+        if turn is not None:
             chord = 0.0
             for k in range(3):
-                kept[4 + k, t] = normals[k, t]
-                chord += (normals[k, t] - kept[4 + k, t]) ** 2
+                kept[4 + k, t] = record[6 + k, t]
+                chord += (record[6 + k, t] - kept[4 + k, t]) ** 2
             # An angle of at most π/2 changes by at most √2 times the change of its chord.
-            angle += 2.0 * slopes[1] * chord
+            angle += 2.0 * turn * chord
         step = (radius - kept[3, t]) ** 2 + radius * kept[3, t] * min(angle, 4.0)
-        inside = (abs(x[t]) < LARGEST) & (y[t] > SMALLEST) & (y[t] < LARGEST) & (radius < LARGEST)
+        inside = (abs(x) < LARGEST) & (y > SMALLEST) & (y < LARGEST) & (radius < LARGEST)
         gap += step if inside else math.inf
     return gap
 

@@ -10,8 +10,7 @@ from numpy import ndarray
 
 from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.threads import CHUNK, LARGEST, UNDERFLOW, of_one_kind, padded, rounding
-from riemhuman.kernels.triangles import triangle
+from riemhuman.kernels.threads import CHUNK, LARGEST, UNDERFLOW, of_one_kind, zero_rows
 from riemhuman.terms.term import Fields, Term
 
 # Numbers summed in the precision of the features before they join the sum over all.
@@ -70,22 +69,23 @@ class FlatTerm(Term):
         return fields[0]
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
-        # Write the field times √w; return the squared distance to what is written.
-        return pack_vector(of_one_kind(np.sqrt(areas)[:, None] * fields[0]).reshape(-1), kept)
+        rows = of_one_kind(np.sqrt(areas) * fields[0].T)
+        return sum(pack_vector(row, one) for row, one in zip(rows, kept, strict=True))
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
-        return flat_distances(a, b)
+        rows = a.reshape(len(a), -1)
+        return flat_distances(rows, rows if b is a else b.reshape(len(b), -1))
 
 
 def vector_features(vectors: ndarray, weights: ndarray, precision: str) -> tuple[ndarray, ndarray]:
     """Return the features of sets of vectors with a weighted sum of squares for squared norm."""
     scaled = np.sqrt(weights)[:, None] * vectors
     flat = of_one_kind(scaled.reshape(len(vectors), vectors.shape[1] * vectors.shape[2]))
-    features = padded(flat.shape, precision)
-    gaps = [
-        rounding(pack_vector(row, kept), kept) for row, kept in zip(flat, features, strict=True)
-    ]
-    return features, np.array(gaps)
+    features, gaps = zero_rows(flat.shape, precision), np.zeros(len(flat))
+    for i, (row, kept) in enumerate(zip(flat, features, strict=True)):
+        gap = pack_vector(row, kept)
+        gaps[i] = math.sqrt(gap) if precision == "single" else 0.0
+    return features, gaps
 
 
 @compiled(fastmath=SUM)
@@ -215,12 +215,9 @@ class RootNormalTerm(FlatTerm):
         swelling = np.array([0.5, 0.0, 0.0, 0.5, 0.0, 0.0])
         return np.outer(swelling, swelling) + np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
 
-    def pack_surface(
-        self, f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
-    ) -> float:
-        scaled = np.empty(3 * len(faces))
-        _fill(f, faces, frames, areas, scaled)
-        return pack_vector(of_one_kind(scaled), kept)
+    def pack_record(self, record: ndarray, areas: ndarray, kept: ndarray) -> float:
+        rows = of_one_kind(np.sqrt(areas * record[9]) * record[6:9])
+        return sum(pack_vector(row, one) for row, one in zip(rows, kept, strict=True))
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
         return _segments(records, slopes, areas, self.weight)
@@ -261,13 +258,3 @@ def _segment(
         by_one[9, t] += 0.5 * along1 / s1 if s1 > 0.0 else 0.0
         by_other[9, t] -= 0.5 * along2 / s2 if s2 > 0.0 else 0.0
     return total
-
-
-@compiled
-def _fill(f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, scaled: ndarray) -> None:
-    """Fill q times √w of one surface."""
-    for t in range(len(faces)):
-        _, _, n0, n1, n2, area = triangle(f, faces, frames, t)
-        # q = N/√A of N = f_u × f_v.
-        scale = math.sqrt(areas[t] / area) if area > 0.0 else 0.0
-        scaled[3 * t], scaled[3 * t + 1], scaled[3 * t + 2] = n0 * scale, n1 * scale, n2 * scale

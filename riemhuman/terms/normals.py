@@ -5,20 +5,19 @@ from __future__ import annotations
 import math
 
 import autograd.numpy as np
+import numpy as onp
 from autograd.extend import defvjp, primitive
 from numpy import ndarray
 
 from riemhuman.kernels.compilation import SUM, compiled
-from riemhuman.kernels.differentiable import square_root
-from riemhuman.kernels.surface import Derivatives, dot
+from riemhuman.kernels.surface import Derivatives, dot, square_root
 from riemhuman.kernels.threads import CHUNK, UNDERFLOW
-from riemhuman.kernels.triangles import triangle
 from riemhuman.terms._polynomial_fits import (
-    precision_flag,
+    PRECISION,
     squared_angle,
     squared_angle_and_slope,
 )
-from riemhuman.terms.term import Fields, Term
+from riemhuman.terms.term import LENGTH, Fields, Term
 
 
 class NormalTerm(Term):
@@ -42,6 +41,7 @@ class NormalTerm(Term):
     needs_area = True
     is_stretch_invariant = True
     single = True
+    n_features = 3
 
     def fields(self, first: Derivatives) -> Fields:
         """Return the unit normals.
@@ -83,23 +83,19 @@ class NormalTerm(Term):
         """Return the normals themselves: a chord is at most its arc."""
         return fields[0]
 
-    def feature_shape(self, n_faces: int) -> tuple[int, ...]:
-        return (3, n_faces)
-
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
-        # Write components; return the squared distance to what is written.
-        return _pack(fields[0], areas, kept)
+        record = onp.zeros((LENGTH, len(areas)))
+        record[6:9] = fields[0].T
+        return _pack(record, areas, kept)
 
-    def pack_surface(
-        self, f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
-    ) -> float:
-        return _pack_surface(f, faces, frames, areas, kept)
+    def pack_record(self, record: ndarray, areas: ndarray, kept: ndarray) -> float:
+        return _pack(record, areas, kept)
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
         largest, squared = areas.max(), np.zeros((len(a), len(b)))
         relative = np.zeros(a.shape[2], dtype=a.dtype)
         relative[: len(areas)] = areas / largest
-        _tile(a, b, relative, precision_flag(a.dtype), a is b, squared)
+        _tile(a, b, relative, PRECISION[a.dtype], a is b, squared)
         return largest * squared
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
@@ -182,32 +178,17 @@ def _segment(
     return total
 
 
-@compiled(forceinline=True)
-def _keep(n0: float, n1: float, n2: float, kept: ndarray, t: int) -> float:
-    """Write a normal; return the squared chord to what is written."""
-    kept[0, t], kept[1, t], kept[2, t] = n0, n1, n2
-    return (n0 - kept[0, t]) ** 2 + (n1 - kept[1, t]) ** 2 + (n2 - kept[2, t]) ** 2
-
-
-@compiled
-def _pack(normals: ndarray, areas: ndarray, kept: ndarray) -> float:
+@compiled(fastmath=SUM)
+def _pack(record: ndarray, areas: ndarray, kept: ndarray) -> float:
+    """Write normals; return the squared distance to what is written."""
     gap = UNDERFLOW * areas.max() * len(areas)
-    for t in range(len(normals)):
-        chord = _keep(normals[t, 0], normals[t, 1], normals[t, 2], kept, t)
+    for t in range(len(areas)):
+        chord = 0.0
+        for k in range(3):
+            kept[k, t] = record[6 + k, t]
+            chord += (record[6 + k, t] - kept[k, t]) ** 2
         # An angle of at most π/2 changes by at most √2 times the change of its chord.
         gap += 2.0 * areas[t] * chord
-    return gap
-
-
-@compiled
-def _pack_surface(
-    f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
-) -> float:
-    gap = UNDERFLOW * areas.max() * len(areas)
-    for t in range(len(faces)):
-        _, _, n0, n1, n2, area = triangle(f, faces, frames, t)
-        scale = 1.0 / area if area > 0.0 else 0.0
-        gap += 2.0 * areas[t] * _keep(n0 * scale, n1 * scale, n2 * scale, kept, t)
     return gap
 
 

@@ -9,7 +9,7 @@ from riemhuman.kernels.compilation import FUSED, SUM, compiled
 from riemhuman.kernels.rotations import quaternions
 from riemhuman.kernels.surface import Derivatives, dot, polar_frames
 from riemhuman.kernels.threads import CHUNK, UNDERFLOW, of_one_kind
-from riemhuman.terms._polynomial_fits import precision_flag, squared_short_arc
+from riemhuman.terms._polynomial_fits import PRECISION, squared_short_arc
 from riemhuman.terms.normals import squared_arc
 from riemhuman.terms.term import Fields, Term
 
@@ -37,6 +37,7 @@ class RotationTerm(Term):
     needs_area = True
     is_stretch_invariant = True
     single = True
+    n_features = 4
 
     def fields(self, first: Derivatives) -> Fields:
         """Return the unit quaternions of polar frames.
@@ -65,12 +66,7 @@ class RotationTerm(Term):
         """
         return 4.0 * dot(changes_a[0], changes_b[0])
 
-    def feature_shape(self, n_faces: int) -> tuple[int, ...]:
-        # Return (4, F): rows of components.
-        return (4, n_faces)
-
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
-        # Write components; return the squared distance to what is written.
         return _pack(of_one_kind(fields[0]), areas, kept)
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
@@ -78,7 +74,7 @@ class RotationTerm(Term):
         largest, squared = areas.max(), np.zeros((len(a), len(b)))
         relative = np.zeros(a.shape[2], dtype=a.dtype)
         relative[: len(areas)] = areas / largest
-        _tile(a, b, relative, precision_flag(a.dtype), a is b, squared)
+        _tile(a, b, relative, PRECISION[a.dtype], a is b, squared)
         return 4.0 * largest * squared
 
 

@@ -11,19 +11,20 @@ metric on the values of those fields.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from functools import partial
+from functools import cached_property, partial
 
 import autograd.numpy as np
 from autograd import value_and_grad
 from numpy import ndarray
 
 from riemhuman.checks import metric_weight
-from riemhuman.kernels.differentiable import differential
-from riemhuman.kernels.surface import Derivatives, follow_up
-from riemhuman.kernels.triangles import LENGTH, fill_records
+from riemhuman.kernels.surface import Derivatives, differential, follow_up
 from riemhuman.representation import constructor_text
 
 Fields = tuple[ndarray, ...]
+
+LENGTH = 12
+"""Numbers in a record: three of f_u, three of f_v, three of n, then A, e and m."""
 
 
 class Term(ABC):
@@ -207,7 +208,7 @@ class Term(ABC):
         Parameters
         ----------
         records : array, shape (n_times, 12, n)
-            Records of triangles, see `riemhuman.kernels.triangles`.
+            Records of triangles, see `riemhuman.terms._sum`.
         slopes : array, shape (n_times, 12, n)
             Added to: slopes by the numbers of the records.
         areas : array, shape (n,)
@@ -232,19 +233,10 @@ class Term(ABC):
         slopes[:, :6] += np.swapaxes(gradient, 1, 2)
         return value
 
-    def feature_shape(self, n_faces: int) -> tuple[int, ...]:
-        """Return the shape of the features of one surface.
-
-        Parameters
-        ----------
-        n_faces : int
-            Number F of triangles.
-
-        Returns
-        -------
-        tuple of int
-        """
-        return (n_faces * sum(self._field_sizes()),)
+    @cached_property
+    def n_features(self) -> int:
+        """Numbers that the features hold of each triangle."""
+        return sum(int(np.prod(shape)) for shape in self._field_shapes())
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
         """Write features; return a bound on the square of their rounding error.
@@ -255,44 +247,35 @@ class Term(ABC):
             Fields of one surface.
         areas : array, shape (F,)
             Template areas.
-        kept : array of float32 or float64
-            Features, of the shape that `feature_shape` says; rows may be longer.
+        kept : array of float32 or float64, shape (n_features, F⁺)
+            Features, with F⁺ ≥ F triangles in a row.
 
         Returns
         -------
         float
             By default infinite, no bound: distances from single precision are then computed again.
         """
-        flat = np.concatenate([np.ravel(field) for field in fields])
-        kept[: len(flat)] = flat
+        rows = [field.reshape(len(field), -1).T for field in fields]
+        kept[:, : len(areas)] = np.concatenate(rows)
         return np.inf
 
-    def pack_surface(
-        self, f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
-    ) -> float:
+    def pack_record(self, record: ndarray, areas: ndarray, kept: ndarray) -> float:
         """Write the features of one surface, see `pack`.
 
         Parameters
         ----------
-        f : array, shape (V, 3)
-            Surface.
-        faces : array of int, shape (F, 3)
-            Triangles.
-        frames : array, shape (F, 3)
-            Template frames: 1/u₂, 1/v₃, u₃/(v₃u₂).
+        record : array, shape (12, F)
+            Records of its triangles, see `riemhuman.terms._sum`.
         areas : array, shape (F,)
             Template areas.
-        kept : array of float32 or float64
+        kept : array of float32 or float64, shape (n_features, F⁺)
             Features.
 
         Returns
         -------
         float
         """
-        records = np.empty((1, LENGTH, len(faces)))
-        fill_records(f[:, None], faces, frames, 0, len(faces), records)
-        fields = self.fields(follow_up(records[0, :3].T, records[0, 3:6].T))
-        return self.pack(fields, areas, kept)
+        return self.pack(self.fields(follow_up(record[:3].T, record[3:6].T)), areas, kept)
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
         """Return the squared distances between some surfaces and others, without the weight.
@@ -318,13 +301,11 @@ class Term(ABC):
         fields = self.fields(follow_up(np.eye(1, 3), np.eye(1, 3, 1)))
         return [np.shape(field)[1:] for field in fields]
 
-    def _field_sizes(self) -> list[int]:
-        return [int(np.prod(shape)) for shape in self._field_shapes()]
-
     def _unpack(self, features: ndarray, n_faces: int) -> Fields:
         fields, start = [], 0
-        for shape, size in zip(self._field_shapes(), self._field_sizes(), strict=True):
-            flat = features[:, start : start + n_faces * size]
-            fields.append(flat.reshape(len(features), n_faces, *shape))
-            start += n_faces * size
+        for shape in self._field_shapes():
+            end = start + int(np.prod(shape))
+            rows = np.swapaxes(features[:, start:end, :n_faces], 1, 2)
+            fields.append(rows.reshape(len(features), n_faces, *shape))
+            start = end
         return tuple(fields)

@@ -53,9 +53,9 @@ def floor(place):
 @pytest.mark.parametrize(
     ("name", "arguments", "n_files", "n_functions", "n_climbs"),
     [
-        ("dist", (POINTS[0], POINTS[1]), 8, 25, 0),
-        ("dist_pairwise", (POINTS,), 11, 46, 1),
-        ("energy", (POINTS,), 8, 14, 1),
+        ("dist", (POINTS[0], POINTS[1]), 7, 23, 0),
+        ("dist_pairwise", (POINTS,), 8, 31, 1),
+        ("energy", (POINTS,), 6, 13, 1),
     ],
 )
 def test_files_functions_and_climbs(name, arguments, n_files, n_functions, n_climbs):

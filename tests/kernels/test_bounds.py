@@ -9,7 +9,6 @@ from scipy.sparse import bsr_array
 
 from riemhuman.kernels import elimination, rotations, triangles
 from riemhuman.kernels.elimination import elimination_of
-from riemhuman.kernels.threads import of_one_kind
 from riemhuman.surfaces import _triangle_rotations
 
 TEMPLATE = open_template()
@@ -36,21 +35,6 @@ def test_loops_over_single_surfaces(monkeypatch):
         blocks,
     ]
     check_bounds(monkeypatch, [triangles, _triangle_rotations], calls)
-
-
-def test_records_and_slopes(monkeypatch):
-    path = of_one_kind(np.swapaxes(surfaces(TEMPLATE, 2, rng=7), 0, 1))
-    slopes = np.random.default_rng(8).standard_normal((2, triangles.LENGTH, len(FACES)))
-
-    def run():
-        records, marked = np.empty_like(slopes), np.empty(len(FACES), dtype=bool)
-        triangles.fill_records(path, FACES, FRAMES, 0, len(FACES), records)
-        gradient = np.zeros(path.shape)
-        triangles.add_gradient(records, slopes.copy(), FACES, FRAMES, 0, len(FACES), gradient)
-        triangles.mark_degenerate(of_one_kind(path[:, 0]), FACES, FRAMES, marked)
-        return [records, gradient, marked]
-
-    check_bounds(monkeypatch, [triangles], [run])
 
 
 def test_trees_of_turns(monkeypatch):

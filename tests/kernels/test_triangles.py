@@ -3,7 +3,6 @@
 import autograd.numpy as anp
 import numpy as np
 import pytest
-from autograd import grad
 from cases import open_template, surfaces
 
 from riemhuman.kernels import triangles
@@ -15,7 +14,7 @@ TEMPLATE = open_template()
 FACES, FRAMES = TEMPLATE.faces, TEMPLATE.frame_coefficients
 OPERATOR = TEMPLATE.differential_operator.toarray()
 PATH = surfaces(TEMPLATE, 3, rng=3)
-FIRST, LAST, FLAT = 2, 13, 5
+FLAT = 5
 
 
 def parts(f):
@@ -23,19 +22,6 @@ def parts(f):
     f_u, f_v = anp.reshape(anp.dot(OPERATOR, f), (2, -1, 3))
     crossed = anp.cross(f_u, f_v)
     return f_u, f_v, crossed, anp.sqrt(anp.sum(crossed**2, axis=1))
-
-
-def record(f):
-    """Return the twelve numbers of every triangle, shape (12, F)."""
-    f_u, f_v, crossed, areas = parts(f)
-    numbers = (areas[:, None], anp.sum(f_u * f_u, 1)[:, None], anp.sum(f_u * f_v, 1)[:, None])
-    return anp.concatenate([f_u, f_v, crossed / areas[:, None], *numbers], axis=1).T
-
-
-def filled(path):
-    records = np.empty((len(path), triangles.LENGTH, LAST - FIRST))
-    triangles.fill_records(of_one_kind(by_vertex(path)), FACES, FRAMES, FIRST, LAST, records)
-    return records
 
 
 def test_derivatives_of_one_triangle():
@@ -64,23 +50,6 @@ def test_how_thin_a_triangle_may_be(share):
         assert area == pytest.approx(along * height if share > 1 else 0.0, rel=1e-12)
 
 
-def test_records():
-    expected = [record(f)[:, FIRST:LAST] for f in PATH]
-    np.testing.assert_allclose(filled(PATH), expected, atol=1e-13)
-
-
-def test_slopes_by_records_become_slopes_by_vertices():
-    slopes = np.random.default_rng(4).standard_normal((len(PATH), 12, LAST - FIRST))
-    gradient = by_vertex(np.ones_like(PATH))
-
-    def value(f, slope):
-        return anp.sum(slope * record(f)[:, FIRST:LAST])
-
-    expected = [grad(value)(f, slope) for f, slope in zip(PATH, slopes, strict=True)]
-    triangles.add_gradient(filled(PATH), slopes, FACES, FRAMES, FIRST, LAST, gradient)
-    np.testing.assert_allclose(by_vertex(gradient) - 1.0, expected, atol=1e-12)
-
-
 @pytest.mark.parametrize("at", [0.0, 0.4, 1.0], ids=str)
 def test_triangles_without_area(at):
     path = PATH.copy()
@@ -89,15 +58,6 @@ def test_triangles_without_area(at):
     marked = triangles.nearly_degenerate_triangles(of_one_kind(path), FACES, FRAMES)
     assert marked[1, FLAT]
     np.testing.assert_array_equal(marked, [parts(f)[3] < 1e-12 for f in path])
-    records = filled(path)
-    assert not records[1, 6:10, FLAT - FIRST].any()
-    np.testing.assert_allclose(records[1, 10, FLAT - FIRST], np.sum(parts(path[1])[0][FLAT] ** 2))
-    # Alone, such a triangle adds nothing.
-    slopes = np.zeros_like(records)
-    slopes[1, :, FLAT - FIRST] = 1.0
-    gradient = np.zeros_like(by_vertex(path))
-    triangles.add_gradient(records, slopes, FACES, FRAMES, FIRST, LAST, gradient)
-    assert not gradient.any()
 
 
 def test_forms_of_derivatives_as_forms_of_corners():

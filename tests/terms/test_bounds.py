@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from cases import deformations, open_template, surfaces
 from interpreted import check_bounds
+from packed_fields import field_features
 from scipy.spatial.distance import cdist
 
 from riemhuman.kernels import surface, triangles
@@ -16,12 +17,13 @@ from riemhuman.terms import (
     RootNormalTerm,
     RotationTerm,
     _quadratic,
+    _sum,
     cone,
     flat,
     normals,
     rotations,
 )
-from riemhuman.terms._sum import SumOfTerms, field_features
+from riemhuman.terms._sum import SumOfTerms
 
 TEMPLATE = open_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
@@ -33,7 +35,7 @@ FIRST_ORDER = _quadratic.FirstOrderTerm(
 QUADRATIC = [FIRST_ORDER, _quadratic.NormalPartTerm(TEMPLATE, FIRST_ORDER)]
 QUADRATIC += [_quadratic.ZerothOrderTerm(TEMPLATE, 0.4)]
 QUADRATIC += [_quadratic.SecondOrderTerm(TEMPLATE, 0.1)]
-MODULES = (triangles, cone, flat, normals)
+MODULES = (_sum, triangles, cone, flat, normals)
 
 
 def collapsed(points):

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from autograd import grad
 from cases import deformations, sphere_template, surfaces
+from packed_fields import field_features
 
 import riemhuman.terms
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels import surface, triangles
+from riemhuman.kernels import surface
 from riemhuman.kernels.threads import of_one_kind
 from riemhuman.terms import (
     ConeTerm,
@@ -30,7 +31,7 @@ from riemhuman.terms._quadratic import (
     SecondOrderTerm,
     ZerothOrderTerm,
 )
-from riemhuman.terms._sum import SumOfTerms, field_features
+from riemhuman.terms._sum import SumOfTerms, add_gradient, fill_records
 
 TEMPLATE = sphere_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
@@ -63,14 +64,14 @@ def close(found, expected, rtol=1e-11):
 @each_term
 def test_segments(term, size):
     points = size * POINTS
-    records = np.empty((len(POINTS), triangles.LENGTH, len(FACES)))
+    records = np.empty((len(POINTS), 12, len(FACES)))
     by_vertex = of_one_kind(np.swapaxes(points, 0, 1))
-    triangles.fill_records(by_vertex, FACES, FRAMES, 0, len(FACES), records)
+    fill_records(by_vertex, FACES, FRAMES, 0, len(FACES), records)
     found = []
     for add_segments in (term.add_segments, lambda *parts: Term.add_segments(term, *parts)):
         slopes, gradient = np.zeros_like(records), np.zeros_like(by_vertex)
         value = add_segments(records, slopes, AREAS)
-        triangles.add_gradient(records, slopes, FACES, FRAMES, 0, len(FACES), gradient)
+        add_gradient(records, slopes, FACES, FRAMES, 0, len(FACES), gradient)
         found.append((value, gradient))
     (value, gradient), (expected, expected_gradient) = found
     assert value == pytest.approx(expected, rel=1e-12)

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from cases import open_template, sphere_template, surfaces, triangle_template
+from packed_fields import field_features
 
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.kernels import surface, threads, triangles
+from riemhuman.kernels import surface, threads
 from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, flat
-from riemhuman.terms._sum import SumOfTerms, TermOfFields, field_features
+from riemhuman.terms._sum import SumOfTerms, fill_records
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
 each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
@@ -41,10 +42,10 @@ def features_of(term, template, points, precision):
 
 def marked(template, points):
     """Return the triangles that the compiled loop finds to have no area."""
-    found = np.empty((len(points), template.n_faces), dtype=bool)
-    for f, row in zip(threads.of_one_kind(points), found, strict=True):
-        triangles.mark_degenerate(f, template.faces, template.frame_coefficients, row)
-    return found
+    path = threads.of_one_kind(np.swapaxes(points, 0, 1))
+    records = np.empty((len(points), 12, template.n_faces))
+    fill_records(path, template.faces, template.frame_coefficients, 0, template.n_faces, records)
+    return records[:, 9] == 0.0
 
 
 def split(features, length):
@@ -112,8 +113,8 @@ def test_square_root_normals_of_surfaces(template, precision):
     weighted = np.sqrt(template.face_areas)[:, None] * fields
     assert found.dtype == PRECISIONS[precision]
     np.testing.assert_allclose(
-        split(found, 3 * template.n_faces),
-        weighted.reshape(3, -1),
+        split(found, template.n_faces),
+        np.swapaxes(weighted, 1, 2),
         rtol=TOLERANCES[precision],
         atol=1e-12,
     )
@@ -154,7 +155,7 @@ def test_the_driver_takes_fields_that_are_no_surfaces():
     template = TEMPLATES["open"]
     f_u, f_v, _ = definitions(template, some_surfaces(template)[::2])
     normals = surface.unit_normals(f_u, f_v)
-    over_points = TermOfFields(NormalTerm(), template, lambda points: (2.0 * points,))
+    over_points = SumOfTerms([NormalTerm()], template, lambda points: (2.0 * points,))
     found = over_points.features(0.5 * normals, "single")
     expected = field_features(NormalTerm(), (normals,), template.face_areas, "single")
     for array, other in zip(found, expected, strict=True):

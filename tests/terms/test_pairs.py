@@ -5,10 +5,10 @@ from functools import partial
 
 import numpy as np
 import pytest
+from packed_fields import field_features
 
 from riemhuman.kernels import threads
 from riemhuman.terms import EbinTerm, NormalTerm, flat
-from riemhuman.terms._sum import field_features
 
 PRECISIONS = {"single": np.float32, "double": np.float64}
 each_precision = pytest.mark.parametrize("precision", PRECISIONS)

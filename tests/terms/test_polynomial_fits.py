@@ -31,7 +31,7 @@ def half_angle(m, quarter, single):
 @each_precision
 def test_short_arcs(precision):
     real = PRECISIONS[precision]
-    single = fits.precision_flag(np.dtype(real))
+    single = fits.PRECISION[np.dtype(real)]
     chords = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, 2.0, 2000)])
     errors = relative_errors(
         lambda p: fits.squared_short_arc(p, single),
@@ -46,7 +46,7 @@ def test_short_arcs(precision):
 @pytest.mark.parametrize("lam", LAMBDAS)
 def test_half_angles(precision, lam):
     real = PRECISIONS[precision]
-    single, quarter = fits.precision_flag(np.dtype(real)), real(1.0 / (32.0 * lam))
+    single, quarter = fits.PRECISION[np.dtype(real)], real(1.0 / (32.0 * lam))
 
     def exact(m):
         half = mp.sqrt(mp.mpf(float(quarter))) * 2 * mp.asinh(mp.sqrt(m / 2))
@@ -61,7 +61,7 @@ def test_half_angles(precision, lam):
 
 def test_an_excess_whose_square_overflows_is_nan():
     """Pairs in single precision are then computed again in double precision."""
-    single = fits.precision_flag(np.dtype(np.float32))
+    single = fits.PRECISION[np.dtype(np.float32)]
     assert np.isnan(half_angle(np.float32(1e25), np.float32(0.01), single))
     assert half_angle(1e25, 1e-6, None) < 1.0
 
@@ -90,7 +90,7 @@ def test_half_angles_for_a_small_ratio(lam, real, tolerance):
 def test_squared_angles_of_unit_vectors(precision):
     """At angles of all sizes, near 0, π/2 and π too."""
     real = PRECISIONS[precision]
-    single = fits.precision_flag(np.dtype(real))
+    single = fits.PRECISION[np.dtype(real)]
     rng = np.random.default_rng(0)
     first = rng.standard_normal((4000, 3))
     first /= np.linalg.norm(first, axis=1, keepdims=True)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from cases import deformations, open_template, sphere_template, surfaces
 from oracles import taylor_slope
+from packed_fields import field_features
 
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, RotationMetric, SurfaceMetric
 from riemhuman.kernels.threads import of_one_kind
 from riemhuman.terms import NormalTerm, RotationTerm
-from riemhuman.terms._sum import field_features
 
 AREAS = of_one_kind(np.random.default_rng(0).uniform(0.1, 2.0, 1290))  # two chunks and a piece
 
