@@ -2,7 +2,7 @@
 
 from riemhuman.descriptors.area_projection import AreaProjectionTransform, ProjectedAreas
 from riemhuman.descriptors.descriptor import Descriptor
-from riemhuman.descriptors.latent_vectors import IdMatch, LatentVectors
+from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.descriptors.model_vectors import ModelPoseVectors, ModelShapeVectors
 from riemhuman.descriptors.spectral_descriptors import (
     HeatKernelSignature,
@@ -14,7 +14,6 @@ __all__ = [
     "AreaProjectionTransform",
     "Descriptor",
     "HeatKernelSignature",
-    "IdMatch",
     "LatentVectors",
     "ModelPoseVectors",
     "ModelShapeVectors",

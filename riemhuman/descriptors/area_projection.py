@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from riemhuman.checks import one_of, real_array, real_number, whole_number
+from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.descriptors.descriptor import Descriptor, pairwise
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
@@ -82,7 +82,9 @@ class AreaProjectionTransform(Descriptor):
     is the area of the surface that arrives within a distance σ = cR of it, divided by
     :math:`4\pi R^2`: 1 at the centre of a sphere of radius R, about c on the axis of a cylinder.
     For each radius, the descriptor has a histogram of the values at all voxels that the surface
-    encloses. The surface may have holes; its triangles must have a consistent orientation.
+    encloses, in cubic metres. The distance of histograms p and q is the Jeffrey divergence [2]_
+    :math:`\sum p \log(p/m) + q \log(q/m)` with m = (p + q) / 2. The surface may have holes; its
+    triangles must have a consistent orientation.
 
     Parameters
     ----------
@@ -96,12 +98,6 @@ class AreaProjectionTransform(Descriptor):
         Number of bins of a histogram, of equal width.
     largest : float
         Upper end of the last bin, which also counts larger values.
-    normalization : {"none", "volume"}
-        Whether a histogram counts cubic metres of the body, or shares of its volume.
-    distance : {"jeffrey", "l1"}
-        Distance of histograms p and q: the Jeffrey divergence [2]_
-        :math:`\sum p \log(p/m) + q \log(q/m)` with m = (p + q) / 2, or the sum of absolute
-        differences.
 
     References
     ----------
@@ -125,8 +121,6 @@ class AreaProjectionTransform(Descriptor):
     ratio: float = 0.5
     n_bins: int = 24
     largest: float = 1.2
-    normalization: str = "none"
-    distance: str = "jeffrey"
 
     def __post_init__(self) -> None:
         radii = real_array(self.radii, "radii", ("n_radii",), batched=False)
@@ -136,8 +130,6 @@ class AreaProjectionTransform(Descriptor):
         for name in ("voxel_size", "ratio", "largest"):
             real_number(getattr(self, name), name, minimum=0.0, strict=True)
         whole_number(self.n_bins, "n_bins", minimum=2)
-        one_of(self.normalization, "normalization", ("none", "volume"))
-        one_of(self.distance, "distance", ("jeffrey", "l1"))
 
     def transform(self, vertices: ArrayLike, faces: ArrayLike) -> ProjectedAreas:
         """Return the transform of one surface on a grid of voxels around it.
@@ -178,7 +170,7 @@ class AreaProjectionTransform(Descriptor):
         return ProjectedAreas(values, _enclosed_voxels(corners, grid), grid)
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        """Return the histograms, each summing to the volume of the body or to 1, as one vector."""
+        """Return the histograms, each summing to the volume of the body, as one vector."""
         areas = self.transform(vertices, faces)
         if not areas.inside.any():
             raise DegenerateSurfaceError(
@@ -188,13 +180,10 @@ class AreaProjectionTransform(Descriptor):
         values = areas.values[:, areas.inside]
         bins = np.clip(values * (self.n_bins / self.largest), 0, self.n_bins - 1).astype(np.int64)
         bins += self.n_bins * np.arange(len(bins))[:, np.newaxis]
-        counts = np.bincount(bins.ravel(), minlength=len(bins) * self.n_bins)
-        if self.normalization == "none":
-            return counts * self.voxel_size**3
-        return counts / values.shape[1]
+        return np.bincount(bins.ravel(), minlength=len(bins) * self.n_bins) * self.voxel_size**3
 
     def distances(self, vectors: ArrayLike) -> np.ndarray:
-        return pairwise(vectors, _jeffrey if self.distance == "jeffrey" else "cityblock")
+        return pairwise(vectors, _jeffrey)
 
     def _check_grid_size(self, points: np.ndarray, reach: float) -> None:
         extent = np.ptp(points, axis=0)

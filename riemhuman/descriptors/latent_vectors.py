@@ -27,33 +27,6 @@ from riemhuman.io.text_tables import read_named_rows
 from riemhuman.representation import Record, join_names
 
 
-@dataclass(frozen=True, repr=False)
-class IdMatch(Record):
-    """The ids of a data set with and without a vector.
-
-    Attributes
-    ----------
-    found : tuple of str
-        Ids of the data set that have a vector, in its order.
-    missing : tuple of str
-        Ids of the data set that have no vector.
-    unused : tuple of str
-        Ids of vectors that are not in the data set.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
-    >>> codes = rh.descriptors.LatentVectors(("a", "b"), np.eye(2))
-    >>> codes.match(["b", "c"])
-    IdMatch(found=('b',), missing=('c',), unused=('a',))
-    """
-
-    found: tuple[str, ...]
-    missing: tuple[str, ...]
-    unused: tuple[str, ...]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class LatentVectors(Record, Descriptor):
     """Vectors of bodies computed by other programs, for example by a trained network.
@@ -130,26 +103,6 @@ class LatentVectors(Record, Descriptor):
         except RiemhumanError as error:
             raise FileFormatError(f"{file}: {error}") from error
 
-    def match(self, ids: Iterable[Any]) -> IdMatch:
-        """Report which ids of a data set have a vector.
-
-        Parameters
-        ----------
-        ids : iterable of str or int
-            Ids of the data set.
-
-        Returns
-        -------
-        IdMatch
-        """
-        wanted = _as_ids(ids, "ids")
-        known, asked = set(self.ids), set(wanted)
-        return IdMatch(
-            found=tuple(name for name in wanted if name in known),
-            missing=tuple(name for name in wanted if name not in known),
-            unused=tuple(name for name in self.ids if name not in asked),
-        )
-
     def select(self, ids: Iterable[Any]) -> LatentVectors:
         """Return the vectors of a data set's bodies, in its order.
 
@@ -167,16 +120,17 @@ class LatentVectors(Record, Descriptor):
         ArgumentError
             If a body has no vector; the message lists all of them.
         """
-        found = self.match(ids)
-        if found.missing:
-            count = len(found.missing) + len(found.found)
-            unused = f"; vectors without a body: {join_names(found.unused)}" if found.unused else ""
-            raise ArgumentError(
-                f"{len(found.missing)} of {count} bodies have no vector: "
-                f"{', '.join(found.missing)}{unused}"
-            )
+        wanted = _as_ids(ids, "ids")
         rows = {name: row for row, name in enumerate(self.ids)}
-        return LatentVectors(found.found, self.vectors[[rows[name] for name in found.found]])
+        missing = [name for name in wanted if name not in rows]
+        if missing:
+            unused = sorted(set(self.ids).difference(wanted))
+            others = f"; vectors without a body: {join_names(unused)}" if unused else ""
+            raise ArgumentError(
+                f"{len(missing)} of {len(wanted)} bodies have no vector: "
+                f"{', '.join(missing)}{others}"
+            )
+        return LatentVectors(wanted, self.vectors[[rows[name] for name in wanted]])
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
         """Raise a NotDefinedError: these vectors belong to ids, not to meshes."""

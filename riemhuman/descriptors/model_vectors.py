@@ -41,24 +41,7 @@ class _ModelVectors(Descriptor):
     def describe_together(
         descriptors: Sequence[_ModelVectors], bodies: Any, *, progress: bool = False
     ) -> tuple[list[np.ndarray], list[float]]:
-        """Return the vectors of several descriptors; each model is fitted once.
-
-        Parameters
-        ----------
-        descriptors : sequence of ModelShapeVectors and ModelPoseVectors
-            The descriptors.
-        bodies : object or iterable of (vertices, faces)
-            Surfaces, as for `describe_all`.
-        progress : bool
-            Whether to show a progress bar over the models.
-
-        Returns
-        -------
-        vectors : list of array, each of shape (n, d)
-            Vectors of each descriptor.
-        seconds : list of float
-            Wall-clock time that each descriptor would take alone.
-        """
+        """Return vectors and seconds of several descriptors; each model is fitted once."""
         fits = {}
         models = {id(descriptor.model): descriptor for descriptor in descriptors}
         for key, descriptor in ProgressBar(models.items(), disable=not progress, unit="fit"):

@@ -19,7 +19,6 @@ from riemhuman.surfaces.spectra import LAPLACIANS, Spectrum, spectrum
 
 _DNA_NORMALIZATIONS = ("none", "area", "first")
 _NORMALIZATIONS = ("none", "area")
-_HEAT_POOLINGS = ("histogram", "mean", "vertex mean")
 _TIMES = tuple(np.geomspace(0.02, 2.0, 16).tolist())
 # Range of log₁₀(4πt h), which is 0 where the surface is flat within a distance of √t.
 _HEAT_RANGE = -0.5, 1.5
@@ -51,29 +50,7 @@ class SpectralDescriptor(Descriptor):
     def describe_together(
         descriptors: Sequence[SpectralDescriptor], bodies: Any, *, progress: bool = False
     ) -> tuple[list[np.ndarray], list[float]]:
-        """Return the vectors of several descriptors; each surface's spectrum is computed once.
-
-        Parameters
-        ----------
-        descriptors : sequence of SpectralDescriptor
-            The descriptors.
-        bodies : object or iterable of (vertices, faces)
-            Surfaces, as for `describe_all`.
-        progress : bool
-            Whether to show a progress bar.
-
-        Returns
-        -------
-        vectors : list of array, each of shape (n, d)
-            Vectors of each descriptor.
-        seconds : list of float
-            Wall-clock time that each descriptor would take alone.
-
-        Raises
-        ------
-        RiemhumanError
-            If a surface cannot be described; the message gives its number.
-        """
+        """Return vectors and seconds of several descriptors; spectra are computed once."""
         count, mesh = meshes_of(bodies)
         needed: dict[str, int] = {}
         for descriptor in descriptors:
@@ -102,8 +79,8 @@ class ShapeDNA(SpectralDescriptor):
     r"""The first eigenvalues of the Laplace–Beltrami operator, without zero [1]_.
 
     They depend only on lengths within the surface, so bending does not change them. By Weyl's law
-    they grow like :math:`\mu_k \approx 4\pi k / A`; divided by k, they have similar sizes. The
-    distance is Euclidean.
+    they grow like :math:`\mu_k \approx 4\pi k / A`; divided by k, as here, they have similar
+    sizes. The distance is Euclidean.
 
     Parameters
     ----------
@@ -113,8 +90,6 @@ class ShapeDNA(SpectralDescriptor):
         "none" keeps eigenvalues in 1 / metre², which depend on the size of the body. "area"
         multiplies them by the area of the surface, and "first" divides them by the first one; both
         remove the size.
-    reweighted : bool
-        Whether to divide the k-th eigenvalue by k.
     laplacian : {"cotangent", "robust"}
         Discretisation, see `riemhuman.surfaces.spectrum`.
 
@@ -135,7 +110,6 @@ class ShapeDNA(SpectralDescriptor):
 
     n_eigenvalues: int = 50
     normalization: str = "none"
-    reweighted: bool = True
     laplacian: str = "cotangent"
 
     def __post_init__(self) -> None:
@@ -149,17 +123,16 @@ class ShapeDNA(SpectralDescriptor):
             values = values * modes.areas.sum()
         elif self.normalization == "first":
             values = values / values[0]
-        return values / np.arange(1, len(values) + 1) if self.reweighted else values
+        return values / np.arange(1, len(values) + 1)
 
 
 class KernelSignature(SpectralDescriptor):
     """Spectral signatures Σ_k w_k φ_k(x)² of all points x, pooled over the surface.
 
     Subclasses are frozen dataclasses of parameters that define `_of`, the signatures of a spectrum.
-    The distance of histograms is the sum of absolute differences, that of means is Euclidean.
+    The distance of histograms is the sum of absolute differences.
     """
 
-    pooling: str
     normalization: str
     n_bins: int
 
@@ -169,26 +142,17 @@ class KernelSignature(SpectralDescriptor):
         Parameters
         ----------
         vertices : array_like, shape (V, 3)
-            Vertex positions, in metres.
         faces : array_like, shape (F, 3)
-            Vertex indices of each triangle, counted from 0.
 
         Returns
         -------
         array, shape (n_scales, V)
-            One row for each time or energy. Heat kernel signatures are in 1 / metre², or without
-            unit for surfaces scaled to area 1; wave kernel signatures are multiplied by the area
-            and have mean 1 over the surface.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle has no area, with the cotangent Laplacian.
+            One row for each time, in 1 / metre² unless scaled to area 1, or for each energy.
         """
         return self._of(self._scaled(spectrum(vertices, faces, self.n_eigenvalues, self.laplacian)))
 
     def distances(self, vectors: ArrayLike) -> np.ndarray:
-        return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
+        return pairwise(vectors, "cityblock")
 
     @abstractmethod
     def _of(self, modes: Spectrum) -> np.ndarray:
@@ -199,8 +163,7 @@ class KernelSignature(SpectralDescriptor):
         modes = modes.first(self.n_eigenvalues)
         return modes.of_unit_area() if self.normalization == "area" else modes
 
-    def _check_choices(self, poolings: tuple[str, ...]) -> None:
-        one_of(self.pooling, "pooling", poolings)
+    def _check_choices(self) -> None:
         one_of(self.normalization, "normalization", _NORMALIZATIONS)
         whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
         whole_number(self.n_bins, "n_bins", minimum=2)
@@ -213,18 +176,13 @@ class HeatKernelSignature(KernelSignature):
 
     The signature of a point x is :math:`h_t(x) = \sum_k e^{-\mu_k t} \varphi_k(x)^2`, including the
     eigenvalue zero. The descriptor uses :math:`\log_{10}(4\pi t\,h_t)`, which is 0 at points of a
-    plane. Since distributions of signatures distinguish surfaces [2]_, the default is a histogram
-    for each time, weighted by area; the distance of histograms is the sum of absolute differences.
-    The distance of means is Euclidean; the mean weighted by area is the heat trace
-    :math:`\sum_k e^{-\mu_k t} / A`, which depends on the eigenvalues alone.
+    plane. Since distributions of signatures distinguish surfaces [2]_, there is a histogram for
+    each time, weighted by area; the distance of histograms is the sum of absolute differences.
 
     Parameters
     ----------
     times : sequence of float
         Times t > 0, in square metres, or in units of the surface's area; see `normalization`.
-    pooling : {"histogram", "mean", "vertex mean"}
-        "mean" is weighted by area. "vertex mean" is not: it depends on the distribution of the
-        vertices over the surface, and is meaningful only for registered surfaces.
     normalization : {"none", "area"}
         Whether surfaces are compared at their size, or scaled to area 1.
     n_eigenvalues : int
@@ -252,7 +210,6 @@ class HeatKernelSignature(KernelSignature):
     """
 
     times: tuple[float, ...] = _TIMES
-    pooling: str = "histogram"
     normalization: str = "none"
     n_eigenvalues: int = 60
     n_bins: int = 16
@@ -263,18 +220,14 @@ class HeatKernelSignature(KernelSignature):
         if times.size == 0 or times.min() <= 0:
             raise ArgumentError(f"times must be positive numbers; found {times.tolist()}")
         object.__setattr__(self, "times", tuple(times.tolist()))
-        self._check_choices(_HEAT_POOLINGS)
+        self._check_choices()
 
     def of_spectrum(self, modes: Spectrum) -> np.ndarray:
-        """Return the pooled signatures, shape (n_times * n_bins,), or (n_times,) for a mean."""
+        """Return the histograms, shape (n_times * n_bins,)."""
         modes = self._scaled(modes)
         used = modes.areas > 0
-        areas = modes.areas[used]
         excess = 4 * np.pi * np.array(self.times)[:, np.newaxis] * self._of(modes)[:, used]
-        if self.pooling == "histogram":
-            return _area_histograms(np.log10(excess), areas, _HEAT_RANGE, self.n_bins)
-        weights = areas if self.pooling == "mean" else None
-        return np.log10(np.average(excess, axis=1, weights=weights))
+        return _area_histograms(np.log10(excess), modes.areas[used], _HEAT_RANGE, self.n_bins)
 
     def _of(self, modes: Spectrum) -> np.ndarray:
         decay = np.exp(-np.outer(self.times, modes.eigenvalues))
@@ -287,9 +240,8 @@ class WaveKernelSignature(KernelSignature):
 
     The signature of a point x is the average of :math:`\varphi_k(x)^2` over the eigenfunctions
     with weights :math:`\exp(-(e - \log\mu_k)^2 / 2\sigma^2)`, here multiplied by the area of the
-    surface. Its mean weighted by area is then 1 at every energy; therefore `pooling` does not offer
-    that mean. The default is a histogram for each energy, weighted by area; the distance of
-    histograms is the sum of absolute differences.
+    surface. The default is a histogram for each energy, weighted by area; the distance of
+    histograms is the sum of absolute differences, that of means is Euclidean.
 
     Parameters
     ----------
@@ -346,7 +298,11 @@ class WaveKernelSignature(KernelSignature):
                 "energies must hold at least two different numbers, or sigma be given; found "
                 f"{self.energies}"
             )
-        self._check_choices(_WAVE_POOLINGS)
+        one_of(self.pooling, "pooling", _WAVE_POOLINGS)
+        self._check_choices()
+
+    def distances(self, vectors: ArrayLike) -> np.ndarray:
+        return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
 
     def of_spectrum(self, modes: Spectrum) -> np.ndarray:
         """Return the pooled signatures, (n_energies * n_bins,), or (n_energies,) for a mean."""

@@ -64,10 +64,6 @@ def test_selection_follows_the_data_set():
 
 def test_a_part_that_does_not_match_is_told_item_by_item():
     latent = LatentVectors(IDS, VECTORS)
-    match = latent.match(["tr_reg_001", "a", "tr_reg_000", "b"])
-    assert match.found == ("tr_reg_001", "tr_reg_000")
-    assert match.missing == ("a", "b")
-    assert match.unused == ("tr_reg_010",)
     with pytest.raises(
         ArgumentError,
         match=r"2 of 3 bodies have no vector: a, b; .* without a body: tr_reg_000, tr_reg_001",
