@@ -47,11 +47,6 @@ _DPI = 150
 def figure_style() -> Iterator[None]:
     """Draw in the style of the report, without changing the style of the session.
 
-    Raises
-    ------
-    MissingDependencyError
-        If matplotlib is not installed.
-
     Examples
     --------
     >>> import riemhuman as rh

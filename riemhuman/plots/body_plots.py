@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
 from riemhuman.plots._colors import SKIN, colour_limit, value_colors
 from riemhuman.plots._figures import new_axes, new_figure
-from riemhuman.plots.rendering import View, Window, render, window_around
+from riemhuman.plots.rendering import View, Window, as_surfaces, render, window_around
 from riemhuman.surfaces.measures import triangle_areas
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ _LEGEND_ROW_INCHES = 0.19
 
 
 def plot_body(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: Any,
+    faces: ArrayLike | None = None,
     values: ArrayLike | None = None,
     *,
     color: ArrayLike = SKIN,
@@ -46,10 +46,10 @@ def plot_body(
 
     Parameters
     ----------
-    vertices : array_like, shape (V, 3)
-        Surface, metres, y up.
-    faces : array_like, shape (F, 3)
-        Triangles.
+    vertices : array_like, shape (V, 3), or mesh
+        Surface, metres, y up; a mesh of trimesh, PyVista or meshio as in `rh.io.as_arrays`.
+    faces : array_like, shape (F, 3), optional
+        Triangles; none for mesh objects.
     values : array_like, shape (F,), optional
         Non-negative value of each triangle, such as `contributions` per area.
     color : array_like, shape (3,) or (F, 3)
@@ -61,20 +61,13 @@ def plot_body(
     label : str, optional
         Label of the colour bar; by default there is no colour bar.
     ax : matplotlib.axes.Axes, optional
-        Axes to draw in; by default those of a new figure.
+        By default those of a new figure.
     height : int
         Height of the picture in pixels.
 
     Returns
     -------
     matplotlib.axes.Axes
-
-    Raises
-    ------
-    ArgumentError
-        If an array has the wrong shape or values.
-    MissingDependencyError
-        If matplotlib is not installed.
 
     Examples
     --------
@@ -83,6 +76,7 @@ def plot_body(
     >>> ax = rh.plots.plot_body(bodies[0], bodies.template.faces)
     >>> ax.figure.savefig("body.png")
     """
+    vertices, faces = as_surfaces(vertices, faces)
     ax = new_axes(ax, 3.2, 4.8)
     view = View() if view is None else view
     window = window_around(vertices, view)
@@ -100,8 +94,8 @@ def plot_body(
 
 
 def plot_path(
-    path: ArrayLike,
-    faces: ArrayLike,
+    path: ArrayLike | Sequence[Any],
+    faces: ArrayLike | None = None,
     values: ArrayLike | None = None,
     *,
     n_shown: int | None = None,
@@ -116,10 +110,10 @@ def plot_path(
 
     Parameters
     ----------
-    path : array_like, shape (n_times, V, 3)
+    path : array_like, shape (n_times, V, 3), or sequence of meshes
         Surfaces, metres, y up.
-    faces : array_like, shape (F, 3)
-        Triangles.
+    faces : array_like, shape (F, 3), optional
+        Triangles; none for mesh objects.
     values : array_like, shape (n_times, F), optional
         Non-negative value of each triangle of each surface.
     n_shown : int, optional
@@ -133,7 +127,7 @@ def plot_path(
     view : View, optional
         Direction from which the surfaces are seen.
     ax : matplotlib.axes.Axes, optional
-        Axes to draw in; by default those of a new figure.
+        By default those of a new figure.
     height : int
         Height of the picture in pixels.
 
@@ -141,19 +135,13 @@ def plot_path(
     -------
     matplotlib.axes.Axes
 
-    Raises
-    ------
-    ArgumentError
-        If an array has the wrong shape or values.
-    MissingDependencyError
-        If matplotlib is not installed.
-
     Examples
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> ax = rh.plots.plot_path(bodies.points[:6], bodies.template.faces, n_shown=3)
     """
+    path, faces = as_surfaces(path, faces)
     surfaces = real_array(path, "path", ("n_times", "n_vertices", 3), batched=False)
     chosen = np.arange(len(surfaces))
     if n_shown is not None:
@@ -271,11 +259,6 @@ def plot_measurement_lines(
     Returns
     -------
     matplotlib.figure.Figure
-
-    Raises
-    ------
-    MissingDependencyError
-        If matplotlib is not installed.
 
     Examples
     --------

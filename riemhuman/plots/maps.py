@@ -56,14 +56,6 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
     -------
     array, shape (n, 2)
 
-    Raises
-    ------
-    ArgumentError
-        If the matrix is not square, symmetric, non-negative and of at least three items, or the
-        method is unknown.
-    MissingDependencyError
-        If scikit-learn, which provides t-SNE, is not installed.
-
     References
     ----------
     .. [1] van der Maaten, Hinton, "Visualizing data using t-SNE", JMLR 2008.
@@ -179,18 +171,11 @@ def plot_embedding(
     unit : str, optional
         Unit of the positions, for a scale bar; both axes then have the same scale.
     ax : matplotlib.axes.Axes, optional
-        Axes to draw in; by default those of a new figure.
+        By default those of a new figure.
 
     Returns
     -------
     matplotlib.axes.Axes
-
-    Raises
-    ------
-    ArgumentError
-        If an array has the wrong shape, or only one of points and faces is given.
-    MissingDependencyError
-        If matplotlib is not installed.
 
     Examples
     --------

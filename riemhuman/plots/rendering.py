@@ -1,4 +1,4 @@
-"""Pictures of surfaces without display or graphics card: a z-buffer in NumPy.
+"""Pictures of surfaces without display or graphics card, by a depth buffer.
 
 Surfaces are drawn in parallel projection with smooth shading on a transparent background.
 """
@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -18,7 +19,9 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
+from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.plots._colors import SKIN
 
@@ -95,9 +98,21 @@ def window_around(points: ArrayLike, view: View, margin: float = 0.03) -> Window
     return Window((float(centre[0]), float(centre[1])), float(size[0]), float(size[1]))
 
 
+def as_surfaces(points: Any, faces: Any = None) -> tuple[Any, Any]:
+    """Return surfaces and their triangles, from arrays or from one or several mesh objects."""
+    if faces is not None:
+        return points, faces
+    if not isinstance(points, (list, tuple)):
+        return as_arrays(points)
+    vertices, triangles = zip(*map(as_arrays, points), strict=True)
+    if not all(np.array_equal(own, triangles[0]) for own in triangles):
+        raise ArgumentError("all meshes must have the same triangles")
+    return np.stack(vertices), triangles[0]
+
+
 def render(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: Any,
+    faces: ArrayLike | None = None,
     *,
     height: int = 400,
     view: View | None = None,
@@ -109,10 +124,10 @@ def render(
 
     Parameters
     ----------
-    vertices : array_like, shape (V, 3)
-        Surface, metres, y up.
-    faces : array_like, shape (F, 3)
-        Triangles, counterclockwise when seen from outside.
+    vertices : array_like, shape (V, 3), or mesh
+        Surface, metres, y up; a mesh as in `rh.io.as_arrays`.
+    faces : array_like, shape (F, 3), optional
+        Triangles, counterclockwise when seen from outside; none for a mesh.
     height : int
         Height of the picture in pixels; its width follows from the window.
     view : View, optional
@@ -130,11 +145,6 @@ def render(
     array of uint8, shape (height, width, 4)
         Red, green, blue and opacity.
 
-    Raises
-    ------
-    ArgumentError
-        If the mesh, a size or a colour is not valid.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -142,7 +152,7 @@ def render(
     >>> rh.plots.render(bodies[0], bodies.template.faces, height=100).shape[0]
     100
     """
-    vertices, faces = check_mesh(vertices, faces)
+    vertices, faces = check_mesh(*as_surfaces(vertices, faces))
     colors = _face_colors(color, len(faces))
     whole_number(height, "height", minimum=1)
     whole_number(samples, "samples", minimum=1)
@@ -153,20 +163,18 @@ def render(
     shape = (height * samples, max(1, round(height * window.width / window.height)) * samples)
     rotated = view.rotate(vertices)
     normals = vertex_normals(rotated, faces)
-    pixels = np.stack(
-        [
-            (rotated[:, 0] - window.centre[0]) * scale + shape[1] / 2,
-            shape[0] / 2 - (rotated[:, 1] - window.centre[1]) * scale,
-        ],
-        axis=1,
-    )
-    front, bary, index = _visible(pixels, rotated[:, 2], faces, shape)
-    picture = np.zeros((shape[0] * shape[1], 4))
-    normal = np.einsum("pc,pcx->px", bary, normals[faces[front]])
-    light = _shade(normal)[:, None]
-    picture[index, :3] = np.clip(colors[front] * light, 0, 1)
-    picture[index, 3] = 1.0
-    return _averaged(picture.reshape(*shape, 4), samples)
+    columns = (rotated[:, 0] - window.centre[0]) * scale + shape[1] / 2
+    rows = shape[0] / 2 - (rotated[:, 1] - window.centre[1]) * scale
+    corners = np.stack([columns, rows, rotated[:, 2]], axis=1)[faces]
+    owner, shares = np.full(shape, -1), np.empty((*shape, 3))
+    _draw_triangles(corners, np.full(shape, -np.inf), owner, shares)
+    covered = owner >= 0
+    front = owner[covered]
+    picture = np.zeros((*shape, 4))
+    light = _shade(np.einsum("pc,pcx->px", shares[covered], normals[faces[front]]))[:, None]
+    picture[covered, :3] = np.clip(colors[front] * light, 0, 1)
+    picture[covered, 3] = 1.0
+    return _averaged(picture, samples)
 
 
 def _face_colors(color: ArrayLike, n_faces: int) -> ndarray:
@@ -190,83 +198,35 @@ def _shade(normals: ndarray) -> ndarray:
     return light * (0.68 + 0.32 * np.clip(normals[:, 2], 0, 1) ** 0.5)
 
 
-def _visible(
-    pixels: ndarray, depth: ndarray, faces: ndarray, shape: tuple[int, int]
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Return the triangle, the barycentric coordinates and the index of every covered pixel."""
-    slopes, offsets = _edge_functions(pixels[faces])
-    # Rows count downwards, so triangles that face the eye are clockwise.
-    towards = np.flatnonzero(np.isfinite(offsets).all(axis=1) & _is_clockwise(pixels[faces]))
-    faces, slopes, offsets = faces[towards], slopes[towards], offsets[towards]
-    face, row, first, n_pixels = _spans(pixels[faces], slopes, offsets, shape)
+@compiled
+def _draw_triangles(corners: ndarray, nearest: ndarray, owner: ndarray, shares: ndarray) -> None:
+    """Write the nearest triangle at the middle of each pixel, and its barycentric coordinates.
 
-    span = np.repeat(np.arange(len(face)), n_pixels)
-    column = (
-        first[span] + np.arange(len(span)) - np.repeat(np.cumsum(n_pixels) - n_pixels, n_pixels)
-    )
-    index = row[span] * shape[1] + column
-    # Depth is linear on a triangle.
-    corners = depth[faces]
-    along = np.einsum("fc,fcx->fx", corners, slopes)
-    at_row = along[face, 1] * (row + 0.5) + np.einsum("fc,fc->f", corners, offsets)[face]
-    near = at_row[span] + along[face, 0][span] * (column + 0.5)
-
-    nearest = np.full(shape[0] * shape[1], -np.inf)
-    np.maximum.at(nearest, index, near)
-    wins = near == nearest[index]
-    owner = np.full(shape[0] * shape[1], -1, dtype=np.int64)
-    owner[index[wins]] = face[span[wins]]
-    covered = np.flatnonzero(owner >= 0)
-    owner = owner[covered]
-    place = np.stack([covered % shape[1], covered // shape[1]], axis=1) + 0.5
-    shares = np.einsum("pcx,px->pc", slopes[owner], place) + offsets[owner]
-    return towards[owner], shares, covered
-
-
-def _is_clockwise(corners: ndarray) -> ndarray:
-    a, b, c = (corners[:, corner] for corner in range(3))
-    return _cross(b - a, c - a) < 0
-
-
-def _edge_functions(corners: ndarray) -> tuple[ndarray, ndarray]:
-    """Return the barycentric coordinates as functions: slopes (F, 3, 2) and offsets (F, 3)."""
-    a, b, c = (corners[:, corner] for corner in range(3))
-    double_area = _cross(b - a, c - a)
-    edges = np.stack([c - b, a - c, b - a], axis=1)
-    starts = np.stack([b, c, a], axis=1)
-    slopes = np.stack([-edges[..., 1], edges[..., 0]], axis=-1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = slopes / double_area[:, None, None]
-        return slopes, -np.einsum("fcx,fcx->fc", slopes, starts)
-
-
-def _spans(
-    corners: ndarray, slopes: ndarray, offsets: ndarray, shape: tuple[int, int]
-) -> tuple[ndarray, ndarray, ndarray, ndarray]:
-    """Return the runs of pixels inside triangles: triangle, row, first column and length."""
-    low = np.clip(np.ceil(corners[..., 1].min(axis=1) - 0.5), 0, shape[0]).astype(np.int64)
-    high = np.clip(np.floor(corners[..., 1].max(axis=1) + 0.5), 0, shape[0]).astype(np.int64)
-    n_rows = np.maximum(high - low, 0)
-    face = np.repeat(np.arange(len(corners)), n_rows)
-    row = low[face] + np.arange(len(face)) - np.repeat(np.cumsum(n_rows) - n_rows, n_rows)
-
-    # Where each barycentric coordinate, linear along the row, is at least 0.
-    across = slopes[face, :, 0]
-    at_left = slopes[face, :, 1] * (row[:, None] + 0.5) + offsets[face]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        zero = -at_left / across
-    level = across == 0
-    left = np.where(level | (across < 0), np.where(level & (at_left < 0), np.inf, -np.inf), zero)
-    right = np.where(level | (across > 0), np.inf, zero)
-    first = np.clip(np.ceil(left.max(axis=1) - 0.5), 0, shape[1])
-    last = np.clip(np.floor(right.min(axis=1) - 0.5), -1, shape[1] - 1)
-    n_pixels = np.maximum(last - first + 1, 0).astype(np.int64)
-    some = n_pixels > 0
-    return face[some], row[some], first[some].astype(np.int64), n_pixels[some]
-
-
-def _cross(a: ndarray, b: ndarray) -> ndarray:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    Corners, shape (F, 3, 3), are columns, rows and depths; greater depths are nearer.
+    """
+    height, width = owner.shape
+    for f in range(len(corners)):
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners[f]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        # Rows count downwards, so triangles that face the eye are clockwise.
+        if not area < 0:
+            continue
+        top, bottom = np.ceil(min(ay, by, cy) - 0.5), np.floor(max(ay, by, cy) + 0.5)
+        left, right = np.ceil(min(ax, bx, cx) - 0.5), np.floor(max(ax, bx, cx) + 0.5)
+        for row in range(int(max(top, 0.0)), int(min(bottom, height))):
+            y = row + 0.5
+            for column in range(int(max(left, 0.0)), int(min(right, width))):
+                x = column + 0.5
+                a = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
+                b = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
+                c = ((ax - x) * (by - y) - (ay - y) * (bx - x)) / area
+                depth = a * az + b * bz + c * cz
+                if min(a, b, c) >= 0 and depth > nearest[row, column]:
+                    nearest[row, column] = depth
+                    owner[row, column] = f
+                    shares[row, column, 0] = a
+                    shares[row, column, 1] = b
+                    shares[row, column, 2] = c
 
 
 def _averaged(picture: ndarray, samples: int) -> ndarray:

@@ -37,16 +37,11 @@ def plot_energy(
     lines : mapping of str to float, optional
         Energies to compare with by name, drawn as horizontal lines.
     ax : matplotlib.axes.Axes, optional
-        Axes to draw in; by default those of a new figure.
+        By default those of a new figure.
 
     Returns
     -------
     matplotlib.axes.Axes
-
-    Raises
-    ------
-    MissingDependencyError
-        If matplotlib is not installed.
 
     Examples
     --------
@@ -95,18 +90,11 @@ def plot_precision_recall(
     labels : sequence of hashable, length n
         Class of each item.
     ax : matplotlib.axes.Axes, optional
-        Axes to draw in; by default those of a new figure.
+        By default those of a new figure.
 
     Returns
     -------
     matplotlib.axes.Axes
-
-    Raises
-    ------
-    ArgumentError
-        If a matrix and the labels have different sizes.
-    MissingDependencyError
-        If matplotlib is not installed.
 
     Examples
     --------
@@ -154,18 +142,11 @@ def plot_confusion(
     names : sequence of str, optional
         Names of the classes.
     ax : matplotlib.axes.Axes, optional
-        Axes to draw in; by default those of a new figure.
+        By default those of a new figure.
 
     Returns
     -------
     matplotlib.axes.Axes
-
-    Raises
-    ------
-    ArgumentError
-        If the matrix and the labels have different sizes.
-    MissingDependencyError
-        If matplotlib is not installed.
 
     Examples
     --------
@@ -203,18 +184,11 @@ def plot_sweep(
     weights : sequence of str
         Label of the weights of each column.
     ax : matplotlib.axes.Axes, optional
-        Axes to draw in; by default those of a new figure.
+        By default those of a new figure.
 
     Returns
     -------
     matplotlib.axes.Axes
-
-    Raises
-    ------
-    ArgumentError
-        If the scores have the wrong shape.
-    MissingDependencyError
-        If matplotlib is not installed.
 
     Examples
     --------

@@ -5,8 +5,8 @@ A page contains the surfaces, and three.js draws them; pictures replace them wit
 
 from __future__ import annotations
 
-import json
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -14,21 +14,22 @@ from html import escape
 from importlib.resources import files
 from importlib.util import find_spec
 from io import BytesIO
-from string import Template
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import jinja2
 import numpy as np
+from markupsafe import Markup
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
-from riemhuman.io.files import atomic_file, file_path, write_text
+from riemhuman.io.files import file_path, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.plots._colors import MEAN, SKIN, colour_limit, value_colors
 from riemhuman.plots._figures import new_figure
 from riemhuman.plots._viewer_data import MAX_VERTICES, ViewedBody, payload
-from riemhuman.plots.rendering import View, image_source, png_bytes, strip_picture
+from riemhuman.plots.rendering import View, as_surfaces, image_source, png_bytes, strip_picture
 
 if TYPE_CHECKING:
     from riemhuman.motions import Warp
@@ -41,16 +42,28 @@ _MATCH_HEIGHT = 200
 
 
 @cache
+def _environment() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("riemhuman.plots", "web"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+    )
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
+    return environment
+
+
+def _fill(template: str, **values: Any) -> Markup:
+    return Markup(_environment().get_template(template).render(**values))
+
+
+@cache
 def _web_file(name: str) -> str:
     return (files("riemhuman.plots") / "web" / name).read_text(encoding="utf-8")
 
 
 def page_styles() -> str:
     """Return the styles of viewers, as an element for the head of a page.
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -69,10 +82,6 @@ def page_scripts(library: bool = True) -> str:
     library : bool
         Whether three.js is included, which the viewers need.
 
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -89,8 +98,37 @@ def page_scripts(library: bool = True) -> str:
     )
 
 
+class _Page(ABC):
+    """What is shown as a complete page."""
+
+    @abstractmethod
+    def _content(self) -> tuple[str, dict[str, Any]]:
+        """Return the template of the page and what is filled in."""
+
+    def page(self) -> str:
+        """Return the self-contained HTML page."""
+        template, values = self._content()
+        scripts, styles = Markup(page_scripts()), Markup(page_styles())
+        return str(_fill(template, scripts=scripts, styles=styles, **values))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the page to a file for any browser, without a network connection.
+
+        Parameters
+        ----------
+        path : path_like
+            The file; an existing file is replaced.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        write_text(path, self.page())
+
+
 @dataclass(frozen=True)
-class Viewer:
+class Viewer(_Page):
     """An interactive view of bodies or paths, shown in notebooks or saved as a page.
 
     Parameters
@@ -130,73 +168,27 @@ class Viewer:
         return f"Viewer({self.title!r}, choices={list(self.choices)})"
 
     def fragment(self, identifier: str) -> str:
-        """Return the viewer as part of a page that includes `styles` and `scripts`.
+        """Return the viewer as part of a page that includes `page_styles` and `page_scripts`.
 
         Parameters
         ----------
         identifier : str
             Identifier of the viewer, unique in the page.
-
-        Returns
-        -------
-        str
         """
-        options = "".join(
-            f'<label><input type="radio" name="{identifier}-choice" value="{index}"'
-            f"{' checked' if index == 0 else ''}> {escape(name)}</label>"
-            for index, name in enumerate(self.choices)
-        )
-        stills = "".join(
-            f'<img class="still" src="{self._still(bodies)}" '
-            f'alt="{escape(f"Picture of the bodies: {name or self.title}", quote=True)}"'
-            f"{' hidden' if index else ''}>"
-            for index, (name, bodies) in enumerate(self.choices.items())
-        )
         shown_first = next(iter(self.choices.values()))
-        data = payload(self.choices, self.faces, self.view, self.max_vertices)
-        n_shown, n_whole = data["n_vertices"], data["n_vertices_whole"]
-        thinned = "" if n_shown == n_whole else f"Shown with {n_shown:,} of {n_whole:,} vertices."
-        return Template(_web_file("viewer.html")).substitute(
-            identifier=escape(identifier, quote=True),
-            title=escape(self.title, quote=True),
-            legend=escape(self.legend),
-            options=options,
-            hidden=" hidden" if len(self.choices) == 1 else "",
-            still="" if any(len(body.frames) > 1 for body in shown_first) else " hidden",
-            stills=stills,
-            thinned=thinned,
-            payload=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+        return _fill(
+            "viewer.html",
+            identifier=identifier,
+            title=self.title,
+            legend=self.legend,
+            stills={name: self._still(bodies) for name, bodies in self.choices.items()},
+            moving=any(len(body.frames) > 1 for body in shown_first),
+            data=payload(self.choices, self.faces, self.view, self.max_vertices),
         )
 
-    def page(self) -> str:
-        """Return a complete HTML page with only the viewer.
-
-        Returns
-        -------
-        str
-        """
-        return Template(_web_file("viewer_page.html")).substitute(
-            title=escape(self.title),
-            description=f"<p>{escape(self.description)}</p>" if self.description else "",
-            styles=page_styles(),
-            body=self.fragment("viewer"),
-            end=page_scripts(),
-        )
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the page to a file for any browser, without a network connection.
-
-        Parameters
-        ----------
-        path : path_like
-            The file; an existing file is replaced.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
-        """
-        write_text(path, self.page())
+    def _content(self) -> tuple[str, dict[str, Any]]:
+        values = {"title": self.title, "description": self.description}
+        return "viewer_page.html", values | {"viewer": self.fragment("viewer")}
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, which separates it from the notebook."""
@@ -221,8 +213,8 @@ class Viewer:
 
 
 def view_path(
-    path: ArrayLike | Mapping[str, ArrayLike],
-    faces: ArrayLike,
+    path: ArrayLike | Sequence[Any] | Mapping[str, ArrayLike],
+    faces: ArrayLike | None = None,
     *,
     side_by_side: bool = False,
     legend: str = "Path",
@@ -234,10 +226,10 @@ def view_path(
 
     Parameters
     ----------
-    path : array_like, shape (n_times, V, 3), or mapping of str to such
+    path : array_like, shape (n_times, V, 3), sequence of meshes, or mapping of str to such
         Surfaces at equally spaced times, metres, y up; several paths by name.
-    faces : array_like, shape (F, 3)
-        Triangles.
+    faces : array_like, shape (F, 3), optional
+        Triangles; none for mesh objects.
     side_by_side : bool
         Whether to play several paths beside each other instead.
     legend : str
@@ -253,11 +245,6 @@ def view_path(
     -------
     Viewer
 
-    Raises
-    ------
-    ArgumentError
-        If a path or the triangles are malformed, or paths have different numbers of vertices.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -268,19 +255,20 @@ def view_path(
     paths = path if isinstance(path, Mapping) else {"": path}
     if not paths:
         raise ArgumentError("path is empty; at least one path is needed")
-    bodies = {}
-    for name, frames in paths.items():
-        frames = real_array(frames, "path", ("n_times", "n_vertices", 3), batched=False)
-        bodies[name] = ViewedBody(name, frames)
-    choices = {name: [ViewedBody("", body.frames)] for name, body in bodies.items()}
+    frames = {}
+    for name, given in paths.items():
+        surfaces, faces = as_surfaces(given, faces)
+        frames[name] = real_array(surfaces, "path", ("n_times", "n_vertices", 3), batched=False)
     if side_by_side:
-        choices = {title: list(bodies.values())}
+        choices = {title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
+    else:
+        choices = {name: [ViewedBody("", surfaces)] for name, surfaces in frames.items()}
     return _viewer(faces, choices, legend, title, description, view)
 
 
 def view_bodies(
-    points: ArrayLike,
-    faces: ArrayLike,
+    points: ArrayLike | Sequence[Any],
+    faces: ArrayLike | None = None,
     names: Sequence[str] | None = None,
     *,
     values: ArrayLike | None = None,
@@ -293,10 +281,10 @@ def view_bodies(
 
     Parameters
     ----------
-    points : array_like, shape (n, V, 3) or (V, 3)
-        Surfaces, metres, y up.
-    faces : array_like, shape (F, 3)
-        Triangles.
+    points : array_like, shape (n, V, 3) or (V, 3), mesh or sequence of meshes
+        Surfaces, metres, y up; meshes as in `rh.io.as_arrays`.
+    faces : array_like, shape (F, 3), optional
+        Triangles; none for mesh objects.
     names : sequence of str, length n, optional
         Labels of the bodies.
     values : array_like, shape (n, F) or (F,), optional
@@ -315,11 +303,6 @@ def view_bodies(
     -------
     Viewer
 
-    Raises
-    ------
-    ArgumentError
-        If an array has the wrong shape or values.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -327,6 +310,7 @@ def view_bodies(
     >>> viewer = rh.plots.view_bodies(bodies.points[:2], bodies.template.faces)
     >>> viewer.save("bodies.html")
     """
+    points, faces = as_surfaces(points, faces)
     surfaces = real_array(points, "points", ("n_vertices", 3))
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
     n_bodies = len(surfaces)
@@ -353,12 +337,12 @@ def view_bodies(
 
 
 def _viewer(
-    faces: ArrayLike,
+    faces: Any,
     choices: dict[str, list[ViewedBody]],
     legend: str,
     title: str,
-    description: str,
-    view: View | None,
+    description: str = "",
+    view: View | None = None,
 ) -> Viewer:
     every = [body for bodies in choices.values() for body in bodies]
     _, triangles = check_mesh(every[0].frames[0], faces)
@@ -413,30 +397,20 @@ def save_picture(
     """
     surfaces = real_array(points, "points", ("n", "n_vertices", 3), batched=False)
     colors = [SKIN] * (len(surfaces) - mean) + [MEAN] * mean
-    labels, file = list(names), file_path(path)
-    if file.suffix.lower() == ".html":
-        bodies = [
-            ViewedBody(label, surface[None], color)
-            for label, surface, color in zip(labels, surfaces, colors, strict=True)
-        ]
-        _viewer(faces, {title: bodies}, "Show", title, "", None).save(file)
+    if file_path(path).suffix.lower() == ".html":
+        shown = zip(names, surfaces[:, None], colors, strict=True)
+        _viewer(faces, {title: [ViewedBody(*body) for body in shown]}, "Show", title).save(path)
         return f"all {len(surfaces)} bodies"
     # The mean is always shown, the others evenly chosen.
     n_others = len(surfaces) - mean
     n_shown = min(n_others, _MOST_IN_PICTURE - mean)
-    shown = np.linspace(0, n_others - 1, n_shown).round().astype(int).tolist()
-    shown += [len(surfaces) - 1] * mean
-    picture = strip_picture(
-        surfaces[shown], np.asarray(faces), [colors[i] for i in shown], height=_PICTURE_HEIGHT
-    )
-    with atomic_file(file) as temporary:
-        temporary.write_bytes(_with_names(picture, [labels[i] for i in shown]))
-    listed = ", ".join(labels[i] for i in shown)
-    return (
-        listed
-        if n_shown == n_others
-        else f"{listed}: {n_shown} of {n_others} bodies" + (" and their mean" if mean else "")
-    )
+    chosen = np.linspace(0, n_others - 1, n_shown).round().astype(int).tolist()
+    chosen += [len(surfaces) - 1] * mean
+    labels, tints = [names[i] for i in chosen], [colors[i] for i in chosen]
+    picture = strip_picture(surfaces[chosen], np.asarray(faces), tints, height=_PICTURE_HEIGHT)
+    write_bytes(path, _with_names(picture, labels))
+    count = f": {n_shown} of {n_others} bodies" + " and their mean" * mean
+    return ", ".join(labels) + count * (n_shown < n_others)
 
 
 def _with_names(picture: ndarray, names: Sequence[str]) -> bytes:
@@ -457,7 +431,7 @@ def _with_names(picture: ndarray, names: Sequence[str]) -> bytes:
 
 
 @dataclass(frozen=True)
-class AlignedMotions:
+class AlignedMotions(_Page):
     """Two motions, the second aligned in time with the first.
 
     Parameters
@@ -475,12 +449,11 @@ class AlignedMotions:
     --------
     >>> import riemhuman as rh
     >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
-    >>> pose = rh.ElasticMetric(rh.AlignedSurfaces(knees.template), a=0.0, lam=0.0, c=1.0)
-    >>> m1, m2 = knees[:40:8], other[:40:8]
-    >>> warp = rh.motions.DynamicTimeWarping(pose).warp(m1, m2)
-    >>> aligned = rh.plots.AlignedMotions(m1, m2[warp(range(5)).round().astype(int)],
-    ...                                    knees.faces, warp)
-    >>> aligned.save("aligned.html")
+    >>> space = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template), 12)
+    >>> pose = rh.ElasticMetric(space.frames, a=0.0, lam=0.0, c=1.0)
+    >>> measure = rh.motions.DynamicTimeWarping(pose)
+    >>> first, second, warp = rh.motions.align_motions(space, knees[:40], other[:40], measure)
+    >>> rh.plots.AlignedMotions(first, second, knees.faces, warp).save("aligned.html")
     """
 
     first: ndarray
@@ -498,65 +471,25 @@ class AlignedMotions:
                 f"{self.second.shape}"
             )
 
-    def page(self) -> str:
-        """Return the self-contained HTML page.
-
-        Returns
-        -------
-        str
-        """
-        names = [escape(name) for name in self.names]
-        paths = dict(zip(self.names, self._placed(), strict=True))
-        viewer = view_path(paths, self.faces, side_by_side=True, title=" and ".join(self.names))
-        return Template(_web_file("motion_page.html")).substitute(
-            first=names[0],
-            second=names[1],
-            styles=page_styles(),
-            viewer=viewer.fragment("motions"),
-            distance=f"{self.warp.dist:.4g}",
-            curve=self._curve(),
-            strips=self._strips(),
-            n_matches=min(_N_MATCHES, len(self.first)),
-            end=page_scripts(),
-        )
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the page to a file for any browser, without a network connection.
-
-        Parameters
-        ----------
-        path : path_like
-            The file; an existing file is replaced.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
-        """
-        write_text(path, self.page())
-
-    def _placed(self) -> list[ndarray]:
-        """Return both motions with their first frames at the same place."""
-        return [
-            m - m[0].mean(axis=0) * np.array([1.0, 0.0, 1.0]) for m in (self.first, self.second)
-        ]
-
-    def _curve(self) -> str:
-        """Return the points of the re-timing in a square of side 100, for an SVG polyline."""
-        scales = [max(float(times[-1]), 1.0) for times in (self.warp.first, self.warp.second)]
-        x, y = self.warp.first / scales[0], self.warp.second / scales[1]
-        return " ".join(f"{100 * a:.2f},{100 - 100 * b:.2f}" for a, b in zip(x, y, strict=True))
-
-    def _strips(self) -> str:
-        """Return pictures of pairs of corresponding frames."""
-        places = np.linspace(0, len(self.first) - 1, min(_N_MATCHES, len(self.first)))
-        pairs = []
-        for k in places.round().astype(int):
-            surfaces = [motion[k] for motion in self._placed()]
-            picture = strip_picture(surfaces, self.faces, height=_MATCH_HEIGHT)
-            share = f"{100 * k / (len(self.first) - 1):.0f} %"
-            pairs.append(
-                f'<figure><img src="{image_source(picture)}" alt="Both at {share}">'
-                f"<figcaption>{share}</figcaption></figure>"
+    def _content(self) -> tuple[str, dict[str, Any]]:
+        # Both first frames stand at the same place.
+        motions = [m - m[0].mean(axis=0) * [1.0, 0.0, 1.0] for m in (self.first, self.second)]
+        paths, title = dict(zip(self.names, motions, strict=True)), " and ".join(self.names)
+        viewer = view_path(paths, self.faces, side_by_side=True, title=title)
+        # The re-timing as a line in a square of side 100.
+        x, y = (100 * t / max(float(t[-1]), 1.0) for t in (self.warp.first, self.warp.second))
+        last = len(self.first) - 1
+        pictures = {
+            f"{100 * k / max(last, 1):.0f} %": image_source(
+                strip_picture([motion[k] for motion in motions], self.faces, height=_MATCH_HEIGHT)
             )
-        return "\n".join(pairs)
+            for k in np.linspace(0, last, min(_N_MATCHES, last + 1)).round().astype(int)
+        }
+        return "motion_page.html", {
+            "first": self.names[0],
+            "second": self.names[1],
+            "viewer": viewer.fragment("motions"),
+            "distance": f"{self.warp.dist:.4g}",
+            "curve": " ".join(f"{a:.2f},{100 - b:.2f}" for a, b in zip(x, y, strict=True)),
+            "pictures": pictures,
+        }
