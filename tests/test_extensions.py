@@ -13,8 +13,7 @@ from riemhuman.descriptors.descriptor import Descriptor
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.io import save_mesh
 from riemhuman.measurements import Measurements, open_measurements
-from riemhuman.report import benchmark
-from riemhuman.report._representations import available
+from riemhuman.report import benchmark, representations
 from riemhuman.testing import check_dataset, check_metric
 
 ENTRIES = """
@@ -65,10 +64,10 @@ def test_measurements_of_another_package_are_taken_with_the_others(installed):
 
 
 def test_tables_of_all_know_a_descriptor_of_another_package(installed):
-    names = list(available(load_open_bodies("coarse")))
+    names = list(representations(load_open_bodies("coarse")))
     assert names[-2:] == ["offsets", "extents"]
-    assert list(available([]))[-1] == "extents"
-    assert "offsets" not in available([])
+    assert list(representations([]))[-1] == "extents"
+    assert "offsets" not in representations([])
 
 
 def test_commands_take_a_metric_of_another_package(installed, tmp_path, capsys):
@@ -102,7 +101,7 @@ def test_registration_in_a_script():
     assert extensions.extensions("descriptors") == {}
     extensions.register("descriptors", "extents", Extents)
     try:
-        assert available([])["extents"].describe([[0, 0, 0], [1, 2, 3]], None).tolist() == [1, 2, 3]
+        assert representations([])["extents"].describe([[0, 0, 0], [1, 2, 3]], None).tolist() == [1, 2, 3]
         extensions.register("descriptors", "extents", Extents)
         with pytest.raises(ArgumentError, match="'extents' is taken"):
             extensions.register("descriptors", "extents", VertexOffsets)
@@ -127,7 +126,7 @@ def test_a_descriptor_and_a_data_set_by_their_methods_alone():
     (record,) = benchmark(crowd, {"extents": Extents()})
     assert record.scores.nn > 0
     space_of = load_open_bodies("coarse")[:4]
-    space = available(space_of)["SRNF"].space
+    space = representations(space_of)["SRNF"].space
     report = check_metric(VertexOffsets(space), space_of.points)
     assert report.passed, report
 

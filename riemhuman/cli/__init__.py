@@ -17,20 +17,19 @@ from riemhuman import __version__
 
 # isort: off
 # The order of the commands in the help.
-from riemhuman.cli import _table_commands  # noqa: F401
-from riemhuman.cli import _distance_commands, _path_commands  # noqa: F401
-from riemhuman.cli import _registration_commands  # noqa: F401
-from riemhuman.cli import _measurement_commands  # noqa: F401
-from riemhuman.cli import _body_commands  # noqa: F401
+from riemhuman.cli import _distance_commands  # noqa: F401
+from riemhuman.cli import _path_commands, _body_commands  # noqa: F401
+from riemhuman.cli import _registration_commands, _measurement_commands  # noqa: F401
 from riemhuman.cli import _motion_commands, _file_commands  # noqa: F401
 
 # isort: on
-from riemhuman.cli._commands import make_parser, path
+from riemhuman.cli._commands import Answer, make_parser, path
 from riemhuman.cli._terminal import (
     Reporter,
     as_json,
     discard_output,
     flush_output,
+    lines,
     note,
     say,
     short_warnings,
@@ -94,11 +93,14 @@ def _run(given: Sequence[str]) -> int:
     if not hasattr(options, "run"):
         parser.print_help()
         return _DONE
-    options.reporter = Reporter(options.quiet)
+    reporter = Reporter(options.quiet)
+    options.task, options.bars, options.written = reporter.task, reporter.bars, []
     try:
         with short_warnings(), _lock(options):
+            for check in options.checks:
+                check(options)
             answer = options.run(options)
-        say(as_json(answer.record) if options.json else answer.text)
+        _say(answer, options)
         return _DONE if answer.trusted else _NOT_TRUSTED
     except KeyboardInterrupt:
         note("interrupted")
@@ -115,6 +117,21 @@ def _run(given: Sequence[str]) -> int:
         else:
             note(f"unexpected {type(error).__name__}: {error}; --debug shows the traceback")
         return _NOT_DONE
+
+
+def _say(answer: Answer, options: argparse.Namespace) -> None:
+    """Print an answer as JSON or text, with the places that were written."""
+    places = options.written if answer.written else []
+    if options.json:
+        record = answer.record
+        if options.written and isinstance(record, dict):
+            record = record | {"output": options.output if places else None}
+        say(as_json(record))
+    elif isinstance(answer.text, str):
+        said = [f"written to {place}" if answer.text else str(place) for place in places]
+        say("\n".join([answer.text] * bool(answer.text) + said))
+    else:
+        say(lines(answer.text | {"written to": " and ".join(map(str, places)) or None}))
 
 
 def _lock(options: argparse.Namespace) -> AbstractContextManager[None]:

@@ -10,8 +10,7 @@ import riemhuman as rh
 from riemhuman.cli._commands import (
     ANY_SCALE,
     FILES,
-    FOLDER_OR_FILE,
-    JSON,
+    MESH_ENDINGS,
     MODEL,
     PICTURE,
     UNIT,
@@ -19,27 +18,18 @@ from riemhuman.cli._commands import (
     command,
     flag,
     mesh,
+    names_matching,
     option,
     output,
     path_option,
     template,
 )
-from riemhuman.cli._inputs import (
-    MESH_ENDINGS,
-    advice,
-    check_file,
-    check_folder,
-    check_folder_or_file,
-    check_picture,
-    list_meshes,
-    open_model_like,
-    read_surfaces,
-    write_motion,
-)
-from riemhuman.cli._terminal import convergence, lines
+from riemhuman.cli._inputs import MOTION_OUTPUT, advice, read_surfaces, write_motion
+from riemhuman.cli._terminal import convergence, outcome
 from riemhuman.errors import ArgumentError
 
 _ALIGNED_PAGE = "aligned.html"
+_IS_ALIGNED = names_matching(r"aligned\.html|(?is:.+\.(ply|obj|off))")
 
 
 @command(
@@ -56,7 +46,7 @@ _ALIGNED_PAGE = "aligned.html"
     "  riemhuman transfer hands_on_head/ --onto ben.ply --transfer pose -o ben_too/\n",
     FILES,
     path_option("--onto", "MESH", "body to move", required=True),
-    FOLDER_OR_FILE,
+    MOTION_OUTPUT,
     option(
         "--axes",
         "axes about which triangles rotate: those of the world, or those of the body, for a body "
@@ -70,28 +60,25 @@ _ALIGNED_PAGE = "aligned.html"
         choices=("change", "pose"),
         default="change",
     ),
-    JSON,
     UNIT,
 )
 def _transfer(options: argparse.Namespace) -> Answer:
     from riemhuman.progress import ProgressBar
 
-    place, ending = check_folder_or_file(options)
-    files = list_meshes(options.meshes)
-    surfaces = read_surfaces([*files, options.onto], options)
+    surfaces = read_surfaces(options, [*options.meshes, options.onto])
+    *files, onto = surfaces.files
     space = rh.AlignedSurfaces(surfaces.template, equip=False, scale=None)
-    bars = options.reporter.bars
-    with options.reporter.task(f"Transfer of {len(files)} meshes"):
+    with options.task(f"Transfer of {len(files)} meshes"):
         solver = rh.solvers.MotionTransfer(options.axes, options.transfer)
-        with ProgressBar(range(len(files)), disable=not bars, unit="mesh") as numbers:
+        with ProgressBar(range(len(files)), disable=not options.bars, unit="mesh") as numbers:
             moved = solver.solve(space, (surfaces[k] for k in numbers), surfaces[len(files)])
-    with options.reporter.task("Output"):
+    with options.task("Output"):
         meshes = f"{len(files)} meshes, {files[0].name} to {files[-1].name}"
-        description = f"{meshes}, replayed on {options.onto.name}."
-        write_motion(place, ending, moved, surfaces.template.faces, "Motion", description)
-    record = {"files": files, "onto": options.onto, "axes": options.axes}
-    record |= {"transfer": options.transfer, "output": place, "n_frames": len(moved)}
-    return Answer(lines(meshes=len(moved), written_to=place), record)
+        description = f"{meshes}, replayed on {onto.name}."
+        write_motion(options, moved, surfaces.faces, "Motion", description)
+    record = {"files": files, "onto": onto, "axes": options.axes}
+    record |= {"transfer": options.transfer, "n_frames": len(moved)}
+    return Answer({"meshes": len(moved)}, record)
 
 
 @command(
@@ -105,7 +92,7 @@ def _transfer(options: argparse.Namespace) -> Answer:
     "  riemhuman disentangle a.ply b.ply -o both.ply --basis basis.npz\n",
     mesh("shape", "SHAPE", "mesh of the person"),
     mesh("pose", "POSE", "mesh of the pose"),
-    output("MESH"),
+    output("MESH", *MESH_ENDINGS),
     option(
         "--pose-weight",
         "weight of the squared pose distance relative to the shape distance",
@@ -120,46 +107,38 @@ def _transfer(options: argparse.Namespace) -> Answer:
     ),
     template("SHAPE"),
     PICTURE,
-    JSON,
 )
 def _disentangle(options: argparse.Namespace) -> Answer:
-    check_file(options.output, MESH_ENDINGS, options)
-    check_picture(options)
-    surfaces = read_surfaces([options.shape, options.pose], options)
+    surfaces = read_surfaces(options, [options.shape, options.pose])
     space = rh.AlignedSurfaces(surfaces.template, equip=False, scale=None)
     basis = rh.DeformationBasis.load(options.basis) if options.basis else None
-    solver = rh.solvers.Disentangling(
-        basis, pose_weight=options.pose_weight, progress=options.reporter.bars
-    )
-    with options.reporter.task("Disentangling"):
+    solver = rh.solvers.Disentangling(basis, pose_weight=options.pose_weight, progress=options.bars)
+    with options.task("Disentangling"):
         result = solver.solve(
             rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0),
             rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
             *surfaces[:],
         )
-    rh.save_mesh(options.output, result.surface, surfaces.template.faces)
+    rh.save_mesh(options.output, result.surface, surfaces.faces)
     if options.picture is not None:
         names = [f"shape of {options.shape.stem}", f"pose of {options.pose.stem}", "both"]
-        bodies, faces = [*surfaces[:], result.surface], surfaces.template.faces
-        rh.plots.save_picture(options.picture, bodies, faces, names, title="Shape and pose")
+        bodies = [*surfaces[:], result.surface]
+        rh.plots.save_picture(
+            options.picture, bodies, surfaces.faces, names, title="Shape and pose"
+        )
     record = {
         "shape": options.shape,
         "pose": options.pose,
         "pose_weight": options.pose_weight,
         "shape_distance": result.shape_dist,
         "pose_distance": result.pose_dist,
-        "n_iterations": result.n_iterations,
-        "converged": result.converged,
-        "message": result.message,
-        "output": options.output,
+        **outcome(result),
     }
-    text = lines(
-        distance_in_shape=f"{result.shape_dist:.8g}",
-        distance_in_pose=f"{result.pose_dist:.8g}",
-        converged=convergence(result),
-        written_to=options.output,
-        picture=options.picture,
-    )
+    text = {
+        "distance in shape": f"{result.shape_dist:.8g}",
+        "distance in pose": f"{result.pose_dist:.8g}",
+        "converged": convergence(result),
+    }
     return Answer(text, record, trusted=bool(result.converged))
 
 
@@ -173,43 +152,33 @@ def _disentangle(options: argparse.Namespace) -> Answer:
     "  riemhuman align scans/ -o aligned/ --template anna.ply\n"
     "  riemhuman align scans/ -o aligned/ --unit millimetres --up z\n",
     FILES,
-    output("FOLDER", "folder to write"),
+    output("FOLDER", text="folder to write", is_ours=_IS_ALIGNED),
     template("the first mesh", "to align with"),
-    JSON,
 )
 def _align(options: argparse.Namespace) -> Answer:
     import numpy as np
 
     from riemhuman.io.outputs import atomic_folder
 
-    files = list_meshes(options.meshes)
-    names = [file.name for file in files]
+    options.align = True
+    surfaces = read_surfaces(options, options.meshes)
+    names = [file.name for file in surfaces.files]
     if len(set(names)) < len(names):
         raise ArgumentError(
             "two meshes have the same name and would overwrite each other in the folder"
         )
-    check_folder(options.output, _is_aligned, options)
-    options.align = True
-    surfaces = read_surfaces(files, options)
-    with options.reporter.task(f"Alignment of {len(files)} meshes"):
+    with options.task(f"Alignment of {len(names)} meshes"):
         points = surfaces[:]
     gaps = np.linalg.norm(points - surfaces.template.vertices, axis=-1)
     distances = np.sqrt((gaps**2).mean(axis=-1))
-    faces, titles = surfaces.template.faces, [file.stem for file in files]
-    with atomic_folder(options.output, _is_aligned) as folder:
+    faces, titles = surfaces.faces, [file.stem for file in surfaces.files]
+    with atomic_folder(options.output, _IS_ALIGNED) as folder:
         for name, surface in zip(names, points, strict=True):
             rh.save_mesh(folder / name, surface, faces)
         rh.plots.save_picture(folder / _ALIGNED_PAGE, points, faces, titles, title="Aligned meshes")
-    said = [f"{distance:.6f}  {name}" for name, distance in zip(names, distances, strict=True)]
-    said += [
-        f"written to {options.output}; root mean square distances from the template, in metres"
-    ]
-    record = {"files": files, "root_mean_square": distances, "output": options.output}
-    return Answer("\n".join(said), record)
-
-
-def _is_aligned(name: str) -> bool:
-    return name == _ALIGNED_PAGE or Path(name).suffix.lower() in MESH_ENDINGS
+    said = ["root mean square distances from the template, in metres:"]
+    said += [f"{distance:.6f}  {name}" for name, distance in zip(names, distances, strict=True)]
+    return Answer("\n".join(said), {"files": surfaces.files, "root_mean_square": distances})
 
 
 @command(
@@ -222,26 +191,22 @@ def _is_aligned(name: str) -> bool:
     "  riemhuman fit anna.ply ben.ply -o fits.npz --model SMPL.npz\n"
     "  riemhuman fit scans/ -o fits.npz --picture fits.html --json\n",
     FILES,
-    output("NPZ"),
+    output("NPZ", ".npz"),
     MODEL,
     ANY_SCALE,
     UNIT,
     PICTURE,
-    JSON,
 )
 def _fit(options: argparse.Namespace) -> Answer:
     import numpy as np
 
     from riemhuman.progress import ProgressBar
 
-    check_file(options.output, [".npz"], options)
-    check_picture(options)
-    files = list_meshes(options.meshes)
-    surfaces = read_surfaces(files, options)
+    surfaces = read_surfaces(options, options.meshes)
+    files = surfaces.files
     model = _fitted_model(options, surfaces.template.n_vertices, files[0])
-    bars = options.reporter.bars
-    with options.reporter.task(f"Fit of {len(files)} meshes"):
-        numbers = ProgressBar(range(len(files)), disable=not bars, unit="mesh")
+    with options.task(f"Fit of {len(files)} meshes"):
+        numbers = ProgressBar(range(len(files)), disable=not options.bars, unit="mesh")
         fits = [model.fit(surfaces[number]) for number in numbers]
     names = [file.name for file in files]
     fields = ("betas", "pose", "trans", "distances")
@@ -253,37 +218,32 @@ def _fit(options: argparse.Namespace) -> Answer:
         rh.plots.save_picture(
             options.picture,
             [surface for pair in pairs for surface in pair],
-            surfaces.template.faces,
+            surfaces.faces,
             [title for file in files for title in (file.stem, f"{file.stem}, model")],
             title="Meshes, each beside its model",
         )
     means = [1000.0 * float(fit.mean_distance) for fit in fits]
     converged = [bool(fit.converged) for fit in fits]
-    said = [
+    said = ["mean distances between mesh and model:"]
+    said += [
         f"{mean:8.3f} mm  {name}{'' if done else '  (did not converge)'}"
         for name, mean, done in zip(names, means, converged, strict=True)
     ]
-    said += [f"written to {options.output}; mean distances between mesh and model"]
-    record = {
-        "files": files,
-        "mean_distance_mm": means,
-        "converged": converged,
-        "output": options.output,
-    }
+    record = {"files": files, "mean_distance_mm": means, "converged": converged}
     return Answer("\n".join(said), record, trusted=all(converged))
 
 
 def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> Any:
     if options.model is not None:
         return rh.BodyModel.from_file(options.model)
-    model = open_model_like(n_vertices)
-    if model is None:
-        raise ArgumentError(
-            f"the meshes have {n_vertices:,} vertices, but the open model has 1,202 or 13,348; "
-            "give the model that they are registered to with --model FILE, or "
-            f"{advice(first)}"
-        )
-    return model
+    for resolution in ("coarse", "full"):
+        model = rh.datasets.load_open_model(resolution)
+        if model.n_vertices == n_vertices:
+            return model
+    raise ArgumentError(
+        f"the meshes have {n_vertices:,} vertices, but the open model has 1,202 or 13,348; "
+        f"give the model that they are registered to with --model FILE, or {advice(first)}"
+    )
 
 
 @command(
@@ -307,7 +267,7 @@ def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> 
     ),
     option("--subjects", "with --open or HDF5: only these people", nargs="+", metavar="NAME"),
     option("--sequences", "with --open or HDF5: only these motions", nargs="+", metavar="NAME"),
-    output("NPZ"),
+    output("NPZ", ".npz"),
     option("-n --n-components", "components", default=100, metavar="K"),
     option(
         "--step",
@@ -316,21 +276,18 @@ def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> 
         metavar="FRAMES",
     ),
     UNIT,
-    JSON,
 )
 def _basis(options: argparse.Namespace) -> Answer:
-    check_file(options.output, [".npz"], options)
     motions = _basis_motions(options)
     n_frames = sum(len(motion) for motion in motions)
-    with options.reporter.task(f"{len(motions)} motions, {n_frames:,} frames"):
+    with options.task(f"{len(motions)} motions, {n_frames:,} frames"):
         basis = rh.DeformationBasis.from_motions(
-            motions, options.n_components, options.step, progress=options.reporter.bars
+            motions, options.n_components, options.step, progress=options.bars
         )
     basis.save(options.output)
     ratio = basis.explained_variance_ratio
     explained = None if ratio is None else float(ratio.sum())
     record = {
-        "output": options.output,
         "n_components": basis.n_components,
         "n_vertices": basis.n_vertices,
         "n_motions": len(motions),
@@ -341,7 +298,7 @@ def _basis(options: argparse.Namespace) -> Answer:
     said = [f"{basis.n_components} deformations of {basis.n_vertices:,} vertices"]
     if explained is not None:
         said.append(f"{100 * explained:.3f} % of the variance of the motions")
-    return Answer("\n".join([*said, f"written to {options.output}"]), record)
+    return Answer("\n".join(said), record)
 
 
 def _basis_motions(options: argparse.Namespace) -> list[Any]:
@@ -384,7 +341,7 @@ def _basis_motions(options: argparse.Namespace) -> list[Any]:
     "  riemhuman convert-model basicmodel_neutral_lbs_10_207_0_v1.0.0.pkl -o SMPL.npz\n"
     "  riemhuman convert-model smplh/female/model.npz -o SMPLH_female.npz --n-betas 16\n",
     path_option("source", "MODEL", ".pkl or .npz file"),
-    output("NPZ"),
+    output("NPZ", ".npz"),
     option(
         "--n-betas",
         "number of shape coefficients to keep (default: 10 of 300 or more, else all)",
@@ -393,11 +350,12 @@ def _basis_motions(options: argparse.Namespace) -> list[Any]:
     ),
 )
 def _convert_model(options: argparse.Namespace) -> Answer:
-    check_file(options.output, [".npz"], options)
-    with options.reporter.task("Converting"):
+    with options.task("Converting"):
         model = rh.bodies.convert_model(options.source, options.output, n_betas=options.n_betas)
     contents = rh.bodies.model_contents(options.source, options.n_betas)
-    return Answer(
+    text = (
         f"{contents}\n{model.n_vertices:,} vertices, {model.n_joints} joints, {model.n_betas} "
-        f"shape coefficients\nwritten to {options.output}"
+        "shape coefficients"
     )
+    record = {"vertices": model.n_vertices, "joints": model.n_joints}
+    return Answer(text, record | {"shape_coefficients": model.n_betas})

@@ -1,11 +1,14 @@
-"""Declaration of commands: their help, their arguments, and the function that each runs."""
+"""Declaration of commands: their help, their arguments, and the function that each runs.
+
+An argument's declaration may come with a check, which raises an error before the command runs.
+"""
 
 from __future__ import annotations
 
 import argparse
 import difflib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
@@ -14,15 +17,21 @@ _CHOICE = re.compile(r"(?s)(.*invalid choice: '(?P<found>[^']*)') \(choose from 
 
 UNITS = ("metres", "centimetres", "millimetres", "inches")
 AXES = ("x", "y", "z", "-x", "-y", "-z")
+MESH_ENDINGS = (".ply", ".obj", ".off")
+FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer of a command: a record for ``--json``, else lines of text."""
+    """The answer of a command: lines of text, or values by name, and a record for ``--json``.
 
-    text: str
+    The command line adds what was written, unless nothing was or the text is a table.
+    """
+
+    text: str | Mapping[str, Any] = ""
     record: Any = None
     trusted: bool = True
+    written: bool = True
 
 
 Run: TypeAlias = Callable[[argparse.Namespace], Answer]
@@ -78,13 +87,19 @@ def flag(flags: str, text: str) -> Argument:
     return option(flags, text, action="store_true")
 
 
-def several(*arguments: Argument, exclusive: bool = False) -> Argument:
+def several(
+    *arguments: Argument,
+    exclusive: bool = False,
+    check: Callable[[argparse.Namespace], None] | None = None,
+) -> Argument:
     """Return one declaration of several arguments, of which one may be given if exclusive."""
 
     def declare(parser: argparse.ArgumentParser) -> None:
         target: Any = parser.add_mutually_exclusive_group() if exclusive else parser
         for argument in arguments:
             argument(target)
+        if check is not None:
+            parser.set_defaults(checks=(*parser.get_default("checks"), check))
 
     return declare
 
@@ -101,6 +116,48 @@ def path_option(flags: str, metavar: str, text: str, **settings: Any) -> Argumen
     return option(flags, text, type=path, metavar=metavar, **settings)
 
 
+def names_matching(pattern: str) -> Callable[[str], bool]:
+    """Return a function that tells whether a command writes files of a name into its folder."""
+    return lambda name: re.fullmatch(pattern, name) is not None
+
+
+def output(
+    metavar: str,
+    *endings: str,
+    text: str = "file to write",
+    is_ours: Callable[[str], bool] | None = None,
+    flags: str = "-o --output",
+    required: bool = True,
+) -> Argument:
+    """Return the declaration of an output: a file or, with names of its files, a folder.
+
+    Its check makes it a path and adds it to `options.written`; `options.ending` is that of the
+    file, or empty.
+    """
+    dest = flags.split()[-1].strip("-")
+
+    def check(options: argparse.Namespace) -> None:
+        from riemhuman.io.outputs import check_output_file, check_output_folder
+
+        given = getattr(options, dest)
+        if given in (None, "-"):
+            return
+        place = path(given)
+        may_be_folder = not endings or given.endswith("/") or place.is_dir() or not place.suffix
+        if is_ours is not None and may_be_folder:
+            options.ending = ""
+            check_output_folder(place, is_ours, force=options.force)
+        else:
+            options.ending = place.suffix.lower()
+            known = [*endings, *["/ (a folder)"] * (is_ours is not None)]
+            check_output_file(place, known, force=options.force)
+        setattr(options, dest, place)
+        options.written.append(place)
+
+    own = option(flags, text, metavar=metavar, required=required)
+    return several(own, *[FORCE] * (dest == "output"), check=check)
+
+
 def mesh(dest: str, metavar: str, text: str = "mesh file") -> Argument:
     """Return the declaration of one mesh."""
     return path_option(dest, metavar, text)
@@ -112,15 +169,9 @@ def template(default: str, use: str = "whose triangle areas weight the metric") 
     return several(path_option("--template", "MESH", text), ANY_SCALE, UNIT)
 
 
-def output(metavar: str, text: str = "file to write", *, required: bool = True) -> Argument:
-    """Return the declarations of the output and of the permission to replace it."""
-    return several(path_option("-o --output", metavar, text, required=required), FORCE)
-
-
 FILES = path_option("meshes", "FILES", "mesh files, or folders", nargs="+")
 FOLDER = path_option("folder", "FOLDER", "folder of meshes")
 FORCE = flag("-f --force", "replace an existing output")
-JSON = flag("--json", "print JSON, with all digits")
 ALIGN = flag("--align", "first remove rigid motions, by Procrustes alignment with the template")
 ANY_SCALE = flag(
     "--any-scale", "accept meshes of any size; by default, meshes in another unit are refused"
@@ -133,20 +184,24 @@ UNIT = several(
     ),
     option("--up", "axis that points up in the files (default: y)", choices=AXES),
 )
-PICTURE = path_option(
-    "--picture", "FILE", "picture to write: .png, or .html for an interactive page"
-)
-# The output stays text: a / at its end means a folder.
-FOLDER_OR_FILE = several(
-    option("-o --output", "folder or file to write", required=True, metavar="PATH"), FORCE
+PICTURE = output(
+    "FILE",
+    ".png",
+    ".html",
+    text="picture to write: .png, or .html for an interactive page",
+    flags="--picture",
+    required=False,
 )
 MODEL = path_option("--model", "FILE", "body model (default: the open one)")
+_COMMON = (
+    flag("--json", "print JSON, with all digits"),
+    flag("-q --quiet", "print results only, no progress"),
+)
 _DEBUG = option(
     "--debug", "show the traceback of an error", action="store_true", default=argparse.SUPPRESS
 )
-_QUIET = flag("-q --quiet", "print results only, no progress")
 # Options that commands read but need not declare.
-_DEFAULTS = {"template": None, "any_scale": False, "align": False, "json": False, "force": False}
+_DEFAULTS = {"template": None, "any_scale": False, "align": False, "force": False, "picture": None}
 
 
 class Parser(argparse.ArgumentParser):
@@ -203,7 +258,7 @@ def make_parser(version: str, description: str, epilog: str) -> Parser:
             epilog=f"examples:\n{declared.examples}",
             **style,
         )
-        own.set_defaults(**_DEFAULTS, run=declared.run, parser=own)
-        for argument in (*declared.arguments, _QUIET, _DEBUG):
+        own.set_defaults(**_DEFAULTS, run=declared.run, parser=own, checks=())
+        for argument in (*declared.arguments, *_COMMON, _DEBUG):
             argument(own)
     return parser

@@ -1,46 +1,205 @@
-"""The commands ``dist``, ``matrix`` and ``retrieve``."""
+"""The commands on distances: ``tables``, ``dist``, ``matrix``, ``retrieve`` and what shows them."""
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
 from riemhuman.cli._commands import (
     ALIGN,
+    FIGURE_ENDINGS,
     FOLDER,
-    FORCE,
-    JSON,
+    UNIT,
     Answer,
+    Argument,
     command,
     flag,
     mesh,
     option,
-    path,
+    output,
     path_option,
+    several,
     template,
 )
-from riemhuman.cli._inputs import Surfaces, check_file, list_folder, read_surfaces, same_file
-from riemhuman.cli._metric_options import (
+from riemhuman.cli._inputs import (
     BASIS,
-    check_metric,
+    Surfaces,
     chosen_basis,
     chosen_metric,
     metric_name,
     metric_options,
     metric_record,
+    read_surfaces,
+    same_file,
+    save_figure,
 )
 from riemhuman.cli._terminal import csv_text, matrix_rows, note
-from riemhuman.errors import ArgumentError, RiemhumanError
+from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError
 
 if TYPE_CHECKING:
     from numpy import ndarray
 
+    from riemhuman.datasets import Bodies
     from riemhuman.solvers import PathDistances
 
+_QUESTIONS = {"subject": "Who is it?", "pose": "How do they stand?"}
+_N_COMPONENTS = 100  # of the basis of Dynamic FAUST
 _N_NODES = 11  # surfaces of a path
 # Open bodies to which a distance is compared: some people in some poses.
 _N_TYPICAL_PEOPLE, _N_TYPICAL_POSES = 5, 5
+
+
+def _check_body_set(options: argparse.Namespace) -> None:
+    """Raise an error if an option does not apply to the chosen bodies."""
+    if options.labels is not None and options.bodies is None:
+        raise ArgumentError("--labels needs --bodies FOLDER")
+    if options.faust is None and options.bodies is None:
+        for name in ("template", "allow_missing"):
+            if getattr(options, name):
+                raise ArgumentError(f"--{name.replace('_', '-')} needs --faust or --bodies FOLDER")
+    if options.bodies is None and (options.unit or options.up):
+        raise ArgumentError("--unit and --up need --bodies FOLDER")
+    if options.people is not None and (options.bodies or options.faust or options.reader):
+        raise ArgumentError("--people SEED is for the open bodies")
+    if options.reader is not None:
+        rh.extensions.extension("readers", options.reader[0])
+
+
+_BODY_SET = several(
+    several(
+        option(
+            "--open",
+            "open bodies of the body model alone (plain, the default), or with individual poses, "
+            "self-contact and soft tissue (natural)",
+            choices=("plain", "natural"),
+        ),
+        option(
+            "--faust",
+            "use the registrations of MPI FAUST (tr_reg_000.ply ... tr_reg_099.ply) instead",
+            metavar="FOLDER",
+        ),
+        option(
+            "--bodies",
+            "use the registered meshes of a folder instead; see --labels",
+            metavar="FOLDER",
+        ),
+        option(
+            "--reader",
+            "use the bodies that another package's reader loads, see riemhuman.extensions",
+            nargs=2,
+            metavar=("NAME", "PATH"),
+        ),
+        exclusive=True,
+    ),
+    option(
+        "--people",
+        "open bodies of ten other people, drawn at random with this seed",
+        metavar="SEED",
+        type=int,
+    ),
+    option(
+        "--labels",
+        "with --bodies: a table with the columns file, subject and pose (default: labels.csv in "
+        "the folder)",
+        metavar="CSV",
+    ),
+    path_option(
+        "--template", "MESH", "with --faust or --bodies: template mesh (default: the first mesh)"
+    ),
+    flag("--allow-missing", "with --faust or --bodies: leave out bodies without a file or a label"),
+    UNIT,
+    check=_check_body_set,
+)
+
+
+def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
+    """Return the bodies that the options choose, the open bodies at a resolution."""
+    bodies: Bodies
+    if options.faust is not None:
+        bodies = rh.datasets.load_faust(
+            options.faust, options.template, allow_missing=options.allow_missing
+        )
+    elif options.bodies is not None:
+        bodies = rh.datasets.load_bodies(
+            options.bodies,
+            options.labels,
+            options.template,
+            unit=options.unit,
+            up=options.up,
+            allow_missing=options.allow_missing,
+            progress=options.bars,
+        )
+    elif options.reader is not None:
+        name, place = options.reader
+        bodies = rh.extensions.extension("readers", name)(place)
+        report = rh.testing.check_dataset(bodies)
+        if not report.passed:
+            raise ArgumentError(f"--reader {name} returns unusable bodies. {report}")
+    else:
+        people = options.people
+        bodies = rh.datasets.load_open_bodies(resolution, options.open or "plain", people)
+    return bodies
+
+
+@command(
+    "tables",
+    "retrieval tables: who is it, how do they stand?",
+    "Computes all distances between registered human bodies, and prints how well they find\n"
+    "the same person (shape) and the same pose. The default data are the 100 open bodies\n"
+    "that ship with the package, ten people in ten poses.",
+    "  riemhuman tables\n"
+    "  riemhuman tables --resolution coarse\n"
+    "  riemhuman tables --open natural --people 1    # ten people not used in tuning\n"
+    "  riemhuman tables --faust ~/MPI-FAUST\n"
+    "  riemhuman tables --bodies scans/ --labels scans/labels.csv\n"
+    "  riemhuman tables --all --resolution coarse    # also descriptors and model vectors\n",
+    _BODY_SET,
+    option(
+        "--resolution",
+        "resolution of the open bodies: 13,348 or 1,202 vertices",
+        choices=("full", "coarse"),
+        default="full",
+    ),
+    flag(
+        "--all",
+        "all representations, with mean average precision and times; takes minutes at full "
+        "resolution",
+    ),
+)
+def _tables(options: argparse.Namespace) -> Answer:
+    with options.task("Loading the bodies"):
+        bodies = _read_body_set(options, options.resolution)
+    n_people, n_poses = (
+        "unknown" if labels is None else len(set(labels))
+        for labels in (bodies.subject, bodies.pose)
+    )
+    head = (
+        f"{len(bodies)} bodies: {n_people} people, {n_poses} poses, "
+        f"{bodies.template.n_vertices:,} vertices, {bodies.template.n_faces:,} triangles"
+    )
+    if options.all:
+        compared = rh.report.representations(bodies)
+        with options.task("All representations"):
+            records = rh.report.benchmark(bodies, compared, n_jobs=-1, progress=options.bars)
+        text = f"{head}\n\n{rh.report.format_benchmark(records)}"
+        return Answer(text, [asdict(record) for record in records])
+    natural = options.open == "natural"
+    found = rh.report.retrieval_tables(bodies, learned=natural, task=options.task)
+    record = {
+        title: {row.representation: asdict(row.scores) for row in rows}
+        for title, rows in found.items()
+    }
+    end = (
+        "Per cent, each body against all others: NN nearest neighbour, FT and ST first and second "
+        "tier."
+    )
+    if natural:
+        end += " Among other people: other bodies of the same person are left out."
+    parts = [rh.retrieval.format_table(title, rows) for title, rows in found.items()]
+    return Answer("\n\n".join([head, *parts, end]), record)
 
 
 @command(
@@ -56,18 +215,15 @@ _N_TYPICAL_PEOPLE, _N_TYPICAL_POSES = 5, 5
     template("A"),
     ALIGN,
     metric_options(),
-    JSON,
 )
 def _dist(options: argparse.Namespace) -> Answer:
-    check_metric(options)
-    files = [options.a_file, options.b_file]
-    surfaces = read_surfaces(files, options)
+    surfaces = read_surfaces(options, [options.a_file, options.b_file])
     metric = chosen_metric(options, surfaces.template)
     distance = float(metric.dist(*surfaces[:]))
     record = {
         "distance": distance,
         "metric": metric_record(metric),
-        "files": files,
+        "files": surfaces.files,
         "template": options.template or options.a_file,
         "aligned": options.align,
     }
@@ -111,8 +267,14 @@ def _note_typical_distances(options: argparse.Namespace) -> None:
     "  riemhuman matrix scans/ -o D.npz --paths --basis basis.npz -a 1 -l 1 -c 0.1\n"
     "  riemhuman matrix scans/ --csv - --quiet | column -s, -t\n",
     FOLDER,
-    path_option("-o --output", "NPZ", "file to write"),
-    option("--csv", "table to write; - is standard output", metavar="CSV"),
+    output("NPZ", ".npz", required=False),
+    output(
+        "CSV",
+        *(".csv", ".tsv", ".txt"),
+        text="table to write; - is standard output",
+        flags="--csv",
+        required=False,
+    ),
     option("--jobs", "threads (default: one per core)", metavar="N", type=int, default=-1),
     option(
         "--precision",
@@ -131,20 +293,14 @@ def _note_typical_distances(options: argparse.Namespace) -> None:
     template("the first mesh"),
     ALIGN,
     metric_options(),
-    JSON,
-    FORCE,
 )
 def _matrix(options: argparse.Namespace) -> Answer:
     import numpy as np
 
     from riemhuman.io.files import write_text
 
-    check_metric(options)
     _check_matrix_options(options)
-    table = None if options.csv in (None, "-") else path(options.csv)
-    check_file(options.output, [".npz"], options)
-    check_file(table, [".csv", ".tsv", ".txt"], options)
-    surfaces = read_surfaces(list_folder(options.folder), options)
+    surfaces = read_surfaces(options, rh.datasets.find_meshes(options.folder))
     metric = chosen_metric(options, surfaces.template)
     name = metric_name(metric)
     n_pairs = len(surfaces) * (len(surfaces) - 1) // 2
@@ -154,26 +310,25 @@ def _matrix(options: argparse.Namespace) -> Answer:
             paths = _path_distances(metric, surfaces, options)
             matrices = {"distances": paths.bounds, "lengths": paths.lengths}
         else:
-            with options.reporter.task(f"{n_pairs:,} distances, {name}"):
+            with options.task(f"{n_pairs:,} distances, {name}"):
                 matrices = {"distances": _distances(metric, surfaces, options)}
     except KeyboardInterrupt:
         if options.resume is not None:
             note(f"finished work is kept in {options.resume}; the same command continues it")
         raise
 
-    names = [file.name for file in surfaces.meshes.files]
+    names = [file.name for file in surfaces.files]
     text = csv_text(matrix_rows(names, matrices["lengths" if options.paths else "distances"]))
     if options.output is not None:
         arrays = {**matrices, "names": np.array(names), "metric": np.array(name)}
         rh.io.save_arrays(options.output, arrays)
-    if table is not None:
-        write_text(table, text)
     record = {"names": names, **matrices, "metric": metric_record(metric)}
     if options.csv == "-":
-        return Answer(text.rstrip("\n"), record)
+        return Answer(text.rstrip("\n"), record, written=False)
+    if options.csv is not None:
+        write_text(options.csv, text)
     said = [f"{len(names)} meshes, {n_pairs:,} distances, {name}"]
-    said += [] if paths is None else [f"  {_excess(paths)}; {paths.message}"]
-    said += [f"  {file}" for file in (options.output, table) if file is not None]
+    said += [] if paths is None else [f"{_excess(paths)}; {paths.message}"]
     return Answer("\n".join(said), record)
 
 
@@ -193,7 +348,7 @@ def _check_matrix_options(options: argparse.Namespace) -> None:
 
 
 def _distances(metric: Any, surfaces: Surfaces, options: argparse.Namespace) -> ndarray:
-    settings = {"precision": options.precision, "progress": options.reporter.bars}
+    settings = {"precision": options.precision, "progress": options.bars}
     matrix: ndarray
     if options.resume is None:
         matrix = metric.dist_pairwise(surfaces, options.jobs, **settings)
@@ -210,9 +365,9 @@ def _path_distances(metric: Any, surfaces: Surfaces, options: argparse.Namespace
     basis = chosen_basis(options, surfaces.template)
     n_nodes = _N_NODES if options.n_nodes is None else options.n_nodes
     solver, points = rh.solvers.BasisPath(basis, n_nodes=n_nodes), surfaces[:]
-    settings = {"n_jobs": options.jobs, "progress": options.reporter.bars}
+    settings = {"n_jobs": options.jobs, "progress": options.bars}
     paths: PathDistances
-    with options.reporter.task(f"Paths, {metric_name(metric)}"):
+    with options.task(f"Paths, {metric_name(metric)}"):
         if options.resume is None:
             paths = rh.solvers.path_distances(solver, metric, points, **settings)
         else:
@@ -247,27 +402,175 @@ def _excess(paths: PathDistances) -> str:
     template("QUERY"),
     ALIGN,
     metric_options(),
-    JSON,
 )
 def _retrieve(options: argparse.Namespace) -> Answer:
     import numpy as np
 
-    check_metric(options)
     if options.k < 1:
         raise ArgumentError(f"-k must be at least 1; found {options.k}")
-    files = [f for f in list_folder(options.folder) if not same_file(f, options.query)]
+    files = [f for f in rh.datasets.find_meshes(options.folder) if not same_file(f, options.query)]
     if not files:
         raise ArgumentError(f"{options.folder} holds no mesh other than the query")
     options.template = options.template or options.query
-    query = read_surfaces([options.query], options)
-    meshes: Any = read_surfaces(files, options)
+    query = read_surfaces(options, [options.query])
+    meshes: Any = read_surfaces(options, files)
     metric = chosen_metric(options, query.template)
-    with options.reporter.task(f"{len(files):,} distances, {metric_name(metric)}"):
-        (distances,) = metric.cdist(
-            query[:], meshes, -1, precision="double", progress=options.reporter.bars
-        )
+    with options.task(f"{len(files):,} distances, {metric_name(metric)}"):
+        (distances,) = metric.cdist(query[:], meshes, -1, precision="double", progress=options.bars)
     nearest = np.argsort(distances, kind="stable")[: options.k]
     results = [{"file": files[i], "distance": distances[i]} for i in nearest]
     said = [f"{rank:>3}  {distances[i]:.6f}  {files[i]}" for rank, i in enumerate(nearest, start=1)]
     record = {"query": options.query, "metric": metric_record(metric), "results": results}
     return Answer("\n".join(said), record)
+
+
+def _matrix_options(*, required: bool) -> Argument:
+    return several(
+        path_option("matrix", "NPZ", "distance matrix, see riemhuman matrix"),
+        path_option(
+            "--labels", "CSV", "table with the columns file, subject and pose", required=required
+        ),
+        flag("--allow-missing", "leave out meshes without labels, and labels without a mesh"),
+    )
+
+
+def _read_matrix(file: Path) -> tuple[ndarray, list[str]]:
+    arrays: dict[str, Any] = rh.io.load_arrays(file, ["distances", "names"])
+    distances, names = arrays["distances"], [str(name) for name in arrays["names"]]
+    if distances.shape != (len(names), len(names)):
+        raise FileFormatError(
+            f"{file}: distances must be a matrix with a row and a column for each of its "
+            f"{len(names)} names; found shape {distances.shape}"
+        )
+    return distances, names
+
+
+def _read_labelled_matrix(options: argparse.Namespace) -> tuple[ndarray, dict[str, list[str]]]:
+    """Return the distances between the meshes with labels, and their labels."""
+    distances, names = _read_matrix(options.matrix)
+    numbers, labels = rh.datasets.read_labels(
+        options.labels, names, allow_missing=options.allow_missing
+    )
+    return distances[numbers][:, numbers], labels
+
+
+@command(
+    "scores",
+    "how well a distance matrix finds people and poses",
+    "Prints how many of the nearest meshes share the person, and how many share the pose:\n"
+    "nearest neighbour (NN), first and second tier (FT, ST) and mean average precision\n"
+    "(mAP), per cent.",
+    "  riemhuman scores D.npz --labels labels.csv\n"
+    "  riemhuman scores D.npz --labels labels.csv --json\n",
+    _matrix_options(required=True),
+)
+def _scores(options: argparse.Namespace) -> Answer:
+    distances, both = _read_labelled_matrix(options)
+    scores = {
+        name: rh.retrieval.scores(distances, labels)
+        for name, labels in both.items()
+        if len(set(labels)) < len(labels)
+    }
+    if not scores:
+        raise ArgumentError(f"{options.labels}: no two meshes share a subject or a pose")
+    said = [f"{'':<20}{'NN':>8}{'FT':>8}{'ST':>8}{'mAP':>8}"]
+    for name, own in scores.items():
+        values = (own.nn, own.first_tier, own.second_tier, own.mean_average_precision)
+        said.append(f"{_QUESTIONS[name]:<20}{''.join(f'{value:8.1f}' for value in values)}")
+    return Answer("\n".join(said), {name: asdict(own) for name, own in scores.items()})
+
+
+@command(
+    "plot",
+    "a map of a distance matrix",
+    "Draws the meshes of a distance matrix, see riemhuman matrix, as points in the plane by\n"
+    "multidimensional scaling, or by t-SNE, which preserves neighbourhoods. Points have the\n"
+    "names of their files, or the colours of their labels.",
+    "  riemhuman plot D.npz -o map.png\n"
+    "  riemhuman plot D.npz --labels labels.csv -o people.svg\n"
+    "  riemhuman plot D.npz --labels labels.csv --by pose --method t-sne -o poses.pdf\n",
+    _matrix_options(required=False),
+    output("FILE", *FIGURE_ENDINGS, text="picture to write: .png, .svg or .pdf"),
+    option("--by", "label that the colours show", choices=tuple(_QUESTIONS), default="subject"),
+    option("--method", "method that places the points", choices=("mds", "t-sne"), default="mds"),
+)
+def _plot(options: argparse.Namespace) -> Answer:
+    import numpy as np
+
+    from riemhuman.optional import import_optional
+
+    import_optional("matplotlib", "plot")
+    classes, item_names, stress = None, None, None
+    if options.labels is None:
+        distances, names = _read_matrix(options.matrix)
+        item_names, items = [Path(name).stem for name in names], np.zeros(len(names), dtype=int)
+    else:
+        distances, both = _read_labelled_matrix(options)
+        values, items = np.unique(both[options.by], return_inverse=True)
+        classes = [str(name) for name in values]
+    positions = rh.plots.embed(distances, options.method)
+    scale = "Near points are similar bodies (t-SNE); their distances have no unit."
+    if options.method == "mds":
+        stress = rh.plots.stress(distances, positions)
+        scale = (
+            "Points are as far from each other as their bodies under the metric, in metres,\n"
+            f"as well as a plane allows (stress {stress:.2f}; 0 would preserve all distances)."
+        )
+    with rh.plots.figure_style():
+        figure = rh.plots.new_figure(6.0, 4.9)
+        ax, unit = figure.subplots(), None if stress is None else "m"
+        rh.plots.plot_embedding(positions, items, classes, item_names=item_names, unit=unit, ax=ax)
+        ax.set_xlabel(scale)
+        save_figure(figure, options.output)
+    text = {
+        "meshes": f"{len(items)}, {options.method}",
+        "stress": stress and f"{stress:.3f}  (0 would preserve all distances)",
+    }
+    return Answer(text, {"meshes": len(items), "method": options.method, "stress": stress})
+
+
+@command(
+    "report",
+    "a page with the paper's experiments",
+    "Repeats the paper's experiments and writes a report into a folder: index.html, which\n"
+    "needs no network connection, figures, tables, matrices and their provenance. The default\n"
+    "data are the open bodies that ship with the package. Results of an earlier run are\n"
+    "reused.",
+    "  riemhuman report\n"
+    "  riemhuman report --quick -o quick-report\n"
+    "  riemhuman report --open natural -o natural-report\n"
+    "  riemhuman report --faust ~/MPI-FAUST --dfaust registrations_m.hdf5 -o faust-report\n"
+    "  riemhuman report --bodies scans/ --labels scans/labels.csv -o scans-report\n",
+    _BODY_SET,
+    option("--dfaust", "motions of Dynamic FAUST for the basis of geodesics", metavar="FILE"),
+    path_option(
+        "-o --output",
+        "FOLDER",
+        "folder to write (default: riemhuman-report)",
+        default=Path("riemhuman-report"),
+    ),
+    path_option(
+        "--scans",
+        "FOLDER",
+        "also show the scans that riemhuman register has registered into this folder",
+    ),
+    flag("--quick", "a smaller report, in half a minute"),
+)
+def _report(options: argparse.Namespace) -> Answer:
+    with options.task("Loading the bodies"):
+        bodies = _read_body_set(options, "coarse" if options.quick else "full")
+    basis = None
+    if options.dfaust is not None:
+        with options.task("Basis of Dynamic FAUST"):
+            motions = rh.datasets.load_dfaust(options.dfaust)
+            basis = rh.DeformationBasis.from_motions(motions, _N_COMPONENTS, progress=options.bars)
+    page = rh.report.make_report(
+        options.output,
+        bodies=bodies,
+        basis=basis,
+        quick=options.quick,
+        scans=options.scans,
+        progress=options.task,
+        bars=options.bars,
+    )
+    return Answer(str(page), {"output": page})

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import riemhuman as rh
 from riemhuman.cli._commands import (
     ANY_SCALE,
-    JSON,
+    MESH_ENDINGS,
     UNIT,
     Answer,
     command,
@@ -18,14 +18,7 @@ from riemhuman.cli._commands import (
     output,
     path_option,
 )
-from riemhuman.cli._inputs import (
-    MESH_ENDINGS,
-    advice,
-    check_file,
-    list_folder,
-    list_meshes,
-    read_surfaces,
-)
+from riemhuman.cli._inputs import advice, read_surfaces
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
@@ -45,7 +38,7 @@ _POINT_ENDINGS = (".xyz", ".npy")
     "  riemhuman view walk/ --motion -o walk.html\n"
     "  riemhuman view path.npz -o path.html --open\n",
     path_option("meshes", "FILES", "meshes, folders, or an .npz", nargs="+"),
-    output("HTML"),
+    output("HTML", ".html"),
     flag("--motion", "the meshes are the frames of one motion"),
     flag("--open", "open the page in the browser"),
     ANY_SCALE,
@@ -54,9 +47,8 @@ _POINT_ENDINGS = (".xyz", ".npy")
 def _view(options: argparse.Namespace) -> Answer:
     import webbrowser
 
-    check_file(options.output, [".html"], options)
     first = options.meshes[0]
-    with options.reporter.task("Page"):
+    with options.task("Page"):
         if first.suffix.lower() == ".npz":
             if len(options.meshes) > 1:
                 raise ArgumentError("give either one .npz file with a path, or meshes")
@@ -64,20 +56,18 @@ def _view(options: argparse.Namespace) -> Answer:
             title = f"Path in {first.name}"
             viewer = rh.plots.view_path(arrays["path"], arrays["faces"], title=title)
         else:
-            files = list_meshes(options.meshes)
-            surfaces = read_surfaces(files, options)
-            faces = surfaces.template.faces
+            surfaces = read_surfaces(options, options.meshes)
+            names = [file.stem for file in surfaces.files]
             if options.motion:
-                title = f"{files[0].name} to {files[-1].name}"
-                viewer = rh.plots.view_path(surfaces[:], faces, title=title)
+                title = f"{names[0]} to {names[-1]}"
+                viewer = rh.plots.view_path(surfaces[:], surfaces.faces, title=title)
             else:
-                names = [file.stem for file in files]
                 title = ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
-                viewer = rh.plots.view_bodies(surfaces[:], faces, names, title=title)
+                viewer = rh.plots.view_bodies(surfaces[:], surfaces.faces, names, title=title)
         viewer.save(options.output)
     if options.open:
         webbrowser.open(options.output.resolve().as_uri())
-    return Answer(str(options.output))
+    return Answer(record={})
 
 
 @command(
@@ -91,7 +81,6 @@ def _view(options: argparse.Namespace) -> Answer:
     "  riemhuman info scans/              # do they share one triangulation?\n"
     "  riemhuman info basis.npz --json\n",
     path_option("file", "FILE", "file or folder"),
-    JSON,
 )
 def _info(options: argparse.Namespace) -> Answer:
     facts = {"file": str(options.file), **_facts(options.file)}
@@ -118,7 +107,6 @@ def _readable(value: Any) -> str:
 
 
 def _facts(file: Path) -> dict[str, Any]:
-    ending = file.suffix.lower()
     if not file.exists():
         raise FileError(f"there is no file or folder {file}")
     if file.is_dir():
@@ -132,10 +120,11 @@ def _facts(file: Path) -> dict[str, Any]:
         **dict.fromkeys(_HDF5_ENDINGS, _hdf5_facts),
         **dict.fromkeys(_PICKLE_ENDINGS, _model_facts),
     }
-    if ending not in readers:
+    read = readers.get(file.suffix.lower())
+    if read is None:
         known = ", ".join(readers)
         raise FileFormatError(f"{file}: the ending must be one of {known}, or a folder")
-    return readers[ending](file)
+    return read(file)
 
 
 def _mesh_facts(file: Path) -> dict[str, Any]:
@@ -209,7 +198,7 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
 def _folder_facts(folder: Path) -> dict[str, Any]:
     inner = sorted(place for place in folder.iterdir() if place.is_dir())
     try:
-        files = list_folder(folder)
+        files = rh.datasets.find_meshes(folder)
     except FileError:
         if not inner:
             raise

@@ -1,27 +1,36 @@
-"""Registered meshes that commands read, and the folders, animations and pictures they write."""
+"""Registered meshes, metrics and bases that commands read, and the motions that they write."""
 
 from __future__ import annotations
 
 import argparse
 import os
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import riemhuman as rh
-from riemhuman.cli._commands import path
+from riemhuman.cli._commands import (
+    Argument,
+    names_matching,
+    option,
+    output,
+    path_option,
+    several,
+)
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
     from numpy import ndarray
 
-    from riemhuman.surfaces import Template
+    from riemhuman.surfaces import DeformationBasis, Template
 
-MESH_ENDINGS = (".ply", ".obj", ".off")
-_POINT_ENDINGS = (".xyz", ".npy")
+# Triples of a, λ and c.
+_PRESETS = {"shape": (1.0, 1e-4, 0.0), "pose": (0.0, 0.0, 1.0)}
+PATH_METRIC = (1.0, 1.0, 0.1)  # limbs would shrink along paths of the shape metric
+_N_HARMONICS = 60
 _MOTION_PAGE = "motion.html"
+_IS_OF_MOTION = names_matching(r"frame_\d{4,}\.ply|motion\.html")
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +40,7 @@ class Surfaces:
     ``surfaces[i]`` has shape (V, 3), ``surfaces[i:j]`` has shape (j - i, V, 3).
     """
 
+    files: Sequence[Path]
     meshes: Any
     template: Template
     align: bool
@@ -48,20 +58,34 @@ class Surfaces:
             points = rh.procrustes(points, to=self.template.vertices, scale=None)
         return points
 
+    @property
+    def faces(self) -> ndarray:
+        """The triangles."""
+        return self.template.faces
+
+
+def read_surfaces(
+    options: argparse.Namespace, paths: Sequence[Path], scale: str | None = "template"
+) -> Surfaces:
+    """Return the surfaces in mesh files and folders; by default, the first is the template."""
+    files = list_meshes(paths)
+    meshes = rh.datasets.RegisteredMeshes(
+        files,
+        options.template,
+        None if options.any_scale else scale,
+        unit=options.unit,
+        up=options.up,
+    )
+    return Surfaces(files, meshes, rh.Template(meshes.reference, meshes.faces), options.align)
+
 
 def list_meshes(paths: Sequence[Path]) -> list[Path]:
     """Return mesh files: those that are named, and those of folders in natural order."""
     files: list[Path] = []
     for place in paths:
-        if place.suffix.lower() in _POINT_ENDINGS:
+        if place.suffix.lower() in (".xyz", ".npy"):
             raise ArgumentError(f"{place} holds points without triangles; {advice(place)}")
-        files += list_folder(place) if place.is_dir() else [place]
-    return files
-
-
-def list_folder(folder: Path) -> list[Path]:
-    """Return the mesh files of a folder in natural order."""
-    files: list[Path] = rh.datasets.find_meshes(folder)
+        files += rh.datasets.find_meshes(place) if place.is_dir() else [place]
     return files
 
 
@@ -70,73 +94,124 @@ def advice(scan: Path) -> str:
     return f"register it first: riemhuman register {scan} -o body.ply"
 
 
-def read_surfaces(files: Sequence[Path], options: argparse.Namespace) -> Surfaces:
-    """Return the surfaces in mesh files, with the chosen template, by default the first file."""
-    scale = None if options.any_scale else "template"
-    files = list_meshes(files)
-    meshes = rh.datasets.RegisteredMeshes(
-        files, options.template, scale, unit=options.unit, up=options.up
-    )
-    return Surfaces(meshes, rh.Template(meshes.reference, meshes.faces), options.align)
-
-
 def same_file(a: Path, b: Path) -> bool:
     """Return whether two paths lead to the same file."""
     return a.exists() and b.exists() and os.path.samefile(a, b)
 
 
-def open_model_like(n_vertices: int) -> Any:
-    """Return the open body model of a number of vertices, or None."""
-    for resolution in ("coarse", "full"):
-        model = rh.datasets.load_open_model(resolution)
-        if model.n_vertices == n_vertices:
-            return model
-    return None
+def metric_options(default: tuple[float, float, float] = _PRESETS["shape"]) -> Argument:
+    """Return the declarations of the options that choose a metric."""
+    a, lam, c = default
+    name = "--shape" if default == _PRESETS["shape"] else f"-a {a:g} -l {lam:g} -c {c:g}"
+
+    def declare(parser: argparse.ArgumentParser) -> None:
+        group = parser.add_argument_group(
+            "metric",
+            f"a · Ebin(λ) + c · normals (default: {name}); -a, -l and -c change one weight each",
+        )
+        presets = group.add_mutually_exclusive_group()
+        for preset, text in (
+            ("shape", "compares people: (a, λ, c) = (1, 0.0001, 0)"),
+            ("pose", "compares poses: (a, λ, c) = (0, 0, 1)"),
+            ("srnf", "square root normal fields, for comparison"),
+        ):
+            presets.add_argument(
+                f"--{preset}", dest="metric", action="store_const", const=preset, help=text
+            )
+        presets.add_argument(
+            "--metric",
+            dest="extension",
+            metavar="NAME",
+            help="metric of another package, see riemhuman.extensions",
+        )
+        for flags, metavar, text, weight in (
+            ("-a", "A", "weight of the metric part", a),
+            ("-l --lam", "LAMBDA", "weight λ of area within the metric part", lam),
+            ("-c", "C", "weight of the normal part", c),
+        ):
+            text = f"{text} (default: {weight:g})"
+            group.add_argument(*flags.split(), type=float, metavar=metavar, help=text)
+        parser.set_defaults(default_metric=default)
+
+    return several(declare, check=_check_metric)
 
 
-def check_file(file: Path | None, endings: Sequence[str], options: argparse.Namespace) -> None:
-    """Raise an error before the work if a file could not be written after it."""
-    from riemhuman.io.outputs import check_output_file
-
-    if file is not None:
-        check_output_file(file, endings, force=options.force)
-
-
-def check_picture(options: argparse.Namespace) -> None:
-    """Raise an error before the work if its picture could not be written."""
-    check_file(options.picture, (".png", ".html"), options)
+def _check_metric(options: argparse.Namespace) -> None:
+    weights = [name for name in ("a", "lam", "c") if getattr(options, name) is not None]
+    preset = options.metric or (options.extension and f"metric {options.extension}")
+    if preset and weights:
+        flags = ", ".join("-l" if name == "lam" else f"-{name}" for name in weights)
+        raise ArgumentError(f"--{preset} sets all weights; leave it out, or leave out {flags}")
+    if options.extension:
+        rh.extensions.extension("metrics", options.extension)
 
 
-def check_folder(folder: Path, is_ours: Callable[[str], bool], options: argparse.Namespace) -> None:
-    """Raise an error before the work if a folder could not be written after it."""
-    from riemhuman.io.outputs import check_output_folder
+def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
+    """Return the metric that the options ask for."""
+    # Surfaces share a unit: this is checked when they are read.
+    space = rh.AlignedSurfaces(template, equip=False, scale=None)
+    if options.extension:
+        return rh.extensions.extension("metrics", options.extension)(space)
+    if options.metric == "srnf":
+        return rh.SRNFMetric(space)
+    default = _PRESETS.get(options.metric, options.default_metric)
+    given = (options.a, options.lam, options.c)
+    a, lam, c = (d if weight is None else weight for weight, d in zip(given, default, strict=True))
+    return rh.ElasticMetric(space, a=a, lam=lam, c=c)
 
-    check_output_folder(folder, is_ours, force=options.force)
+
+def metric_record(metric: Any) -> dict[str, Any]:
+    """Return the name and the weights of a metric, for JSON."""
+    if type(metric) is rh.ElasticMetric:
+        return {"name": "elastic", "a": metric.a, "lam": metric.lam, "c": metric.c}
+    return {"name": "SRNF" if type(metric) is rh.SRNFMetric else type(metric).__name__}
 
 
-def _is_of_motion(name: str) -> bool:
-    return name == _MOTION_PAGE or re.fullmatch(r"frame_\d{4,}\.ply", name) is not None
+def metric_name(metric: Any) -> str:
+    """Return the name of a metric, for messages."""
+    record = metric_record(metric)
+    if record["name"] != "elastic":
+        return str(record["name"])
+    return f"(a, λ, c) = ({record['a']:g}, {record['lam']:g}, {record['c']:g})"
 
 
-def check_folder_or_file(
-    options: argparse.Namespace,
-    endings: Sequence[str] = (".glb", ".npz"),
-    is_ours: Callable[[str], bool] = _is_of_motion,
-) -> tuple[Path, str]:
-    """Return the folder or file to write, and the ending of a file, by default for a motion."""
-    output = path(options.output)
-    is_folder = options.output.endswith("/") or output.is_dir()
-    ending = "" if is_folder else output.suffix.lower()
-    if ending:
-        check_file(output, [*endings, "/ (a folder)"], options)
-    else:
-        check_folder(output, is_ours, options)
-    return output, ending
+BASIS = several(
+    path_option(
+        "--basis", "NPZ", "basis of deformations, see riemhuman basis (default: mesh harmonics)"
+    ),
+    option(
+        "--n-components",
+        f"number of mesh harmonics, without --basis (default: {_N_HARMONICS})",
+        type=int,
+        metavar="K",
+    ),
+    exclusive=True,
+)
+
+
+def chosen_basis(options: argparse.Namespace, template: Template) -> DeformationBasis:
+    """Return the basis that the options choose; raise an error if it does not fit the template."""
+    basis: DeformationBasis
+    if options.basis is None:
+        count = _N_HARMONICS if options.n_components is None else options.n_components
+        with options.task(f"{count} mesh harmonics"):
+            basis = rh.DeformationBasis.from_laplacian(template, count)
+        return basis
+    basis = rh.DeformationBasis.load(options.basis)
+    try:
+        basis.check_fits(template)
+    except ArgumentError as error:
+        raise ArgumentError(f"{options.basis}: {error}") from error
+    return basis
+
+
+MOTION_OUTPUT = output(
+    "PATH", ".glb", ".npz", text="folder or file to write", is_ours=_IS_OF_MOTION
+)
 
 
 def write_motion(
-    output: Path,
-    ending: str,
+    options: argparse.Namespace,
     frames: ndarray,
     faces: ndarray,
     title: str,
@@ -146,13 +221,13 @@ def write_motion(
     """Write an animation, arrays, or a folder of meshes with a page that plays them."""
     from riemhuman.io.outputs import atomic_folder
 
-    if ending == ".glb":
-        rh.save_glb(output, frames, faces, name=title)
-    elif ending:
-        rh.io.save_arrays(output, {"path": frames, "faces": faces, **arrays})
+    if options.ending == ".glb":
+        rh.save_glb(options.output, frames, faces, name=title)
+    elif options.ending:
+        rh.io.save_arrays(options.output, {"path": frames, "faces": faces, **arrays})
     else:
         viewer = rh.plots.view_path(frames, faces, title=title, description=description)
-        with atomic_folder(output, _is_of_motion) as folder:
+        with atomic_folder(options.output, _IS_OF_MOTION) as folder:
             for k, frame in enumerate(frames):
                 rh.save_mesh(folder / f"frame_{k:04d}.ply", frame, faces)
             viewer.save(folder / _MOTION_PAGE)

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
 from riemhuman.cli._commands import (
+    FIGURE_ENDINGS,
     FILES,
-    FORCE,
-    JSON,
     UNIT,
     Answer,
     command,
     flag,
     mesh,
     option,
+    output,
     path_option,
     several,
 )
-from riemhuman.cli._inputs import advice, check_file, list_meshes, save_figure
+from riemhuman.cli._inputs import advice, list_meshes, save_figure
 from riemhuman.cli._terminal import csv_text
 from riemhuman.errors import ArgumentError
 
@@ -58,26 +58,26 @@ _DEFINITIONS = several(
     "  riemhuman measure anna.ply --picture lines.png\n"
     "  riemhuman measure scans/ --model smpl.npz --definitions smpl.json -o table.csv\n",
     FILES,
-    path_option("-o --output", "CSV", "table to write, one row per body"),
-    path_option(
-        "--picture", "PICTURE", "draw every measurement line on the first body (.png, .svg or .pdf)"
+    output("CSV", ".csv", text="table to write, one row per body", required=False),
+    output(
+        "PICTURE",
+        *FIGURE_ENDINGS,
+        text="draw every measurement line on the first body (.png, .svg or .pdf)",
+        flags="--picture",
+        required=False,
     ),
     _DEFINITIONS,
     flag("--as-is", "measure bodies as they stand"),
-    JSON,
-    FORCE,
 )
 def _measure(options: argparse.Namespace) -> Answer:
-    check_file(options.output, [".csv"], options)
-    check_file(options.picture, [".png", ".svg", ".pdf"], options)
     files = list_meshes(options.meshes)
     measurements, points = _read(files, options)
     axes = "body"
     if not options.as_is:
-        with options.reporter.task(f"Standard pose of {len(files)} meshes"):
+        with options.task(f"Standard pose of {len(files)} meshes"):
             points = rh.measurements.in_standard_pose(measurements.definitions, points)
         axes = "space"
-    with options.reporter.task(f"Measurements of {len(files)} meshes"):
+    with options.task(f"Measurements of {len(files)} meshes"):
         measured = measurements.measure(points, axes=axes, missing="nan")
     if options.picture is not None:
         lines = measurements.lines(points[0], axes=axes)
@@ -98,12 +98,11 @@ def _measure(options: argparse.Namespace) -> Answer:
             {"file": files[number], "measurement": name, "why": reason}
             for (number, name), reason in measured.why_missing.items()
         ],
-        "output": options.output,
     }
-    return Answer(_measured_table(files, measured, options.output, options.picture), record)
+    return Answer(_measured_table(files, measured), record)
 
 
-def _measured_table(files: Sequence[Path], measured: MeasuredBodies, *written: Path | None) -> str:
+def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> str:
     width = max(map(len, measured.names))
     shown = files[:_MOST_COLUMNS]
     columns = [max(9, len(file.stem)) for file in shown]
@@ -116,7 +115,7 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies, *written: P
         said.append(f"no {name} of {files[number].name}: {reason}")
     if len(files) > len(shown):
         said.append(f"and {len(files) - len(shown)} more bodies; -o CSV writes all")
-    return "\n".join([*said, *(f"written to  {file}" for file in written if file is not None)])
+    return "\n".join(said)
 
 
 @command(
@@ -129,15 +128,12 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies, *written: P
     "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
     mesh("before", "BEFORE", "the first visit"),
     mesh("after", "AFTER", "the second visit"),
-    path_option("-o --output", "CSV", "table to write"),
+    output("CSV", ".csv", text="table to write", required=False),
     _DEFINITIONS,
-    JSON,
-    FORCE,
 )
 def _compare(options: argparse.Namespace) -> Answer:
-    check_file(options.output, [".csv"], options)
     measurements, points = _read([options.before, options.after], options)
-    with options.reporter.task("Standard pose of 2 meshes"):
+    with options.task("Standard pose of 2 meshes"):
         result = rh.measurements.compare_visits(measurements, *points)
     columns = (
         *(result.names, result.units, result.before, result.after),
@@ -160,7 +156,6 @@ def _compare(options: argparse.Namespace) -> Answer:
         "units": result.units,
         "outward_millimetres": {"least": outward.min(), "most": outward.max()},
         "share_of_triangles_changed": float(result.areas_significant.mean()),
-        "output": options.output,
     }
     width = max(map(len, result.names))
     said = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'threshold':>9}"]
@@ -176,7 +171,6 @@ def _compare(options: argparse.Namespace) -> Answer:
         f"surface moved outward by {outward.min():.1f} to {outward.max():.1f} mm",
         f"triangles whose area changed: {100 * result.areas_significant.mean():.1f} %",
     ]
-    said += [] if options.output is None else [f"written to  {options.output}"]
     return Answer("\n".join(said), record)
 
 

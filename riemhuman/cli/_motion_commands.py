@@ -9,8 +9,6 @@ from typing import Any
 
 import riemhuman as rh
 from riemhuman.cli._commands import (
-    FOLDER_OR_FILE,
-    JSON,
     UNIT,
     Answer,
     command,
@@ -20,8 +18,8 @@ from riemhuman.cli._commands import (
     path_option,
     several,
 )
-from riemhuman.cli._inputs import check_file, check_folder_or_file, write_motion
-from riemhuman.cli._terminal import csv_text, lines, matrix_rows
+from riemhuman.cli._inputs import MOTION_OUTPUT, write_motion
+from riemhuman.cli._terminal import csv_text, matrix_rows
 from riemhuman.errors import ArgumentError
 
 _TEMPLATE = several(
@@ -128,7 +126,6 @@ def _measure(options: argparse.Namespace, space: Any, n_components: int | None =
     "  riemhuman motions dist anna_runs/ ben_runs/ --by rate-invariant --json\n",
     _PAIR,
     _BY,
-    JSON,
 )
 def _dist(options: argparse.Namespace) -> Answer:
     names, motions = _read(options, [options.a_motion, options.b_motion], 2)
@@ -144,7 +141,7 @@ def _dist(options: argparse.Namespace) -> Answer:
     "  riemhuman motions matrix all_motions/ -o D.npz\n"
     "  riemhuman motions matrix anna_*/ ben_*/ -o D.csv --by changes --components 200\n",
     _SEVERAL,
-    output("FILE"),
+    output("FILE", ".npz", ".csv"),
     option(
         "--components",
         "compare K principal components, which is faster (default: exact distances)",
@@ -152,24 +149,21 @@ def _dist(options: argparse.Namespace) -> Answer:
         metavar="K",
     ),
     _BY,
-    JSON,
 )
 def _matrix(options: argparse.Namespace) -> Answer:
     import numpy as np
 
     from riemhuman.io.files import write_text
 
-    check_file(options.output, [".npz", ".csv"], options)
     names, motions = _read(options, options.motions)
     measure = _measure(options, _space(options, motions[0]), options.components)
-    with options.reporter.task(f"Distances of {len(motions)} motions"):
-        distances = measure.dist_pairwise(motions, progress=options.reporter.bars)
-    if options.output.suffix.lower() == ".npz":
+    with options.task(f"Distances of {len(motions)} motions"):
+        distances = measure.dist_pairwise(motions, progress=options.bars)
+    if options.ending == ".npz":
         rh.io.save_arrays(options.output, {"distances": distances, "names": np.array(names)})
     else:
         write_text(options.output, csv_text(matrix_rows(names, distances, "")))
-    record = {"names": names, "by": options.by, "output": options.output}
-    return Answer(lines(written_to=options.output), record)
+    return Answer({"motions": len(names)}, {"names": names, "by": options.by})
 
 
 @command(
@@ -181,19 +175,17 @@ def _matrix(options: argparse.Namespace) -> Answer:
     "  riemhuman motions align anna_runs/ ben_runs/ -o both.html\n"
     "  riemhuman motions align anna_runs/ ben_runs/ -o both.npz --n-times 100\n",
     _PAIR,
-    output("FILE"),
+    output("FILE", ".html", ".npz"),
     _N_TIMES,
     _BY,
-    JSON,
 )
 def _align(options: argparse.Namespace) -> Answer:
-    check_file(options.output, [".html", ".npz"], options)
     names, (a, b) = _read(options, [options.a_motion, options.b_motion], 2)
     space = _space(options, a, options.n_times)
-    with options.reporter.task("Alignment"):
+    with options.task("Alignment"):
         measure = _measure(options, space)
         first, second, warp = rh.motions.align_motions(space, a, b, measure, tuple(names))
-    if options.output.suffix.lower() == ".npz":
+    if options.ending == ".npz":
         arrays = {"first": first, "second": second}
         arrays |= {"first_times": warp.first, "second_times": warp.second}
         rh.io.save_arrays(options.output, arrays)
@@ -201,8 +193,7 @@ def _align(options: argparse.Namespace) -> Answer:
         faces = space.frames.template.faces
         rh.plots.AlignedMotions(first, second, faces, warp, names).save(options.output)
     record = {"a": names[0], "b": names[1], "by": options.by, "distance": warp.dist}
-    text = lines(distance=f"{warp.dist:.8g}", written_to=options.output)
-    return Answer(text, record | {"output": options.output})
+    return Answer({"distance": f"{warp.dist:.8g}"}, record)
 
 
 @command(
@@ -214,23 +205,21 @@ def _align(options: argparse.Namespace) -> Answer:
     "  riemhuman motions mean runs/ -o mean_run/\n"
     "  riemhuman motions mean anna_run/ ben_run/ carla_run/ -o mean.glb --n-times 30\n",
     _SEVERAL,
-    FOLDER_OR_FILE,
+    MOTION_OUTPUT,
     _N_TIMES,
     _BY,
-    JSON,
 )
 def _mean(options: argparse.Namespace) -> Answer:
-    place, ending = check_folder_or_file(options)
     names, motions = _read(options, options.motions)
     space = _space(options, motions[0], options.n_times)
-    alignment, bars = _measure(options, space), options.reporter.bars
+    alignment, bars = _measure(options, space), options.bars
     estimator = rh.motions.MotionMean(space, alignment=alignment, progress=bars)
-    with options.reporter.task(f"Mean of {len(motions)} motions"):
+    with options.task(f"Mean of {len(motions)} motions"):
         mean = estimator.fit(motions)
     faces = space.frames.template.faces
-    write_motion(place, ending, mean.estimate_, faces, "Mean of motions", times=mean.times_)
-    text = lines(motions=len(motions), variance=f"{mean.variance_:.8g}", written_to=place)
-    return Answer(text, {"motions": names, "variance": mean.variance_, "output": place})
+    write_motion(options, mean.estimate_, faces, "Mean of motions", times=mean.times_)
+    text = {"motions": len(motions), "variance": f"{mean.variance_:.8g}"}
+    return Answer(text, {"motions": names, "variance": mean.variance_})
 
 
 @command(
@@ -244,12 +233,11 @@ def _mean(options: argparse.Namespace) -> Answer:
     path_option("b_motion", "MOTION", "motion to search"),
     _TEMPLATE,
     option("-k", "largest number of parts to print", default=5, metavar="K"),
-    JSON,
 )
 def _find(options: argparse.Namespace) -> Answer:
     _, (query, motion) = _read(options, [options.a_motion, options.b_motion], 2)
     metric = _space(options, query).frames.metric
-    parts = rh.motions.MotionSearch(metric, options.reporter.bars).find(query, motion, options.k)
+    parts = rh.motions.MotionSearch(metric, options.bars).find(query, motion, options.k)
     record = [{"distance": p.dist, "first": p.start, "last": p.stop - 1} for p in parts]
     rows = [f"{p.dist:10.6g}  {p.start:6d}  {p.stop - 1:6d}" for p in parts]
     return Answer("\n".join(["  distance   first    last", *rows]), record)
@@ -263,12 +251,11 @@ def _find(options: argparse.Namespace) -> Answer:
     "  riemhuman motions table\n  riemhuman motions table --angles --seed 3 --json\n",
     option("--seed", "seed of the speeds", default=0, metavar="S"),
     flag("--angles", "also compare joint angles, which takes minutes"),
-    JSON,
 )
 def _table(options: argparse.Namespace) -> Answer:
     from dataclasses import asdict
 
-    task = options.reporter.task
+    task = options.task
     compared = rh.motions.compare_representations(options.seed, angles=options.angles, task=task)
     rows = rh.retrieval.retrieval_table(*compared)
     record = {row.representation: asdict(row.scores) for row in rows}

@@ -8,18 +8,42 @@ from typing import Any
 import riemhuman as rh
 from riemhuman.cli._commands import (
     AXES,
+    FORCE,
+    MESH_ENDINGS,
     MODEL,
     UNITS,
     Answer,
     command,
     flag,
     option,
-    output,
     path_option,
+    several,
 )
-from riemhuman.cli._inputs import MESH_ENDINGS, check_file
 from riemhuman.cli._terminal import note
 from riemhuman.errors import ArgumentError, FileError
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    """Raise an error if options do not fit each other, or the output could not be written."""
+    from riemhuman.io.outputs import check_output_file
+
+    if options.model is not None and options.coarse:
+        raise ArgumentError("--coarse cannot be combined with --model; leave out one")
+    if not options.scans.is_dir():
+        if options.sequence:
+            raise ArgumentError(
+                f"--sequence needs a folder of scans; {options.scans} is not a folder"
+            )
+        check_output_file(options.output, MESH_ENDINGS, force=options.force)
+    elif options.untrusted:
+        raise ArgumentError(
+            "--untrusted is for one scan; for a folder, see untrusted/ in the output"
+        )
+    elif options.landmarks is not None:
+        raise ArgumentError("--landmarks is for one scan; register the scans one by one")
+    elif options.output.resolve() == options.scans.resolve():
+        raise FileError(f"{options.output} holds the scans; name another folder for the bodies")
+    options.written.append(options.output)
 
 
 @command(
@@ -37,7 +61,11 @@ from riemhuman.errors import ArgumentError, FileError
     "  riemhuman register scan.obj -o body.ply --model SMPL_NEUTRAL.npz\n"
     "  riemhuman register scan.ply -o body.ply --landmarks joints.csv\n",
     path_option("scans", "SCAN", "a scan or a folder"),
-    output("BODY", "mesh to write, or folder of meshes"),
+    several(
+        path_option("-o --output", "BODY", "mesh to write, or folder of meshes", required=True),
+        FORCE,
+        check=_check_options,
+    ),
     MODEL,
     flag("--coarse", "use the open model with 1,202 vertices (faster)"),
     option("--unit", "unit of the scans (default: by their size)", choices=UNITS),
@@ -58,71 +86,63 @@ from riemhuman.errors import ArgumentError, FileError
     ),
 )
 def _register(options: argparse.Namespace) -> Answer:
-    if options.model is not None and options.coarse:
-        raise ArgumentError("--coarse cannot be combined with --model; leave out one")
-    if options.scans.is_dir():
-        return _register_folder(options)
-    if options.sequence:
-        raise ArgumentError(f"--sequence needs a folder of scans; {options.scans} is not a folder")
-    return _register_file(options)
-
-
-def _registration(options: argparse.Namespace) -> Any:
     if options.model is not None:
         model = rh.BodyModel.from_file(options.model)
     else:
         model = rh.datasets.load_open_model("coarse" if options.coarse else "full")
-    return rh.registration.ScanRegistration(model, unit=options.unit, up=options.up)
+    registration = rh.registration.ScanRegistration(model, unit=options.unit, up=options.up)
+    register = _register_folder if options.scans.is_dir() else _register_file
+    return register(registration, options)
 
 
-def _register_file(options: argparse.Namespace) -> Answer:
+def _register_file(registration: Any, options: argparse.Namespace) -> Answer:
     import numpy as np
 
-    check_file(options.output, MESH_ENDINGS, options)
     scan = rh.registration.load_scan(options.scans, options.unit)
     landmarks = options.landmarks and rh.registration.load_landmarks(options.landmarks)
-    registration = _registration(options)
-    with options.reporter.task(f"Registering {len(scan):,} points"):
+    with options.task(f"Registering {len(scan):,} points"):
         result = registration.solve(scan, landmarks=landmarks)
+    record = {
+        "scan": options.scans,
+        "trusted": bool(result.trusted),
+        "message": result.message,
+        "median_distance": float(np.median(result.distances[~result.background])),
+        "matched_share": float(result.matched.mean()),
+        "unit": result.unit,
+    }
+    text = (
+        f"{1000 * record['median_distance']:.1f} mm from the scan in the median, "
+        f"{100 * record['matched_share']:.0f} % of the vertices matched; scan in {result.unit}, "
+        "body in metres"
+    )
     if not result.trusted:
         note(f"{options.scans} is not trusted: {result.message}")
         if not options.untrusted:
-            return Answer("no body is written; --untrusted writes it nevertheless", trusted=False)
+            text = "no body is written; --untrusted writes it nevertheless"
+            return Answer(text, record, trusted=False, written=False)
     points = result.points if options.keep_axes else result.upright_points
     rh.save_mesh(options.output, points, registration.model.faces)
-    distance = 1000.0 * np.median(result.distances[~result.background])
-    return Answer(
-        f"{distance:.1f} mm from the scan in the median, {100 * result.matched.mean():.0f} % of "
-        f"the vertices matched; scan in {result.unit}\n"
-        f"written to {options.output}, in metres",
-        trusted=bool(result.trusted),
-    )
+    return Answer(text, record, trusted=bool(result.trusted))
 
 
-def _register_folder(options: argparse.Namespace) -> Answer:
-    if options.untrusted:
-        raise ArgumentError(
-            "--untrusted is for one scan; for a folder, see untrusted/ in the output"
-        )
-    if options.landmarks is not None:
-        raise ArgumentError("--landmarks is for one scan; register the scans one by one")
-    if options.output.resolve() == options.scans.resolve():
-        raise FileError(f"{options.output} holds the scans; name another folder for the bodies")
+def _register_folder(registration: Any, options: argparse.Namespace) -> Answer:
     records = rh.registration.register_folder(
-        _registration(options),
+        registration,
         options.scans,
         options.output,
         sequence=options.sequence,
         keep_axes=options.keep_axes,
-        progress=options.reporter.bars,
+        progress=options.bars,
     )
-    with options.reporter.task("Page"):
+    with options.task("Page"):
         page = rh.report.scan_page(options.output)
     for record in records:
         if not record.trusted:
             note(f"{record.name} is not trusted: {record.message}")
     n_trusted = sum(record.trusted for record in records)
+    names = ("name", "trusted", "message", "median_distance", "matched_share")
     return Answer(
-        f"{n_trusted} of {len(records)} scans are registered in {options.output}\n{page}",
+        f"{n_trusted} of {len(records)} scans are registered and trusted; see {page}",
+        {"scans": [{name: getattr(record, name) for name in names} for record in records]},
         trusted=n_trusted == len(records),
     )

@@ -9,7 +9,7 @@ import os
 import sys
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
@@ -76,11 +76,17 @@ def matrix_rows(names: Sequence[str], matrix: Any, corner: str = "file") -> list
     return [[corner, *names], *([name, *row] for name, row in rows)]
 
 
-def lines(**values: object) -> str:
+def lines(values: Mapping[str, object]) -> str:
     """Return a line for each value that is not None, with its name; values in one column."""
-    given = {name.replace("_", " "): value for name, value in values.items() if value is not None}
+    given = {name: value for name, value in values.items() if value is not None}
     width = max(map(len, given))
     return "\n".join(f"{name:<{width}}  {value}" for name, value in given.items())
+
+
+def outcome(result: Result) -> dict[str, Any]:
+    """Return whether and how a solver has converged, for JSON."""
+    names = ("n_iterations", "converged", "message")
+    return {name: getattr(result, name) for name in names}
 
 
 def convergence(result: Result) -> str:

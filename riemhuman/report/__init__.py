@@ -3,7 +3,13 @@
 from riemhuman.report.code_descriptors import CodeDescriptor
 from riemhuman.report.make import make_report
 from riemhuman.report.registered_scans import scan_page
-from riemhuman.report.retrieval_benchmark import BenchmarkRecord, benchmark, format_benchmark
+from riemhuman.report.retrieval_benchmark import (
+    BenchmarkRecord,
+    benchmark,
+    format_benchmark,
+    representations,
+    retrieval_tables,
+)
 
 __all__ = [
     "BenchmarkRecord",
@@ -11,6 +17,8 @@ __all__ = [
     "benchmark",
     "format_benchmark",
     "make_report",
+    "representations",
+    "retrieval_tables",
     "scan_page",
 ]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +18,7 @@ from riemhuman.measurements import (
     regress_shape,
 )
 from riemhuman.plots import (
+    embed,
     new_figure,
     plot_confusion,
     plot_embedding,
@@ -28,8 +28,8 @@ from riemhuman.plots import (
     plot_sweep,
     stress,
 )
-from riemhuman.report._experiments import Experiments, Results, has_pairs, readable
-from riemhuman.report._page import Column, Output, Section, Table, heading, paragraph, side_by_side
+from riemhuman.report._page import Column, Section, Table, heading, paragraph, side_by_side
+from riemhuman.report._report import POSE_WEIGHTS, Report, Task, readable
 from riemhuman.report._storage import Computed, Step
 from riemhuman.report.retrieval_benchmark import PAPER_TABLES, POSE_METRIC, SHAPE_METRIC
 from riemhuman.retrieval import confusion, precision_recall, scores
@@ -58,52 +58,18 @@ _SHOWN_MEASUREMENTS = {
 }
 
 
-@dataclass(frozen=True)
-class Task:
-    """A retrieval task: its question, the paper's metric for it, and the classes of the bodies."""
-
-    name: str
-    question: str
-    metric: str
-    labels: ndarray
-    names: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Materials:
-    """The results that sections are made from."""
-
-    experiments: Experiments
-    results: Results
-    output: Output
-
-    @property
-    def bodies(self) -> Bodies:
-        """The bodies."""
-        return self.experiments.bodies
-
-    def tasks(self) -> list[Task]:
-        """Return the tasks for which two bodies share a class."""
-        bodies = self.bodies
-        both = (
-            Task("shape", "Who is it?", SHAPE_METRIC, bodies.subject, bodies.subject_names),
-            Task("pose", "How do they stand?", POSE_METRIC, bodies.pose, bodies.pose_names),
-        )
-        return [task for task in both if has_pairs(task.labels)]
-
-
-def retrieval_section(materials: Materials) -> Section | None:
+def retrieval_section(report: Report) -> Section | None:
     """Return the section with retrieval tables, precision–recall curves and mistakes."""
-    tasks, results, output = materials.tasks(), materials.results, materials.output
+    tasks = [task for task in report.tasks if task.has_pairs]
     if not tasks:
         return None
 
-    def both(make: Callable[[Materials, Task], str]) -> str:
-        return side_by_side(*(make(materials, task) for task in tasks))
+    def both(make: Callable[[Report, Task], str]) -> str:
+        return side_by_side(*(make(report, task) for task in tasks))
 
     problems = [
         paragraph(f"{escape(name)} cannot be computed for these bodies: {escape(problem)}")
-        for name, problem in results.problems.items()
+        for name, problem in report.problems.items()
     ]
     parts = [
         paragraph(
@@ -119,15 +85,15 @@ def retrieval_section(materials: Materials) -> Section | None:
         heading("The tables of the paper"),
         both(_printed_scores),
         heading("Times"),
-        output.table(_cost_table(results.distances)),
+        report.output.table(_cost_table(report.distances)),
     ]
     return Section("retrieval", "Who is it, and how do they stand?", "Retrieval", parts)
 
 
-def _scores(materials: Materials, task: Task) -> str:
+def _scores(report: Report, task: Task) -> str:
     rows = [
         {"representation": name, **vars(scores(step.arrays["distances"], task.labels))}
-        for name, step in materials.results.distances.items()
+        for name, step in report.distances.items()
     ]
     table = Table(
         f"retrieval-{task.name}",
@@ -139,7 +105,7 @@ def _scores(materials: Materials, task: Task) -> str:
     opposite = POSE_METRIC if task.metric == SHAPE_METRIC else SHAPE_METRIC
     verdict = f"{_verdict(table, task.metric)} {below_chance(rows, opposite, task.labels)}"
     note = f'<p class="note">{verdict}</p>'
-    return f"{heading(task.question)}{materials.output.table(table)}{note}"
+    return f"{heading(task.question)}{report.output.table(table)}{note}"
 
 
 def _verdict(table: Table, ours: str) -> str:
@@ -179,8 +145,8 @@ def below_chance(rows: Sequence[Mapping[str, Any]], metric: str, labels: ndarray
     )
 
 
-def _curves(materials: Materials, task: Task) -> str:
-    matrices = {n: s.arrays["distances"] for n, s in materials.results.distances.items()}
+def _curves(report: Report, task: Task) -> str:
+    matrices = {n: s.arrays["distances"] for n, s in report.distances.items()}
     rows = []
     for name, matrix in matrices.items():
         for recall, precision in zip(*precision_recall(matrix, task.labels), strict=True):
@@ -188,8 +154,8 @@ def _curves(materials: Materials, task: Task) -> str:
             rows.append({"representation": name} | row)
     columns = (_NAME, Column("recall", "recall", ".2f"), Column("precision", "precision", ".3f"))
     caption = "Precision at every level of recall."
-    link = materials.output.file(Table(f"precision-recall-{task.name}", caption, columns, rows))
-    return materials.output.figure(
+    link = report.output.file(Table(f"precision-recall-{task.name}", caption, columns, rows))
+    return report.output.figure(
         f"precision-recall-{task.name}",
         f"Precision against recall of {task.name}, one curve for each representation.",
         f"{task.question} Precision at each level of recall. An ideal curve runs along the top: "
@@ -200,8 +166,8 @@ def _curves(materials: Materials, task: Task) -> str:
     )
 
 
-def _mistakes(materials: Materials, task: Task) -> str:
-    matrix = materials.results.distances[task.metric].arrays["distances"]
+def _mistakes(report: Report, task: Task) -> str:
+    matrix = report.matrix(task.metric)
     classes = [task.names[label] for label in np.unique(task.labels)]
     rows: list[dict[str, Any]] = [
         {"class": name, **dict(zip(classes, row.tolist(), strict=True))}
@@ -209,8 +175,8 @@ def _mistakes(materials: Materials, task: Task) -> str:
     ]
     columns = (Column("class", "body"), *(Column(name, name, "d") for name in classes))
     caption = "Classes of the nearest neighbours."
-    link = materials.output.file(Table(f"confusion-{task.name}", caption, columns, rows))
-    return materials.output.figure(
+    link = report.output.file(Table(f"confusion-{task.name}", caption, columns, rows))
+    return report.output.figure(
         f"confusion-{task.name}",
         f"Confusion matrix of nearest neighbours under the {task.metric}.",
         f"{task.question} Confusion of nearest neighbours under the {task.metric}: rows are "
@@ -223,7 +189,7 @@ def _mistakes(materials: Materials, task: Task) -> str:
     )
 
 
-def _printed_scores(materials: Materials, task: Task) -> str:
+def _printed_scores(report: Report, task: Task) -> str:
     keys = ("representation", "nn", "first_tier", "second_tier")
     table = Table(
         f"paper-{task.name}",
@@ -231,7 +197,7 @@ def _printed_scores(materials: Materials, task: Task) -> str:
         (_NAME, *_SCORES),
         [dict(zip(keys, row, strict=True)) for row in PAPER_TABLES[task.name]],
     )
-    return materials.output.table(table)
+    return report.output.table(table)
 
 
 def _cost_table(distances: Mapping[str, Step]) -> Table:
@@ -253,9 +219,9 @@ def _cost_table(distances: Mapping[str, Step]) -> Table:
     return Table("costs", caption, columns, rows)
 
 
-def map_section(materials: Materials) -> Section:
+def map_section(report: Report) -> Section:
     """Return the section with the maps."""
-    bodies, output = materials.bodies, materials.output
+    bodies, output = report.bodies, report.output
     parts = [
         paragraph(
             "Each point is a body, its colour shows the class, and one body of each class is "
@@ -263,29 +229,42 @@ def map_section(materials: Materials) -> Section:
             "multidimensional scaling (MDS) preserves distances, in metres, where it can."
         )
     ]
+    places = _maps(report)
     for method, title in (("t-sne", "t-SNE"), ("mds", "MDS")):
         figures = []
-        for task, metric, kind, labels, names in (
-            ("shape", SHAPE_METRIC, "person", bodies.subject, bodies.subject_names),
-            ("pose", POSE_METRIC, "pose", bodies.pose, bodies.pose_names),
-        ):
-            positions = materials.results.maps.arrays[f"{task} {method}"]
+        for task in report.tasks:
+            positions = places.arrays[f"{task.name} {method}"]
             caption = (
-                f"{title}, {metric}. Points of one {kind} share a colour; the nearest point is of "
-                f"the same {kind} for {kept_neighbours(positions, labels):.0f} % of bodies."
+                f"{title}, {task.metric}. Points of one {task.kind} share a colour; the nearest "
+                f"point is of the same {task.kind} for "
+                f"{kept_neighbours(positions, task.labels):.0f} % of bodies."
             )
             if method == "mds":
-                distances = materials.results.distances[metric].arrays["distances"]
-                value = stress(distances, positions)
+                value = stress(report.matrix(task.metric), positions)
                 caption += f" Stress: {value:.2f}; 0 would preserve all distances."
-            alt = f"{title} map of the bodies by the {metric}, coloured by {kind}."
+            alt = f"{title} map of the bodies by the {task.metric}, coloured by {task.kind}."
             unit = "m" if method == "mds" else None
-            arguments = (bodies, positions, labels, names, unit)
+            arguments = (bodies, positions, task.labels, task.names, unit)
             figures.append(
-                output.figure(f"map-{task}-{method}", alt, caption, _draw_map, *arguments)
+                output.figure(f"map-{task.name}-{method}", alt, caption, _draw_map, *arguments)
             )
         parts += [heading(title), side_by_side(*figures)]
     return Section("maps", "Maps of people and of poses", "Maps", parts)
+
+
+def _maps(report: Report) -> Step:
+    """Place the bodies in the plane: "shape t-sne", "shape mds", "pose t-sne", "pose mds"."""
+    seed = report.plan.seed
+
+    def compute() -> Computed:
+        return {
+            f"{task.name} {method}": embed(report.matrix(task.metric), method, rng=seed)
+            for task in report.tasks
+            for method in ("t-sne", "mds")
+        }, {}
+
+    by = {task.name: report.distances[task.metric] for task in report.tasks}
+    return report.step("maps", compute, "Maps", by=by, seed=seed)
 
 
 def kept_neighbours(positions: ndarray, labels: ndarray) -> float:
@@ -295,12 +274,12 @@ def kept_neighbours(positions: ndarray, labels: ndarray) -> float:
     return float(100 * (labels[gaps.argmin(axis=1)] == labels).mean())
 
 
-def sweep_section(materials: Materials) -> Section | None:
+def sweep_section(report: Report) -> Section | None:
     """Return the section with the sweep over the weights."""
-    rows, plan = materials.results.sweep.record["rows"], materials.experiments.plan
-    tasks = materials.tasks()
+    tasks, plan = [task for task in report.tasks if task.has_pairs], report.plan
     if not tasks:
         return None
+    rows = _sweep(report, tasks).record["rows"]
     columns = [Column("lam", "λ", "g"), Column("a", "a", "g"), Column("c", "c", "g")]
     panels = {}
     for task in tasks:
@@ -314,7 +293,7 @@ def sweep_section(materials: Materials) -> Section | None:
         alone = np.full((len(plan.lams), 1), values[-1])
         panels[f"{task.question} (mAP, %)"] = np.hstack([grid, alone])
     table = Table("sweep", "Retrieval of people (shape) and of poses.", columns, rows)
-    figure = materials.output.figure(
+    figure = report.output.figure(
         "sweep",
         "Mean average precision of shape and of pose retrieval over λ and c.",
         "Mean average precision (mAP), per cent; the deepest blue is 100 %.",
@@ -329,9 +308,42 @@ def sweep_section(materials: Materials) -> Section | None:
             f"{best_weights(rows)} The last column shows the normal part alone, a = 0 and c = 1."
         ),
         figure,
-        f"<details><summary>All numbers</summary>{materials.output.table(table)}</details>",
+        f"<details><summary>All numbers</summary>{report.output.table(table)}</details>",
     ]
     return Section("sweep", "Between shape and pose", "Weights", parts)
+
+
+def _sweep(report: Report, tasks: Sequence[Task]) -> Step:
+    """Score retrieval over λ and c, and by the normal part alone.
+
+    Squared distances are sums, so both parts are computed once and then weighted.
+    """
+    plan, points = report.plan, report.bodies.points
+
+    def row(squared: ndarray, **weights: float | None) -> dict[str, Any]:
+        found: dict[str, Any] = dict(weights)
+        for task in tasks:
+            own = scores(np.sqrt(squared), task.labels)
+            found[f"{task.name}_nn"] = own.nn
+            found[f"{task.name}_mean_average_precision"] = own.mean_average_precision
+        return found
+
+    def compute() -> Computed:
+        normal = report.metric(POSE_WEIGHTS).dist_pairwise(points, n_jobs=-1) ** 2
+        metric = [
+            report.metric((1.0, lam, 0.0)).dist_pairwise(points, n_jobs=-1) ** 2
+            for lam in plan.lams
+        ]
+        rows = [
+            row(part + c * normal, a=1.0, lam=lam, c=c)
+            for lam, part in zip(plan.lams, metric, strict=True)
+            for c in plan.weights
+        ]
+        rows.append(row(normal, a=0.0, lam=None, c=1.0))
+        return {"metric": np.stack(metric), "normal": normal}, {"rows": rows}
+
+    inputs = {"lams": plan.lams, "weights": plan.weights}
+    return report.step("sweep", compute, "Sweep over the weights", **inputs)
 
 
 def best_weights(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -351,13 +363,13 @@ def best_weights(rows: Sequence[Mapping[str, Any]]) -> str:
     return f"The best are {'; '.join(phrases)}." if phrases else ""
 
 
-def measurement_section(materials: Materials) -> Section | None:
+def measurement_section(report: Report) -> Section | None:
     """Return the section with measurements of people, if the bodies are of the open model."""
-    bodies, output = materials.bodies, materials.output
+    bodies, output = report.bodies, report.output
     definitions = open_measurements(bodies.template)
     if definitions is None:
         return None
-    step = _measure(materials, definitions)
+    step = _measure(report, definitions)
     name = bodies.subject_names[int(step.arrays["people"][0])]
     figure = output.figure(
         "measurement-lines",
@@ -394,9 +406,9 @@ def measurement_section(materials: Materials) -> Section | None:
     return Section("measurements", "Girths, lengths and volumes", "Measurements", parts)
 
 
-def _measure(materials: Materials, definitions: MeasurementSet) -> Step:
+def _measure(report: Report, definitions: MeasurementSet) -> Step:
     """Measure each person in the standard pose, and regress shape on the waist girth."""
-    bodies, seed = materials.bodies, materials.experiments.plan.seed
+    bodies, seed = report.bodies, report.plan.seed
     people = np.unique(bodies.subject)
 
     def compute() -> Computed:
@@ -429,9 +441,7 @@ def _measure(materials: Materials, definitions: MeasurementSet) -> Step:
             record["n_permutations"] = shape.n_permutations
         return arrays, record
 
-    experiments = materials.experiments
-    inputs = {"bodies": experiments.digest, "poses": _MOST_POSES, "seed": seed}
-    return experiments.store.step("measurements", inputs, compute, "Measurements")
+    return report.step("measurements", compute, "Measurements", poses=_MOST_POSES, seed=seed)
 
 
 def _people_table(bodies: Bodies, step: Step) -> Table:

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import time
+import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy import ndarray
 
+from riemhuman.errors import ConvergenceWarning
+from riemhuman.geometry import AlignedSurfaces, RiemannianMetric, SobolevMetric, SRNFMetric
 from riemhuman.plots import (
     ViewedBody,
     Viewer,
+    contributions,
     new_figure,
     per_area,
     plot_body,
@@ -18,16 +25,45 @@ from riemhuman.plots import (
     plot_path,
 )
 from riemhuman.plots._colors import MEAN, SKIN
-from riemhuman.report._body_sections import Materials
-from riemhuman.report._experiments import LINEAR, MODEL, OURS, SOBOLEV, SRNF_PATH, name_of
 from riemhuman.report._page import Column, Section, Table, heading, paragraph, viewer_figure
+from riemhuman.report._report import (
+    PATH_WEIGHTS,
+    POSE_WEIGHTS,
+    SAME_PERSON,
+    SAME_POSE,
+    Pair,
+    Report,
+    Weights,
+    group_within,
+    name_of,
+    pair_across,
+    pair_within,
+)
+from riemhuman.report.retrieval_benchmark import POSE_METRIC
+from riemhuman.solvers import (
+    BasisMean,
+    BasisPath,
+    LinearPath,
+    ModelParameters,
+    ModelPath,
+    compare_paths,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from riemhuman.datasets import Bodies
-    from riemhuman.report._storage import Step
+    from riemhuman.report._storage import Computed, Step
 
+LINEAR, SRNF_PATH, SOBOLEV, MODEL, OURS = "linear", "SRNF", "Sobolev", "body model", "ours"
+# Weights a0, a1, b1, c1, d1 and a2.
+_SOBOLEV_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 0.0, 1e-3)
+_GEODESICS = {SAME_PERSON: ("pose-change", PATH_WEIGHTS), SAME_POSE: ("shape-change", POSE_WEIGHTS)}
+_VIEWED_METRICS = {
+    "shape (1, 1, 0)": PATH_WEIGHTS,
+    "pose (0, 0, 1)": POSE_WEIGHTS,
+    "both (1, 1, 0.1)": (1.0, 1.0, 0.1),
+}
 _PATH_TITLES = {
     LINEAR: "linear",
     SRNF_PATH: "SRNF",
@@ -38,13 +74,12 @@ _PATH_TITLES = {
 _COUNTS = {4: "Four", 5: "Five"}
 
 
-def difference_section(materials: Materials) -> Section | None:
+def difference_section(report: Report) -> Section | None:
     """Return the section that shows where two bodies differ."""
-    step = materials.results.differences
-    if step is None:
+    if not report.pairs:
         return None
-    bodies, template = materials.bodies, materials.bodies.template
-    figure = materials.output.figure(
+    step, bodies, template = _differences(report), report.bodies, report.bodies.template
+    figure = report.output.figure(
         "differences",
         "Bodies coloured by the contribution of each triangle to their distance.",
         "The same as a figure, with colour scales.",
@@ -81,9 +116,32 @@ def difference_section(materials: Materials) -> Section | None:
             "Turn the bodies. 1 % of the triangles exceed the end of each colour scale.",
         ),
         figure,
-        materials.output.table(Table("differences", caption, columns, rows)),
+        report.output.table(Table("differences", caption, columns, rows)),
     ]
     return Section("differences", "Where do two bodies differ?", "Differences", parts)
+
+
+def _differences(report: Report) -> Step:
+    """Compute where pairs of bodies differ: "NAME metric" and "NAME normal", shape (F,)."""
+    weights = (1.0, 1.0, 1.0)
+
+    def compute() -> Computed:
+        metric = report.metric(weights)
+        arrays: dict[str, ndarray] = {}
+        rows = []
+        for name, pair in report.pairs.items():
+            points = report.bodies.points[list(pair)]
+            parts = contributions(metric, *points)
+            arrays |= {f"{name} metric": parts.metric, f"{name} normal": parts.normal}
+            row: dict[str, Any] = {"pair": name, "metric_part": float(parts.metric.sum())}
+            row["normal_part"] = float(parts.normal.sum())
+            row["squared_distance"] = float(metric.squared_dist(*points))
+            rows.append(row)
+        return arrays, {"rows": rows, "pairs": {n: list(pair) for n, pair in report.pairs.items()}}
+
+    return report.step(
+        "differences", compute, "Where bodies differ", pairs=report.pairs, weights=weights
+    )
 
 
 def normal_shares(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -96,10 +154,20 @@ def normal_shares(rows: Sequence[Mapping[str, Any]]) -> str:
     return f"The normal part is {' and '.join(shares)}." if shares else ""
 
 
-def geodesic_section(materials: Materials) -> Section | None:
+def geodesic_section(report: Report) -> Section | None:
     """Return the section with the geodesics."""
-    bodies, results, output = materials.bodies, materials.results, materials.output
-    steps = {**results.geodesics, **results.viewed}
+    bodies, output = report.bodies, report.output
+    geodesics = {
+        name: _geodesic(report, *_GEODESICS[name], pair, name)
+        for name, pair in report.pairs.items()
+    }
+    both = pair_across(report.matrix(POSE_METRIC), bodies.subject, bodies.pose, 0.5)
+    viewed = {
+        name: _geodesic(report, name.split()[0], weights, both, name)
+        for name, weights in _VIEWED_METRICS.items()
+        if both is not None
+    }
+    steps = {**geodesics, **viewed}
     if not steps:
         return None
     link = output.file(_energy_table(steps))
@@ -107,10 +175,10 @@ def geodesic_section(materials: Materials) -> Section | None:
         paragraph(
             "A geodesic is a path of least energy. The metric (1, 1, 0) measures how triangles "
             "stretch and shear along the path; the normal part alone, (0, 0, 1), measures how they "
-            f"rotate. Basis: {results.basis}."
+            f"rotate. Basis: {report.basis[1]}."
         )
     ]
-    for (name, step), letter in zip(results.geodesics.items(), "ab", strict=False):
+    for (name, step), letter in zip(geodesics.items(), "ab", strict=False):
         start, end = (name_of(bodies, number) for number in step.record["pair"])
         caption = (
             f"As figure 4 ({letter}) of the paper, {name}: from {escape(start)} to "
@@ -123,11 +191,9 @@ def geodesic_section(materials: Materials) -> Section | None:
         )
         figure = output.figure(step.name, alt, caption, _draw_geodesic, bodies, step, wide=True)
         parts.append(figure)
-    if results.viewed:
-        choices = {
-            name: [ViewedBody("", step.arrays["path"])] for name, step in results.viewed.items()
-        }
-        pair = next(iter(results.viewed.values())).record["pair"]
+    if viewed:
+        choices = {name: [ViewedBody("", step.arrays["path"])] for name, step in viewed.items()}
+        pair = next(iter(viewed.values())).record["pair"]
         start, end = (escape(name_of(bodies, number)) for number in pair)
         viewer = Viewer(bodies.template.faces, choices, "Metric", "Geodesic under three metrics")
         caption = (
@@ -140,6 +206,49 @@ def geodesic_section(materials: Materials) -> Section | None:
         ]
     parts.append(output.table(_geodesic_table(bodies, steps)))
     return Section("geodesics", "Geodesics", "Geodesics", parts)
+
+
+def _geodesic(report: Report, slug: str, weights: Weights, pair: Pair, title: str) -> Step:
+    """Find the geodesic between two bodies (figure 4 of the paper).
+
+    The search begins on a path that rotates each triangle, and once more on the straight path,
+    as in the paper.
+    """
+    solver = report.path_solver()
+    start, end = report.bodies.points[list(pair)]
+
+    def compute() -> Computed:
+        metric = report.metric(weights)
+        linear = LinearPath(report.plan.n_nodes)
+        straight = linear.solve(metric, start, end)
+        as_printed = replace(solver, initial=linear)
+        with warnings.catch_warnings():
+            # The record tells whether this path, as in the paper, converged.
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            from_straight = as_printed.solve(metric, start, end)
+        began = time.perf_counter()
+        result = solver.solve(metric, start, end)
+        seconds = time.perf_counter() - began
+        arrays = {
+            "path": result.path,
+            "energies": result.energies,
+            "energies_from_straight": from_straight.energies,
+        }
+        return arrays, {
+            "pair": list(pair),
+            "weights": list(weights),
+            "straight_energy": straight.energy,
+            "energy_from_straight": from_straight.energy,
+            "energy": result.energy,
+            "squared_distance": float(metric.squared_dist(start, end)),
+            "n_iterations": result.n_iterations,
+            "converged": bool(result.converged),
+            "converged_from_straight": bool(from_straight.converged),
+            "seconds": seconds,
+        }
+
+    title = f"Geodesic, {title}"
+    return report.path_step(f"geodesic-{slug}", compute, title, pair=pair, weights=weights)
 
 
 def _weights(step: Step) -> str:
@@ -195,14 +304,16 @@ def _energy_table(steps: Mapping[str, Step]) -> Table:
     return Table("energies", "Energy after every iteration.", columns, rows)
 
 
-def comparison_section(materials: Materials) -> Section | None:
+def comparison_section(report: Report) -> Section | None:
     """Return the section that compares the paths of several methods."""
-    step = materials.results.comparison
-    if step is None:
+    bodies = report.bodies
+    pair = pair_within(report.matrix(POSE_METRIC), bodies.subject, bodies.pose, 0.9)
+    if pair is None:
         return None
-    bodies, table = materials.bodies, _comparison_table(step)
+    step = _comparison(report, pair)
+    table = _comparison_table(step)
     names = [row["name"] for row in step.record["rows"]]
-    figure = materials.output.figure(
+    figure = report.output.figure(
         "comparison",
         f"Film strips of the paths {', '.join(names)} between the same two bodies.",
         "The same as film strips.",
@@ -228,11 +339,59 @@ def comparison_section(materials: Materials) -> Section | None:
             "All paths at the same time; compare the limbs in the middle.",
         ),
         figure,
-        materials.output.table(table),
+        report.output.table(table),
     ]
     count = _COUNTS[len(names)]
     title = f"{count} paths from one pose to another"
     return Section("comparison", title, f"{count} paths", parts)
+
+
+def _comparison(report: Report, pair: Pair) -> Step:
+    """Find paths between two bodies by several methods, and compare them (figure 5)."""
+    start, end = report.bodies.points[list(pair)]
+    n_nodes = report.plan.n_nodes
+
+    def compute() -> Computed:
+        space = AlignedSurfaces(report.bodies.template, equip=False)
+        metrics: dict[str, RiemannianMetric] = {
+            "ours": report.metric(PATH_WEIGHTS),
+            "srnf": SRNFMetric(space),
+            "sobolev": SobolevMetric(space, *_SOBOLEV_WEIGHTS),
+        }
+        srnf = BasisPath(report.basis[0], n_nodes, initial=LinearPath(n_nodes), tolerance=1e-3)
+        solvers: dict[str, tuple[Any, str]] = {
+            LINEAR: (LinearPath(n_nodes), "ours"),
+            SRNF_PATH: (srnf, "srnf"),
+            SOBOLEV: (report.path_solver(), "sobolev"),
+        }
+        reference = None
+        model_path = _model_path(report, pair)
+        if model_path is not None:
+            solvers[MODEL] = (model_path, "ours")
+            reference = model_path.solve(metrics["ours"], start, end).path
+        solvers[OURS] = (report.path_solver(), "ours")
+        compared = compare_paths(metrics, start, end, solvers, reference)
+        paths = {path.name: path.result.path for path in compared}
+        return paths, {"pair": list(pair), "rows": [path.as_row() for path in compared]}
+
+    inputs = {"pair": pair, "sobolev": _SOBOLEV_WEIGHTS}
+    return report.path_step("comparison", compute, "Paths compared", **inputs)
+
+
+def _model_path(report: Report, pair: Pair) -> ModelPath | None:
+    """Return the path of the body model, if the parameters of the bodies are known."""
+    bodies = report.bodies
+    model, betas, poses = bodies.model, bodies.betas, bodies.pose_vectors
+    places = bodies.translations
+    if model is None or betas is None or poses is None or places is None:
+        return None
+
+    def parameters(surface: ndarray) -> ModelParameters:
+        gaps = [float(np.abs(bodies.points[index] - surface).max()) for index in pair]
+        index = pair[int(np.argmin(gaps))]
+        return ModelParameters(betas[index], poses[index], places[index])
+
+    return ModelPath(model, report.plan.n_nodes, parameters=parameters)
 
 
 def _comparison_table(step: Step) -> Table:
@@ -257,13 +416,14 @@ def _comparison_table(step: Step) -> Table:
     return Table("comparison", caption, columns, rows)
 
 
-def mean_section(materials: Materials) -> Section | None:
+def mean_section(report: Report) -> Section | None:
     """Return the section with the Karcher mean."""
-    step = materials.results.mean
-    if step is None:
+    bodies = report.bodies
+    group = group_within(bodies.pose, bodies.subject, report.plan.n_averaged)
+    if len(group) < 2:
         return None
-    bodies, group = materials.bodies, step.record["group"]
-    figure = materials.output.figure(
+    step = _mean(report, group)
+    figure = report.output.figure(
         "mean",
         f"{len(group)} people in one pose and, last and in yellow, their Karcher mean.",
         "People, and their mean in yellow.",
@@ -293,9 +453,29 @@ def mean_section(materials: Materials) -> Section | None:
         ),
         figure,
         viewer_figure(viewer.fragment("mean-view"), "Turn the bodies; the mean is yellow."),
-        materials.output.table(Table("mean", caption, columns, rows)),
+        report.output.table(Table("mean", caption, columns, rows)),
     ]
     return Section("mean", "The mean of several people", "Mean", parts)
+
+
+def _mean(report: Report, group: ndarray) -> Step:
+    """Find the Karcher mean of bodies by the normal part alone (figure 6 of the paper)."""
+    points = report.bodies.points[group]
+
+    def compute() -> Computed:
+        metric = report.metric(POSE_WEIGHTS)
+        start = time.perf_counter()
+        result = BasisMean(report.basis[0]).solve(metric, points)
+        return {"mean": result.point, "variances": result.variances}, {
+            "group": group.tolist(),
+            "variance": result.variance,
+            "distances": metric.dist(points, result.point).tolist(),
+            "n_iterations": result.n_iterations,
+            "converged": bool(result.converged),
+            "seconds": time.perf_counter() - start,
+        }
+
+    return report.path_step("mean", compute, "Karcher mean", group=group.tolist())
 
 
 def _draw_differences(bodies: Bodies, step: Step) -> Figure:

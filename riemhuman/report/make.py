@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
-from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -22,13 +21,11 @@ from riemhuman.optional import import_optional
 from riemhuman.plots import figure_style
 from riemhuman.registration import read_records
 from riemhuman.report._body_sections import (
-    Materials,
     map_section,
     measurement_section,
     retrieval_section,
     sweep_section,
 )
-from riemhuman.report._experiments import QUICK, Experiments, Plan, readable
 from riemhuman.report._page import Column, Output, Section, Table, page, paragraph
 from riemhuman.report._path_sections import (
     comparison_section,
@@ -36,7 +33,7 @@ from riemhuman.report._path_sections import (
     geodesic_section,
     mean_section,
 )
-from riemhuman.report._representations import available, of_extensions
+from riemhuman.report._report import QUICK, Plan, Report, readable
 from riemhuman.report._storage import (
     Progress,
     ResultStore,
@@ -46,7 +43,7 @@ from riemhuman.report._storage import (
     write_provenance,
 )
 from riemhuman.report.registered_scans import scan_section
-from riemhuman.report.retrieval_benchmark import table_metrics
+from riemhuman.report.retrieval_benchmark import of_extensions, representations, table_metrics
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
@@ -75,7 +72,6 @@ def make_report(
     bodies: Bodies | None = None,
     basis: DeformationBasis | None = None,
     quick: bool = False,
-    representations: Mapping[str, Any] | None = None,
     scans: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
     bars: bool = False,
@@ -98,10 +94,6 @@ def make_report(
         motions for the open bodies, mesh harmonics for others.
     quick : bool
         Whether to make a smaller report, in half a minute instead of minutes.
-    representations : mapping of str to object, optional
-        Further metrics and descriptors of the retrieval tables, as for
-        `riemhuman.report.benchmark`; by default all that apply to the bodies or, if `quick`,
-        only those of other packages, see `riemhuman.extensions`.
     scans : path_like, optional
         Output folder of `riemhuman.registration.register_folder`; the page shows its scans, the
         worst first.
@@ -119,10 +111,6 @@ def make_report(
     ------
     FileError
         If the folder holds other files, cannot be written, or another process is using it.
-    MissingDependencyError
-        If matplotlib or scikit-learn is not installed.
-    ArgumentError
-        If there are fewer than three bodies, or the basis does not fit them.
 
     Examples
     --------
@@ -141,56 +129,51 @@ def make_report(
         raise ArgumentError(f"bodies must be at least {_FEWEST_BODIES}; found {len(bodies)}")
     if basis is not None:
         basis.check_fits(bodies.template)
-    if representations is None:
-        representations = of_extensions(bodies) if quick else available(bodies)
-    scan_sections = [] if scans is None else [scan_section(read_records(scans))]
+    compared = {**table_metrics(bodies), **(of_extensions if quick else representations)(bodies)}
+    first = [] if scans is None else [scan_section(read_records(scans))]
     with open_folder(output) as folder:
-        identity = _identity()
         digest = fingerprint(
             [bodies.points, bodies.template.vertices, bodies.template.faces]
             + [bodies.subject, bodies.pose, bodies.subject_names, bodies.pose_names]
         )
-        store = ResultStore(folder / "results", identity, watch)
-        experiments = Experiments(store, digest, bodies, QUICK if quick else Plan())
-        compared = {**table_metrics(bodies), **representations}
-        results = experiments.run(compared, basis, bars=bars)
-        with watch("Page and figures"), figure_style():
-            figures = ResultStore(folder / "results" / "figures", identity)
-            materials = Materials(experiments, results, Output(folder, figures, digest))
-            made = [make(materials) for make in _SECTIONS]
-            sections = [section for section in made if section is not None]
-            text = page(
-                _TITLE,
-                _lead(bodies, quick=quick),
-                _facts(bodies),
-                [*scan_sections, *sections, _making_section(materials)],
-                f"Made with riemhuman {_versions()['riemhuman']}, {_now()}. "
-                "Bodies in 3-D are drawn by three.js (MIT licence).",
-            )
-            write_text(folder / "index.html", text)
-        write_provenance(
-            folder,
-            {
-                "status": "finished",
-                "started": started,
-                "finished": _now(),
-                "versions": _versions(),
-                "machine": {"system": platform.system(), "processor": platform.machine()},
-                "bodies": _sizes(bodies) | {"fingerprint": digest},
-                "basis": results.basis,
-                "parameters": asdict(experiments.plan),
-                "seeds": {"t-sne": experiments.plan.seed},
-                "steps": [
-                    {
-                        "name": step.name,
-                        "seconds": step.seconds,
-                        "reused": step.is_reused,
-                        "fingerprint": step.fingerprint,
-                    }
-                    for step in store.steps
-                ],
-            },
+        results, figures = folder / "results", folder / "results" / "figures"
+        store = ResultStore(results, _identity(), watch)
+        files = Output(folder, ResultStore(figures, _identity(), watch), digest)
+        plan = QUICK if quick else Plan()
+        report = Report(bodies, digest, plan, store, files, compared, basis, bars)
+        with figure_style():
+            made = [section for make in _SECTIONS if (section := make(report)) is not None]
+        text = page(
+            _TITLE,
+            _lead(bodies, quick=quick),
+            _facts(bodies),
+            [*first, *made, _making_section(report)],
+            f"Made with riemhuman {_versions()['riemhuman']}, {_now()}. "
+            "Bodies in 3-D are drawn by three.js (MIT licence).",
         )
+        write_text(folder / "index.html", text)
+        steps = [
+            {
+                "name": step.name,
+                "seconds": step.seconds,
+                "reused": step.is_reused,
+                "fingerprint": step.fingerprint,
+            }
+            for step in store.steps
+        ]
+        provenance = {
+            "status": "finished",
+            "started": started,
+            "finished": _now(),
+            "versions": _versions(),
+            "machine": {"system": platform.system(), "processor": platform.machine()},
+            "bodies": _sizes(bodies) | {"fingerprint": digest},
+            "basis": report.basis[1],
+            "parameters": asdict(plan),
+            "seeds": {"t-sne": plan.seed},
+            "steps": steps,
+        }
+        write_provenance(folder, provenance)
         return folder / "index.html"
 
 
@@ -225,10 +208,10 @@ def _lead(bodies: Bodies, *, quick: bool) -> str:
     return text
 
 
-def _making_section(materials: Materials) -> Section:
+def _making_section(report: Report) -> Section:
     rows = [
         {"title": step.title, "step": step.name, "seconds": step.seconds}
-        for step in materials.experiments.store.steps
+        for step in report.store.steps
     ]
     columns = (
         Column("title", "Step"),
@@ -242,7 +225,7 @@ def _making_section(materials: Materials) -> Section:
             "provenance.json</a>; matrices, paths and maps are NumPy archives in the folder "
             "<code>results</code>. A new run of the report computes only what has changed."
         ),
-        materials.output.table(table),
+        report.output.table(table),
     ]
     return Section("making", "How this was made", "Making", parts)
 

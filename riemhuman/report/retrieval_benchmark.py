@@ -4,36 +4,54 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from riemhuman.descriptors import (
+    AreaProjectionTransform,
+    HeatKernelSignature,
+    ModelPoseVectors,
+    ModelShapeVectors,
+    ShapeDNA,
+    WaveKernelSignature,
+)
 from riemhuman.descriptors.descriptor import meshes_of
-from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    MissingDependencyError,
+    RiemhumanError,
+)
+from riemhuman.extensions import extensions
 from riemhuman.geometry import (
     AlignedSurfaces,
     ElasticMetric,
+    GaugeInvariantMetric,
     GeneralElasticMetric,
     RotationMetric,
+    SobolevMetric,
     SRNFMetric,
 )
 from riemhuman.progress import ProgressBar
-from riemhuman.retrieval import RetrievalScores, scores
+from riemhuman.report.code_descriptors import LEARNED, shipped_descriptors
+from riemhuman.retrieval import RetrievalScores, TableRow, retrieval_table, scores
+from riemhuman.solvers.paths import LinearPath
 from riemhuman.statistics import LearnedMetric
 
+# Names in tables.
 SHAPE_METRIC = "shape metric (1, 0.0001, 0)"
-"""Name of the paper's metric for the retrieval of people."""
-
 POSE_METRIC = "pose metric (0, 0, 1)"
-"""Name of the paper's metric for the retrieval of poses."""
-
-ROTATION_METRIC = "rotation metric"
-"""Name of the metric of diffused rotations, for the retrieval of poses."""
-
-GENERAL_METRIC = "general elastic metric (1, 1, 1)"
-"""Name of the general elastic metric."""
+_ROTATION_METRIC = "rotation metric"
+_GENERAL_METRIC = "general elastic metric (1, 1, 1)"
+_LEARNED_METRIC = "learned from labels, other people"  # fitted without the people of the query
+# Metrics without closed form, compared by the cost of straight paths.
+_STRAIGHT = ", straight"
+SOBOLEV = f"Sobolev metric{_STRAIGHT}"
+GAUGE_INVARIANT = f"gauge-invariant SRNF{_STRAIGHT}"
 
 Described = tuple[np.ndarray, float]
 
@@ -117,8 +135,8 @@ def benchmark(
         None, or no two surfaces share a label.
     representations : mapping of str to object, optional
         By name, metrics (with the method ``dist_pairwise``) or descriptors (with the methods
-        ``describe`` and ``distances``). By default those of `table_metrics`;
-        the command ``riemhuman tables --all`` passes all that apply.
+        ``describe`` and ``distances``), such as `representations` of the bodies; by default the
+        metrics of the paper and its successors.
     n_jobs : int, optional
         Number of threads, -1 for one per core; by default one.
     progress : bool
@@ -128,13 +146,6 @@ def benchmark(
     -------
     list of BenchmarkRecord
         Records in the order of the representations, the task "shape" before "pose".
-
-    Raises
-    ------
-    ArgumentTypeError
-        If a representation is neither a metric nor a descriptor.
-    ArgumentError
-        If no two surfaces share a label.
 
     Examples
     --------
@@ -187,16 +198,133 @@ def table_metrics(bodies: Any) -> dict[str, Any]:
         SHAPE_METRIC: ElasticMetric(space, a=1.0, lam=1e-4, c=0.0),
         POSE_METRIC: ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
         "SRNF": SRNFMetric(space),
-        ROTATION_METRIC: RotationMetric(space),
-        GENERAL_METRIC: GeneralElasticMetric(space, a=1.0, b=1.0, c=1.0),
+        _ROTATION_METRIC: RotationMetric(space),
+        _GENERAL_METRIC: GeneralElasticMetric(space, a=1.0, b=1.0, c=1.0),
     }
 
 
-LEARNED_METRIC = "learned from labels, other people"
-"""Name of the metrics learned from labels, each fitted without the people of the query."""
+def representations(bodies: Any) -> dict[str, Any]:
+    """Return all representations that apply to a data set, in the order of tables.
+
+    The model of the open bodies also generated them: its fits recover the vectors almost exactly,
+    which is why model vectors rank first on these bodies.
+
+    Parameters
+    ----------
+    bodies : Bodies or LabelledMeshes
+        Surfaces. Metrics and learned codes need registered surfaces, and model vectors a data set
+        with a model that has the method ``fit``; the other descriptors apply to all meshes.
+
+    Returns
+    -------
+    dict of str to object
+        Metrics and descriptors by name; those of other packages come last.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> list(rh.report.representations(rh.datasets.load_open_bodies("coarse")))[2]
+    'SRNF'
+    """
+    registered = hasattr(bodies, "points") and hasattr(bodies, "template")
+    found: dict[str, Any] = dict(table_metrics(bodies)) if registered else {}
+    if registered:
+        found |= _straight_metrics(AlignedSurfaces(bodies.template, equip=False))
+    model = getattr(bodies, "model", None)
+    if registered and callable(getattr(model, "fit", None)):
+        found["model shape vector"] = ModelShapeVectors(model)
+        found["model pose vector"] = ModelPoseVectors(model)
+        found["model pose, by rotation"] = ModelPoseVectors(model, "rotation", root=False)
+    if registered:
+        found |= shipped_descriptors(bodies.template)
+    found["APT"] = AreaProjectionTransform()
+    found["ShapeDNA"] = ShapeDNA()
+    found["HKS"] = HeatKernelSignature()
+    found["WKS"] = WaveKernelSignature()
+    if registered:
+        # The mean over vertices is common in retrieval, but it uses the registration.
+        found["WKS, mean over vertices"] = WaveKernelSignature(pooling="vertex mean")
+    return found | of_extensions(bodies)
 
 
-def learned_distances(bodies: Any) -> dict[str, np.ndarray]:
+def _straight_metrics(space: AlignedSurfaces) -> dict[str, Any]:
+    """Return metrics without a closed-form distance, by the cost of the straight way.
+
+    Thousands of geodesics would take hours; norms of differences, halfway, take minutes.
+    """
+    straight = LinearPath(n_nodes=2)
+    found: dict[str, Any] = {SOBOLEV: SobolevMetric(space, d1=1.0, geodesic_solver=straight)}
+    # Vertices of a template whose triangles are not oriented consistently have no normals.
+    with suppress(ArgumentError):
+        found[GAUGE_INVARIANT] = GaugeInvariantMetric(SRNFMetric(space), geodesic_solver=straight)
+    return found
+
+
+def of_extensions(bodies: Any) -> dict[str, Any]:
+    """Return the representations that other packages register, see `riemhuman.extensions`."""
+    descriptors = {name: make() for name, make in extensions("descriptors").items()}
+    return _metrics_of_extensions(bodies) | descriptors
+
+
+def _metrics_of_extensions(bodies: Any) -> dict[str, Any]:
+    if not (hasattr(bodies, "points") and hasattr(bodies, "template")):
+        return {}
+    space = AlignedSurfaces(bodies.template, equip=False)
+    return {name: metric(space) for name, metric in extensions("metrics").items()}
+
+
+def retrieval_tables(
+    bodies: Any,
+    *,
+    learned: bool = False,
+    task: Callable[[str], AbstractContextManager[Any]] = nullcontext,
+) -> dict[str, list[TableRow]]:
+    """Score metrics by leave-one-out retrieval of people and of poses.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Registered surfaces; a table is left out if its labels are None.
+    learned : bool
+        Whether to add metrics learned from the labels of other people, and a table of poses among
+        other people.
+    task : callable
+        Takes the name of a task; returns a context manager that is open during the task.
+
+    Returns
+    -------
+    dict of str to list of TableRow
+        Tables by title, for `rh.retrieval.format_table`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> tables = rh.report.retrieval_tables(rh.datasets.load_open_bodies("coarse"))
+    >>> list(tables)
+    ['Who is it?', 'How do they stand?']
+    """
+    n_pairs = len(bodies) * (len(bodies) - 1) // 2
+    distances = {}
+    for name, metric in (table_metrics(bodies) | _metrics_of_extensions(bodies)).items():
+        with task(f"{name}: {n_pairs:,} distances"):
+            distances[name] = metric.dist_pairwise(bodies.points, n_jobs=-1)
+    own: dict[str, Any] = {}
+    if learned:
+        with task(f"{_LEARNED_METRIC}: distances"), suppress(MissingDependencyError):
+            own = _learned_distances(bodies)
+    tables = {}
+    for kind, field in _LABELS.items():
+        found = distances | ({_LEARNED_METRIC: own[kind]} if kind in own else {})
+        labels = getattr(bodies, field)
+        if labels is not None:
+            tables[_TITLES[kind]] = retrieval_table(found, labels)
+            if learned and kind == "pose":
+                rows = retrieval_table(found, labels, groups=bodies.subject)
+                tables["How, among other people?"] = rows
+    return tables
+
+
+def _learned_distances(bodies: Any) -> dict[str, np.ndarray]:
     """Return distances learned from labels, by task, from people to whom they were not fitted.
 
     For poses, the metric is learned from normals, for people from metric fields, see
@@ -308,8 +436,8 @@ def format_benchmark(
     Returns
     -------
     str
-        One table per task, with an asterisk at the best of each column. Sentences below it say
-        which representations are better than ours, and which failed.
+        One table per task, with an asterisk at the best of each column. Sentences below say which
+        representations are better than ours, which failed, and what columns and rows are.
 
     Examples
     --------
@@ -322,10 +450,11 @@ def format_benchmark(
     """
     ours = _OURS if ours is None else ours
     tasks = dict.fromkeys(record.task for record in records)
-    return "\n\n".join(
+    tables = [
         _task_table(task, [record for record in records if record.task == task], ours.get(task))
         for task in tasks
-    )
+    ]
+    return "\n\n".join([*tables, *_notes(records)])
 
 
 def _task_table(task: str, records: list[BenchmarkRecord], ours: str | None) -> str:
@@ -376,3 +505,30 @@ def _verdict(columns: Mapping[str, Mapping[str, float]], ours: str | None) -> li
             listed = ", ".join(f"{row} ({column[row]:.1f})" for row in better)
             lines.append(f"Better than {ours} in {name} ({column[ours]:.1f}): {listed}.")
     return lines or [f"Nothing is better than {ours}."]
+
+
+def _notes(records: Sequence[BenchmarkRecord]) -> list[str]:
+    """Return paragraphs that explain columns and rows."""
+    columns = (
+        "Per cent, each body against all others: NN nearest neighbour, FT and ST first and "
+        "second tier,\nmAP mean average precision; an asterisk marks the best of a column."
+    )
+    notes = [columns]
+    if any(record.representation.endswith(_STRAIGHT) for record in records):
+        notes.append(
+            "Metrics called straight have no closed-form distance: their rows compare by the\n"
+            "norm of the difference of two bodies, halfway between them."
+        )
+    if any(record.representation.endswith(LEARNED) for record in records):
+        scores = [
+            f"  {row[0]} {', '.join(f'{score:.1f}' for score in row[1:])} ({task})"
+            for task, rows in PAPER_TABLES.items()
+            for row in rows
+            if row[0].startswith(("GDVAE", "Zhou"))
+        ]
+        notes.append(
+            "Codes are from networks after GDVAE and Zhou et al., trained on open bodies of other "
+            "people in other\nposes. The paper's scores of the originals on FAUST (NN, FT, ST):\n"
+            + "\n".join(scores)
+        )
+    return notes

@@ -10,7 +10,7 @@ from riemhuman.measurements import Measurements
 from riemhuman.plots.body_plots import plot_measurement_lines
 from riemhuman.report import _body_sections as sections
 from riemhuman.report._body_sections import measurement_section
-from riemhuman.report._experiments import group_within, pair_across, pair_within
+from riemhuman.report._report import group_within, pair_across, pair_within
 from riemhuman.retrieval import scores
 from riemhuman.surfaces.template import Template
 

@@ -1,0 +1,279 @@
+"""What the sections of the report share: the bodies, distances, a basis, and chosen bodies."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.datasets import load_open_model, load_open_motions
+from riemhuman.errors import RiemhumanError
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
+from riemhuman.report._page import Output
+from riemhuman.report._storage import Computed, ResultStore, Step
+from riemhuman.report.retrieval_benchmark import (
+    POSE_METRIC,
+    SHAPE_METRIC,
+    Described,
+    described_together,
+    timed_distances,
+)
+from riemhuman.solvers import BasisPath
+from riemhuman.surfaces import DeformationBasis
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from riemhuman.datasets import Bodies
+
+Pair = tuple[int, int]
+Weights = tuple[float, float, float]
+
+# Weights (a, λ, c) of the paper's experiments.
+POSE_WEIGHTS: Weights = (0.0, 0.0, 1.0)
+PATH_WEIGHTS: Weights = (1.0, 1.0, 0.0)
+SAME_PERSON, SAME_POSE = "one person, two poses", "two people, one pose"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Sizes of the experiments, values of λ and c of the sweep with a = 1, tolerance and seed."""
+
+    n_nodes: int = 11
+    n_components: int = 100
+    sequences: tuple[str, ...] | None = None  # motions of the basis
+    lams: tuple[float, ...] = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+    weights: tuple[float, ...] = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+    n_averaged: int = 5
+    tolerance: float = 1e-5
+    seed: int = 0
+
+
+QUICK = Plan(
+    n_nodes=7,
+    n_components=40,
+    sequences=("punching", "knees"),
+    lams=(1e-4, 1e-2, 1.0),
+    weights=(0.0, 1e-4, 1e-2, 1.0),
+    tolerance=1e-4,
+)
+
+
+def readable(name: str) -> str:
+    """Return the name of a class as written in running text: "T-like" for "t_like"."""
+    whole = re.sub(r"^([at])_(?=(like|pose)$)", lambda match: f"{match[1].upper()}-", name)
+    return whole.replace("_", " ")
+
+
+def name_of(bodies: Bodies, index: int) -> str:
+    """Return the names of the person and the pose of a body."""
+    subject = bodies.subject_names[bodies.subject[index]]
+    return f"{readable(subject)}, {readable(bodies.pose_names[bodies.pose[index]])}"
+
+
+def pair_within(distances: ndarray, same: ndarray, other: ndarray, share: float) -> Pair | None:
+    """Return two items that share one class and differ in another, by their distance.
+
+    The first class with such a pair is used; of its pairs in the order of their distances, the one
+    at `share`: 0 for the nearest, 1 for the farthest.
+    """
+    for label in dict.fromkeys(same.tolist()):
+        items = np.flatnonzero(same == label)
+        first, second = np.triu_indices(len(items), 1)
+        apart = other[items[first]] != other[items[second]]
+        first, second = items[first[apart]], items[second[apart]]
+        if len(first):
+            order = np.argsort(distances[first, second], kind="stable")
+            chosen = order[round(share * (len(order) - 1))]
+            return int(first[chosen]), int(second[chosen])
+    return None
+
+
+def pair_across(distances: ndarray, same: ndarray, other: ndarray, share: float) -> Pair | None:
+    """Return the first item and one that differs from it in both classes, by their distance."""
+    items = np.flatnonzero((same != same[0]) & (other != other[0]))
+    if len(items) == 0:
+        return None
+    order = items[np.argsort(distances[0, items], kind="stable")]
+    return 0, int(order[round(share * (len(order) - 1))])
+
+
+def group_within(same: ndarray, other: ndarray, size: int) -> ndarray:
+    """Return at most `size` items of the class with the most other classes, one of each."""
+    groups = []
+    for label in dict.fromkeys(same.tolist()):
+        items = np.flatnonzero(same == label)
+        _, first = np.unique(other[items], return_index=True)
+        groups.append(items[np.sort(first)])
+    group = max(groups, key=len)
+    places = np.linspace(0, len(group) - 1, min(size, len(group))).round().astype(np.int64)
+    return group[places]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A retrieval task: its question, the paper's metric for it, and the classes of the bodies."""
+
+    name: str
+    kind: str
+    question: str
+    metric: str
+    labels: ndarray
+    names: tuple[str, ...]
+
+    @property
+    def has_pairs(self) -> bool:
+        """Whether any two bodies share a class."""
+        return len(np.unique(self.labels)) < len(self.labels)
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What sections are made from; whatever is computed is kept in the store."""
+
+    bodies: Bodies
+    digest: str
+    plan: Plan
+    store: ResultStore
+    output: Output
+    representations: Mapping[str, Any]
+    given_basis: DeformationBasis | None = None
+    bars: bool = False
+
+    def step(self, name: str, compute: Callable[[], Computed], title: str, **inputs: Any) -> Step:
+        """Return a result that depends on the bodies and on further inputs."""
+        return self.store.step(name, {"bodies": self.digest, **inputs}, compute, title)
+
+    def metric(self, weights: Weights) -> ElasticMetric:
+        """Return a metric of the paper's family."""
+        a, lam, c = weights
+        space = AlignedSurfaces(self.bodies.template, equip=False)
+        return ElasticMetric(space, a=a, lam=lam, c=c)
+
+    @property
+    def tasks(self) -> list[Task]:
+        """Both tasks, also without bodies that share a class."""
+        bodies = self.bodies
+        people, poses = (bodies.subject, bodies.subject_names), (bodies.pose, bodies.pose_names)
+        return [
+            Task("shape", "person", "Who is it?", SHAPE_METRIC, *people),
+            Task("pose", "pose", "How do they stand?", POSE_METRIC, *poses),
+        ]
+
+    @cached_property
+    def all_distances(self) -> dict[str, Step]:
+        """All distances and their times; a step holds the error of a representation."""
+
+        @cache
+        def together(kind: Any) -> dict[str, Described]:
+            # Called only if one of them is missing in the store: spectra take long.
+            sharing = {n: r for n, r in self.representations.items() if _kind(r) is kind}
+            return described_together(sharing, self.bodies, progress=self.bars)
+
+        def compute(name: str, representation: Any) -> Computed:
+            kind = _kind(representation)
+            described = None if kind is None else together(kind).get(name)
+            try:
+                matrix, per_body, per_pair = timed_distances(
+                    representation, self.bodies, -1, described
+                )
+            except RiemhumanError as error:
+                return {}, {"problem": f"{type(error).__name__}: {error}"}
+            record = {"seconds_per_body": per_body, "seconds_per_pair": per_pair}
+            return {"distances": np.asarray(matrix)}, record
+
+        steps = {}
+        for name, representation in self.representations.items():
+            slug = "-".join("".join(c if c.isalnum() else " " for c in name.lower()).split())
+            kind = f"{type(representation).__module__}.{type(representation).__qualname__}"
+            steps[name] = self.step(
+                f"distances-{slug}",
+                partial(compute, name, representation),
+                f"Distances, {name}",
+                representation=name,
+                kind=kind,
+            )
+        return steps
+
+    @property
+    def problems(self) -> dict[str, str]:
+        """The errors of representations without distances."""
+        steps = self.all_distances.items()
+        return {name: step.record["problem"] for name, step in steps if "problem" in step.record}
+
+    @property
+    def distances(self) -> dict[str, Step]:
+        """All distances by representation."""
+        steps = self.all_distances.items()
+        return {name: step for name, step in steps if "problem" not in step.record}
+
+    def matrix(self, name: str) -> ndarray:
+        """Return the distances of a representation."""
+        return self.distances[name].arrays["distances"]
+
+    @cached_property
+    def pairs(self) -> dict[str, Pair]:
+        """A person in two poses and two people in one pose, as far as there are such bodies."""
+        subject, pose = self.bodies.subject, self.bodies.pose
+        found = {
+            SAME_PERSON: pair_within(self.matrix(POSE_METRIC), subject, pose, 0.5),
+            SAME_POSE: pair_within(self.matrix(SHAPE_METRIC), pose, subject, 1.0),
+        }
+        return {name: pair for name, pair in found.items() if pair is not None}
+
+    @cached_property
+    def basis(self) -> tuple[DeformationBasis, str]:
+        """The basis of deformations and its origin."""
+        if self.given_basis is not None:
+            return self.given_basis, f"{len(self.given_basis)} deformations, given"
+        template, plan = self.bodies.template, self.plan
+        # The open bodies have motions.
+        resolution = next(
+            (
+                resolution
+                for resolution in ("coarse", "full")
+                if np.array_equal(load_open_model(resolution).faces, template.faces)
+            ),
+            None,
+        )
+
+        def compute() -> Computed:
+            if resolution is None:
+                made = DeformationBasis.from_laplacian(template, plan.n_components)
+            else:
+                motions = load_open_motions(resolution, sequences=plan.sequences)
+                made = DeformationBasis.from_motions(motions, plan.n_components, step=10)
+            return {"vectors": made.vectors}, {}
+
+        inputs = {
+            "template": [template.vertices, template.faces],
+            "open motions": resolution,
+            "sequences": plan.sequences,
+            "n_components": plan.n_components,
+        }
+        step = self.store.step("basis", inputs, compute, "Basis of deformations")
+        made = DeformationBasis(step.arrays["vectors"])
+        kind = "principal components of the open motions" if resolution else "mesh harmonics"
+        return made, f"{len(made)} {kind}"
+
+    def path_solver(self) -> BasisPath:
+        """Return the solver of the report's geodesics."""
+        return BasisPath(self.basis[0], self.plan.n_nodes, tolerance=self.plan.tolerance)
+
+    def path_step(
+        self, name: str, compute: Callable[[], Computed], title: str, **inputs: Any
+    ) -> Step:
+        """Return a result that also depends on the basis and the plan of paths."""
+        plan = {"n_nodes": self.plan.n_nodes, "tolerance": self.plan.tolerance}
+        vectors = np.asarray(self.basis[0].vectors)
+        return self.step(name, compute, title, basis=vectors, **plan, **inputs)
+
+
+def _kind(representation: Any) -> Any:
+    """Return the function that computes descriptors of one kind together, if there is one."""
+    return getattr(representation, "describe_together", None)
