@@ -14,5 +14,6 @@ def import_optional(module: str, extra: str) -> ModuleType:
         return importlib.import_module(module)
     except ImportError as error:
         raise MissingDependencyError(
-            f"{module} is needed for this and is not installed: pip install 'riemhuman[{extra}]'"
+            f"{module} is needed for this and is not installed: pip install '.[{extra}]' in the "
+            "checkout of riemhuman"
         ) from error

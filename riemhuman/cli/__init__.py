@@ -131,7 +131,7 @@ def _say(answer: Answer, options: argparse.Namespace) -> None:
         said = [f"written to {place}" if answer.text else str(place) for place in places]
         say("\n".join([answer.text] * bool(answer.text) + said))
     else:
-        say(lines(answer.text | {"written to": " and ".join(map(str, places)) or None}))
+        say(lines({**answer.text, "written to": " and ".join(map(str, places)) or None}))
 
 
 def _lock(options: argparse.Namespace) -> AbstractContextManager[None]:

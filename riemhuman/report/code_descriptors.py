@@ -15,15 +15,14 @@ from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
 from riemhuman.learned.shape_pose_codes import ShapePoseCodes
 from riemhuman.surfaces.template import Template
 
-LEARNED = ", trained here"
-"""Ending of the names of learned codes in tables."""
+LEARNED = ", trained here"  # ending of the names of learned codes in tables
 
 
 @dataclass(frozen=True, eq=False)
 class CodeDescriptor(Descriptor):
-    """One of the two codes that a network computes for a body.
+    """One of the two codes that a network computes for a body, with Euclidean distances.
 
-    The distance is Euclidean.
+    Shape and pose codes need surfaces in correspondence with the template of the network.
 
     Parameters
     ----------
@@ -31,11 +30,6 @@ class CodeDescriptor(Descriptor):
         A trained network.
     which : {"shape", "pose", "intrinsic", "extrinsic"}
         Name of the code.
-
-    Raises
-    ------
-    ArgumentError
-        If the network has no such code.
 
     Examples
     --------
@@ -53,20 +47,6 @@ class CodeDescriptor(Descriptor):
         one_of(self.which, "which", self.codes.code_names)
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        """Return the code of one surface.
-
-        Parameters
-        ----------
-        vertices : array_like, shape (V, 3)
-            Vertex positions, metres.
-        faces : array_like, shape (F, 3)
-            Triangles; shape and pose codes require those of the network's template.
-
-        Raises
-        ------
-        ArgumentError
-            If a shape or pose code is requested and the surface is not registered.
-        """
         if isinstance(self.codes, IntrinsicExtrinsicCodes):
             return self._half(self.codes.describe(vertices, faces)[None])[0]
         template = self.codes.template_
@@ -74,21 +54,6 @@ class CodeDescriptor(Descriptor):
         return self._half(self.codes.transform(np.asarray(vertices)[None]))[0]
 
     def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
-        """Return the codes of many surfaces.
-
-        Parameters
-        ----------
-        bodies : object or iterable of (vertices, faces)
-            Registered surfaces with the fields ``points`` and ``template``, which must be in
-            correspondence with the network's own; or meshes.
-        n_jobs : int, optional
-            Number of threads for meshes, -1 for one per core; by default one.
-
-        Raises
-        ------
-        ArgumentError
-            If the template is not in correspondence.
-        """
         template = getattr(bodies, "template", None)
         if not isinstance(template, Template):
             return super().describe_all(bodies, n_jobs)

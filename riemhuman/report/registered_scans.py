@@ -36,9 +36,7 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
     Raises
     ------
     FileError
-        If the folder holds no registered scans, or the page cannot be written.
-    FileFormatError
-        If a record is damaged.
+        If the folder holds no registered scans.
 
     Examples
     --------

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.io import save_mesh
 from riemhuman.solvers import BasisPath, path_distances
 from riemhuman.surfaces import DeformationBasis, Template, procrustes
 
@@ -103,21 +102,6 @@ def test_matrix_of_lengths_of_paths(run, scans, bodies, tmp_path):
         np.testing.assert_array_equal(saved["lengths"], expected.lengths)
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        ("--basis", "basis.npz"),
-        ("--n-nodes", 11),
-        ("--n-components", 60),
-        ("--precision", "single", "--paths"),
-    ],
-)
-def test_options_without_effect_are_refused(refused, scans, tmp_path, options):
-    message = refused("matrix", scans, "-o", tmp_path / "D.npz", *options)
-    assert options[0] in message
-    assert "--paths" in message
-
-
 @pytest.mark.skipif(os.name == "nt", reason="names of files are others there")
 def test_names_that_others_have_chosen(run, scans, tmp_path):
     names = [b"=1+1.ply", b"\xff.ply", b"two\nlines.ply"]
@@ -168,34 +152,6 @@ def test_retrieve_ranks_by_dist(run, scans):
     assert {line.split()[2] for line in nearest} == {str(scans / NAMES[i]) for i in (3, 5)}
 
 
-def test_failures_of_distances(refused, run, scans, bodies, tmp_path):
-    one, two = scans / NAMES[0], scans / NAMES[1]
-    other = tmp_path / "other.ply"
-    save_mesh(other, bodies.points[0], bodies.template.faces[::-1])
-    assert "absent.ply" in refused("dist", one, tmp_path / "absent.ply")
-    assert "other.ply is not registered to" in refused("dist", one, other)
-    assert "leave it out" in refused("dist", one, two, "--pose", "-a", "1")
-    assert "must not both be 0" in refused("dist", one, two, "-a", "0", "-c", "0")
-    assert "a must be a finite number of at least 0" in refused("dist", one, two, "-a", "-1")
-    assert "no folder" in refused("matrix", tmp_path / "absent", "-o", tmp_path / "D.npz")
-    assert "holds no mesh" in refused("retrieve", one, _empty(tmp_path))
-    assert "no mesh other than the query" in refused("retrieve", other, tmp_path)
-    assert "-k must be at least 1" in refused("retrieve", one, scans, "-k", "0")
-    assert "nothing to write" in refused("matrix", scans)
-    assert "ending must be .npz" in refused("matrix", scans, "-o", tmp_path / "D.txt")
-    assert "standard output" in refused("matrix", scans, "--csv", "-", "--json")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["empty", "other.ply"]
-    (tmp_path / "D.npz").write_text("mine", encoding="utf-8")
-    assert "exists; --force" in refused("matrix", scans, "-o", tmp_path / "D.npz")
-    assert (tmp_path / "D.npz").read_text(encoding="utf-8") == "mine"
-    assert run("matrix", scans, "-o", tmp_path / "D.npz", "--force").code == 0
-
-
-def _empty(tmp_path):
-    (tmp_path / "empty").mkdir()
-    return tmp_path / "empty"
-
-
 def test_dist_says_what_is_usual_under_the_metric(run, scans):
     files = (scans / NAMES[0], scans / NAMES[1])
     usual = {}
@@ -209,9 +165,3 @@ def test_dist_says_what_is_usual_under_the_metric(run, scans):
         assert run("dist", *files, preset, "--quiet").err == ""
     assert usual["--shape"][0] < usual["--shape"][1]
     assert usual["--pose"][0] > usual["--pose"][1]
-
-
-def test_scans_are_to_be_registered_first(refused, scans, tmp_path):
-    np.savetxt(tmp_path / "scan.xyz", np.zeros((3, 3)))
-    message = refused("mean", scans / NAMES[0], tmp_path / "scan.xyz", "-o", tmp_path / "m.ply")
-    assert "register it first: riemhuman register" in message

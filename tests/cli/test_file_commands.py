@@ -112,15 +112,3 @@ def test_hdf5(facts, bodies, tmp_path):
     found = facts(tmp_path / "registrations_f.hdf5")
     assert found["sequences"] == ["50020_hips: 3 frames"]
     assert (found["people"], found["vertices"]) == (["50020"], 1202)
-
-
-def test_failures(refused, tmp_path):
-    (tmp_path / "notes.txt").write_text("text", encoding="utf-8")
-    (tmp_path / "bad.npz").write_text("text", encoding="utf-8")
-    (tmp_path / "bad.ply").write_text("text", encoding="utf-8")
-    (tmp_path / "bad.hdf5").write_text("text", encoding="utf-8")
-    assert "no file or folder" in refused("info", tmp_path / "absent.ply")
-    assert "the ending must be one of" in refused("info", tmp_path / "notes.txt")
-    assert "not an .npz archive" in refused("info", tmp_path / "bad.npz")
-    assert "not a PLY file" in refused("info", tmp_path / "bad.ply")
-    assert "not an HDF5 file" in refused("info", tmp_path / "bad.hdf5")

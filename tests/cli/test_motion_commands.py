@@ -57,8 +57,6 @@ def test_distance_of_files_in_millimetres_over_a_template(run, refused, people, 
     rh.save_mesh(tmp_path / "other.ply", motion[0], motion.faces[:, [1, 0, 2]])
     said = refused("motions", "dist", *people[:2], "--template", tmp_path / "other.ply")
     assert "other triangles than the motions" in said
-    said = refused("motions", "dist", "a.npz", "b.npz", "--up", "z")
-    assert "--unit and --up are for folders" in said
 
 
 @pytest.mark.parametrize("by", ["changes", "velocities", "rate-invariant"])

@@ -39,19 +39,6 @@ def test_what_is_no_body_is_not_written(tmp_path, capsys):
     assert main(arguments) == 1
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--sequence"], "--sequence needs a folder"),
-        (["--model", "SMPL.npz", "--coarse"], "--coarse cannot be combined"),
-        (["--landmarks", "none.csv"], "none.csv cannot be read"),
-    ],
-)
-def test_options_that_do_not_fit_are_refused(scan, tmp_path, capsys, arguments, message):
-    assert main(["register", str(scan), "-o", str(tmp_path / "body.ply"), *arguments]) == 2
-    assert message in capsys.readouterr().err
-
-
 @pytest.fixture
 def marks(tmp_path):
     file = tmp_path / "marks.csv"
@@ -71,8 +58,3 @@ def test_landmarks_reach_the_registration(scan, marks, tmp_path, monkeypatch):
     assert main(["register", str(scan), "-o", output, "--coarse", "--landmarks", str(marks)]) == 2
     np.testing.assert_array_equal(seen["left_wrist"], [620.0, 1310.0, 50.0])
     np.testing.assert_array_equal(seen["head"], [0.0, 1600.0, 0.0])
-
-
-def test_bodies_are_not_written_among_the_scans(scan, capsys):
-    assert main(["register", str(scan.parent), "-o", str(scan.parent), "--coarse"]) == 2
-    assert "name another folder" in capsys.readouterr().err

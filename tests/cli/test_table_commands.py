@@ -65,10 +65,6 @@ def test_reads_a_labelled_folder(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "4 bodies: 2 people, 2 poses, 1,202 vertices" in printed
     assert len(re.findall(r"shape metric \(1, 0.0001, 0\) +100.0  100.0", printed)) == 1
-    assert main(["tables", "--bodies", str(tmp_path)]) == 2
-    assert "labels.csv; write one with the columns" in capsys.readouterr().err
-    assert main(["tables", *labels]) == 2
-    assert "--labels needs --bodies FOLDER" in capsys.readouterr().err
 
 
 def few_bodies(resolution):
@@ -144,7 +140,7 @@ def test_plot_without_labels_names_points_by_files_and_explains_its_scale(
     run, matrix, tmp_path, monkeypatch
 ):
     figures = []
-    save = "riemhuman.cli._table_commands.save_figure"
+    save = "riemhuman.cli._distance_commands.save_figure"
     monkeypatch.setattr(save, lambda figure, file: figures.append(figure))
     assert run("plot", matrix, "-o", tmp_path / "map.png", "--quiet").code == 0
     (ax,) = figures[0].axes
@@ -176,23 +172,6 @@ def test_meshes_without_labels_are_left_out_if_they_may(run, refused, scans, mat
     picture = tmp_path / "map.png"
     finished = run("plot", matrix, "--labels", table, "--allow-missing", "-o", picture)
     assert finished.out.startswith("meshes      5, mds")
-
-
-@pytest.mark.parametrize("ending", [".png", ".html"])
-def test_a_mean_makes_a_picture_too(run, scans, tmp_path, ending):
-    picture = tmp_path / f"mean{ending}"
-    meshes = [scans / f"body_{k}.ply" for k in (0, 20)]
-    options = ("--n-components", 4, "--picture", picture)
-    assert run("mean", *meshes, "-o", tmp_path / "mean.ply", *options).code == 0
-    start = b"\x89PNG" if ending == ".png" else b"<!doctype html>"
-    assert picture.read_bytes().startswith(start)
-
-
-def test_a_picture_that_cannot_be_written_is_refused_before_the_work(refused, scans, tmp_path):
-    output = tmp_path / "mean.ply"
-    said = refused("mean", scans, "-o", output, "--picture", tmp_path / "mean.gif")
-    assert "must be .png or .html" in said
-    assert not output.exists()
 
 
 @pytest.fixture
@@ -230,7 +209,7 @@ def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):
         return output / "index.html"
 
     monkeypatch.setattr("riemhuman.report.make_report", make_report)
-    monkeypatch.setattr("riemhuman.cli._table_commands._N_COMPONENTS", 3)
+    monkeypatch.setattr("riemhuman.cli._distance_commands._N_COMPONENTS", 3)
     with h5py.File(tmp_path / "registrations_m.hdf5", "w") as file:
         file["faces"] = bodies.template.faces
         file["50002_hips"] = np.moveaxis(bodies.points[:50], 0, -1)
@@ -249,15 +228,3 @@ def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):
     np.testing.assert_array_equal(asked["bodies"].points, expected.points)
     assert (asked["basis"], asked["quick"]) == (None, True)
     assert str(asked["output"]) == "riemhuman-report"
-
-
-def test_failures_of_report(refused, scans, tmp_path):
-    assert "--labels needs --bodies" in refused("report", "--labels", "labels.csv")
-    assert "--people SEED is for" in refused("report", "--bodies", scans, "--people", 1)
-    assert "people" in refused("report", "--people", -1, "-o", tmp_path / "r")
-    assert "no folder" in refused("report", "--faust", tmp_path / "absent", "-o", tmp_path / "r")
-    message = refused("report", "--bodies", scans, "--labels", "absent.csv", "-o", tmp_path / "r")
-    assert "no table of labels absent.csv" in message
-    assert "neither" in refused("report", "--dfaust", tmp_path, "-o", tmp_path / "r")
-    assert "other files" in refused("report", "--bodies", scans, "-o", scans)
-    assert list(tmp_path.iterdir()) == []

@@ -93,5 +93,5 @@ def test_training_names_the_extra_that_it_needs(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "torch", None)
     from training import train
 
-    with pytest.raises(MissingDependencyError, match=r"riemhuman\[learned\]"):
+    with pytest.raises(MissingDependencyError, match=r"\.\[learned\]"):
         train({}, {}, lambda *_: 0.0, n_steps=1, seed=0)

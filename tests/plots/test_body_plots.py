@@ -1,15 +1,16 @@
 """Bodies and film strips as matplotlib pictures."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from cases import sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError
+from riemhuman.io import to_trimesh
+from riemhuman.measurements import Measurements
+from riemhuman.plots import view_bodies
 from riemhuman.plots._colors import colour_limit
-from riemhuman.plots.body_plots import plot_body, plot_path
+from riemhuman.plots.body_plots import plot_body, plot_measurement_lines, plot_path
+from riemhuman.surfaces import Template
 
 TEMPLATE = sphere_template()
 PATH = surfaces(TEMPLATE, 5, size=0.1)
@@ -70,15 +71,38 @@ def test_one_triangle_does_not_rule_the_scale():
     assert colour_limit(np.array([0.0] * 999 + [2.0])) == 2.0
 
 
+def as_pyvista(vertices, faces):
+    pyvista = pytest.importorskip("pyvista")
+    return pyvista.PolyData(vertices, np.column_stack([np.full(len(faces), 3), faces]))
+
+
+def as_meshio(vertices, faces):
+    return pytest.importorskip("meshio").Mesh(vertices, [("triangle", faces)])
+
+
+@pytest.mark.parametrize("made", [to_trimesh, as_pyvista, as_meshio, Template])
+def test_meshes_of_other_packages_are_drawn_as_their_arrays(made):
+    meshes = [made(surface, TEMPLATE.faces) for surface in PATH[:2]]
+    for drawn, expected in (
+        (plot_body(meshes[0], height=40), plot_body(PATH[0], TEMPLATE.faces, height=40)),
+        (plot_path(meshes, height=40), plot_path(PATH[:2], TEMPLATE.faces, height=40)),
+    ):
+        for one, other in zip(drawn.images, expected.images, strict=True):
+            np.testing.assert_allclose(one.get_array(), other.get_array(), atol=2)
+    pages = [view_bodies(meshes), view_bodies(PATH[:2], TEMPLATE.faces)]
+    assert [len(choice) for page in pages for choice in page.choices.values()] == [2, 2]
+    with pytest.raises(ArgumentError, match="the same triangles"):
+        plot_path([meshes[0], made(PATH[1], TEMPLATE.faces[::-1])])
+    with pytest.raises(ArgumentError, match="vertices and faces"):
+        plot_body(PATH[0])
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (lambda: plot_body(PATH[0], TEMPLATE.faces, [1.0]), r"values must have shape \(80\)"),
-        (lambda: plot_path(PATH[0], TEMPLATE.faces), "path must have shape"),
         (lambda: plot_path(PATH, TEMPLATE.faces, n_shown=1), "n_shown"),
-        (lambda: plot_path(PATH, TEMPLATE.faces, spacing=0), "spacing"),
         (lambda: plot_path(PATH, TEMPLATE.faces, colors=np.full((5, 3), 2)), "between 0 and 1"),
-        (lambda: plot_path(PATH, TEMPLATE.faces, np.ones((5, 3))), "values must have shape"),
     ],
 )
 def test_bad_arguments(call, message):
@@ -86,9 +110,12 @@ def test_bad_arguments(call, message):
         call()
 
 
-def test_the_room_loads_without_matplotlib_or_display():
-    code = "import sys, riemhuman.plots; print('matplotlib' in sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env={"PATH": ""}
+def test_every_line_is_drawn_on_every_side(nine_bodies):
+    lines = Measurements(nine_bodies.model).lines(nine_bodies.points[0])
+    figure = plot_measurement_lines(
+        nine_bodies.points[0], nine_bodies.template.faces, lines, height=60
     )
-    assert done.stdout == "False\n"
+    n_curves = sum(map(len, lines.values()))
+    assert [len(axes.lines) for axes in figure.axes] == [n_curves] * 3
+    listed = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert listed == [name for name, curves in lines.items() if curves]

@@ -34,25 +34,51 @@ def test_t_sne_is_seeded_and_keeps_groups_together():
 
 
 @pytest.mark.parametrize(
-    ("distances", "method", "message"),
+    ("distances", "message"),
     [
-        (DISTANCES[:3], "mds", "square matrix of at least 3 items"),
-        (DISTANCES[:2, :2], "mds", "square matrix of at least 3 items"),
-        (np.triu(DISTANCES), "mds", "symmetric"),
-        (-DISTANCES, "mds", "not negative"),
-        (DISTANCES, "umap", "method must be one of 't-sne', 'mds'"),
+        (DISTANCES[:3], "square matrix of at least 3 items"),
+        (np.triu(DISTANCES), "symmetric"),
+        (-DISTANCES, "not negative"),
     ],
 )
-def test_bad_arguments(distances, method, message):
+def test_bad_matrices(distances, message):
     with pytest.raises(ArgumentError, match=message):
-        embed(distances, method)
+        embed(distances, "mds")
 
 
 def test_without_scikit_learn(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "sklearn.manifold", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install 'riemhuman\[report\]'"):
+    with pytest.raises(MissingDependencyError, match=r"\[report\]'"):
         embed(DISTANCES)
     assert embed(DISTANCES, "mds").shape == (12, 2)
+
+
+LABELS = np.repeat([0, 1, 2], 4)
+PLACES = POINTS + 8 * np.eye(3)[LABELS][:, :2]
+
+
+def test_maps_show_every_item_in_the_colour_of_its_class():
+    ax = plot_embedding(PLACES, LABELS, ["one", "two", "three"])
+    groups = PLACES.reshape(3, 4, 2)  # four items a class, in order
+    for group, dots in zip(groups, ax.collections, strict=True):
+        np.testing.assert_array_equal(dots.get_offsets(), group)
+    assert len({tuple(dots.get_facecolor()[0]) for dots in ax.collections}) == 3
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["one", "two", "three"]
+
+
+def test_maps_have_a_body_for_every_class(nine_bodies):
+    labels = np.unique(nine_bodies.pose, return_inverse=True)[1]
+    ax = plot_embedding(
+        PLACES[:9], labels, list("abc"), points=nine_bodies.points,
+        faces=nine_bodies.template.faces,
+    )  # fmt: skip
+    boxes = [artist for artist in ax.artists if hasattr(artist, "offsetbox")]
+    assert len(boxes) == 3
+    x, y = ax.get_xlim(), ax.get_ylim()
+    for box in boxes:
+        assert x[0] < box.xy[0] < x[1]
+        assert y[0] < box.xy[1] < y[1]
+    assert [text.get_text() for text in ax.texts] == ["a", "b", "c"]
 
 
 def clusters(seed):

@@ -1,4 +1,4 @@
-"""Maps, energies and retrieval results as matplotlib pictures."""
+"""Energies and retrieval results as matplotlib pictures."""
 
 import re
 from importlib.resources import files
@@ -6,37 +6,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from riemhuman.errors import ArgumentError
-from riemhuman.plots.maps import plot_embedding
-from riemhuman.plots.result_plots import plot_confusion, plot_energy, plot_sweep
-
-LABELS = np.repeat([0, 1, 2], 4)
-POSITIONS = np.random.default_rng(0).normal(size=(12, 2)) + 8 * np.eye(3)[LABELS][:, :2]
-DISTANCES = np.linalg.norm(POSITIONS[:, None] - POSITIONS, axis=-1)
-
-
-def test_maps_show_every_item_in_the_colour_of_its_class():
-    ax = plot_embedding(POSITIONS, LABELS, ["one", "two", "three"])
-    groups = POSITIONS.reshape(3, 4, 2)  # four items a class, in order
-    for group, dots in zip(groups, ax.collections, strict=True):
-        np.testing.assert_array_equal(dots.get_offsets(), group)
-    assert len({tuple(dots.get_facecolor()[0]) for dots in ax.collections}) == 3
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["one", "two", "three"]
-
-
-def test_maps_have_a_body_for_every_class(nine_bodies):
-    labels = np.unique(nine_bodies.pose, return_inverse=True)[1]
-    ax = plot_embedding(
-        POSITIONS[:9], labels, list("abc"), points=nine_bodies.points,
-        faces=nine_bodies.template.faces,
-    )  # fmt: skip
-    boxes = [artist for artist in ax.artists if hasattr(artist, "offsetbox")]
-    assert len(boxes) == 3
-    x, y = ax.get_xlim(), ax.get_ylim()
-    for box in boxes:
-        assert x[0] < box.xy[0] < x[1]
-        assert y[0] < box.xy[1] < y[1]
-    assert [text.get_text() for text in ax.texts] == ["a", "b", "c"]
+from riemhuman.plots.result_plots import plot_energy, plot_sweep
 
 
 def test_energy_is_drawn_as_it_is():
@@ -79,19 +49,3 @@ def test_what_is_written_on_the_page_reads_on_its_ground():
         color = dict(re.findall(r"--(\w+): (#[0-9a-f]+);", theme))
         for written in ("ink", "quiet", "accent"):
             assert contrast(to_rgba(color[written]), to_rgba(color["ground"])) >= 4.5
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: plot_embedding(POSITIONS, LABELS[1:]), "labels must have shape"),
-        (lambda: plot_embedding(POSITIONS[:, :1], LABELS), "positions must have shape"),
-        (lambda: plot_embedding(POSITIONS, LABELS, points=POSITIONS), "must be given together"),
-        (lambda: plot_sweep(np.ones((2, 2)), [1.0], ["0"]), "scores must have shape"),
-        (lambda: plot_confusion(DISTANCES, LABELS[1:]), "11 labels found; .* 12 items"),
-        (lambda: plot_energy([[1.0]]), "energies must have shape"),
-    ],
-)
-def test_bad_arguments(call, message):
-    with pytest.raises(ArgumentError, match=message):
-        call()

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from contextlib import contextmanager
 from html.parser import HTMLParser
 
 import numpy as np
@@ -12,8 +13,7 @@ from cases import sphere_template, surfaces
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.report import benchmark, make_report
-from riemhuman.report._storage import ResultStore
+from riemhuman.report import _path_sections, benchmark, make_report
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
@@ -189,45 +189,31 @@ def test_run_again_nothing_is_computed(folder, nine_bodies):
 
 
 def test_stopped_from_the_keyboard_it_goes_on_where_it_was(tmp_path, monkeypatch, nine_bodies):
-    from riemhuman.report import _experiments
-
     basis = DeformationBasis.from_laplacian(nine_bodies.template, 6)
 
     def interrupt(*arguments):
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch:
-        patch.setattr(_experiments.BasisPath, "solve", interrupt)
+    monkeypatch.setattr(_path_sections.BasisPath, "solve", interrupt)
+    tasks = []
+
+    @contextmanager
+    def watch(name):
+        tasks.append(name)
+        yield
+
+    for _ in "ab":
         with pytest.raises(KeyboardInterrupt):
-            make_report(tmp_path / "r", bodies=nine_bodies, basis=basis, quick=True)
+            make_report(tmp_path / "r", bodies=nine_bodies, basis=basis, quick=True, progress=watch)
     assert not (tmp_path / "r" / "index.html").exists()
-    kept = {file.stem for file in (tmp_path / "r" / "results").glob("*.npz")}
-    assert kept == {"distances-shape-metric-1-0-0001-0", "distances-pose-metric-0-0-1",
-                    "distances-srnf", "distances-rotation-metric",
-                    "distances-general-elastic-metric-1-1-1", "maps", "sweep"}  # fmt: skip
-
-    # All but the first step of what is left is cut away: the test is about the beginning.
-    def stop(self, *arguments):
-        raise RuntimeError("far enough")
-
-    monkeypatch.setattr(_experiments.Experiments, "_geodesic", stop)
-    stores = []
-    monkeypatch.setattr(ResultStore, "__init__", remember(stores, ResultStore.__init__))
-    with pytest.raises(RuntimeError, match="far enough"):
-        make_report(tmp_path / "r", bodies=nine_bodies, basis=basis, quick=True)
-    steps = [step for step in stores[0].steps if step.name.startswith("distances-")]
-    assert len(steps) == 5
-    assert all(step.is_reused for step in steps)
-
-
-def remember(stores, initialize):
-    """Return an initializer that also appends its objects to a list."""
-
-    def initialize_and_remember(self, *arguments):
-        initialize(self, *arguments)
-        stores.append(self)
-
-    return initialize_and_remember
+    stored = {file.stem for file in (tmp_path / "r" / "results").glob("*.npz")}
+    assert stored == {"distances-shape-metric-1-0-0001-0", "distances-pose-metric-0-0-1",
+                      "distances-srnf", "distances-rotation-metric",
+                      "distances-general-elastic-metric-1-1-1", "maps", "differences"}  # fmt: skip
+    # Only what was interrupted is begun again.
+    again = "Geodesic, one person, two poses"
+    assert [tasks.count(name) for name in tasks] == [2 if name == again else 1 for name in tasks]
+    assert len(tasks) > 15
 
 
 @pytest.mark.sampled(3, "reports without figures")
@@ -266,6 +252,6 @@ def test_refusals_leave_nothing_behind(tmp_path, nine_bodies, monkeypatch):
     with pytest.raises(ArgumentError, match="vertices"):
         make_report(tmp_path / "new", bodies=nine_bodies, basis=other)
     monkeypatch.setitem(__import__("sys").modules, "sklearn.manifold", None)
-    with pytest.raises(MissingDependencyError, match=r"riemhuman\[report\]"):
+    with pytest.raises(MissingDependencyError, match=r"\.\[report\]"):
         make_report(tmp_path / "new", bodies=nine_bodies)
     assert [entry.name for entry in tmp_path.iterdir()] == ["thesis.tex"]

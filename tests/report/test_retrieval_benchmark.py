@@ -5,12 +5,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from descriptor_meshes import sphere
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.descriptors import HeatKernelSignature, ShapeDNA
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.report import BenchmarkRecord, benchmark, format_benchmark
+from riemhuman.report import BenchmarkRecord, benchmark, format_benchmark, representations
+from riemhuman.report.retrieval_benchmark import GAUGE_INVARIANT, SOBOLEV
 from riemhuman.retrieval import RetrievalScores, scores
+from riemhuman.surfaces import Template
 
 
 class Some(SimpleNamespace):
@@ -20,17 +23,16 @@ class Some(SimpleNamespace):
         return len(self.subject)
 
 
+def some_of(everyone, chosen, **fields):
+    per_body = {name: getattr(everyone, name)[chosen] for name in ("points", "subject", "pose")}
+    return Some(template=everyone.template, **per_body, **fields)
+
+
 @pytest.fixture(scope="module")
 def few():
     """Return three people in three poses."""
-    everyone = load_open_bodies("coarse")
     chosen = [10 * person + pose for person in (0, 4, 8) for pose in (0, 2, 5)]
-    return Some(
-        points=everyone.points[chosen],
-        template=everyone.template,
-        subject=everyone.subject[chosen],
-        pose=everyone.pose[chosen],
-    )
+    return some_of(load_open_bodies("coarse"), chosen)
 
 
 class Heights:
@@ -145,7 +147,7 @@ def test_table_says_what_is_better_than_ours():
         record("pose metric (0, 0, 1)", "pose", [90.0, 80.0, 70.0, 60.0]),
         record("theirs", "pose", [90.0, 80.0, 70.0, 60.04]),
     ]
-    who, how = format_benchmark(records).split("\n\n")
+    who, how, _ = format_benchmark(records).split("\n\n")
     lines = who.splitlines()
     assert lines[0].split() == [
         *("Who", "is", "it?", "NN", "FT", "ST", "mAP"),
@@ -162,3 +164,39 @@ def test_table_says_what_is_better_than_ours():
     other = format_benchmark(records, {"shape": "theirs"})
     assert f"Better than theirs in NN (98.0): {ours} (100.0)." in other
     assert "Nothing is better" not in other
+
+
+TEMPLATE_FREE = ["APT", "ShapeDNA", "HKS", "WKS"]
+
+
+def test_registered_bodies_have_all():
+    everyone = load_open_bodies("coarse")
+    names = list(representations(everyone))
+    assert names[:3] == ["shape metric (1, 0.0001, 0)", "pose metric (0, 0, 1)", "SRNF"]
+    assert set(TEMPLATE_FREE) < set(names)
+    assert {SOBOLEV, GAUGE_INVARIANT} < set(names)
+    assert "model shape vector" in names
+    few = some_of(everyone, [0, 2, 80, 82], model=everyone.model)
+    records = benchmark(few, representations(few))
+    assert [record.problem for record in records if record.scores is None] == []
+    assert len(records) == 2 * len(names)
+    who = {record.representation: record.scores.nn for record in records if record.task == "shape"}
+    assert all(who[name] == 100.0 for name in TEMPLATE_FREE)
+
+
+def test_templates_of_mixed_orientation_have_no_gauge_invariant_metric():
+    bodies = load_open_bodies("coarse")
+    faces = bodies.template.faces.copy()
+    faces[0] = faces[0, ::-1]
+    mixed = SimpleNamespace(points=bodies.points, template=Template(bodies.points[0], faces))
+    names = set(representations(mixed))
+    assert SOBOLEV in names
+    assert GAUGE_INVARIANT not in names
+
+
+def test_without_a_model_or_registration():
+    bodies = load_open_bodies("coarse")
+    without = SimpleNamespace(points=bodies.points, template=bodies.template, model=None)
+    assert not any(name.startswith("model") for name in representations(without))
+    assert list(representations([sphere(1), sphere(2)])) == TEMPLATE_FREE
+    assert np.isfinite(representations([])["ShapeDNA"].describe(*sphere(2))).all()

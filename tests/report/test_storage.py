@@ -23,25 +23,16 @@ def enter(path):
         pass
 
 
-@pytest.mark.parametrize("there", [True, False])
-def test_new_and_empty_folders_are_taken(tmp_path, there):
+def test_new_folders_and_earlier_reports_are_taken(tmp_path):
     folder = tmp_path / "a" / "b"
-    if there:
-        folder.mkdir(parents=True)
     with open_folder(folder) as opened:
         assert opened == folder
     assert {entry.name for entry in folder.iterdir()} == {MARKER, *SUBFOLDERS[:3]}
-
-
-def test_an_earlier_report_is_taken_and_keeps_its_files(tmp_path):
-    with open_folder(tmp_path / "report"):
-        pass
-    write_provenance(tmp_path / "report", {"status": "finished"})
-    (tmp_path / "report" / "results" / "one.npz").write_bytes(b"1")
-    with open_folder(tmp_path / "report"):
-        pass
-    assert (tmp_path / "report" / "results" / "one.npz").read_bytes() == b"1"
-    assert json.loads((tmp_path / "report" / MARKER).read_text())["status"] == "begun"
+    write_provenance(folder, {"status": "finished"})
+    (folder / "results" / "one.npz").write_bytes(b"1")
+    enter(folder)
+    assert (folder / "results" / "one.npz").read_bytes() == b"1"
+    assert json.loads((folder / MARKER).read_text())["status"] == "begun"
 
 
 @pytest.mark.parametrize("marker", [None, "{}", "[]", "not json", '{"made_by": "others"}'])
@@ -126,15 +117,6 @@ def test_a_damaged_file_is_computed_again(tmp_path, damage):
         file.write_bytes(damage)
     assert ResultStore(tmp_path, {}).step("one", {}, compute).record["value"] == 1.0
     assert compute.n_runs == 2
-
-
-def test_an_interruption_leaves_no_file(tmp_path):
-    def interrupted():
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        ResultStore(tmp_path, {}).step("one", {}, interrupted)
-    assert not list(tmp_path.iterdir())
 
 
 def test_fingerprints_tell_arrays_apart():
