@@ -23,6 +23,8 @@ import riemhuman as rh
 
 SOURCES = Path(__file__).parent
 WEB = Path(rh.plots.__file__).parent / "web"
+_LEAST_HEIGHT = 300  # pixels of a picture on a card
+_SHORT_SENTENCE = 50  # letters
 VIEWER = "application/vnd.riemhuman.viewer+html"
 
 
@@ -71,23 +73,26 @@ def with_viewers(path: Path) -> None:
 
 
 def gallery(notebooks: list[Path]) -> str:
-    """Return the page of all notebooks, each with its first picture, written beside it."""
+    """Return the page of all notebooks: of each a picture, written beside it, and a sentence."""
     text = (SOURCES / "gallery.md").read_text(encoding="utf-8").split("- [")[0]
     cards = []
     for path in notebooks:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
         title = "".join(cells[0]["source"]).splitlines()[0].lstrip("# ")
         pictures = [
-            output["data"]["image/png"]
+            base64.b64decode("".join(output["data"]["image/png"]))
             for cell in cells
             for output in cell.get("outputs", [])
             if "image/png" in output.get("data", {})
         ]
+        # A PNG file says its height at bytes 20 to 23; low film strips show bodies too small.
+        high = [each for each in pictures if int.from_bytes(each[20:24], "big") >= _LEAST_HEIGHT]
         picture = path.with_name(f"gallery_{path.stem}.png")
-        picture.write_bytes(base64.b64decode("".join(pictures[0])))
+        picture.write_bytes((high or pictures)[0])
         cards.append(
             f":::{{grid-item-card}} {title}\n:link: {path.stem}\n:link-type: doc\n"
-            f":img-top: {picture.name}\n:class-card: gallery-card\n:::"
+            f":img-top: {picture.name}\n:class-card: gallery-card\n\n"
+            f"{first_sentence(cells[0])}\n:::"
         )
     contents = "\n".join(path.stem for path in notebooks)
     return (
@@ -95,6 +100,13 @@ def gallery(notebooks: list[Path]) -> str:
         + "\n".join(cards)
         + f"\n::::\n\n```{{toctree}}\n:hidden:\n\n{contents}\n```\n"
     )
+
+
+def first_sentence(cell: dict[str, Any]) -> str:
+    """Return the first sentence below the title, and the second if the first is short."""
+    paragraph = "".join(cell["source"]).split("\n\n")[1].replace("\n", " ")
+    first, *more = re.split(r"(?<=[.?])\s", re.sub(r"[*_]", "", paragraph))
+    return f"{first} {more[0]}" if more and len(first) < _SHORT_SENTENCE else first
 
 
 def reference() -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -46,65 +46,52 @@ _BY = option(
 _N_TIMES = option("--n-times", "times of the result", default=40, metavar="N")
 
 
-class _StoredMotion:
-    """The motion in an .npz file that `riemhuman transfer` wrote."""
+@dataclass(frozen=True)
+class _Motions:
+    """Motions of one triangulation with names; frames are read when they are needed."""
 
-    def __init__(self, file: Path) -> None:
-        arrays = rh.io.load_arrays(file, ("path", "faces"))
-        self._frames, self.faces = arrays["path"], arrays["faces"]
+    names: list[str]
+    motions: list[Any]
+    faces: Any
 
-    def __len__(self) -> int:
-        return len(self._frames)
+    def space(self, options: argparse.Namespace, n_times: int = 40) -> Any:
+        """Return their space with the pose metric; by default, the first frame is template."""
+        body = self.motions[0][0]
+        if options.template is not None:
+            meshes = rh.datasets.RegisteredMeshes(
+                [options.template], unit=options.unit, up=options.up
+            )
+            _check_faces(f"--template {options.template}", meshes.faces, self.faces)
+            body = meshes[0]
+        space = rh.AlignedSurfaces(rh.Template(body, self.faces), equip=False)
+        space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
+        return rh.motions.MotionSpace(space, n_times)
 
-    def __getitem__(self, index: Any) -> Any:
-        return self._frames[index]
 
-
-def _read(
-    options: argparse.Namespace, paths: Sequence[Path], count: int | None = None
-) -> tuple[list[str], list[Any]]:
-    """Return the names of motions, and the motions, whose frames are read when they are needed."""
+def _read(options: argparse.Namespace, *paths: Path, count: int | None = None) -> _Motions:
+    """Return the motions in .npz files and folders, if asked for a given number of them."""
     if (options.unit or options.up) and not any(path.is_dir() for path in paths):
         raise ArgumentError("--unit and --up are for folders of meshes; .npz files are in metres")
-    names: list[str] = []
-    motions: list[Any] = []
+    found: list[tuple[str, Any, Any]] = []
     for path in paths:
         if path.suffix.lower() == ".npz":
-            names.append(path.stem)
-            motions.append(_StoredMotion(path))
-            continue
-        for motion in rh.datasets.load_mesh_motions(path, unit=options.unit, up=options.up):
-            names.append(motion.sequence)
-            motions.append(motion)
-    if count is not None and len(motions) != count:
+            arrays = rh.io.load_arrays(path, ("path", "faces"))
+            found.append((path.stem, arrays["path"], arrays["faces"]))
+        else:
+            motions = rh.datasets.load_mesh_motions(path, unit=options.unit, up=options.up)
+            found += [(motion.sequence, motion, motion.faces) for motion in motions]
+    if count is not None and len(found) != count:
         raise ArgumentError(
-            f"{' and '.join(map(str, paths))} must hold one motion each; found {len(motions)}"
+            f"{' and '.join(map(str, paths))} must hold one motion each; found {len(found)}"
         )
-    for name, motion in zip(names, motions, strict=True):
-        if _differ(motion.faces, motions[0].faces):
-            raise ArgumentError(
-                f"all motions must share one triangulation; {name} has another than {names[0]}"
-            )
-    return names, motions
+    for name, _, faces in found[1:]:
+        _check_faces(name, faces, found[0][2])
+    return _Motions([name for name, *_ in found], [motion for _, motion, _ in found], found[0][2])
 
 
-def _differ(faces: Any, expected: Any) -> bool:
-    return faces.shape != expected.shape or bool((faces != expected).any())
-
-
-def _space(options: argparse.Namespace, motion: Any, n_times: int = 40) -> Any:
-    """Return the space of motions with the pose metric; by default, a first frame is template."""
-    body = motion[0]
-    if options.template is not None:
-        meshes = rh.datasets.RegisteredMeshes([options.template], unit=options.unit, up=options.up)
-        if _differ(meshes.faces, motion.faces):
-            raise ArgumentError(
-                f"--template {options.template} has other triangles than the motions"
-            )
-        body = meshes[0]
-    space = rh.AlignedSurfaces(rh.Template(body, motion.faces), equip=False)
-    space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
-    return rh.motions.MotionSpace(space, n_times)
+def _check_faces(name: str, faces: Any, expected: Any) -> None:
+    if faces.shape != expected.shape or (faces != expected).any():
+        raise ArgumentError(f"all motions must share one triangulation; {name} has another")
 
 
 def _measure(options: argparse.Namespace, space: Any, n_components: int | None = None) -> Any:
@@ -128,9 +115,9 @@ def _measure(options: argparse.Namespace, space: Any, n_components: int | None =
     _BY,
 )
 def _dist(options: argparse.Namespace) -> Answer:
-    names, motions = _read(options, [options.a_motion, options.b_motion], 2)
-    dist = float(_measure(options, _space(options, motions[0])).dist(*motions))
-    record = {"a": names[0], "b": names[1], "by": options.by, "distance": dist}
+    read = _read(options, options.a_motion, options.b_motion, count=2)
+    dist = float(_measure(options, read.space(options)).dist(*read.motions))
+    record = {"a": read.names[0], "b": read.names[1], "by": options.by, "distance": dist}
     return Answer(f"{dist:.8g}", record)
 
 
@@ -155,10 +142,10 @@ def _matrix(options: argparse.Namespace) -> Answer:
 
     from riemhuman.io.files import write_text
 
-    names, motions = _read(options, options.motions)
-    measure = _measure(options, _space(options, motions[0]), options.components)
-    with options.task(f"Distances of {len(motions)} motions"):
-        distances = measure.dist_pairwise(motions, progress=options.bars)
+    read = _read(options, *options.motions)
+    names, measure = read.names, _measure(options, read.space(options), options.components)
+    with options.task(f"Distances of {len(names)} motions"):
+        distances = measure.dist_pairwise(read.motions, progress=options.bars)
     if options.ending == ".npz":
         rh.io.save_arrays(options.output, {"distances": distances, "names": np.array(names)})
     else:
@@ -180,18 +167,17 @@ def _matrix(options: argparse.Namespace) -> Answer:
     _BY,
 )
 def _align(options: argparse.Namespace) -> Answer:
-    names, (a, b) = _read(options, [options.a_motion, options.b_motion], 2)
-    space = _space(options, a, options.n_times)
+    read = _read(options, options.a_motion, options.b_motion, count=2)
+    space, names = read.space(options, options.n_times), tuple(read.names)
     with options.task("Alignment"):
         measure = _measure(options, space)
-        first, second, warp = rh.motions.align_motions(space, a, b, measure, tuple(names))
+        first, second, warp = rh.motions.align_motions(space, *read.motions, measure, names)
     if options.ending == ".npz":
         arrays = {"first": first, "second": second}
         arrays |= {"first_times": warp.first, "second_times": warp.second}
         rh.io.save_arrays(options.output, arrays)
     else:
-        faces = space.frames.template.faces
-        rh.plots.AlignedMotions(first, second, faces, warp, names).save(options.output)
+        rh.plots.AlignedMotions(first, second, read.faces, warp, names).save(options.output)
     record = {"a": names[0], "b": names[1], "by": options.by, "distance": warp.dist}
     return Answer({"distance": f"{warp.dist:.8g}"}, record)
 
@@ -210,16 +196,15 @@ def _align(options: argparse.Namespace) -> Answer:
     _BY,
 )
 def _mean(options: argparse.Namespace) -> Answer:
-    names, motions = _read(options, options.motions)
-    space = _space(options, motions[0], options.n_times)
+    read = _read(options, *options.motions)
+    space = read.space(options, options.n_times)
     alignment, bars = _measure(options, space), options.bars
     estimator = rh.motions.MotionMean(space, alignment=alignment, progress=bars)
-    with options.task(f"Mean of {len(motions)} motions"):
-        mean = estimator.fit(motions)
-    faces = space.frames.template.faces
-    write_motion(options, mean.estimate_, faces, "Mean of motions", times=mean.times_)
-    text = {"motions": len(motions), "variance": f"{mean.variance_:.8g}"}
-    return Answer(text, {"motions": names, "variance": mean.variance_})
+    with options.task(f"Mean of {len(read.names)} motions"):
+        mean = estimator.fit(read.motions)
+    write_motion(options, mean.estimate_, read.faces, "Mean of motions", times=mean.times_)
+    text = {"motions": len(read.names), "variance": f"{mean.variance_:.8g}"}
+    return Answer(text, {"motions": read.names, "variance": mean.variance_})
 
 
 @command(
@@ -235,9 +220,9 @@ def _mean(options: argparse.Namespace) -> Answer:
     option("-k", "largest number of parts to print", default=5, metavar="K"),
 )
 def _find(options: argparse.Namespace) -> Answer:
-    _, (query, motion) = _read(options, [options.a_motion, options.b_motion], 2)
-    metric = _space(options, query).frames.metric
-    parts = rh.motions.MotionSearch(metric, options.bars).find(query, motion, options.k)
+    read = _read(options, options.a_motion, options.b_motion, count=2)
+    search = rh.motions.MotionSearch(read.space(options).frames.metric, options.bars)
+    parts = search.find(*read.motions, options.k)
     record = [{"distance": p.dist, "first": p.start, "last": p.stop - 1} for p in parts]
     rows = [f"{p.dist:10.6g}  {p.start:6d}  {p.stop - 1:6d}" for p in parts]
     return Answer("\n".join(["  distance   first    last", *rows]), record)
@@ -253,8 +238,6 @@ def _find(options: argparse.Namespace) -> Answer:
     flag("--angles", "also compare joint angles, which takes minutes"),
 )
 def _table(options: argparse.Namespace) -> Answer:
-    from dataclasses import asdict
-
     task = options.task
     compared = rh.motions.compare_representations(options.seed, angles=options.angles, task=task)
     rows = rh.retrieval.retrieval_table(*compared)

@@ -98,8 +98,8 @@ def _register(options: argparse.Namespace) -> Answer:
 def _register_file(registration: Any, options: argparse.Namespace) -> Answer:
     import numpy as np
 
-    scan = rh.registration.load_scan(options.scans, options.unit)
     landmarks = options.landmarks and rh.registration.load_landmarks(options.landmarks)
+    scan = rh.registration.load_scan(options.scans, options.unit)
     with options.task(f"Registering {len(scan):,} points"):
         result = registration.solve(scan, landmarks=landmarks)
     record = {

@@ -5,7 +5,7 @@ from riemhuman.plots._figures import figure_files, figure_style, new_figure
 from riemhuman.plots._viewer_data import ViewedBody
 from riemhuman.plots.body_plots import per_area, plot_body, plot_measurement_lines, plot_path
 from riemhuman.plots.maps import embed, plot_embedding, stress
-from riemhuman.plots.rendering import View, render, surfaces_html, vertices_html
+from riemhuman.plots.rendering import View, render, surfaces_html
 from riemhuman.plots.result_plots import (
     plot_confusion,
     plot_energy,
@@ -48,7 +48,6 @@ __all__ = [
     "save_picture",
     "stress",
     "surfaces_html",
-    "vertices_html",
     "view_bodies",
     "view_path",
 ]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import struct
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -273,23 +273,34 @@ def points_picture(
 
 def strip_picture(
     surfaces: Sequence[ndarray] | ndarray,
-    faces: ndarray,
+    faces: ndarray | None,
     colors: Sequence[ArrayLike] | None = None,
     view: View | None = None,
     height: int = _STRIP_HEIGHT,
 ) -> ndarray:
-    """Draw at most eight surfaces side by side at one scale, evenly chosen from more."""
-    view = view or View()
-    tints = [SKIN] * len(surfaces) if colors is None else colors
+    """Draw at most eight surfaces side by side at one scale, evenly chosen from more.
 
-    def draw(number: int, surface: ndarray, window: Window) -> ndarray:
-        tint = tints[number]
-        return render(surface, faces, height=height, view=view, window=window, color=tint)
+    Each is as wide as the widest. Without triangles, their vertices are drawn.
+    """
+    n_surfaces, view = len(surfaces), view or View()
+    shown = np.linspace(0, n_surfaces - 1, min(n_surfaces, _MOST_SHOWN)).round().astype(int)
+    chosen = np.stack([surfaces[number] for number in shown])
+    chosen = chosen - (chosen.min(axis=1, keepdims=True) + chosen.max(axis=1, keepdims=True)) / 2
+    window = window_around(chosen, view)
+    if faces is None:
+        pictures = [points_picture(points, window, height, view=view) for points in chosen]
+    else:
+        tints = [SKIN if colors is None else colors[number] for number in shown]
+        pictures = [
+            render(surface, faces, height=height, view=view, window=window, color=tint)
+            for surface, tint in zip(chosen, tints, strict=True)
+        ]
+    return np.concatenate(pictures, axis=1)
 
-    return _strip(surfaces, draw, view)
 
-
-def surfaces_html(surfaces: Sequence[ndarray] | ndarray, faces: ndarray, caption: str) -> str:
+def surfaces_html(
+    surfaces: Sequence[ndarray] | ndarray, faces: ndarray | None, caption: str
+) -> str:
     """Return HTML with a picture of at most eight surfaces side by side, and a caption.
 
     Notebooks show it for objects of the library that hold surfaces.
@@ -298,8 +309,8 @@ def surfaces_html(surfaces: Sequence[ndarray] | ndarray, faces: ndarray, caption
     ----------
     surfaces : sequence of array, each of shape (V, 3)
         Surfaces in metres, y up; of more than eight, eight evenly spaced ones are shown.
-    faces : array of int, shape (F, 3)
-        Triangles.
+    faces : array of int, shape (F, 3), or None
+        Triangles; without them, vertices are drawn.
     caption : str
         Plain text below the picture.
 
@@ -315,66 +326,15 @@ def surfaces_html(surfaces: Sequence[ndarray] | ndarray, faces: ndarray, caption
     >>> rh.plots.surfaces_html(bodies.points[:2], bodies.template.faces, "Two")[:7]
     '<figure'
     """
-    return _figure(surfaces, lambda: strip_picture(surfaces, faces), caption)
-
-
-def vertices_html(surfaces: Sequence[ndarray] | ndarray, caption: str) -> str:
-    """Return HTML with the vertices of at most eight surfaces side by side, and a caption.
-
-    Parameters
-    ----------
-    surfaces : sequence of array, each of shape (V, 3)
-        Surfaces in metres, y up; of more than eight, eight evenly spaced ones are shown.
-    caption : str
-        Plain text below the picture.
-
-    Returns
-    -------
-    str
-        An HTML fragment that needs no other file.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> rh.plots.vertices_html(bodies.points[:2], "Two")[:7]
-    '<figure'
-    """
-
-    def draw(number: int, surface: ndarray, window: Window) -> ndarray:
-        return points_picture(surface, window, _STRIP_HEIGHT)
-
-    return _figure(surfaces, lambda: _strip(surfaces, draw, View()), caption)
+    image, text = "", escape(caption, quote=True)
+    if len(surfaces):
+        image = f'<img src="{image_source(strip_picture(surfaces, faces))}" alt="{text}">'
+    return f'<figure style="margin:0">{image}<figcaption>{text}</figcaption></figure>'
 
 
 def image_source(picture: ndarray) -> str:
     """Return a picture as the address of an HTML image."""
     return f"data:image/png;base64,{base64.b64encode(png_bytes(picture)).decode('ascii')}"
-
-
-def _figure(
-    surfaces: Sequence[ndarray] | ndarray, draw: Callable[[], ndarray], caption: str
-) -> str:
-    text = f"<figcaption>{escape(caption)}</figcaption>"
-    if len(surfaces) == 0:
-        return f"<figure>{text}</figure>"
-    image = f'<img src="{image_source(draw())}" alt="{escape(caption, quote=True)}">'
-    return f'<figure style="margin:0">{image}{text}</figure>'
-
-
-def _strip(
-    surfaces: Sequence[ndarray] | ndarray,
-    draw: Callable[[int, ndarray, Window], ndarray],
-    view: View,
-) -> ndarray:
-    """Return pictures of centred surfaces side by side, each as wide as the widest."""
-    n_surfaces = len(surfaces)
-    shown = np.linspace(0, n_surfaces - 1, min(n_surfaces, _MOST_SHOWN)).round().astype(int)
-    chosen = np.stack([surfaces[number] for number in shown])
-    chosen = chosen - (chosen.min(axis=1, keepdims=True) + chosen.max(axis=1, keepdims=True)) / 2
-    window = window_around(chosen, view)
-    pictures = [draw(number, f, window) for number, f in zip(shown, chosen, strict=True)]
-    return np.concatenate(pictures, axis=1)
 
 
 def png_bytes(picture: ndarray) -> bytes:

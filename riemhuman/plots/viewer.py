@@ -22,7 +22,7 @@ from markupsafe import Markup
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array
+from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
@@ -34,6 +34,7 @@ from riemhuman.plots.rendering import View, as_surfaces, image_source, png_bytes
 if TYPE_CHECKING:
     from riemhuman.motions import Warp
 
+_SECONDS = 2.4  # a path is played in, unless its duration is given
 _STILL_HEIGHT = 240
 _PICTURE_HEIGHT = 400
 _MOST_IN_PICTURE = 8
@@ -147,6 +148,8 @@ class Viewer(_Page):
         Largest number of vertices; bodies with more are shown with fewer, and the page says so.
     description : str
         Text below the title of the page.
+    seconds : float
+        Duration of paths at speed 1.
 
     Examples
     --------
@@ -163,6 +166,7 @@ class Viewer(_Page):
     view: View = field(default_factory=View)
     max_vertices: int = MAX_VERTICES
     description: str = ""
+    seconds: float = _SECONDS
 
     def __repr__(self) -> str:
         return f"Viewer({self.title!r}, choices={list(self.choices)})"
@@ -183,7 +187,8 @@ class Viewer(_Page):
             legend=self.legend,
             stills={name: self._still(bodies) for name, bodies in self.choices.items()},
             moving=any(len(body.frames) > 1 for body in shown_first),
-            data=payload(self.choices, self.faces, self.view, self.max_vertices),
+            data=payload(self.choices, self.faces, self.view, self.max_vertices)
+            | {"seconds": self.seconds},
         )
 
     def _content(self) -> tuple[str, dict[str, Any]]:
@@ -221,6 +226,7 @@ def view_path(
     title: str = "Path of bodies",
     description: str = "",
     view: View | None = None,
+    seconds: float | None = None,
 ) -> Viewer:
     """Return an interactive view that plays a path, or several to choose from.
 
@@ -240,6 +246,8 @@ def view_path(
         Text below the title of the page.
     view : View, optional
         Initial direction from which the bodies are seen.
+    seconds : float, optional
+        Duration of the path at speed 1; by default 2.4.
 
     Returns
     -------
@@ -263,7 +271,10 @@ def view_path(
         choices = {title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
     else:
         choices = {name: [ViewedBody("", surfaces)] for name, surfaces in frames.items()}
-    return _viewer(faces, choices, legend, title, description, view)
+    viewer = _viewer(faces, choices, legend, title, description, view)
+    if seconds is None:
+        return viewer
+    return replace(viewer, seconds=real_number(seconds, "seconds", minimum=0, strict=True))
 
 
 def view_bodies(

@@ -160,9 +160,10 @@ def _curves(report: Report, task: Task) -> str:
         f"Precision against recall of {task.name}, one curve for each representation.",
         f"{task.question} Precision at each level of recall. An ideal curve runs along the top: "
         f"the whole class is ranked first. {link}",
-        _draw_precision_recall,
+        plot_precision_recall,
         matrices,
         task.labels,
+        size=(3.5, 3.2),
     )
 
 
@@ -182,10 +183,11 @@ def _mistakes(report: Report, task: Task) -> str:
         f"{task.question} Confusion of nearest neighbours under the {task.metric}: rows are "
         "bodies, columns their nearest neighbours; entries off the diagonal are mistakes. "
         f"{link}",
-        _draw_confusion,
+        plot_confusion,
         matrix,
         task.labels,
-        task.names,
+        [readable(name) for name in task.names],
+        size=(3.5, 3.5),
     )
 
 
@@ -243,11 +245,20 @@ def map_section(report: Report) -> Section:
                 value = stress(report.matrix(task.metric), positions)
                 caption += f" Stress: {value:.2f}; 0 would preserve all distances."
             alt = f"{title} map of the bodies by the {task.metric}, coloured by {task.kind}."
-            unit = "m" if method == "mds" else None
-            arguments = (bodies, positions, task.labels, task.names, unit)
-            figures.append(
-                output.figure(f"map-{task.name}-{method}", alt, caption, _draw_map, *arguments)
+            figure = output.figure(
+                f"map-{task.name}-{method}",
+                alt,
+                caption,
+                plot_embedding,
+                positions,
+                task.labels,
+                [readable(name) for name in task.names],
+                size=(4.5, 4.8),  # on which names are large enough for a telephone
+                points=bodies.points,
+                faces=bodies.template.faces,
+                unit="m" if method == "mds" else None,
             )
+            figures.append(figure)
         parts += [heading(title), side_by_side(*figures)]
     return Section("maps", "Maps of people and of poses", "Maps", parts)
 
@@ -401,7 +412,8 @@ def measurement_section(report: Report) -> Section | None:
         )
         alt = f"Mean body, and bodies of a smaller and a larger {_ALONG}."
         arguments = (step.arrays["along"], bodies.template.faces)
-        figure = output.figure("shape-along-waist", alt, caption, _draw_along, *arguments)
+        name, size = "shape-along-waist", (4.0, 2.4)
+        figure = output.figure(name, alt, caption, plot_path, *arguments, size=size)
         parts += [heading(f"Shape along the {_ALONG}"), figure]
     return Section("measurements", "Girths, lengths and volumes", "Measurements", parts)
 
@@ -483,38 +495,6 @@ def _spread_table(step: Step) -> Table:
     return Table("measurement-spread", caption, columns, rows)
 
 
-def _draw_map(
-    bodies: Bodies,
-    positions: ndarray,
-    labels: ndarray,
-    names: Sequence[str],
-    unit: str | None = None,
-) -> Figure:
-    figure = new_figure(4.5, 4.8)  # on which names are large enough for a telephone
-    plot_embedding(
-        positions,
-        labels,
-        [readable(name) for name in names],
-        points=bodies.points,
-        faces=bodies.template.faces,
-        unit=unit,
-        ax=figure.subplots(),
-    )
-    return figure
-
-
-def _draw_precision_recall(distances: Mapping[str, ndarray], labels: ndarray) -> Figure:
-    figure = new_figure(3.5, 3.2)
-    plot_precision_recall(distances, labels, ax=figure.subplots())
-    return figure
-
-
-def _draw_confusion(distances: ndarray, labels: ndarray, names: Sequence[str]) -> Figure:
-    figure = new_figure(3.5, 3.5)
-    plot_confusion(distances, labels, [readable(name) for name in names], ax=figure.subplots())
-    return figure
-
-
 def _draw_sweep(panels: Mapping[str, ndarray], lams: Sequence[float], weights: list[str]) -> Figure:
     figure = new_figure(8.6, 2.9)
     axes = figure.subplots(1, len(panels), squeeze=False)[0]
@@ -528,9 +508,3 @@ def _draw_lines(surface: ndarray, faces: ndarray) -> Figure:
     """Draw a body in the standard pose with all measurement lines."""
     lines = Measurements(Template(surface, faces)).lines(surface, axes="space")
     return plot_measurement_lines(surface, faces, lines)
-
-
-def _draw_along(path: ndarray, faces: ndarray) -> Figure:
-    figure = new_figure(4.0, 2.4)
-    plot_path(path, faces, ax=figure.subplots())
-    return figure

@@ -20,7 +20,7 @@ from markupsafe import Markup
 
 from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.text_tables import csv_cell
-from riemhuman.plots import figure_files, page_scripts, page_styles
+from riemhuman.plots import figure_files, new_figure, page_scripts, page_styles
 from riemhuman.report._storage import Computed, ResultStore
 
 
@@ -217,21 +217,29 @@ class Output:
         caption: str,
         draw: Callable[..., Any],
         *arguments: Any,
+        size: tuple[float, float] | None = None,
         wide: bool = False,
+        **settings: Any,
     ) -> str:
         """Return a figure, which is drawn unless the store has one of the same arguments.
 
-        Arguments are what JSON and fingerprints can describe, and objects with points: the bodies
-        of the report. A narrow window scrolls a wide figure instead of shrinking it.
+        With a size in inches, `draw` fills the axes `ax`; else it returns a figure. Arguments are
+        what JSON and fingerprints can describe, and the bodies of the report. A narrow window
+        scrolls a wide figure instead of shrinking it.
         """
 
         def compute() -> Computed:
-            svg, png = figure_files(draw(*arguments))
+            if size is None:
+                figure = draw(*arguments, **settings)
+            else:
+                figure = new_figure(*size)
+                draw(*arguments, **settings, ax=figure.subplots())
+            svg, png = figure_files(figure)
             return {"png": np.frombuffer(png, dtype=np.uint8)}, {"svg": svg}
 
         given = [None if hasattr(argument, "points") else argument for argument in arguments]
-        inputs = {"draw": draw.__name__, "bodies": self.digest, "arguments": given}
-        step = self.figures.step(name, inputs, compute)
+        inputs = {"draw": draw.__name__, "bodies": self.digest, "arguments": given, "size": size}
+        step = self.figures.step(name, inputs | settings, compute, f"Figure {name}")
         svg = step.record["svg"]
         write_text(self.folder / "figures" / f"{name}.svg", svg)
         write_bytes(self.folder / "figures" / f"{name}.png", step.arrays["png"].tobytes())

@@ -427,10 +427,12 @@ def mean_section(report: Report) -> Section | None:
         "mean",
         f"{len(group)} people in one pose and, last and in yellow, their Karcher mean.",
         "People, and their mean in yellow.",
-        _draw_mean,
-        bodies,
-        step,
+        plot_path,
+        np.concatenate([bodies.points[group], step.arrays["mean"][None]]),
+        bodies.template.faces,
+        size=(8.0, 2.6),
         wide=True,
+        colors=[SKIN] * len(group) + [MEAN],
     )
     shown = [ViewedBody(name_of(bodies, index), bodies.points[[index]]) for index in group]
     shown.append(ViewedBody("Karcher mean", step.arrays["mean"][None], MEAN))
@@ -523,14 +525,4 @@ def _draw_comparison(bodies: Bodies, step: Step) -> Figure:
             _PATH_TITLES.get(name, name), (0.0, 0.5), xycoords="axes fraction", xytext=(-6, 0),
             textcoords="offset points", ha="right", va="center",
         )  # fmt: skip
-    return figure
-
-
-def _draw_mean(bodies: Bodies, step: Step) -> Figure:
-    """Draw bodies and, last and in yellow, their Karcher mean (figure 6 of the paper)."""
-    group = step.record["group"]
-    figure = new_figure(8.0, 2.6)
-    shown = np.concatenate([bodies.points[group], step.arrays["mean"][None]])
-    colors = [SKIN] * len(group) + [MEAN]
-    plot_path(shown, bodies.template.faces, colors=colors, ax=figure.subplots())
     return figure

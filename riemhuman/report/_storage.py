@@ -6,8 +6,8 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,9 @@ from numpy import ndarray
 
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
-from riemhuman.io.files import file_path, lock_file, write_text
+from riemhuman.io.files import convert_errors, file_path, write_text
 
 _MARKER = "provenance.json"
-_LOCK = ".report.lock"
 _BEFORE_MARKER = ".provenance."
 _MADE_BY = "riemhuman report"
 _SUBFOLDERS = ("figures", "tables", "results", "results/figures")
@@ -43,25 +42,16 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
     return folder
 
 
-@contextmanager
-def open_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Make or reuse the folder of a report with its subfolders, locked against other processes."""
+def open_folder(path: str | os.PathLike[str]) -> Path:
+    """Make or reuse the folder of a report with its subfolders."""
     folder = check_folder(path)
-    with ExitStack() as stack:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            busy = f"{folder} is in use: another process makes a report in it"
-            stack.enter_context(lock_file(folder / _LOCK, busy))
-            check_folder(folder)
-            # The marker comes first: after a kill, a folder without it would be refused.
-            write_provenance(folder, {"status": "begun"})
-            for name in _SUBFOLDERS:
-                (folder / name).mkdir(exist_ok=True)
-        except OSError as error:
-            if isinstance(error, FileError):
-                raise
-            raise FileError(f"{folder} cannot be written: {error.strerror}") from error
-        yield folder
+    with convert_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        # The marker comes first: after a kill, a folder without it would be refused.
+        write_provenance(folder, {"status": "begun"})
+        for name in _SUBFOLDERS:
+            (folder / name).mkdir(exist_ok=True)
+    return folder
 
 
 def write_provenance(folder: Path, provenance: dict[str, Any]) -> None:
@@ -71,12 +61,9 @@ def write_provenance(folder: Path, provenance: dict[str, Any]) -> None:
 
 
 def _is_new(folder: Path) -> bool:
-    """Return whether a folder holds only what is written before the marker."""
-    try:
-        names = [entry.name for entry in folder.iterdir()]
-    except OSError as error:
-        raise FileError(f"{folder} cannot be read: {error.strerror}") from error
-    return all(name == _LOCK or name.startswith(_BEFORE_MARKER) for name in names)
+    """Return whether a folder holds nothing but what a kill left of the marker."""
+    with convert_errors(folder, "cannot be read"):
+        return all(entry.name.startswith(_BEFORE_MARKER) for entry in folder.iterdir())
 
 
 def _is_report(folder: Path) -> bool:

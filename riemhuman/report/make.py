@@ -110,7 +110,7 @@ def make_report(
     Raises
     ------
     FileError
-        If the folder holds other files, cannot be written, or another process is using it.
+        If the folder holds other files or cannot be written.
 
     Examples
     --------
@@ -131,50 +131,50 @@ def make_report(
         basis.check_fits(bodies.template)
     compared = {**table_metrics(bodies), **(of_extensions if quick else representations)(bodies)}
     first = [] if scans is None else [scan_section(read_records(scans))]
-    with open_folder(output) as folder:
-        digest = fingerprint(
-            [bodies.points, bodies.template.vertices, bodies.template.faces]
-            + [bodies.subject, bodies.pose, bodies.subject_names, bodies.pose_names]
-        )
-        results, figures = folder / "results", folder / "results" / "figures"
-        store = ResultStore(results, _identity(), watch)
-        files = Output(folder, ResultStore(figures, _identity(), watch), digest)
-        plan = QUICK if quick else Plan()
-        report = Report(bodies, digest, plan, store, files, compared, basis, bars)
-        with figure_style():
-            made = [section for make in _SECTIONS if (section := make(report)) is not None]
-        text = page(
-            _TITLE,
-            _lead(bodies, quick=quick),
-            _facts(bodies),
-            [*first, *made, _making_section(report)],
-            f"Made with riemhuman {_versions()['riemhuman']}, {_now()}. "
-            "Bodies in 3-D are drawn by three.js (MIT licence).",
-        )
-        write_text(folder / "index.html", text)
-        steps = [
-            {
-                "name": step.name,
-                "seconds": step.seconds,
-                "reused": step.is_reused,
-                "fingerprint": step.fingerprint,
-            }
-            for step in store.steps
-        ]
-        provenance = {
-            "status": "finished",
-            "started": started,
-            "finished": _now(),
-            "versions": _versions(),
-            "machine": {"system": platform.system(), "processor": platform.machine()},
-            "bodies": _sizes(bodies) | {"fingerprint": digest},
-            "basis": report.basis[1],
-            "parameters": asdict(plan),
-            "seeds": {"t-sne": plan.seed},
-            "steps": steps,
+    folder = open_folder(output)
+    digest = fingerprint(
+        [bodies.points, bodies.template.vertices, bodies.template.faces]
+        + [bodies.subject, bodies.pose, bodies.subject_names, bodies.pose_names]
+    )
+    results, figures = folder / "results", folder / "results" / "figures"
+    store = ResultStore(results, _identity(), watch)
+    files = Output(folder, ResultStore(figures, _identity(), watch), digest)
+    plan = QUICK if quick else Plan()
+    report = Report(bodies, digest, plan, store, files, compared, basis, bars)
+    with figure_style():
+        made = [section for make in _SECTIONS if (section := make(report)) is not None]
+    text = page(
+        _TITLE,
+        _lead(bodies, quick=quick),
+        _facts(bodies),
+        [*first, *made, _making_section(report)],
+        f"Made with riemhuman {_versions()['riemhuman']}, {_now()}. "
+        "Bodies in 3-D are drawn by three.js (MIT licence).",
+    )
+    write_text(folder / "index.html", text)
+    steps = [
+        {
+            "name": step.name,
+            "seconds": step.seconds,
+            "reused": step.is_reused,
+            "fingerprint": step.fingerprint,
         }
-        write_provenance(folder, provenance)
-        return folder / "index.html"
+        for step in store.steps
+    ]
+    provenance = {
+        "status": "finished",
+        "started": started,
+        "finished": _now(),
+        "versions": _versions(),
+        "machine": {"system": platform.system(), "processor": platform.machine()},
+        "bodies": _sizes(bodies) | {"fingerprint": digest},
+        "basis": report.basis[1],
+        "parameters": asdict(plan),
+        "seeds": {"t-sne": plan.seed},
+        "steps": steps,
+    }
+    write_provenance(folder, provenance)
+    return folder / "index.html"
 
 
 def _sizes(bodies: Bodies) -> dict[str, int]:

@@ -146,7 +146,7 @@ class Result(Record):
         if surfaces is None:
             return table
         plots = import_module("riemhuman.plots")  # only notebooks draw
-        return str(plots.vertices_html(surfaces, repr(self))) + table
+        return str(plots.surfaces_html(surfaces, None, repr(self))) + table
 
     def _surfaces(self) -> ndarray | None:
         """Return the first array of the result as surfaces to draw, if it has their shape."""

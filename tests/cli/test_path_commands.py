@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.io import load_mesh
+from riemhuman.io import load_mesh, save_mesh
 from riemhuman.solvers import BasisMean, BasisPath
 from riemhuman.statistics import TangentPCA
 from riemhuman.surfaces import DeformationBasis, Template, procrustes
@@ -114,13 +114,14 @@ def test_mean_is_that_of_the_library(run, scans, bodies, tmp_path):
     assert "Karcher mean" in (tmp_path / "mean.html").read_text(encoding="utf-8")
 
 
-def test_components_are_those_of_the_library(run, scans, bodies, tmp_path):
+def test_components_are_those_of_the_library(run, bodies, tmp_path):
     output = tmp_path / "components"
-    files = [scans / f"body_{number}.ply" for number in (0, 20, 21)]
+    points, files = bodies.points[[0, 20, 40]], [tmp_path / f"{name}.ply" for name in "abc"]
+    for file, surface in zip(files, points, strict=True):
+        save_mesh(file, surface, bodies.template.faces)
     command = ("components", *files, "-o", f"{output}/", "-n", 1)
     finished = run(*command, "--samples", 1, "--seed", 3, "--json")
     assert finished.code == 0, finished.err
-    points = bodies.points[[0, 20, 21]]
     space = AlignedSurfaces(Template(points[0], bodies.template.faces))
     space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=0.0)
     pca = TangentPCA(space, 1).fit(points)

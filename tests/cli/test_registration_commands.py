@@ -1,10 +1,13 @@
 """The command ``register``."""
 
+import json
+import shutil
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import riemhuman as rh
-from riemhuman.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -16,45 +19,66 @@ def scan(tmp_path_factory):
     return file
 
 
-def test_a_scan_becomes_a_body(scan, tmp_path, capsys):
-    output = tmp_path / "body.ply"
-    assert main(["register", str(scan), "-o", str(output), "--coarse", "--up", "y", "-q"]) == 0
-    points, faces = rh.load_mesh(output)
-    np.testing.assert_array_equal(faces, rh.datasets.load_open_model("coarse").faces)
-    assert 1.0 < np.ptp(points, axis=0).max() < 2.5
-    assert "scan in millimetres" in capsys.readouterr().out
-
-
-@pytest.mark.sampled(6, "scans that are refused")
-@pytest.mark.slow
-def test_what_is_no_body_is_not_written(tmp_path, capsys):
-    file, output = tmp_path / "box.npy", tmp_path / "body.ply"
-    np.save(file, np.random.default_rng(0).random((2000, 3)))
-    arguments = ["register", str(file), "-o", str(output), "--coarse", "--up", "y", "-q"]
-    assert main(arguments) == 1
-    assert "box.npy is not trusted: " in capsys.readouterr().err
-    assert not output.exists()
-    # A folder with such a scan ends with the same code.
-    arguments = ["register", str(tmp_path), "-o", str(tmp_path / "bodies"), *arguments[4:]]
-    assert main(arguments) == 1
-
-
 @pytest.fixture
-def marks(tmp_path):
-    file = tmp_path / "marks.csv"
-    file.write_text("name,x,y,z\nleft_wrist,620,1310,50\nhead,0,1600,0\n", encoding="utf-8")
-    return file
+def fitted(bodies, monkeypatch):
+    """Make registrations end at once with a given trust, and return what they are given."""
+    given = {}
 
-
-def test_landmarks_reach_the_registration(scan, marks, tmp_path, monkeypatch):
-    seen = {}
-
-    def solve(self, scan, *, landmarks):
-        seen.update(landmarks)
-        raise rh.errors.ArgumentError("enough")
+    def solve(self, scan, *, landmarks=None):
+        given.update(landmarks or {}, scan=scan)
+        count = len(scan)
+        return SimpleNamespace(
+            trusted=given.get("trusted", True), message="no body", unit="millimetres",
+            points=bodies.points[3], upright_points=bodies.points[3] + 1.0,
+            distances=np.full(count, 0.002), background=np.zeros(count, dtype=bool),
+            matched=np.ones(bodies.template.n_vertices, dtype=bool),
+        )  # fmt: skip
 
     monkeypatch.setattr(rh.registration.ScanRegistration, "solve", solve)
-    output = str(tmp_path / "body.ply")
-    assert main(["register", str(scan), "-o", output, "--coarse", "--landmarks", str(marks)]) == 2
-    np.testing.assert_array_equal(seen["left_wrist"], [620.0, 1310.0, 50.0])
-    np.testing.assert_array_equal(seen["head"], [0.0, 1600.0, 0.0])
+    return given
+
+
+def test_bodies_are_written_upright_or_where_the_scans_are(run, scan, fitted, bodies, tmp_path):
+    finished = run("register", scan, "-o", tmp_path / "body.ply", "--coarse", "--json")
+    record = json.loads(finished.out)
+    assert (finished.code, record["trusted"], record["median_distance"]) == (0, True, 0.002)
+    points, faces = rh.load_mesh(tmp_path / "body.ply")
+    np.testing.assert_allclose(points, bodies.points[3] + 1.0, atol=1e-6)
+    np.testing.assert_array_equal(faces, bodies.template.faces)
+    options = ("--coarse", "--keep-axes", "--force")
+    finished = run("register", scan, "-o", tmp_path / "body.ply", *options)
+    assert "2.0 mm from the scan in the median, 100 % of the vertices matched" in finished.out
+    np.testing.assert_allclose(rh.load_mesh(tmp_path / "body.ply")[0], bodies.points[3], atol=1e-6)
+
+
+def test_untrusted_bodies_are_written_on_request(run, scan, fitted, tmp_path):
+    fitted["trusted"] = False
+    command = ("register", scan, "-o", tmp_path / "body.ply", "--coarse")
+    finished = run(*command)
+    assert finished.code == 1
+    assert "scan.npy is not trusted: no body" in finished.err
+    assert list(tmp_path.iterdir()) == []
+    assert json.loads(run(*command, "--json").out)["output"] is None
+    assert run(*command, "--untrusted").code == 1
+    assert (tmp_path / "body.ply").exists()
+
+
+def test_landmarks_reach_the_registration(run, scan, fitted, tmp_path):
+    marks = tmp_path / "marks.csv"
+    marks.write_text("name,x,y,z\nleft_wrist,620,1310,50\nhead,0,1600,0\n", encoding="utf-8")
+    run("register", scan, "-o", tmp_path / "body.ply", "--coarse", "--landmarks", marks)
+    np.testing.assert_array_equal(fitted["left_wrist"], [620.0, 1310.0, 50.0])
+    np.testing.assert_array_equal(fitted["head"], [0.0, 1600.0, 0.0])
+
+
+@pytest.mark.slow
+def test_a_scan_becomes_a_body_and_a_box_does_not(run, scan, tmp_path):
+    folder = tmp_path / "scans"
+    folder.mkdir()
+    shutil.copy(scan, folder)
+    np.save(folder / "box.npy", np.random.default_rng(0).random((2000, 3)))
+    finished = run("register", folder, "-o", tmp_path / "bodies", "--coarse", "--up", "y")
+    assert finished.code == 1  # as for one scan
+    assert "box is not trusted: " in finished.err
+    points, _ = rh.load_mesh(tmp_path / "bodies" / "scan.ply")
+    assert 1.0 < np.ptp(points, axis=0).max() < 2.5

@@ -11,7 +11,8 @@ from third_party import Extents, VertexOffsets
 
 from riemhuman import extensions
 from riemhuman.__main__ import main
-from riemhuman.datasets import Bodies, load_open_bodies
+from riemhuman.datasets import load_open_bodies
+from riemhuman.geometry import AlignedSurfaces
 from riemhuman.io import save_mesh
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.retrieval import scores
@@ -37,22 +38,6 @@ def test_prints_the_tables(capsys):
     assert pose_on_poses > 90 > 20 > pose_on_people
 
 
-def test_reads_registrations(tmp_path, capsys):
-    bodies = load_open_bodies("coarse")
-    for i, points in enumerate(bodies.points):
-        save_mesh(tmp_path / f"tr_reg_{i:03d}.ply", points, bodies.template.faces)
-    assert main(["tables", "--faust", str(tmp_path)]) == 0
-    registrations = capsys.readouterr().out
-    assert main(["tables", "--resolution", "coarse"]) == 0
-    embedded = capsys.readouterr().out
-
-    def shape_row(text):
-        return re.search(r"shape metric .*\d$", text, re.MULTILINE)[0]
-
-    # The shape metric sees neither the template nor rigid motions.
-    assert shape_row(registrations) == shape_row(embedded)
-
-
 def test_reads_a_labelled_folder(tmp_path, capsys):
     bodies = load_open_bodies("coarse")
     rows = ["file,subject,pose"]
@@ -67,37 +52,17 @@ def test_reads_a_labelled_folder(tmp_path, capsys):
     assert len(re.findall(r"shape metric \(1, 0.0001, 0\) +100.0  100.0", printed)) == 1
 
 
-def few_bodies(resolution):
-    bodies = load_open_bodies(resolution)
-    chosen = [0, 2, 80, 82]
-    return Bodies(
-        points=bodies.points[chosen],
-        subject=bodies.subject[chosen],
-        pose=bodies.pose[chosen],
-        template=bodies.template,
-        model=bodies.model,
-        subject_names=bodies.subject_names,
-        pose_names=bodies.pose_names,
-    )
+def test_all_representations(run, scans, monkeypatch):
+    def compared(bodies):
+        return {"height": Extents(), "offsets": VertexOffsets(AlignedSurfaces(bodies.template))}
 
-
-def test_all_representations(monkeypatch, capsys):
-    few = few_bodies("coarse")
-    monkeypatch.setattr("riemhuman.datasets.load_open_bodies", lambda *of: few)
-    assert main(["tables", "--all", "--resolution", "coarse"]) == 0
-    printed = capsys.readouterr().out
-    who, how = printed.split("How do they stand?")
-    for name in ("shape metric", "SRNF", "model shape vector", "APT", "ShapeDNA", "HKS", "WKS"):
-        assert re.search(rf"^{name}.* \d+\.\d", who, re.MULTILINE), name
-    assert re.search(r"^(Better|Nothing is better) than pose metric \(0, 0, 1\)", how, re.MULTILINE)
-    assert re.search(r"^shape code, trained here.* \d+\.\d", who, re.MULTILINE)
-    assert "GDVAE intrinsic 27.0, 24.8, 46.2 (shape)" in how
-    assert "failed" not in printed
-
-    assert main(["tables", "--all", "--resolution", "coarse", "--json"]) == 0
-    records = json.loads(capsys.readouterr().out)
-    assert {"representation": "HKS", "task": "shape"}.items() <= records[-6].items()
-    assert records[-6]["scores"]["nn"] == 100.0
+    monkeypatch.setattr("riemhuman.report.representations", compared)
+    finished = run("tables", "--all", "--bodies", scans)
+    assert re.search(r"^height .* \d+\.\d", finished.out, re.MULTILINE)
+    assert "an asterisk marks the best of a column" in finished.out
+    records = json.loads(run("tables", "--all", "--bodies", scans, "--json").out)
+    assert [record["representation"] for record in records] == 2 * ["height"] + 2 * ["offsets"]
+    assert records[0]["scores"]["nn"] >= 0
 
 
 LABELS = "labels.csv"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cases import sphere_template, surfaces
 
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.io import to_trimesh
 from riemhuman.measurements import Measurements
 from riemhuman.plots import view_bodies
@@ -93,7 +93,7 @@ def test_meshes_of_other_packages_are_drawn_as_their_arrays(made):
     assert [len(choice) for page in pages for choice in page.choices.values()] == [2, 2]
     with pytest.raises(ArgumentError, match="the same triangles"):
         plot_path([meshes[0], made(PATH[1], TEMPLATE.faces[::-1])])
-    with pytest.raises(ArgumentError, match="vertices and faces"):
+    with pytest.raises(ArgumentTypeError, match="vertices and faces"):
         plot_body(PATH[0])
 
 

@@ -16,7 +16,6 @@ from riemhuman.plots.rendering import (
     png_bytes,
     render,
     surfaces_html,
-    vertices_html,
     window_around,
 )
 
@@ -113,18 +112,14 @@ def test_png_files_hold_the_picture():
     np.testing.assert_array_equal(np.round(255 * read).astype(np.uint8), picture)
 
 
-def by_vertices(surfaces, faces, caption):
-    return vertices_html(surfaces, caption)
-
-
-@pytest.mark.parametrize("drawn", [surfaces_html, by_vertices])
+@pytest.mark.parametrize("by_triangles", [True, False])
 @pytest.mark.parametrize(("n_surfaces", "n_shown"), [(1, 1), (8, 8), (30, 8)])
-def test_pictures_show_at_most_eight_surfaces(drawn, n_surfaces, n_shown):
+def test_pictures_show_at_most_eight_surfaces(by_triangles, n_surfaces, n_shown):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     template = sphere_template(3)
     # Far from each other: each is drawn where it is seen.
     surfaces = [template.vertices + [5.0 * i, 0, 0] for i in range(n_surfaces)]
-    html = drawn(surfaces, template.faces, "a <caption>")
+    html = surfaces_html(surfaces, template.faces if by_triangles else None, "a <caption>")
     assert "a &lt;caption&gt;" in html
     content = base64.b64decode(re.search(r"base64,([^\"]+)", html)[1])
     picture = pyplot.imread(io.BytesIO(content), format="png")

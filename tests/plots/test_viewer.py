@@ -48,7 +48,8 @@ def test_coordinates_are_kept_to_half_a_step():
 
 
 def test_a_path_travels_whole():
-    data = payload_of(view_path({"first": PATH, "second": PATH[::-1]}, TEMPLATE.faces))
+    data = payload_of(view_path({"first": PATH, "second": PATH[::-1]}, TEMPLATE.faces, seconds=7))
+    assert data["seconds"] == 7
     assert data["n_vertices"] == TEMPLATE.n_vertices
     np.testing.assert_array_equal(unpacked(data["faces"], np.uint32, 3), TEMPLATE.faces)
     assert [choice["name"] for choice in data["choices"]] == ["first", "second"]

@@ -17,20 +17,13 @@ from riemhuman.report._storage import (
 )
 
 
-def enter(path):
-    """Open a folder, and close it again."""
-    with open_folder(path):
-        pass
-
-
 def test_new_folders_and_earlier_reports_are_taken(tmp_path):
     folder = tmp_path / "a" / "b"
-    with open_folder(folder) as opened:
-        assert opened == folder
+    assert open_folder(folder) == folder
     assert {entry.name for entry in folder.iterdir()} == {MARKER, *SUBFOLDERS[:3]}
     write_provenance(folder, {"status": "finished"})
     (folder / "results" / "one.npz").write_bytes(b"1")
-    enter(folder)
+    open_folder(folder)
     assert (folder / "results" / "one.npz").read_bytes() == b"1"
     assert json.loads((folder / MARKER).read_text())["status"] == "begun"
 
@@ -41,7 +34,7 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path, marker):
     if marker is not None:
         (tmp_path / MARKER).write_text(marker)
     before = sorted(entry.name for entry in tmp_path.iterdir())
-    for function in (check_folder, enter):
+    for function in (check_folder, open_folder):
         with pytest.raises(FileError, match="holds other files; the report needs a new or"):
             function(tmp_path)
     assert sorted(entry.name for entry in tmp_path.iterdir()) == before
@@ -50,11 +43,11 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path, marker):
 def test_a_file_is_no_folder(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(FileError, match="is a file"):
-        enter(tmp_path / "file")
+        open_folder(tmp_path / "file")
     with pytest.raises(FileError, match="cannot be written"):
-        enter(tmp_path / "file" / "below")
+        open_folder(tmp_path / "file" / "below")
     with pytest.raises(ArgumentTypeError, match="output must be the path of a folder; found 7"):
-        enter(7)
+        open_folder(7)
 
 
 class Counted:

@@ -2,7 +2,6 @@
 // Part of one script with viewer_body.js and viewer_gestures.js.
 "use strict";
 
-const SECONDS = 2.4; // one run of a path
 const PITCH_LIMIT = 1.5;
 const ZOOM_LIMITS = [0.5, 60];
 const FRAMED = 0.22; // height of what is framed, as a share of the tallest body
@@ -144,7 +143,7 @@ class Viewer {
     if (this.time >= 1) this.seek(0);
     let before = performance.now();
     const advance = (now) => {
-      const passed = ((now - before) / (SECONDS * 1000)) * Number(this.find("speed").value);
+      const passed = ((now - before) / (this.data.seconds * 1000)) * Number(this.find("speed").value);
       before = now;
       const time = this.time + Math.max(passed, 0);
       if (time < 1) this.seek(time);
