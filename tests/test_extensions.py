@@ -101,7 +101,8 @@ def test_registration_in_a_script():
     assert extensions.extensions("descriptors") == {}
     extensions.register("descriptors", "extents", Extents)
     try:
-        assert representations([])["extents"].describe([[0, 0, 0], [1, 2, 3]], None).tolist() == [1, 2, 3]
+        extents = representations([])["extents"]
+        assert extents.describe([[0, 0, 0], [1, 2, 3]], None).tolist() == [1, 2, 3]
         extensions.register("descriptors", "extents", Extents)
         with pytest.raises(ArgumentError, match="'extents' is taken"):
             extensions.register("descriptors", "extents", VertexOffsets)
