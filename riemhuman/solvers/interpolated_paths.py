@@ -11,7 +11,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
-from riemhuman.checks import one_of, real_array, whole_number
+from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import PathEnergy
@@ -60,9 +60,6 @@ class PoissonPath(PathSolver):
 
     n_nodes: int = 11
     energy: PathEnergy = SegmentEnergy()
-
-    def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         start, end = check_end_points(metric, start, end)
@@ -200,7 +197,7 @@ class ModelPath(PathSolver):
     parameters: Callable[[ndarray], ModelParameters] | None = None
 
     def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
+        super().__post_init__()
         one_of(self.rotations, "rotations", ROTATIONS)
 
     def solve(

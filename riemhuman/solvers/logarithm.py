@@ -9,7 +9,6 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver
@@ -21,6 +20,7 @@ from riemhuman.solvers.paths import check_end_points, linear_path
 from riemhuman.solvers.results import (
     PathResult,
     Result,
+    Solver,
     Status,
     complete_path_result,
     finish,
@@ -76,7 +76,7 @@ class LogarithmResult(Result):
 
 
 @dataclass(frozen=True)
-class DiscreteLogarithm:
+class DiscreteLogarithm(Solver):
     """log from the first step of a geodesic x₀, x₁, …, xₙ: v = n (x₁ − x₋₁)/2.
 
     The point x₋₁ continues the geodesic backwards by one step. The logarithm tries its own inverse,
@@ -127,13 +127,6 @@ class DiscreteLogarithm:
     max_iter: int = 50
     n_doublings: int = 2
     end_tolerance: float = 1e-4
-
-    def __post_init__(self) -> None:
-        whole_number(self.n_steps, "n_steps", minimum=1)
-        whole_number(self.n_doublings, "n_doublings", minimum=0)
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        real_number(self.end_tolerance, "end_tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self, metric: RiemannianMetric, point: ndarray, base_point: ndarray

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import one_of, real_number, values_of, whole_number
+from riemhuman.checks import one_of, values_of
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
@@ -19,7 +19,7 @@ from riemhuman.solvers._coordinates import Coordinates
 from riemhuman.solvers._dispersion import AreaCheck, Dispersion, dispersion_of, metric_of_search
 from riemhuman.solvers._lbfgs import LBFGS, Minimum
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
-from riemhuman.solvers.results import MeanResult, Status, complete_mean_result, finish
+from riemhuman.solvers.results import MeanResult, Solver, Status, complete_mean_result, finish
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -53,7 +53,7 @@ _SMALLEST_STEP = 1e-6
 
 
 @dataclass(frozen=True)
-class BasisMean(MeanSolver):
+class BasisMean(Solver, MeanSolver):
     """The point x̄ = x₀ + Σ_j β_j D_j of least mean squared distance, over a basis or over all.
 
     Algorithm 2 of the paper: minimisation by L-BFGS, preconditioned by the metric's matrix. With
@@ -116,11 +116,7 @@ class BasisMean(MeanSolver):
         if self.basis is None and not self.with_differences:
             raise ArgumentError("with_differences must be True where there is no basis")
         one_of(self.start, "start", STARTS)
-        real_number(self.companion_weight, "companion_weight", minimum=0.0)
-        if self.tolerance is not None:
-            real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
-        whole_number(self.sample_size, "sample_size", minimum=1)
+        super().__post_init__()
 
     def solve(
         self,
@@ -294,7 +290,7 @@ class BasisMean(MeanSolver):
 
 
 @dataclass(frozen=True)
-class GradientDescentMean(MeanSolver):
+class GradientDescentMean(Solver, MeanSolver):
     """x ← exp_x(step · Σ_i w_i log_x(x_i)), for metrics that have exp and log in closed form.
 
     The step is halved where the variance would increase. Medians weight the logarithms by the
@@ -323,11 +319,6 @@ class GradientDescentMean(MeanSolver):
     step: float = 1.0
     tolerance: float = 1e-8
     max_iter: int = 2000
-
-    def __post_init__(self) -> None:
-        real_number(self.step, "step", minimum=0.0, strict=True)
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,

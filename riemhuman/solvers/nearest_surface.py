@@ -10,7 +10,7 @@ import numpy as np
 from autograd import value_and_grad
 from numpy import ndarray
 
-from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.checks import real_array
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, RiemannianMetric
 from riemhuman.kernels.surface import stacked_derivatives, triangle_frames
@@ -18,7 +18,7 @@ from riemhuman.solvers._coordinates import Coordinates
 from riemhuman.solvers._dispersion import check_weights
 from riemhuman.solvers._lbfgs import LBFGS
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
-from riemhuman.solvers.results import MeanResult, finish
+from riemhuman.solvers.results import MeanResult, Solver, finish
 from riemhuman.surfaces import Template
 from riemhuman.terms._sum import SumOfTerms
 
@@ -41,7 +41,7 @@ _SMALLEST = 1e-6
 
 
 @dataclass(frozen=True)
-class NearestSurface:
+class NearestSurface(Solver):
     """The surface f that minimises Σ_i w_i d(Φ(f), y_i)²/Σ_i w_i over all its vertices.
 
     With one target y, a point of the image space that need not come from a surface, it is the
@@ -83,11 +83,6 @@ class NearestSurface:
     tolerance: float = 1e-5
     max_iter: int = 500
     progress: bool = False
-
-    def __post_init__(self) -> None:
-        real_number(self.companion_weight, "companion_weight", minimum=0.0)
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, Triple
 from riemhuman.solvers.paths import check_end_points, rounding_energy
-from riemhuman.solvers.results import Result, Status, finish
+from riemhuman.solvers.results import Result, Solver, Status, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
@@ -50,7 +50,7 @@ class TransportResult(Result):
 
 
 @dataclass(frozen=True)
-class PoleLadder(TransportSolver):
+class PoleLadder(Solver, TransportSolver):
     r"""Parallel transport along the diagonals of geodesic parallelograms.
 
     For each segment (p, q) with midpoint m, the points exp_p(±w) are reflected in m; the results
@@ -90,11 +90,6 @@ class PoleLadder(TransportSolver):
     geodesic_solver: GeodesicSolver | None = None
     tolerance: float = 1e-10
     max_iter: int = 50
-
-    def __post_init__(self) -> None:
-        whole_number(self.n_rungs, "n_rungs", minimum=1)
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,

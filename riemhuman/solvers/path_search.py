@@ -6,14 +6,13 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
 from scipy.interpolate import make_interp_spline
 
-from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
@@ -77,11 +76,6 @@ class PathSearch(PathSolver):
     # and the least such share in units of the tolerance.
     _recent_decrease: float
     _recent_tolerances: float
-
-    def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
-        whole_number(self.max_iter, "max_iter", minimum=1)
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
 
     def solve(
         self,
@@ -153,7 +147,8 @@ class PathSearch(PathSolver):
         """Descend from the start that leads to the least energy, as far as a short run tells."""
         if len(paths) == 1:
             return self._descend(metric, paths[0])
-        short = replace(self, tolerance=max(_FIRST_TOLERANCE, self.tolerance), callback=None)
+        tolerance = max(_FIRST_TOLERANCE, self.tolerance)
+        short: Any = replace(cast(Any, self), tolerance=tolerance, callback=None)
         results: list[PathResult] = []
         for path in paths:
             results.append(short._descend(metric, path))

@@ -13,7 +13,7 @@ import numpy as np
 from autograd import value_and_grad
 from numpy import ndarray
 
-from riemhuman.checks import real_array, values_of, whole_number
+from riemhuman.checks import real_array, values_of
 from riemhuman.errors import (
     ArgumentError,
     ConvergenceWarning,
@@ -25,14 +25,14 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.progress import ProgressBar
-from riemhuman.solvers.results import PathResult, complete_path_result
+from riemhuman.solvers.results import PathResult, Solver, complete_path_result
 
 # Relative rounding errors of a point's entries.
 _ROUNDING = 1e-13
 
 
 @dataclass(frozen=True)
-class SegmentEnergy:
+class SegmentEnergy(PathEnergy):
     """n Σ d²(x_i, x_{i+1}) over n segments, in closed form where the metric has one.
 
     It is never below d²(x_0, x_n), needs no exponential map, and does not decrease when a path
@@ -47,32 +47,14 @@ class SegmentEnergy:
     """
 
     def value(self, metric: RiemannianMetric, path: ndarray) -> float:
-        r"""Return the energy of a path.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        path : array, shape (n_nodes, \*shape)
-            Path.
-        """
         return float(metric.energy(path))
 
     def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
-        r"""Return the energy, infinite off the manifold, and its gradient by all points.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        path : array, shape (n_nodes, \*shape)
-            Path.
-        """
         return metric.energy_and_gradient(path)
 
 
 @dataclass(frozen=True)
-class FiniteDifferenceEnergy:
+class FiniteDifferenceEnergy(PathEnergy):
     """n Σ ‖x_{i+1} − x_i‖² over n segments, by the inner product at their midpoints.
 
     The paper's form of the energy (equation 7), of second order in the time step.
@@ -100,7 +82,7 @@ class FiniteDifferenceEnergy:
         return (len(path) - 1) * anp.sum(metric.squared_norm(end - start, middle))
 
 
-class PathSolver(ABC):
+class PathSolver(Solver, ABC):
     """A base of geodesic solvers, for one pair of points or many."""
 
     @abstractmethod
@@ -207,9 +189,6 @@ class LinearPath(PathSolver):
     n_nodes: int = 11
     energy: PathEnergy = SegmentEnergy()
 
-    def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
-
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         start, end = check_end_points(metric, start, end)
         path = linear_path(start, end, self.n_nodes)
@@ -238,9 +217,6 @@ class ClosedFormGeodesic(PathSolver):
 
     n_nodes: int = 11
     energy: PathEnergy = SegmentEnergy()
-
-    def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         if not metric.has_closed_form_geodesic:

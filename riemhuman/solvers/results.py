@@ -1,4 +1,4 @@
-"""Results of solvers, and how they end."""
+"""Settings and results of solvers, and how they end."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from dataclasses import dataclass, fields
 from enum import StrEnum
 from html import escape
 from importlib import import_module
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeVar, cast
 
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ConvergenceWarning, FileFormatError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.representation import Record, field_texts
@@ -224,6 +225,39 @@ class MeanResult(Result):
     point: ndarray
     variance: float
     variances: ndarray
+
+
+# Least values of settings that are whole numbers, and settings that must be above 0 or at least 0.
+_LEAST = {
+    "n_nodes": 2,
+    "n_steps": 1,
+    "n_rungs": 1,
+    "max_iter": 1,
+    "sample_size": 1,
+    "n_doublings": 0,
+}
+_ABOVE_ZERO = {
+    "tolerance",
+    "end_tolerance",
+    "step",
+    "shape_weight",
+    "pose_weight",
+    "smoothing",
+    "bone_smoothing",
+}
+_AT_LEAST_ZERO = {"companion_weight"}
+
+
+class Solver:
+    """A base of solvers that checks their settings by name; None stands for a default."""
+
+    def __post_init__(self) -> None:
+        for name in (field.name for field in fields(cast(Any, self))):
+            value = getattr(self, name)
+            if name in _LEAST:
+                whole_number(value, name, minimum=_LEAST[name])
+            elif name in _ABOVE_ZERO | _AT_LEAST_ZERO and value is not None:
+                real_number(value, name, minimum=0.0, strict=name in _ABOVE_ZERO)
 
 
 ResultType = TypeVar("ResultType", bound=Result)

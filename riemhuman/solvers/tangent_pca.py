@@ -79,6 +79,7 @@ class TangentPCA(ImageEstimator):
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> space = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=1.0)
     >>> components = rh.TangentPCA(space, n_components=2).fit(bodies.points[:50:10])
     >>> components.transform(bodies.points[:50:10]).shape
     (5, 2)

@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import one_of, real_number, whole_number
+from riemhuman.checks import one_of
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.kernels.surface import (
@@ -43,7 +43,7 @@ from riemhuman.solvers._coordinates import Coordinates
 from riemhuman.solvers._lbfgs import LBFGS, Minimum
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
 from riemhuman.solvers.paths import rounded
-from riemhuman.solvers.results import Result, finish
+from riemhuman.solvers.results import Result, Solver, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.measures import triangle_areas
 
@@ -251,7 +251,7 @@ class DisentanglingResult(Result):
 
 
 @dataclass(frozen=True)
-class Disentangling:
+class Disentangling(Solver):
     r"""A body A in the pose of a body B, with all details of A.
 
     .. math:: \arg\min_f\; w_s\, d_{shape}(f, A)^2 + w_p\, d_{pose}(f, A_B)^2
@@ -279,11 +279,8 @@ class Disentangling:
     bone_smoothing : float
         How much longer heat flows along bones, once joints are known: the larger, the less of B's
         build is carried over, above all to the torso, and the farther limbs end from where B holds
-        them. On 90 pairs of coarse natural bodies (seeds 141, 151 and 161, each with the person of
-        the most similar torso), for 3, 10, 20 and 30, torsos were 0.67, 0.59, 0.57 and 0.56 times
-        as far from A's as from B's, whole bodies 36.5, 37.6, 39.3 and 41.1 mm from A's own
-        performance of the pose, and 17.3, 19.5, 22.8 and 26.0 mm from A's body in B's performance.
-        The default is the largest of them that adds at most 3 % to the former; much larger values
+        them. The default is the largest of 3, 10, 20 and 30 that adds at most 3 % to the distance
+        from A's own performance of the pose (tests/benchmarks/test_transfer.py); much larger values
         may leave triangles without area.
     tolerance : float
         Stop when a Newton step would gain at most this share of the value, as far as the
@@ -314,11 +311,6 @@ class Disentangling:
     max_iter: int = 300
     callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("shape_weight", "pose_weight", "smoothing", "bone_smoothing", "tolerance"):
-            real_number(getattr(self, name), name, minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,

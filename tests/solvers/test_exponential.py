@@ -226,7 +226,7 @@ def test_stops_where_triangles_vanish(name):
 def test_stops_where_fields_leave_the_manifold():
     case = CASES["ebin 1 sphere"]
     with pytest.warns(ConvergenceWarning, match="stopped without converging"):
-        result = DiscreteExponential(n_steps=20).solve(
+        result = DiscreteExponential(n_steps=10, n_doublings=0).solve(
             case.metric, -6.0 * case.points[0], case.points[0]
         )
     assert not result.complete
@@ -244,7 +244,7 @@ def test_says_when_an_equation_was_not_solved():
 
 def test_metrics_take_it_as_exp_solver():
     template = sphere_template()
-    solver = DiscreteExponential(n_steps=4)
+    solver = DiscreteExponential(n_steps=2)
     space = AlignedSurfaces(template)
     metrics = [
         ElasticMetric(space, 1.0, 0.1, 0.1, exp_solver=solver),
@@ -266,9 +266,9 @@ def test_metrics_take_it_as_exp_solver():
 
 def test_an_exponential_that_does_not_exist_is_refused():
     case = CASES["all sphere"]
-    metric = ElasticMetric(case.space, 1.0, 1.0, 1.0, exp_solver=DiscreteExponential())
+    metric = ElasticMetric(case.space, 1.0, 1.0, 1.0, exp_solver=DiscreteExponential(n_doublings=0))
     with (
-        pytest.raises(OutsideManifoldError, match=r"DiscreteExponential.* at step 27 of 40"),
+        pytest.raises(OutsideManifoldError, match=r"DiscreteExponential.* at step [67] of 10"),
         pytest.warns(ConvergenceWarning),
     ):
         metric.exp(-1.5 * case.points[0], case.points[0])

@@ -436,21 +436,6 @@ def test_where_the_search_over_a_basis_starts(space, start):
         assert value(point) == pytest.approx(variance, rel=1e-10)
 
 
-def test_the_lowest_start_may_be_a_point():
-    """Of a heavy point and one beyond a fold the average is worse than either."""
-
-    class Folded(RiemannianMetric):
-        def squared_dist(self, point_a, point_b):
-            """Return the squared distance on the parabola y = 30 x²."""
-            lift = anp.stack([point_a, 30.0 * point_a**2]) - anp.stack([point_b, 30.0 * point_b**2])
-            return anp.sum(lift**2, axis=(0, -1))
-
-    metric, points = Folded(LINE), np.array([[-1.0], [1.0], [1.1]])
-    result = BasisMean(basis_of(np.eye(1))).solve(metric, points, np.array([1.0, 9.0, 0.0]))
-    # d² from the other is 4; the rest of the weight is at the point.
-    assert result.variances[0] == pytest.approx(0.4)
-
-
 def test_the_solver_suits_the_metric():
     space = NormalFields(triangle_template())
     points = near_points(space)

@@ -92,23 +92,6 @@ def test_components_are_orthonormal_and_scores_uncorrelated(space):
     np.testing.assert_allclose((scores**2).sum(axis=1), squared, rtol=1e-5)
 
 
-@each_space
-def test_error_falls_with_components(space):
-    points = near_points(space)
-    pca = TangentPCA(space).fit(points)
-    scores = pca.transform(points)
-    errors = [
-        np.sum(space.metric.squared_dist(points, pca.inverse_transform(scores[:, :k])))
-        for k in range(pca.n_components_ + 1)
-    ]
-    assert np.all(np.diff(errors) < 0)
-    few = TangentPCA(space, 2).fit(points)
-    np.testing.assert_allclose(few.transform(points), scores[:, :2], atol=1e-9)
-    np.testing.assert_allclose(
-        few.explained_variance_ratio_, pca.explained_variance_ratio_[:2], rtol=1e-9
-    )
-
-
 def test_vectors_agree_with_scikit_learn_in_weighted_coordinates():
     weights = np.array([1.0, 0.3, 2.0, 5.0])
     space = VectorSpace((4,)).equip_with_metric(FlatMetric, weights=weights)
