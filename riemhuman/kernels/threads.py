@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -108,11 +109,17 @@ class _SharedLimit:
         self._lock = threading.Lock()
         self._users: list[int] = []
         self._limiter: Any = None
+        self._controller: ThreadpoolController | None = None
+        self._n_modules = 0
 
     def enter(self) -> None:
         with self._lock:
             if not self._users:
-                limiter = ThreadpoolController().limit(limits=1)
+                # Looking for libraries takes milliseconds; imports alone load new ones.
+                if self._controller is None or self._n_modules != len(sys.modules):
+                    self._controller = ThreadpoolController()
+                    self._n_modules = len(sys.modules)
+                limiter = self._controller.limit(limits=1)
                 # After a fork, what was there before is known to the limit of the parent.
                 self._limiter = self._limiter or limiter
             self._users.append(threading.get_ident())
