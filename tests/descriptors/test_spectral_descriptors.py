@@ -38,7 +38,6 @@ def descriptors(n=20):
         ShapeDNA(n, "area"),
         ShapeDNA(n, "first"),
         HeatKernelSignature(n_eigenvalues=n),
-        HeatKernelSignature(n_eigenvalues=n, normalization="area"),
         WaveKernelSignature(ENERGIES, n_eigenvalues=n),
         WaveKernelSignature(ENERGIES, n_eigenvalues=n, pooling="vertex mean"),
         WaveKernelSignature(ENERGIES, n_eigenvalues=n, normalization="area"),
