@@ -53,6 +53,7 @@ from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import ArgumentTypeError
 from riemhuman.kernels.threads import slices
 from riemhuman.representation import Record
+from riemhuman.surfaces.template import Template
 
 # Soles of still feet so near to the floor, metres, stand on it; higher ones on something else.
 _NEAR_FLOOR = 0.03
@@ -156,6 +157,11 @@ class RetargetedMotion(Motion):
         super().__init__(subject, sequence, frames_per_second, n_frames, model.faces)
         self.model = model
         self._recording, self._betas, self._joints, self._up = recording, betas, joints, up
+
+    @property
+    def template(self) -> Template:
+        """The template of the model."""
+        return self.model.template
 
     @property
     def recording(self) -> SkeletonMotion:

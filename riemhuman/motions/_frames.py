@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry import Manifold, RiemannianMetric
+from riemhuman.geometry import AlignedSurfaces, Manifold, RiemannianMetric
 from riemhuman.kernels.projections import Projection
 
 Motion = Any
@@ -24,13 +24,29 @@ _RUN = 16
 MOST_SAMPLED = 600
 
 
-def frame_runs(space: Manifold, motion: Motion, name: str = "motion") -> Iterator[ndarray]:
-    """Yield the frames of a motion in checked arrays of at most 16."""
+def frame_runs(
+    space: Manifold, motion: Motion, name: str = "motion", heading: bool = True
+) -> Iterator[ndarray]:
+    """Yield the frames of a motion in checked arrays of at most 16; see `face_forward`."""
     n_frames = frame_count(motion, name)
     for first in range(0, n_frames, _RUN):
         last = min(first + _RUN, n_frames)
         frames = f"frames {first} to {last - 1} of {name}"
-        yield _checked_frames(space, motion[first:last], first, frames)
+        run = _checked_frames(space, motion[first:last], first, frames)
+        yield run if heading else face_forward(space, run)
+
+
+def face_forward(space: Manifold, frames: ndarray) -> ndarray:
+    """Rotate each frame about the vertical axis, y, to its best fit with the template."""
+    if not isinstance(space, AlignedSurfaces):
+        return frames
+    weights = space.template.vertex_areas[:, None]
+    to = (space.template.vertices * weights)[:, ::2]
+    to = to - weights * (to.sum(axis=0) / weights.sum())
+    x, z = frames[..., 0], frames[..., 2]
+    angles = np.arctan2(x @ to[:, 1] - z @ to[:, 0], x @ to[:, 0] + z @ to[:, 1])[:, None]
+    cosines, sines = np.cos(angles), np.sin(angles)
+    return np.stack([cosines * x - sines * z, frames[..., 1], sines * x + cosines * z], axis=-1)
 
 
 def read_motion(space: Manifold, motion: Motion, name: str = "motion", minimum: int = 1) -> ndarray:
@@ -101,7 +117,8 @@ class FrameDistances:
     """Squared distances of frames by a metric, or by principal components that never exceed it.
 
     With `n_components`, frames become their principal components in the metric's lower-bound
-    coordinates, and the norm of the remainder; the components are those of `motions`.
+    coordinates, and the norm of the remainder; the components are those of `motions`. Unless
+    `heading` counts, all frames face forward.
     """
 
     def __init__(
@@ -109,8 +126,11 @@ class FrameDistances:
         metric: RiemannianMetric,
         n_components: int | None = None,
         motions: Sequence[Motion] = (),
+        *,
+        heading: bool = False,
     ) -> None:
         self._metric: Any = metric
+        self._heading = heading
         self._projection = None
         if n_components is None:
             return
@@ -121,17 +141,19 @@ class FrameDistances:
             )
         step = -(-sum(len(motion) for motion in motions) // MOST_SAMPLED)
         sample = [
-            self._metric.lower_bound_coordinates(
-                _checked_frames(metric.space, motion[j : j + 1], j, f"frame {j} of motions[{k}]")[0]
-            )
+            self._metric.lower_bound_coordinates(run)
             for k, motion in enumerate(motions)
             for j in range(0, frame_count(motion, f"motions[{k}]"), step)
+            for run in self._runs(motion[j : j + 1], f"motions[{k}][{j}:{j + 1}]")
         ]
-        self._projection = Projection.fit(np.stack(sample), n_components)
+        self._projection = Projection.fit(np.concatenate(sample), n_components)
+
+    def _runs(self, motion: Motion, name: str) -> Iterator[ndarray]:
+        return frame_runs(self._metric.space, motion, name, self._heading)
 
     def features(self, motion: Motion, name: str) -> tuple[ndarray, ...]:
         """Return arrays of features of the frames, each of shape (n_frames, ...)."""
-        runs = frame_runs(self._metric.space, motion, name)
+        runs = self._runs(motion, name)
         if self._projection is not None:
             rows = [self._projection(self._metric.lower_bound_coordinates(run)) for run in runs]
             return (np.concatenate(rows),)

@@ -51,13 +51,14 @@ _CUT_OFF = 4.0
 class TransportedVelocities:
     """Velocities of motions, transported to the fields of one reference surface."""
 
-    def __init__(self, metric: Any, reference: ndarray) -> None:
+    def __init__(self, metric: Any, reference: ndarray, *, heading: bool = True) -> None:
         if not metric.has_target_metric:
             raise NotDefinedError(
                 f"rate-invariant distances need a metric of fields with log and transport, such as "
                 f"ElasticMetric, RotationMetric or SRNFMetric; found {type(metric).__name__}"
             )
         self._metric: Any = metric
+        self._heading = heading
         self._fields: Any = metric.target_metric
         self._base = metric.map(reference)
         space = self._fields.space
@@ -76,7 +77,7 @@ class TransportedVelocities:
         """Return log Φ(f_{k+1}) at Φ(f_k), transported, in coordinates, shape (n_frames - 1, p)."""
         rows: list[ndarray] = []
         last = None
-        for run in frame_runs(self._metric.space, motion, name):
+        for run in frame_runs(self._metric.space, motion, name, self._heading):
             fields = self._metric.map(run)
             joined = fields if last is None else np.concatenate([last, fields])
             last = fields[-1:]

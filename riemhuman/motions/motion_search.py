@@ -46,6 +46,8 @@ class MotionSearch:
         Metric on frames, with a closed form.
     progress : bool
         Whether to show a progress bar over frames.
+    heading : bool
+        Whether the direction in which bodies face counts, as for `DynamicTimeWarping`.
 
     Examples
     --------
@@ -59,6 +61,7 @@ class MotionSearch:
 
     metric: RiemannianMetric
     progress: bool = False
+    heading: bool = False
 
     def find(self, query: Motion, motion: Motion, n_occurrences: int = 5) -> list[Occurrence]:
         """Return the parts of a motion that are most like a query.
@@ -84,7 +87,7 @@ class MotionSearch:
         """
         whole_number(n_occurrences, "n_occurrences", minimum=1)
         lengths = [frame_count(query, "query", 2), frame_count(motion, "motion", 2)]
-        frames = FrameDistances(self.metric)
+        frames = FrameDistances(self.metric, heading=self.heading)
         wanted = frames.features(query, "query")
         sums, starts = np.full(lengths[0], math.inf), np.zeros(lengths[0], dtype=np.int64)
         totals, begins = np.empty(lengths[1]), np.empty(lengths[1], dtype=np.int64)
@@ -93,7 +96,7 @@ class MotionSearch:
             total=lengths[1], desc="Frames", disable=not self.progress, unit="frame"
         )
         with bar:
-            for run in frame_runs(self.metric.space, motion):
+            for run in frame_runs(self.metric.space, motion, heading=self.heading):
                 costs = frames.squared(wanted, self.metric.features(run))
                 last = first + len(run)
                 extend_paths(costs, first, sums, starts, totals[first:last], begins[first:last])

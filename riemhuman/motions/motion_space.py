@@ -16,6 +16,7 @@ from riemhuman.geometry.pairwise import Bulk, SumOfFactors
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.motions._frames import (
     Motion,
+    face_forward,
     frame_count,
     frame_runs,
     increasing_times,
@@ -248,6 +249,32 @@ class MotionSpace(Manifold):
         if not len(moving):
             raise ArgumentError(f"{name} must have a step above the share {share:g} of the longest")
         return read_motion(self.frames, motion[int(moving[0]) : int(moving[-1]) + 2], name)
+
+    def face_forward(self, motion: Motion, *, name: str = "motion") -> ndarray:
+        """Return a motion whose every frame faces the way that the template does.
+
+        Each frame is rotated about the vertical axis, y, to its best fit with the template, and
+        stays where it is.
+
+        Parameters
+        ----------
+        motion : array or sequence, shape (n_frames, V, 3)
+            The motion.
+        name : str
+            Name of the motion, for messages.
+
+        Returns
+        -------
+        array, shape (n_frames, V, 3)
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong.
+        """
+        frames = read_motion(self.frames, motion, name)
+        places = frames.mean(axis=1, keepdims=True)
+        return face_forward(self.frames, frames - places) + places
 
     def smooth(self, motion: Motion, n_passes: int = 1, *, name: str = "motion") -> ndarray:
         """Return a motion with less noise: frames move towards the midpoints of neighbours.

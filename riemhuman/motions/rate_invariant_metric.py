@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from riemhuman.checks import metric_weight, real_array, real_number, whole_number
 from riemhuman.kernels.projections import Projection
-from riemhuman.motions._frames import MOST_SAMPLED, Motion, frame_count, read_motion
+from riemhuman.motions._frames import MOST_SAMPLED, Motion, frame_count, frame_runs
 from riemhuman.motions._velocity_curves import (
     TransportedVelocities,
     best_gain,
@@ -75,6 +75,8 @@ class RateInvariantMetric(MotionDistance):
         At 0 nothing is removed.
     n_steps : int
         Grid steps of the re-timing within each pair of segments.
+    heading : bool
+        Whether the direction in which bodies face counts, as for `DynamicTimeWarping`.
     n_components : int, optional
         Number of principal components of velocities that `dist_pairwise` compares; by default
         velocities are compared in full. The part outside the components counts by its norm, so that
@@ -111,10 +113,12 @@ class RateInvariantMetric(MotionDistance):
         n_segments: int = 60,
         smoothing: float = 0.03,
         n_steps: int = 8,
+        heading: bool = False,
         n_components: int | None = None,
         n_jobs: int | None = None,
     ) -> None:
-        super().__init__(space.frames.metric if metric is None else metric, n_components, n_jobs)
+        metric = space.frames.metric if metric is None else metric
+        super().__init__(metric, heading, n_components, n_jobs)
         self.space = space
         self.reference = space.frames.template.vertices
         if reference is not None:
@@ -124,7 +128,7 @@ class RateInvariantMetric(MotionDistance):
         self.n_segments = whole_number(n_segments, "n_segments", minimum=1)
         self.smoothing = real_number(smoothing, "smoothing", minimum=0.0)
         self.n_steps = whole_number(n_steps, "n_steps", minimum=1)
-        self._velocities = TransportedVelocities(self.metric, self.reference)
+        self._velocities = TransportedVelocities(self.metric, self.reference, heading=heading)
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
         """Return the best re-timing of the velocities."""
@@ -153,7 +157,7 @@ class RateInvariantMetric(MotionDistance):
         return np.sqrt(retimed**2 + self.start_weight * apart**2)
 
     def _start(self, motion: Motion, name: str) -> ndarray:
-        return read_motion(self.space.frames, motion[:1], name)[0]
+        return next(frame_runs(self.space.frames, motion[:1], name, self.heading))[0]
 
     def _basis(self, motions: Sequence[Motion]) -> Projection | None:
         """Return the projection to principal components of a sample of velocities."""

@@ -84,8 +84,11 @@ class Warp:
 class MotionDistance(ABC):
     """Base of distances of motions by their best re-timing."""
 
-    def __init__(self, metric: Any, n_components: int | None, n_jobs: int | None) -> None:
+    def __init__(
+        self, metric: Any, heading: bool, n_components: int | None, n_jobs: int | None
+    ) -> None:
         self.metric = metric
+        self.heading = heading
         self.n_components = n_components
         self.n_jobs = n_jobs
         if n_components is not None:
@@ -177,7 +180,7 @@ class MotionDistance(ABC):
 
     def _basis(self, motions: Sequence[Motion]) -> Any:
         """Return what `_prepare` and `_between` share, such as components of these motions."""
-        return FrameDistances(self.metric, self.n_components, motions)
+        return FrameDistances(self.metric, self.n_components, motions, heading=self.heading)
 
     @abstractmethod
     def _prepare(self, basis: Any, motion: Motion, name: str) -> Any:
@@ -231,6 +234,10 @@ class DynamicTimeWarping(MotionDistance):
     between_frames : bool
         Whether to match frames also with positions between frames. A motion is then nearer to its
         own re-timing.
+    heading : bool
+        Whether the direction in which bodies face counts. By default each frame is rotated about
+        the vertical axis, y, to its best fit with the template: an action is the same wherever on
+        the floor, and whichever way, it is performed.
     n_components : int, optional
         Number of principal components that `dist_pairwise` compares in place of frames; no distance
         exceeds the exact one. By default distances are exact.
@@ -264,10 +271,11 @@ class DynamicTimeWarping(MotionDistance):
         n_times: int | None = None,
         centered: bool = False,
         between_frames: bool = False,
+        heading: bool = False,
         n_components: int | None = None,
         n_jobs: int | None = None,
     ) -> None:
-        super().__init__(metric, n_components, n_jobs)
+        super().__init__(metric, heading, n_components, n_jobs)
         self.window = window
         self.n_times = n_times
         self.centered = centered
@@ -280,7 +288,7 @@ class DynamicTimeWarping(MotionDistance):
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
         """Return the best re-timing, by frames or by the equally spaced times that are compared."""
-        basis = FrameDistances(self.metric)
+        basis = FrameDistances(self.metric, heading=self.heading)
         costs = self._costs(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
         total, cells = best_path(costs, self._window)
         scales = [
@@ -321,7 +329,7 @@ class DynamicTimeWarping(MotionDistance):
                 f"n_neighbors must be at least 1 and at most {len(motions)}, the number of "
                 f"motions; found {n_neighbors}"
             )
-        basis = FrameDistances(self.metric)
+        basis = FrameDistances(self.metric, heading=self.heading)
         prepared = [self._prepare(basis, m, f"motions[{k}]") for k, m in enumerate(motions)]
         distances = np.empty((len(queries), len(motions)))
         for row, motion in enumerate(queries):
@@ -442,6 +450,8 @@ class VelocityTimeWarping(MotionDistance):
     n_steps : int
         Largest number of steps of a motion; frames in excess are skipped. More steps distinguish
         finer movements. Fewer steps are longer, so that noise counts less.
+    heading : bool
+        Whether the direction in which bodies face counts, as for `DynamicTimeWarping`.
     n_components : int, optional
         Number of principal components that `dist_pairwise` compares in place of frames; by default
         distances are exact.
@@ -469,15 +479,16 @@ class VelocityTimeWarping(MotionDistance):
         metric: RiemannianMetric,
         *,
         n_steps: int = 20,
+        heading: bool = False,
         n_components: int | None = None,
         n_jobs: int | None = None,
     ) -> None:
-        super().__init__(metric, n_components, n_jobs)
+        super().__init__(metric, heading, n_components, n_jobs)
         self.n_steps = whole_number(n_steps, "n_steps", minimum=1)
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
         """Return the best re-timing, in the direction of the smaller distance."""
-        basis = FrameDistances(self.metric)
+        basis = FrameDistances(self.metric, heading=self.heading)
         return self._match(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
 
     def _prepare(self, basis: FrameDistances, motion: Motion, name: str) -> _Steps:

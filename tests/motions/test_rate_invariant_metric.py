@@ -130,9 +130,10 @@ def test_re_timing_is_less_than_another_person(space, open_motions):
 
 def test_start_counts_by_its_weight(space, pose, motions):
     motion_space = rh.motions.MotionSpace(space)
-    squares = [
-        rh.motions.RateInvariantMetric(motion_space, start_weight=w).dist(*motions[:2]) ** 2
+    distances = [
+        rh.motions.RateInvariantMetric(motion_space, start_weight=w, heading=True)
         for w in (0.0, 2.0)
     ]
+    squares = [distance.dist(*motions[:2]) ** 2 for distance in distances]
     start = 2.0 * float(pose.squared_dist(motions[0][0], motions[1][0]))
     assert squares[1] - squares[0] == pytest.approx(start, rel=1e-9)
