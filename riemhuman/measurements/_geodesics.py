@@ -12,6 +12,7 @@ are those with the crossings fixed on their edges.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -41,8 +42,14 @@ class Mesh:
     faces: ndarray
     neighbours: ndarray
 
+    @cached_property
+    def _strips(self) -> dict[tuple[int, int], ndarray]:
+        return {}
+
     def strip(self, first: int, last: int) -> ndarray:
         """Return the triangles on the shortest path of centroids from one triangle to another."""
+        if (first, last) in self._strips:
+            return self._strips[first, last]
         face, corner = np.nonzero(self.neighbours >= 0)
         beyond = self.neighbours[face, corner]
         centroids = self.vertices[self.faces].mean(axis=1)
@@ -56,7 +63,8 @@ class Mesh:
                     "a path along the surface must begin and end on one connected component"
                 )
             strip.append(int(before[strip[-1]]))
-        return np.array(strip)
+        self._strips[first, last] = np.array(strip)
+        return self._strips[first, last]
 
 
 @primitive

@@ -1,11 +1,13 @@
 r"""Bodies with given measurements: the most probable adult, and the body nearest to a given one.
 
 In a fixed pose the vertices of a body model are affine in the shape coefficients, x(β) = x₀ + Bβ.
-With β normal with mean μ and covariance Σ, the most probable body minimises
+The most probable body minimises
 
-.. math:: (\beta - \mu)^\top \Sigma^{-1} (\beta - \mu) + \sum_k ((m_k(x(\beta)) - v_k)/\sigma_k)^2,
+.. math:: (\beta - \mu)^\top \Sigma^{-1} (\beta - \mu) + \sum_k ((m_k(x(\beta)) - v_k)/\sigma_k)^2
 
-by Gauss–Newton steps with the derivatives of the measurements m_k.
+by Gauss–Newton steps with the derivatives of the measurements m_k: β is normal among adults, the
+given values v have small σ, and those that `_adults` predicts from them have a third of their
+standard deviations, so that they count more than the shapes of adults.
 
 The nearest body minimises d²(f₀, f) over all vertices of f subject to m_k(f) = v_k, by sequential
 quadratic programming: with M the matrix of the metric at f, g the gradient of d² and J the
@@ -26,19 +28,20 @@ from numpy import ndarray
 
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
+from riemhuman.measurements._adults import SEXES, Prediction, adults, predict
 from riemhuman.measurements.measurement_set import DATA, open_measurements
 from riemhuman.measurements.measuring import Measurements, as_mapping
 from riemhuman.solvers._preconditioners import SparseCholeskyFactor
 
-_SEXES = ("woman", "man", "adult")
-# Least relative uncertainty of a value when it is compared with the others.
-_LEAST_UNCERTAINTY = 0.01
-# A value contradicts the others if it is this many standard deviations from their prediction.
-_CONTRADICTION = 4.0
 # The search ends when no shape coefficient changes by more than this.
 _LEAST_STEP = 1e-6
 # Default standard deviations of values: metres, and shares of areas, volumes and masses.
-_LENGTH_TOLERANCE, _SHARE_TOLERANCE = 3e-4, 1e-3
+_LENGTH_TOLERANCE, _SHARE_TOLERANCE = 1e-4, 5e-4
+# The body meets predicted values to this share of their standard deviations.
+_OF_PREDICTED = 0.3
+# The search also ends when a step lowers the cost by less than this share.
+_LEAST_GAIN = 1e-5
+_WAIST, _OMPHALION = "waist girth", "waist girth (omphalion)"
 _MOST_HALVINGS = 12
 
 
@@ -53,19 +56,27 @@ class MeasuredPerson:
     betas : array, shape (B,)
         Shape coefficients of the body.
     values : dict of str to float
-        The requested measurements, as the body has them.
+        The given measurements, as the body has them.
     misses : dict of str to float
-        These less the requested values.
+        These less the given values.
+    predicted : dict of str to float
+        The other measurements, standing and seated, as linear regression on the people of ANSUR II
+        predicts them; the body comes as near to them as its shape coefficients allow.
+    predicted_std : dict of str to float
+        Standard deviations of the errors of these: 90 per cent of people lie within 1.645 of them.
+    sexes : dict of str to float
+        Probabilities of "woman" and "man" given the values.
     z_scores : dict of str to float
-        Each requested value less its prediction from the others, in standard deviations.
+        Each given value less its prediction from the others, in standard deviations.
     contradictory : tuple of str
-        Names of values more than four standard deviations from their prediction, the worst first.
+        Names of values that do not fit the others in at most 1 of 100 people, the worst first.
     improbability : float
-        Mahalanobis distance of the body from the mean person of the chosen sex.
+        Mahalanobis distance of the body from the mean adult of the sex.
     converged : bool
         Whether the search converged.
     message : str
-        Which values contradict the others, and whether the search converged.
+        Which two values contradict each other, which waist was given, and whether the search
+        converged.
 
     Examples
     --------
@@ -79,6 +90,9 @@ class MeasuredPerson:
     betas: ndarray
     values: dict[str, float]
     misses: dict[str, float]
+    predicted: dict[str, float]
+    predicted_std: dict[str, float]
+    sexes: dict[str, float]
     z_scores: dict[str, float]
     contradictory: tuple[str, ...]
     improbability: float
@@ -100,11 +114,13 @@ def model_from_measurements(
     ----------
     values : mapping of str to float
         Measurements of the open body by name, in metres, square metres, cubic metres or kilograms.
+        Seated ones count through the others that they predict.
     sex : {"adult", "woman", "man"}
-        Population among which the body is the most probable.
+        Population among which the body is the most probable; for "adult", both count by their
+        probability given the values.
     tolerances : mapping of str to float, optional
-        Standard deviations σ of the values, in their units; by default 0.3 mm for lengths, and a
-        thousandth of the value for areas, volumes and masses.
+        Standard deviations σ of the values, in their units; by default 0.1 mm for lengths, and a
+        two-thousandth of the value for areas, volumes and masses.
     resolution : {"full", "coarse"}
         Resolution of the model.
     max_iter : int
@@ -113,7 +129,8 @@ def model_from_measurements(
     Returns
     -------
     MeasuredPerson
-        Its `contradictory` and `message` name values that contradict the others.
+        With the other measurements in `predicted`, and values that contradict each other in
+        `contradictory`.
 
     Raises
     ------
@@ -123,144 +140,167 @@ def model_from_measurements(
     Examples
     --------
     >>> import riemhuman as rh
-    >>> wanted = {"stature": 1.70, "waist girth": 0.80, "hip girth": 1.00}
+    >>> wanted = {"stature": 1.70, "waist girth (omphalion)": 0.85, "hip girth": 1.00}
     >>> person = rh.measurements.model_from_measurements(wanted, sex="woman", resolution="coarse")
-    >>> round(person.values["waist girth"], 3)
-    0.8
+    >>> round(person.values["hip girth"], 3)
+    1.0
     """
-    one_of(sex, "sex", _SEXES)
+    one_of(sex, "sex", ("adult", *SEXES))
     one_of(resolution, "resolution", ("full", "coarse"))
     whole_number(max_iter, "max_iter", minimum=1)
-    description = open_measurements(resolution)
-    assert description is not None, "the open model has measurements"
-    wanted = as_mapping(values, description.names)
-    for name, value in wanted.items():
+    standing = open_measurements(resolution)
+    assert standing is not None, "the open model has measurements"
+    given = as_mapping(values, dict.fromkeys((*standing.names, *adults()["names"])))
+    for name, value in given.items():
         real_number(value, name, minimum=0.0, strict=True)
-    own = Measurements(description, list(wanted))
-    spread = {
-        name: _LENGTH_TOLERANCE if unit == "m" else _SHARE_TOLERANCE * wanted[name]
-        for name, unit in zip(own.names, own.units, strict=True)
-    }
-    for name, tolerance in as_mapping(tolerances, own.names).items() if tolerances else ():
-        spread[name] = real_number(tolerance, f"tolerance of {name}", minimum=0.0, strict=True)
-    return _Search(own, _adults()[sex], wanted, spread).solve(max_iter)
+    errors = {}
+    units = dict(zip(standing.names, Measurements(standing).units, strict=True))
+    for name, value in given.items():
+        is_length = units.get(name, "m") == "m"
+        errors[name] = _LENGTH_TOLERANCE if is_length else _SHARE_TOLERANCE * value
+    for name, error in as_mapping(tolerances, list(given)).items() if tolerances else ():
+        errors[name] = real_number(error, f"tolerance of {name}", minimum=0.0, strict=True)
+    prediction = predict(given, sex, errors)
+    own = Measurements(standing, [m for m in standing.names if m in given or m in prediction.mean])
+    goals, spread = np.empty((2, len(own.names)))
+    for k, name in enumerate(own.names):
+        if name in given:
+            goals[k], spread[k] = given[name], errors[name]
+        else:
+            offsets = (
+                share * adults()[one]["offsets"].get(name, 0.0)
+                for one, share in prediction.sexes.items()
+            )
+            goals[k] = prediction.mean[name] + sum(offsets)
+            spread[k] = _OF_PREDICTED * prediction.std[name]
+    is_given = np.array([name in given for name in own.names])
+    search = _Search(own, _shapes(prediction), goals, spread, is_given)
+    betas, measured, converged = search.solve(max_iter)
+    of_body = dict(zip(own.names, measured.tolist(), strict=True))
+    in_body = {name: of_body[name] for name in given if name in of_body}
+    return MeasuredPerson(
+        points=search.body(betas),
+        betas=betas,
+        values=in_body,
+        misses={name: value - given[name] for name, value in in_body.items()},
+        predicted=prediction.mean,
+        predicted_std=prediction.std,
+        sexes=prediction.sexes,
+        z_scores=prediction.scores,
+        contradictory=prediction.contradictory,
+        improbability=float(np.sqrt(search.prior(betas))),
+        converged=converged,
+        message=_message(given, sex, prediction, converged),
+    )
 
 
 @lru_cache(maxsize=1)
-def _adults() -> dict[str, tuple[ndarray, ndarray]]:
-    """Return mean and covariance of the shape coefficients among women, men and both."""
+def _adult_shapes() -> dict[str, tuple[ndarray, ndarray]]:
+    """Return mean and covariance of the shape coefficients among women and men."""
     record = json.loads((DATA / "adults.json").read_text(encoding="utf-8"))
-    return {
-        sex: (np.array(entry["mean"]), np.array(entry["covariance"]))
-        for sex, entry in record.items()
-    }
+    return {s: (np.array(record[s]["mean"]), np.array(record[s]["covariance"])) for s in SEXES}
+
+
+def _shapes(prediction: Prediction) -> tuple[ndarray, ndarray]:
+    """Return mean and covariance of the shape coefficients in the mixture of both sexes."""
+    parts = [(share, *_adult_shapes()[sex]) for sex, share in prediction.sexes.items()]
+    mean = sum(share * own for share, own, _ in parts)
+    return mean, sum(
+        share * (covariance + np.outer(own - mean, own - mean)) for share, own, covariance in parts
+    )
+
+
+def _message(given: Mapping[str, float], sex: str, prediction: Prediction, converged: bool) -> str:
+    remarks = [] if converged else ["the search did not converge"]
+    if prediction.pair is not None:
+        first, second, agreeing = prediction.pair
+        remarks.append(
+            f"{first} of {given[first]:.4g} contradicts {second} of {given[second]:.4g}: at most 1 "
+            f"of 100 adults combine such values; {first} of about {agreeing:.4g} would agree"
+        )
+    others = [name for name in prediction.contradictory if name not in (prediction.pair or ())]
+    if others:
+        remarks.append(f"so do {', '.join(others)}")
+    if not prediction.contradictory:
+        remarks.append("the values agree with each other")
+    if _WAIST in given and _OMPHALION not in given:
+        remark = "the waist is the natural one; give the navel's, as in ANSUR, as " + repr(
+            _OMPHALION
+        )
+        renamed = {_OMPHALION if name == _WAIST else name: v for name, v in given.items()}
+        if prediction.contradictory and not predict(renamed, sex).contradictory:
+            remark += ", with which the values would agree"
+        remarks.append(remark)
+    return "; ".join(remarks)
 
 
 class _Search:
-    """The search for the most probable body."""
+    """The search for the body whose measurements are nearest to goals."""
 
     def __init__(
         self,
         own: Measurements,
-        adults: tuple[ndarray, ndarray],
-        wanted: Mapping[str, float],
-        spread: Mapping[str, float],
+        shapes: tuple[ndarray, ndarray],
+        goals: ndarray,
+        spread: ndarray,
+        is_given: ndarray,
     ) -> None:
         model = own.definitions.model
         assert model is not None
-        self._own, self._names = own, list(wanted)
-        self._wanted = np.array([wanted[name] for name in self._names])
-        self._spread = np.array([spread[name] for name in self._names])
-        self._mean, self._covariance = adults
+        self._own, self._goals, self._spread, self._is_given = own, goals, spread, is_given
+        self._mean, covariance = shapes
         pose = own.definitions.standard_pose_vector
         bodies = model(np.concatenate([np.zeros((1, model.n_betas)), np.eye(model.n_betas)]), pose)
         self._rest, self._directions = bodies[0], bodies[1:] - bodies[0]
-        self._precision = np.linalg.inv(self._covariance)
+        self._precision = np.linalg.inv(covariance)
 
-    def solve(self, max_iter: int) -> MeasuredPerson:
-        betas, converged = self._mean, False
+    def solve(self, max_iter: int) -> tuple[ndarray, ndarray, bool]:
+        """Return shape coefficients, the measurements of their body, and whether it converged."""
+        betas = self._mean
         values, slopes = self._measured(betas)
         cost, damping = self._cost(betas, values), 1e-3
         for _ in range(max_iter):
             scaled = slopes / self._spread[:, np.newaxis]
             matrix = scaled.T @ scaled + self._precision
-            right = scaled.T @ ((self._wanted - values) / self._spread)
+            right = scaled.T @ ((self._goals - values) / self._spread)
             right -= self._precision @ (betas - self._mean)
             while True:
                 damped = matrix + damping * np.diag(np.diag(matrix))
                 step = np.linalg.solve(damped, right)
                 if np.abs(step).max() < _LEAST_STEP:
-                    converged = True
-                    break
+                    return betas, values, True
                 trial, trial_slopes = self._measured(betas + step)
                 trial_cost = self._cost(betas + step, trial)
                 if trial_cost < cost:
+                    gain = 1.0 - trial_cost / cost
                     betas, values, slopes, cost = betas + step, trial, trial_slopes, trial_cost
                     damping = max(damping / 10.0, 1e-9)
                     break
                 damping *= 10.0
-            if converged:
-                break
-        return self._person(betas, values, slopes, converged)
+            if gain < _LEAST_GAIN:
+                return betas, values, True
+        return betas, values, False
 
-    def _body(self, betas: ndarray) -> ndarray:
+    def body(self, betas: ndarray) -> ndarray:
+        """Return the vertices, shape (V, 3)."""
         return self._rest + np.tensordot(betas, self._directions, axes=1)
 
+    def prior(self, betas: ndarray) -> float:
+        """Return the squared Mahalanobis distance from the mean adult."""
+        return float((betas - self._mean) @ self._precision @ (betas - self._mean))
+
     def _measured(self, betas: ndarray) -> tuple[ndarray, ndarray]:
-        """Return values and their derivatives by the betas; NaN where a measurement fails."""
-        measured = self._own.measure(self._body(betas), axes="space", gradient=True, missing="nan")
+        """Return values and their derivatives by the betas; NaN where a given one fails."""
+        measured = self._own.measure(self.body(betas), axes="space", gradient=True, missing="nan")
         assert measured.gradient is not None
-        return measured.values, np.einsum("mvx,bvx->mb", measured.gradient, self._directions)
+        slopes = np.einsum("mvx,bvx->mb", measured.gradient, self._directions)
+        fails = np.isnan(measured.values) & ~self._is_given
+        slopes[fails] = 0.0
+        return np.where(fails, self._goals, measured.values), slopes
 
     def _cost(self, betas: ndarray, values: ndarray) -> float:
-        deviation = betas - self._mean
-        misses = (values - self._wanted) / self._spread
-        cost = deviation @ self._precision @ deviation + np.sum(misses**2)
+        cost = self.prior(betas) + np.sum(((values - self._goals) / self._spread) ** 2)
         return float(cost) if np.isfinite(cost) else np.inf
-
-    def _person(
-        self, betas: ndarray, values: ndarray, slopes: ndarray, converged: bool
-    ) -> MeasuredPerson:
-        deviation = betas - self._mean
-        improbability = float(np.sqrt(deviation @ self._precision @ deviation))
-        scores = self._scores(betas, values, slopes)
-        order = np.argsort(-np.abs(scores))
-        contradictory = tuple(self._names[k] for k in order if abs(scores[k]) > _CONTRADICTION)
-        remarks = [] if converged else ["the search did not converge"]
-        if contradictory:
-            worst = order[0]
-            agreeing = self._wanted[worst] - self._gaps[worst]
-            remarks.append(
-                f"{contradictory[0]} of {self._wanted[worst]:.4g} contradicts the other values "
-                f"most; about {agreeing:.4g} would agree with them"
-            )
-        if len(contradictory) > 1:
-            remarks.append(f"so do {', '.join(contradictory[1:])}")
-        return MeasuredPerson(
-            points=self._body(betas),
-            betas=betas,
-            values=dict(zip(self._names, values.tolist(), strict=True)),
-            misses=dict(zip(self._names, (values - self._wanted).tolist(), strict=True)),
-            z_scores=dict(zip(self._names, scores.tolist(), strict=True)),
-            contradictory=contradictory,
-            improbability=improbability,
-            converged=converged,
-            message="; ".join(remarks) or "the values agree with each other",
-        )
-
-    def _scores(self, betas: ndarray, values: ndarray, slopes: ndarray) -> ndarray:
-        """Compare each value with its prediction from the others, to first order.
-
-        If values y are normal with mean 0 and covariance C, then y_k less its mean given the others
-        is (C⁻¹y)_k/(C⁻¹)_kk, with variance 1/(C⁻¹)_kk.
-        """
-        noise = np.maximum(self._spread, _LEAST_UNCERTAINTY * self._wanted)
-        covariance = slopes @ self._covariance @ slopes.T + np.diag(noise**2)
-        precision = np.linalg.inv(covariance)
-        expected = values + slopes @ (self._mean - betas)
-        pull = precision @ (self._wanted - expected)
-        self._gaps = pull / np.diag(precision)
-        return pull / np.sqrt(np.diag(precision))
 
 
 @dataclass(frozen=True, eq=False)

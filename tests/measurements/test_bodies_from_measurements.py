@@ -12,6 +12,7 @@ from riemhuman.measurements import (
     model_from_measurements,
     nearest_body,
 )
+from riemhuman.measurements._adults import adults, predict
 
 SIXTEEN = (
     ["stature", "cervical height", "chest girth", "under-bust girth", "waist girth", "hip girth"]
@@ -57,16 +58,71 @@ def test_the_rest_is_the_most_probable(own):
     assert loose.improbability < tight.improbability
 
 
-def test_contradictory_values_are_named(own):
-    measured = own.measure(load_open_model("coarse")())
-    wanted = {name: float(measured[name]) for name in SIXTEEN}
-    person = model_from_measurements(wanted, resolution="coarse")
-    assert person.contradictory == ()
-    assert "agree" in person.message
-    wanted["inside leg height"] += 0.12
-    person = model_from_measurements(wanted, resolution="coarse")
+FOUR = {"stature": 1.63, "chest girth": 0.95, "waist girth (omphalion)": 0.87, "hip girth": 1.02}
+
+
+def test_contradictory_values_are_named():
+    assert predict(FOUR, "woman").contradictory == ()
+    wanted = FOUR | {"inside leg height": 0.95}
+    person = model_from_measurements(wanted, "woman", resolution="coarse", max_iter=1)
     assert person.contradictory[0] == "inside leg height"
-    assert "inside leg height of" in person.message
+    assert "inside leg height of 0.95 contradicts stature of 1.63" in person.message
+    assert abs(person.z_scores["inside leg height"]) > 4.0
+    assert predict(wanted, "woman", {"inside leg height": 0.2}).contradictory == ()
+
+
+def test_the_message_says_which_waist():
+    wanted = {"stature": 1.63, "waist girth": 1.0, "chest girth": 0.95, "hip girth": 1.02}
+    person = model_from_measurements(wanted, "woman", resolution="coarse", max_iter=1)
+    assert "waist girth" in person.contradictory
+    assert "natural one; give the navel's" in person.message
+    person = model_from_measurements(FOUR, "woman", resolution="coarse")
+    assert person.message == "the values agree with each other"
+
+
+@pytest.mark.parametrize("sex", ["woman", "man"])
+def test_predictions_are_calibrated(sex):
+    """Of people drawn from the statistics, 90 per cent lie within the stated 90 per cent."""
+    names, entry = adults()["names"], adults()[sex]
+    rng = np.random.default_rng(0)
+    people = rng.multivariate_normal(entry["mean"], entry["covariance"], 400)
+    rows = [names.index(name) for name in FOUR]
+    found = [predict(dict(zip(FOUR, person[rows], strict=True)), sex) for person in people]
+    rest = [name for name in names if name not in FOUR]
+    mean, std = (
+        np.array([[getattr(one, kind)[name] for name in rest] for one in found])
+        for kind in ("mean", "std")
+    )
+    errors = people[:, [names.index(name) for name in rest]] - mean
+    within = (np.abs(errors) < 1.6449 * std).mean(axis=0)
+    assert abs(within.mean() - 0.9) < 0.01
+    assert within.min() > 0.83
+    assert np.mean([bool(one.contradictory) for one in found]) <= 0.01
+    # No linear function of the given values explains more.
+    inputs = np.column_stack([np.ones(len(people)), people[:, rows]])
+    residuals = errors - inputs @ np.linalg.lstsq(inputs, errors, rcond=None)[0]
+    assert (errors.std(axis=0) < 1.05 * residuals.std(axis=0)).all()
+
+
+def test_the_sex_is_inferred():
+    woman = predict(FOUR, "adult")
+    assert woman.sexes["woman"] > 0.9
+    same = predict(FOUR, "woman")
+    assert abs(woman.mean["neck girth"] - same.mean["neck girth"]) < 0.1 * same.std["neck girth"]
+    unknown = predict({"stature": 1.69}, "adult")
+    assert unknown.std["neck girth"] > 1.2 * predict({"stature": 1.69}, "man").std["neck girth"]
+
+
+def test_the_body_is_near_the_prediction(own):
+    person = model_from_measurements(FOUR, "woman", resolution="coarse")
+    measured = own.measure(person.points, axes="space").to_dict()
+    for name in ("hip height", "thigh girth", "neck girth", "body mass"):
+        expected = person.predicted[name] + adults()["woman"]["offsets"][name]
+        assert abs(measured[name] - expected) < person.predicted_std[name]
+    assert "sitting height" in person.predicted
+    by_seat = model_from_measurements({"sitting height": 0.95}, "woman", resolution="coarse")
+    assert by_seat.values == {}
+    assert by_seat.predicted["stature"] > person.predicted["sitting height"] + 0.8
 
 
 def test_wrong_values():
