@@ -18,7 +18,7 @@ from riemhuman.cli._commands import (
     output,
     path_option,
 )
-from riemhuman.cli._inputs import advice, read_surfaces
+from riemhuman.cli._inputs import advice, read_recording, read_surfaces
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
@@ -33,11 +33,13 @@ _POINT_ENDINGS = (".xyz", ".npy")
     "view",
     "an interactive page of bodies or of a path",
     "Writes a page for any browser, without a network connection: registered meshes side by\n"
-    "side, or one after the other with --motion, or the path in an .npz file.",
+    "side, or one after the other with --motion; the path in an .npz file; or a motion capture\n"
+    "recording (.bvh), performed by a body of its proportions.",
     "  riemhuman view anna.ply ben.ply -o both.html\n"
     "  riemhuman view walk/ --motion -o walk.html\n"
-    "  riemhuman view path.npz -o path.html --open\n",
-    path_option("meshes", "FILES", "meshes, folders, or an .npz", nargs="+"),
+    "  riemhuman view path.npz -o path.html --open\n"
+    "  riemhuman view walk.bvh -o walk.html\n",
+    path_option("meshes", "FILES", "meshes, folders, an .npz, or a .bvh", nargs="+"),
     output("HTML", ".html"),
     flag("--motion", "the meshes are the frames of one motion"),
     flag("--open", "open the page in the browser"),
@@ -49,9 +51,14 @@ def _view(options: argparse.Namespace) -> Answer:
 
     first = options.meshes[0]
     with options.task("Page"):
-        if first.suffix.lower() == ".npz":
-            if len(options.meshes) > 1:
-                raise ArgumentError("give either one .npz file with a path, or meshes")
+        ending = first.suffix.lower()
+        if ending in (".npz", ".bvh") and len(options.meshes) > 1:
+            raise ArgumentError(f"give either one {ending} file with a path, or meshes")
+        if ending == ".bvh":
+            motion = read_recording(first)
+            seconds = len(motion) / motion.frames_per_second
+            viewer = rh.plots.view_path(motion[:], motion.faces, title=first.name, seconds=seconds)
+        elif ending == ".npz":
             arrays = rh.io.load_arrays(first, ["path", "faces"])
             title = f"Path in {first.name}"
             viewer = rh.plots.view_path(arrays["path"], arrays["faces"], title=title)

@@ -29,8 +29,21 @@ if TYPE_CHECKING:
 _PRESETS = {"shape": (1.0, 1e-4, 0.0), "pose": (0.0, 0.0, 1.0)}
 PATH_METRIC = (1.0, 1.0, 0.1)  # limbs would shrink along paths of the shape metric
 _N_HARMONICS = 60
+# Frames a second of recordings: enough to play smoothly, and for movements of a body.
+_RECORDED_RATE = 30.0
 _MOTION_PAGE = "motion.html"
 _IS_OF_MOTION = names_matching(r"frame_\d{4,}\.ply|motion\.html")
+
+
+def read_recording(file: Path, *, is_mean: bool = False) -> Any:
+    """Return a recording (BVH) at most 30 times a second, performed by a body of the open model.
+
+    Its person has the recorded proportions, or is the mean one, for comparisons of movements.
+    """
+    recording = rh.datasets.load_bvh(file)
+    rate = min(recording.frames_per_second, _RECORDED_RATE)
+    motion = rh.datasets.retarget(recording, frames_per_second=rate)
+    return motion.performed_by([0.0] * motion.model.n_betas) if is_mean else motion
 
 
 @dataclass(frozen=True, eq=False)

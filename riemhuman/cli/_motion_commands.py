@@ -18,7 +18,7 @@ from riemhuman.cli._commands import (
     path_option,
     several,
 )
-from riemhuman.cli._inputs import MOTION_OUTPUT, write_motion
+from riemhuman.cli._inputs import MOTION_OUTPUT, read_recording, write_motion
 from riemhuman.cli._terminal import csv_text, matrix_rows
 from riemhuman.errors import ArgumentError
 
@@ -26,13 +26,16 @@ _TEMPLATE = several(
     path_option("--template", "MESH", "template mesh (default: the first frame)"), UNIT
 )
 _PAIR = several(
-    path_option("a_motion", "A", "folder or .npz file"),
-    path_option("b_motion", "B", "folder or .npz file"),
+    path_option("a_motion", "A", "folder, .npz file, or recording (.bvh)"),
+    path_option("b_motion", "B", "folder, .npz file, or recording (.bvh)"),
     _TEMPLATE,
 )
 _SEVERAL = several(
     path_option(
-        "motions", "MOTIONS", "folders of meshes, folders of such folders, or .npz files", nargs="+"
+        "motions",
+        "MOTIONS",
+        "folders of meshes, folders of such folders, .npz files, or recordings (.bvh)",
+        nargs="+",
     ),
     _TEMPLATE,
 )
@@ -69,7 +72,7 @@ class _Motions:
 
 
 def _read(options: argparse.Namespace, *paths: Path, count: int | None = None) -> _Motions:
-    """Return the motions in .npz files and folders, if asked for a given number of them."""
+    """Return the motions in files and folders, if asked for a given number of them."""
     if (options.unit or options.up) and not any(path.is_dir() for path in paths):
         raise ArgumentError("--unit and --up are for folders of meshes; .npz files are in metres")
     found: list[tuple[str, Any, Any]] = []
@@ -77,6 +80,9 @@ def _read(options: argparse.Namespace, *paths: Path, count: int | None = None) -
         if path.suffix.lower() == ".npz":
             arrays = rh.io.load_arrays(path, ("path", "faces"))
             found.append((path.stem, arrays["path"], arrays["faces"]))
+        elif path.suffix.lower() == ".bvh":
+            motion = read_recording(path, is_mean=True)
+            found.append((path.stem, motion, motion.faces))
         else:
             motions = rh.datasets.load_mesh_motions(path, unit=options.unit, up=options.up)
             found += [(motion.sequence, motion, motion.faces) for motion in motions]
@@ -211,8 +217,9 @@ def _mean(options: argparse.Namespace) -> Answer:
     "motions find",
     "occurrences of a short motion in a long one",
     "Prints the parts of a motion that are most similar to a query, at any speed, nearest\n"
-    "first: distance, first and last frame. The motion is read once, frame by frame.",
-    "  riemhuman motions find lifted_knee/ hour/\n"
+    "first: distance, first and last frame. The motion is read once, frame by frame;\n"
+    "recordings (.bvh) are read at most 30 times a second.",
+    "  riemhuman motions find lifted_knee/ hour/\n  riemhuman motions find jump.bvh day.bvh\n"
     "  riemhuman motions find lifted_knee/ hour/ -k 20 --json\n",
     path_option("a_motion", "QUERY", "motion to find"),
     path_option("b_motion", "MOTION", "motion to search"),

@@ -1,6 +1,7 @@
 """The commands of motions print and write what the library finds."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -102,3 +103,19 @@ def test_other_triangles(refused, people, tmp_path):
     np.savez(tmp_path / "other.npz", path=np.zeros((2, 4, 3)), faces=np.array([[0, 1, 2]]))
     message = refused("motions", "dist", people[0], tmp_path / "other.npz")
     assert "other has another" in message
+
+
+def test_recordings(run, tmp_path):
+    jump = Path(__file__).parents[1] / "datasets" / "recordings" / "cmu_01_01.bvh"
+    text = jump.read_text().splitlines()
+    start = next(k for k, line in enumerate(text) if line.startswith("Frames:"))
+    part = [*text[:start], "Frames: 12", text[start + 1], *text[start + 22 : start + 34]]
+    (tmp_path / "part.bvh").write_text("\n".join(part) + "\n")
+    finished = run("motions", "find", tmp_path / "part.bvh", jump, "-k", "1", "--json", "-q")
+    assert finished.code == 0, finished.err
+    (found,) = json.loads(finished.out)
+    assert abs(found["first"] - 20) <= 1
+    assert abs(found["last"] - 31) <= 1
+    page = tmp_path / "part.html"
+    assert run("view", tmp_path / "part.bvh", "-o", page, "-q").code == 0
+    assert "part.bvh" in page.read_text(encoding="utf-8")
