@@ -26,10 +26,6 @@ settings.load_profile("repeatable")
 gc.disable()
 
 
-def pytest_addoption(parser):
-    parser.addoption("--benchmark-enable", action="store_true", help="run tests/benchmarks")
-
-
 def pytest_collection_finish(session):
     gc.freeze()
     gc.enable()

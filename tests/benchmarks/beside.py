@@ -9,6 +9,7 @@ other one and their ratio; numbers are medians over the rounds.
 
 import argparse
 import contextlib
+import json
 import os
 import re
 import shutil
@@ -19,6 +20,8 @@ import tempfile
 from pathlib import Path
 
 NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])")
+# Rounds shorter than this, in seconds, are of benchmarks that print what they measure.
+_SHORTEST = 1e-5
 
 
 @contextlib.contextmanager
@@ -48,9 +51,17 @@ def run(tree, command):
 
 
 def benchmark(tree, arguments):
-    """Return the lines that benchmarks print in a tree."""
-    options = ["--benchmark-enable", "-s", "-q", "-p", "no:cacheprovider", "--no-header"]
-    return run(tree, [sys.executable, "-m", "pytest", *options, *arguments]).splitlines()
+    """Return the lines that pytest prints of benchmarks in a tree, with their shortest rounds."""
+    with tempfile.TemporaryDirectory() as folder:
+        times = Path(folder) / "times.json"
+        options = ["--benchmark-enable", "-s", "-q", "-p", "no:cacheprovider", "--no-header"]
+        options += ["--benchmark-columns=min", f"--benchmark-json={times}"]
+        printed = run(tree, [sys.executable, "-m", "pytest", *options, *arguments])
+        lines = printed.partition("\n-------")[0].splitlines()
+        for one in json.loads(times.read_text())["benchmarks"]:
+            if one["stats"]["min"] >= _SHORTEST:
+                lines.append(f"{one['name']}: {1e3 * one['stats']['min']:.4g} ms, shortest round")
+        return lines
 
 
 def beside(here, there):

@@ -1,7 +1,7 @@
 """Benchmarks run where clocks are asked for, with `--benchmark-enable`: elsewhere they cost hours.
 
-A benchmark is a test that prints what it measures, by `performances.clocked`, and asserts what the
-documentation promises.
+A benchmark is a test that measures by `performances.clocked`, and thus by pytest-benchmark, prints
+its figures and asserts what the documentation promises.
 """
 
 from pathlib import Path

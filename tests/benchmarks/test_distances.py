@@ -65,7 +65,7 @@ def definition_on_fields(metric, points):
 
 
 @each_metric
-def test_against_the_definition(name):
+def test_against_the_definition(benchmark, name):
     points, metric = bodies("full").points, metric_of(name, "full")
     n_pairs = 4950
     all_features = metric.features(points, "single")
@@ -110,12 +110,13 @@ def test_against_the_definition(name):
             f"        between two halves of them {loops:.2f} us a pair on one thread; a product of "
             f"matrices, which is not as exact, {product:.2f}: ratio {loops / product:.2f}"
         )
+    benchmark.pedantic(lambda: metric.dist_pairwise(points, n_jobs=2), rounds=3)
     assert name not in ("pose", "shape") or fields >= 40 * one
     assert times[6] <= 0.5
 
 
 @each_metric
-def test_growth(name):
+def test_growth(benchmark, name):
     features = {r: metric_of(name, r).features(bodies(r).points) for r in ("coarse", "full")}
 
     def all_pairs(resolution, count):
@@ -130,9 +131,10 @@ def test_growth(name):
         f"\n{name:7} time grows as n^{with_bodies:.2f} with bodies, as F^{with_triangles:.2f} with "
         "triangles"
     )
+    benchmark.pedantic(all_pairs("full", 100), rounds=3)
 
 
-def test_memory():
+def test_memory(benchmark):
     points, metric = bodies("full").points, metric_of("mixed", "full")
     n_bodies = len(points)
     a_body = sum(array.nbytes for array in metric.features(points[:1], "single"))
@@ -152,6 +154,7 @@ def test_memory():
         np.testing.assert_array_equal(matrix, whole)
         # Beside the features: the surfaces of the slice being read, and the table.
         assert peak <= share * n_bodies * (a_body + 2 * points[0].nbytes) + 2 * 2**20
+    benchmark.pedantic(lambda: metric.dist_pairwise(points), rounds=1)
 
 
 FIRST_CALL = """
@@ -172,13 +175,13 @@ print(imported - begin, first - ready, time.perf_counter() - first)
 """
 
 
-def test_first_call_in_a_fresh_process():
+def test_first_call_in_a_fresh_process(benchmark):
     def run():
         command = [sys.executable, "-c", FIRST_CALL]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         return [float(word) for word in done.stdout.split()]
 
-    run()
+    benchmark.pedantic(run, rounds=1)
     times = np.min([run() for _ in range(5)], axis=0)
     print(
         f"\nfresh process: import {times[0]:.3f} s, first distance {times[1]:.3f} s, then the "

@@ -20,13 +20,13 @@ def seeded(model, n_bodies):
 
 
 @pytest.mark.parametrize("noise_mm", [0.0, 2.0])
-def test_fit(noise_mm):
+def test_fit(benchmark, noise_mm):
     model = bodies("full").model
     points = seeded(model, _N_BODIES)
     noise = np.random.default_rng(1).normal(size=points.shape)
     points += 1e-3 * noise_mm * noise
     model.fit(points[:1])  # compiles
-    _, seconds, _ = clocked(lambda: model.fit(points[:_N_TIMED]), rounds=3)
+    _, seconds, _ = clocked(lambda: model.fit(points[:_N_TIMED]), rounds=3, benchmark=benchmark)
     fit = model.fit(points)
     of_noise = 1e3 * np.linalg.norm(1e-3 * noise_mm * noise, axis=-1).mean(axis=-1)
     print(

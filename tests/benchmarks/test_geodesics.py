@@ -101,7 +101,7 @@ def ratios():
 
 
 @pytest.mark.parametrize(("start", "end", "kind", "weights"), runs())
-def test_against_the_papers_recipe(ratios, start, end, kind, weights):
+def test_against_the_papers_recipe(benchmark, ratios, start, end, kind, weights):
     start_point, end_point = bodies("full").points[[start, end]]
     metric = ElasticMetric(AlignedSurfaces(bodies("full").template), *weights)
     deformations = basis("full")
@@ -112,7 +112,9 @@ def test_against_the_papers_recipe(ratios, start, end, kind, weights):
     for _ in range(3):
         energy = WatchedEnergy()
         solver = BasisPath(deformations, energy=energy)
-        watched.append((*timed(solver, metric, start_point, end_point), energy))
+        watched.append(
+            (*timed(solver, metric, start_point, end_point, benchmark=benchmark), energy)
+        )
     ours = watched[0][0]
     energy, n_iterations, n_starts, seconds = recipe(metric, deformations, start_point, end_point)
     assert ours.converged
@@ -165,12 +167,13 @@ def straightened():
 
 
 @pytest.mark.parametrize("weights", WEIGHTS, ids=str)
-def test_straightening(straightened, weights):
+def test_straightening(benchmark, straightened, weights):
     metric = ElasticMetric(AlignedSurfaces(bodies("full").template), *weights)
     for start, end, kind in pairs():
         ends = bodies("full").points[[start, end]]
         result, duration, processor = clocked(
-            lambda: PathStraightening().solve(metric, *ends)  # noqa: B023
+            lambda: PathStraightening().solve(metric, *ends),  # noqa: B023
+            benchmark=benchmark,
         )
         over_basis, _ = timed(BasisPath(basis("full")), metric, *ends)
         assert result.converged
@@ -197,7 +200,7 @@ def registered(variant):
 
 @pytest.mark.parametrize("variant", ["open", "natural", "noisy"])
 @pytest.mark.parametrize("weights", WEIGHTS, ids=str)
-def test_gaps(weights, variant):
+def test_gaps(benchmark, weights, variant):
     """What results say of their distance to the minimum, against running on; and ends swapped."""
     metric = ElasticMetric(AlignedSurfaces(bodies("coarse").template), *weights)
     points, some = registered(variant), pairs()[::2]
@@ -210,7 +213,7 @@ def test_gaps(weights, variant):
             ends = points[[start, end]]
             result = solver.solve(metric, *ends)
             tight = replace(solver, tolerance=further)
-            least, _ = timed(tight, metric, *ends, result.path)
+            least, _ = timed(tight, metric, *ends, result.path, benchmark=benchmark)
             back = solver.solve(metric, *ends[::-1])
             above = 100 * (result.energy / least.energy - 1)
             rows.append((above, result.gap, 100 * abs(result.energy / back.energy - 1)))
@@ -226,7 +229,7 @@ def test_gaps(weights, variant):
         assert shown.max() < most
 
 
-def test_warm_start_under_other_weights():
+def test_warm_start_under_other_weights(benchmark):
     """A geodesic between the same coarse bodies, when the weights have changed a little."""
     space, deformations = AlignedSurfaces(bodies("coarse").template), basis("coarse")
     solver, cold, warm = BasisPath(deformations), [], []
@@ -237,7 +240,8 @@ def test_warm_start_under_other_weights():
             metric = ElasticMetric(space, 1.0, 1.0, c)
             for times, initial_path in ((cold, None), (warm, path)):
                 result, _, seconds = clocked(
-                    lambda: solver.solve(metric, *ends, initial_path)  # noqa: B023
+                    lambda: solver.solve(metric, *ends, initial_path),  # noqa: B023
+                    benchmark=benchmark,
                 )
                 times.append(1e3 * seconds)
             path = result.path
@@ -247,13 +251,15 @@ def test_warm_start_under_other_weights():
     )
 
 
-def test_many_geodesics():
+def test_many_geodesics(benchmark):
     """A table by path length of coarse bodies, and how far the closed form is from it."""
     n_bodies = 46
     metric = ElasticMetric(AlignedSurfaces(bodies("coarse").template), 1.0, 1.0, 0.1)
     points, solver = bodies("coarse").points[::2][:n_bodies], BasisPath(basis("coarse"))
     solver.solve(metric, *points[:2])
-    found, *seconds = clocked(lambda: path_distances(solver, metric, points, n_jobs=2))
+    found, *seconds = clocked(
+        lambda: path_distances(solver, metric, points, n_jobs=2), benchmark=benchmark
+    )
     n_pairs = n_bodies * (n_bodies - 1) // 2
     a_thousand = [1000 * duration / n_pairs for duration in seconds]
     print(

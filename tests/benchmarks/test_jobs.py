@@ -74,10 +74,10 @@ def run(folder, n_bodies, resolution, metric):
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak of memory is read from /proc")
 @pytest.mark.parametrize("metric", METRICS)
 @pytest.mark.parametrize("resolution", ["coarse", "full"])
-def test_all_pairs_on_disk(metric, resolution, tmp_path):
+def test_all_pairs_on_disk(benchmark, metric, resolution, tmp_path):
     n_bodies = {"coarse": 10_000, "full": 600}[resolution]
-    seconds, of_tiles, n_tiles, n_bytes, memory = run(
-        tmp_path / "job", n_bodies, resolution, metric
+    seconds, of_tiles, n_tiles, n_bytes, memory = benchmark.pedantic(
+        run, (tmp_path / "job", n_bodies, resolution, metric), rounds=1
     )
     distances = np.load(tmp_path / "job" / "D.npy", mmap_mode="r")
     n_pairs = n_bodies * (n_bodies - 1) // 2
@@ -95,13 +95,15 @@ def test_all_pairs_on_disk(metric, resolution, tmp_path):
     assert memory < 2 * 2**30
 
 
-def test_on_a_cluster(tmp_path):
+def test_on_a_cluster(benchmark, tmp_path):
     """Two workers of a cluster against two threads of one process, the same points in memory."""
     bodies = PeopleInMotion(3_000)
     points = bodies[:]
     metric = ElasticMetric(AlignedSurfaces(bodies.model.template), *METRICS["pose"])
     metric.dist_pairwise(points[:2])  # compiles, where nothing is cached yet
-    here, seconds, _ = clocked(lambda: pairwise_job(metric, points, tmp_path / "here", n_jobs=2))
+    here, seconds, _ = clocked(
+        lambda: pairwise_job(metric, points, tmp_path / "here", n_jobs=2), benchmark=benchmark
+    )
     with (
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=":0"

@@ -18,7 +18,7 @@ OTHER_PEOPLE = 81
 PAIRS = [("a_stance", "squat"), ("lunge", "hands_on_hips"), ("hand_on_ear", "arms_forward")]
 
 
-def test_exponential_of_the_logarithm():
+def test_exponential_of_the_logarithm(benchmark):
     for resolution in ("coarse", "full"):
         bodies = load_open_bodies(resolution, variant="natural", people=OTHER_PEOPLE)
         metric = ElasticMetric(AlignedSurfaces(bodies.template), 1.0, 1.0, 0.1)
@@ -26,7 +26,10 @@ def test_exponential_of_the_logarithm():
         for person, pair in enumerate(PAIRS):
             start, end = (bodies.points[10 * person + names.index(pose)] for pose in pair)
             solver = DiscreteLogarithm()
-            log, wall, processor = clocked(lambda: solver.solve(metric, end, start))  # noqa: B023
+            log, wall, processor = clocked(
+                lambda: solver.solve(metric, end, start),  # noqa: B023
+                benchmark=benchmark,
+            )
             exp = solver.inverse(log).solve(metric, log.tangent_vec, start)
             gap = 1000.0 * np.abs(exp.end - end).max()
             print(

@@ -22,11 +22,13 @@ from riemhuman.surfaces.measures import triangle_areas
 OTHER_PEOPLE = 81  # on whom no setting was compared
 
 
-def test_mean_of_five_people():
+def test_mean_of_five_people(benchmark):
     points = bodies("full").points[0:50:10]
     metric = ElasticMetric(AlignedSurfaces(bodies("full").template), 0.0, 0.0, 1.0)
     solver = BasisMean(basis("full"))
-    result, seconds, _ = clocked(lambda: solver.solve(metric, points), rounds=3)
+    result, seconds, _ = clocked(
+        lambda: solver.solve(metric, points), rounds=3, benchmark=benchmark
+    )
     dispersion = Dispersion(metric, points)
     print(
         f"\n{seconds:.2f} s: variance {result.variance:.6g} after {result.n_iterations} "
@@ -37,7 +39,7 @@ def test_mean_of_five_people():
     assert result.variance < dispersion.value(points.mean(axis=0))
 
 
-def test_mean_of_poses():
+def test_mean_of_poses(benchmark):
     """The default mean of one natural person's ten poses, beside that over their differences."""
     data = load_open_bodies("full", variant="natural", people=OTHER_PEOPLE)
     for person in (2, 7):
@@ -48,7 +50,10 @@ def test_mean_of_poses():
             metric.dist_pairwise(points[:2])
             differences = DeformationBasis(points[1:] - points[0], orthonormalize=True)
             over_span = BasisMean(differences, tolerance=1e-6).solve(metric, points)
-            result, wall, processor = clocked(lambda: BasisMean().solve(metric, points))  # noqa: B023
+            result, wall, processor = clocked(
+                lambda: BasisMean().solve(metric, points),  # noqa: B023
+                benchmark=benchmark,
+            )
             areas = [triangle_areas(f, data.template.faces).sum() for f in (*points, result.point)]
             print(
                 f"\n{weights}, person {person}: variance {result.variance:.4f} after "
@@ -78,7 +83,7 @@ def written(folder, count):
 
 
 @pytest.mark.parametrize("kind", [FrechetMean, GeometricMedian])
-def test_center_of_thousands_from_a_file(tmp_path, kind):
+def test_center_of_thousands_from_a_file(benchmark, tmp_path, kind):
     count = 10_000
     points = written(tmp_path, count)
     space = AlignedSurfaces(bodies("coarse").template)
@@ -87,7 +92,9 @@ def test_center_of_thousands_from_a_file(tmp_path, kind):
     batches = [points[first : first + 256] for first in range(0, count, 256)]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     solver = BasisMean(basis("coarse"), tolerance=1e-7, sample_size=64)
-    result, wall, processor = clocked(lambda: kind(space, solver).fit(batches).result_)
+    result, wall, processor = clocked(
+        lambda: kind(space, solver).fit(batches).result_, benchmark=benchmark
+    )
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 2**10
     excess = result.variances[0] / result.variances[-1] - 1
     print(

@@ -9,13 +9,13 @@ from performances import bodies, clocked
 from riemhuman.measurements import Measurements, in_standard_pose, model_from_measurements
 
 
-def test_measure():
+def test_measure(benchmark):
     """All measurements of coarse bodies, and of one full body with derivatives by the vertices."""
     model = bodies("coarse").model
     own = Measurements(model)
     points = model(np.random.default_rng(0).normal(size=(10_000, model.n_betas)))
     own.measure(points[:2])  # compiled
-    measured, seconds, _ = clocked(lambda: own.measure(points, missing="nan"))
+    measured, seconds, _ = clocked(lambda: own.measure(points, missing="nan"), benchmark=benchmark)
     print(f"\n{len(points)} coarse bodies: {seconds:.1f} s")
     assert np.isnan(measured.values).mean() < 0.001
     own = Measurements(bodies("full").model)
@@ -24,18 +24,22 @@ def test_measure():
     print(f"a full body with derivatives: {seconds:.2f} s")
 
 
-def test_standard_pose():
+def test_standard_pose(benchmark):
     """Bodies in ten poses brought to the standard pose."""
     definitions = Measurements(bodies("full").model).definitions
     points = bodies("full").points[:10]
-    straight, seconds, _ = clocked(lambda: in_standard_pose(definitions, points))
+    straight, seconds, _ = clocked(
+        lambda: in_standard_pose(definitions, points), benchmark=benchmark
+    )
     print(f"\nto the standard pose: {seconds / len(points):.2f} s a body")
     assert straight.shape == points.shape
 
 
-def test_inverse():
+def test_inverse(benchmark):
     """A body from three measurements."""
     wanted = {"stature": 1.7, "waist girth": 0.8, "hip girth": 1.0}
-    person, seconds, _ = clocked(lambda: model_from_measurements(wanted, resolution="coarse"), 2)
+    person, seconds, _ = clocked(
+        lambda: model_from_measurements(wanted, resolution="coarse"), 2, benchmark=benchmark
+    )
     print(f"\na body from three measurements: {seconds:.2f} s")
     assert max(map(abs, person.misses.values())) < 0.002

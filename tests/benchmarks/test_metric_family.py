@@ -37,10 +37,12 @@ PAIRS = [("t_like", "bent_elbows"), ("t_like", "leg_raised")]
 
 
 @pytest.mark.parametrize("name", METRICS)
-def test_energy_and_gradient(name):
+def test_energy_and_gradient(benchmark, name):
     metric = METRICS[name](AlignedSurfaces(bodies("full").template, equip=False))
     path = LinearPath(11).solve(metric, *pose_pair("full", PAIRS[0])).path
-    (energy, _), wall, processor = clocked(lambda: metric.energy_and_gradient(path), 20)
+    (energy, _), wall, processor = clocked(
+        lambda: metric.energy_and_gradient(path), 20, benchmark=benchmark
+    )
     print(
         f"\n{name}, 11 surfaces: energy {energy:.4g} with gradient in "
         f"{1e3 * wall:.0f} ms, {1e3 * processor:.0f} ms of the processor"
@@ -50,12 +52,12 @@ def test_energy_and_gradient(name):
 
 @pytest.mark.parametrize("poses", PAIRS, ids="-".join)
 @pytest.mark.parametrize("name", [name for name in METRICS if "gauge" not in name])
-def test_geodesic(name, poses):
+def test_geodesic(benchmark, name, poses):
     metric = METRICS[name](AlignedSurfaces(bodies("full").template, equip=False))
     start, end = pose_pair("full", poses)
     solver = BasisPath(basis("full"))
     solver.solve(metric, start, end)  # compiles, loads, keeps what can be kept
-    result, wall, processor = clocked(lambda: solver.solve(metric, start, end))
+    result, wall, processor = clocked(lambda: solver.solve(metric, start, end), benchmark=benchmark)
     print(
         f"\n{name}, {' to '.join(poses)}: {wall:.2f} s, {processor:.2f} s of the "
         f"processor, {result.n_evaluations} evaluations, energy {result.energies[0]:.5g} to "
@@ -65,13 +67,13 @@ def test_geodesic(name, poses):
 
 
 @pytest.mark.parametrize("people", [(20, 40), (30, 50)], ids=str)
-def test_geodesic_along_normals(people):
+def test_geodesic_along_normals(benchmark, people):
     """Between two people in one pose, over mesh harmonics."""
     data = bodies("full")
     metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(data.template, equip=False)))
     harmonics = DeformationBasis.from_laplacian(data.template, n_components=100)
     solver, ends = BasisPath(harmonics, n_nodes=6), data.points[list(people)]
-    result, wall = timed(solver, metric, *ends)
+    result, wall = timed(solver, metric, *ends, benchmark=benchmark)
     straight = metric.energy(np.linspace(*ends, 6))
     print(
         f"\ngauge-invariant SRNF over 100 harmonics: {wall:.1f} s, "
@@ -90,7 +92,7 @@ class LogAreas(FlatTerm):
         return np.log(first.areas)[..., None]
 
 
-def test_distances_with_a_term_of_ones_own():
+def test_distances_with_a_term_of_ones_own(benchmark):
     space, points = AlignedSurfaces(bodies("full").template, equip=False), bodies("full").points
     n_pairs = 4950
     own, srnf = SurfaceMetric(space, [LogAreas(0.1)]), SRNFMetric(space)
@@ -101,6 +103,7 @@ def test_distances_with_a_term_of_ones_own():
         _, times[name], _ = clocked(
             lambda: metric.bulk.squared_distances(features, features, 1),  # noqa: B023
             5,
+            benchmark=benchmark,
         )
     _, one, _ = clocked(lambda: own.dist(points[0], points[1]), 3)
     shown = ", ".join(f"{name} {1e6 * t / n_pairs:.1f} µs a pair" for name, t in times.items())

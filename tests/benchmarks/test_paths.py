@@ -29,7 +29,7 @@ def motion(subject, pose, other_pose):
     )
 
 
-def test_paths_against_the_models_motion():
+def test_paths_against_the_models_motion(benchmark):
     space = AlignedSurfaces(bodies("full").template)
     metrics = {"elastic": ElasticMetric(space, 1.0, 1.0, 0.0), "srnf": SRNFMetric(space)}
     solvers = {
@@ -48,7 +48,7 @@ def test_paths_against_the_models_motion():
         own = motion(subject, pose, other_pose)
         row = {}
         for name, (solver, metric) in solvers.items():
-            result, seconds = timed(solver, metrics[metric], own[0], own[-1])
+            result, seconds = timed(solver, metrics[metric], own[0], own[-1], benchmark=benchmark)
             measures = measure_path(metrics, result.path, own)
             row[name] = (measures.mean_deviation, measures.area_change.mean)
         rows.append(list(row.values()))

@@ -49,23 +49,25 @@ def registration():
     return ScanRegistration(rh.datasets.load_open_model("full"))
 
 
-def solved(registration, scan, landmarks=False):
+def solved(registration, scan, landmarks=False, benchmark=None):
     """Return the result, the vertices' errors and the seconds of a scan."""
     known = None
     if landmarks:
         model = registration.model
         joints = model.joint_regressor @ scan.body
         known = {name: joints[model.joint_names.index(name)] for name in LANDMARKS}
-    result, seconds, _ = clocked(lambda: registration.solve(scan.surface, landmarks=known))
+    result, seconds, _ = clocked(
+        lambda: registration.solve(scan.surface, landmarks=known), benchmark=benchmark
+    )
     return result, np.linalg.norm(result.points - scan.body, axis=1), seconds
 
 
-def test_a_hundred_scans(registration):
+def test_a_hundred_scans(benchmark, registration):
     model = registration.model
     numbers = range(100)
     scans = list(scans_of(bodies_to_scan(model, SEED), model.faces, SEED, numbers))
     registration.solve(scans[0][-1].surface)  # compiles
-    found = [solved(registration, scan) for *_, scan in scans]
+    found = [solved(registration, scan, benchmark=benchmark) for *_, scan in scans]
     means = np.array([errors.mean() for _, errors, _ in found])
     trusted = np.array([result.trusted for result, _, _ in found])
     largest = np.array([errors.max() for _, errors, _ in found])
@@ -89,14 +91,14 @@ def test_a_hundred_scans(registration):
             print(f"{name}, {task}: NN {scores.nn:.1f}, first tier {scores.first_tier:.1f}")
 
 
-def test_what_scans_cost(registration):
+def test_what_scans_cost(benchmark, registration):
     model = registration.model
     for name, options in CONDITIONS.items():
         chosen = dict(options)
         landmarks = chosen.pop("landmarks", False)
         numbers = range(3, 3 + N_PEOPLE * 10, 13)
         scans = scans_of(bodies_to_scan(model, SEED + 1), model.faces, SEED, numbers, **chosen)
-        found = [solved(registration, scan, landmarks) for *_, scan in scans]
+        found = [solved(registration, scan, landmarks, benchmark) for *_, scan in scans]
         means = np.array([errors.mean() for _, errors, _ in found])
         trusted = np.array([result.trusted for result, _, _ in found])
         assert not np.any(trusted & (means > FAR))
@@ -109,7 +111,7 @@ def test_what_scans_cost(registration):
         )
 
 
-def test_numbers_of_points(registration):
+def test_numbers_of_points(benchmark, registration):
     model = registration.model
     *_, body = next(bodies_to_scan(model, SEED))
     sizes = (5_000, 50_000, 500_000)
@@ -117,7 +119,7 @@ def test_numbers_of_points(registration):
     registration.solve(scans[0].points)  # compiles
     for scan in scans:
         (result, errors, seconds), _, processor = clocked(
-            lambda: solved(registration, scan)  # noqa: B023
+            lambda: solved(registration, scan, benchmark=benchmark)  # noqa: B023
         )
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
         assert result.trusted, result.message
@@ -130,14 +132,14 @@ def test_numbers_of_points(registration):
         )
 
 
-def test_natural_bodies(registration):
+def test_natural_bodies(benchmark, registration):
     bodies = rh.datasets.load_open_bodies("full", variant="natural", people=NATURAL_SEED)
     numbers = range(1, 100, 3)
     scans = [
         simulated_scan(bodies[k], bodies.template.faces, k, n_points=12_000, missing=0.1)
         for k in numbers
     ]
-    found = [solved(registration, scan) for scan in scans]
+    found = [solved(registration, scan, benchmark=benchmark) for scan in scans]
     for number, (result, errors, _) in zip(numbers, found, strict=True):
         assert errors.mean() < FAR or not result.trusted
         print(
@@ -152,7 +154,7 @@ def test_natural_bodies(registration):
     print(f"; {np.sum([not result.trusted for result, *_ in found])} refused")
 
 
-def test_a_sequence(registration):
+def test_a_sequence(benchmark, registration):
     model = registration.model
     (motion,) = rh.datasets.load_open_motions(
         "full", subjects=["lean runner"], sequences=["punching"]
@@ -170,7 +172,7 @@ def test_a_sequence(registration):
             results.append(registration.solve(scan.points, start=results[-1]))
         return results
 
-    results, seconds, _ = clocked(run)
+    results, seconds, _ = clocked(run, benchmark=benchmark)
     errors = [
         np.linalg.norm(result.points - scan.body, axis=1).mean()
         for result, scan in zip(results, scans, strict=True)
@@ -184,14 +186,14 @@ def test_a_sequence(registration):
     print(f"{seconds / (len(scans) - 1):.1f} s a scan")
 
 
-def test_bodies_of_other_kinds(registration):
+def test_bodies_of_other_kinds(benchmark, registration):
     faces = registration.model.faces
     n_people, n_moments = 6, 3
     bodies, triangles = foreign_bodies(registration.model, SEED, n_people, n_moments)
     registered = {}
     for person, moment in np.ndindex(n_people, n_moments):
         scan = simulated_scan(bodies[person, moment], triangles, 10 * person + moment, rotate=False)
-        result = registration.solve(scan.points)
+        result, *_ = clocked(lambda: registration.solve(scan.points), 1, benchmark)  # noqa: B023
         if result.trusted:
             registered[person, moment] = result.points
     errors = {"same person": [], "between people": []}
@@ -210,12 +212,13 @@ def test_bodies_of_other_kinds(registration):
             )
 
 
-def test_transferred_models(registration):
+def test_transferred_models(benchmark, registration):
     """The model on another mesh, from one body, fits other people of that mesh."""
     model = registration.model
     n_people, n_moments = 6, 4
     bodies, triangles = foreign_bodies(model, SEED, n_people, n_moments)
-    transferred = transfer_model(model, rh.Template(bodies[0, 0], triangles))
+    arguments = model, rh.Template(bodies[0, 0], triangles)
+    transferred = benchmark.pedantic(transfer_model, arguments, rounds=1)
     distances = 1000.0 * transferred.fit(bodies).mean_distance
     print(
         f"\nfits of the transferred model: {distances[0, 0]:.1f} mm to the body itself, "

@@ -64,10 +64,10 @@ def row(kind, squared, areas, edges):
 
 
 @each_set
-def test_components_against_euclidean_ones(name):
+def test_components_against_euclidean_ones(benchmark, name):
     points = aligned(name)
     space = equipped(1.0, 1.0, 1.0)
-    pca = TangentPCA(space).fit(points)
+    pca = benchmark.pedantic(TangentPCA(space).fit, (points,), rounds=1)
     found = pca.transform(points)
     mean, directions, flat = euclidean(points)
     print(f"\n{name}: explained {np.round(100 * pca.explained_variance_ratio_, 1)} %")
@@ -85,11 +85,12 @@ def test_components_against_euclidean_ones(name):
 
 
 @each_set
-def test_generated_bodies(name):
+def test_generated_bodies(benchmark, name):
     points, faces = aligned(name), bodies("coarse").template.faces
     pca = TangentPCA(equipped(1.0, 1.0, 1.0)).fit(points)
     n_samples = 40
-    samples = pca.sample(n_samples, rng=0).reshape(-1, *points[0].shape)
+    samples = benchmark.pedantic(pca.sample, (n_samples,), {"rng": 0}, rounds=1)
+    samples = samples.reshape(-1, *points[0].shape)
     drawn = pca.sample(n_samples, rng=0, accept=lambda surface: True).reshape(samples.shape)
     mean, directions, flat = euclidean(points)
     noise = np.random.default_rng(0).standard_normal((n_samples, 9)) * flat[:, :9].std(
@@ -112,7 +113,7 @@ def test_generated_bodies(name):
         )
 
 
-def test_height_against_shape():
+def test_height_against_shape(benchmark):
     model = bodies("coarse").model
     rng = np.random.default_rng(5)
     n_people = 24
@@ -123,7 +124,7 @@ def test_height_against_shape():
     space = equipped(1.0, 1.0, 1.0)
     regression = GeodesicRegression(space)
     half = slice(0, n_people)
-    regression.fit(heights[half], points[half])
+    benchmark.pedantic(regression.fit, (heights[half], points[half]), rounds=1)
     asked = np.linspace(heights.min(), heights.max(), 5)
     predicted = np.ptp(regression.predict(asked)[..., 1], axis=1)
     rest = slice(n_people, None)
@@ -136,21 +137,22 @@ def test_height_against_shape():
 
 
 @pytest.mark.parametrize("what", ["subject", "pose"])
-def test_metric_learned_from_labels(what):
+def test_metric_learned_from_labels(benchmark, what):
     """Retrieval of people to whom the metric was not fitted, on the natural bodies."""
     known = load_open_bodies("full", "natural")
     labels = getattr(known, what)
     space = AlignedSurfaces(known.template, equip=False)
     a, c = (1.0, 0.0) if what == "subject" else (0.0, 1.0)
     learned = LearnedMetric(ElasticMetric(space, a=a, lam=a, c=c))
-    distances = learned.held_out_distances(known.points, labels, known.subject)
+    arguments = known.points, labels, known.subject
+    distances = benchmark.pedantic(learned.held_out_distances, arguments, rounds=1)
     found = scores(distances, labels)
     print(f"\n{what}: {found}")
     assert found.nn >= 98.0
 
 
 @each_set
-def test_surfaces_of_coordinates_at_full_resolution(name):
+def test_surfaces_of_coordinates_at_full_resolution(benchmark, name):
     """Processor seconds a body of what three components leave of ten bodies, and of drawn ones."""
     points = bodies("full").points[SETS[name]]
     space = equipped(1.0, 1.0, 1.0, "full")
@@ -160,7 +162,7 @@ def test_surfaces_of_coordinates_at_full_resolution(name):
     pca.inverse_transform(drawn[:1])
     for what, coordinates in (("known", pca.transform(points[:10])), ("drawn", drawn)):
         seconds = [
-            clocked(lambda: pca.inverse_transform(one[None]))[2]  # noqa: B023
+            clocked(lambda: pca.inverse_transform(one[None]), benchmark=benchmark)[2]  # noqa: B023
             for one in coordinates
         ]
         print(
@@ -170,11 +172,13 @@ def test_surfaces_of_coordinates_at_full_resolution(name):
 
 
 @each_set
-def test_mean_over_all_vertices(name):
+def test_mean_over_all_vertices(benchmark, name):
     """Processor seconds of the Karcher mean of ten bodies with no basis."""
     points, space = bodies("full").points[SETS[name]], equipped(1.0, 1.0, 1.0, "full")
     space.metric.dist_pairwise(points[:2])
-    pca, _, seconds = clocked(lambda: TangentPCA(space, n_components=1).fit(points))
+    pca, _, seconds = clocked(
+        lambda: TangentPCA(space, n_components=1).fit(points), benchmark=benchmark
+    )
     print(
         f"\n{name}: mean over all vertices, and one component, in {seconds:.1f} s of the "
         f"processor; mean squared distance "
@@ -182,14 +186,16 @@ def test_mean_over_all_vertices(name):
     )
 
 
-def test_components_of_a_thousand_people():
+def test_components_of_a_thousand_people(benchmark):
     known = bodies("coarse")
     n_people = 1000
     betas = np.zeros((n_people, known.model.n_betas))
     betas[:, :8] = np.random.default_rng(5).standard_normal((n_people, 8))
     points, space = known.model(betas), equipped(1.0, 1.0, 1.0)
     TangentPCA(space, n_components=2).fit(points[:5])
-    pca, _, seconds = clocked(lambda: TangentPCA(space, n_components=10).fit(points))
+    pca, _, seconds = clocked(
+        lambda: TangentPCA(space, n_components=10).fit(points), benchmark=benchmark
+    )
     print(
         f"\n{n_people} coarse bodies: mean and ten components in {seconds:.1f} s of the "
         f"processor; the first eight explain "
@@ -199,7 +205,7 @@ def test_components_of_a_thousand_people():
 
 
 @pytest.mark.parametrize("name", ["24 people in one pose", "24 bodies in five poses"])
-def test_regression_on_height_at_full_resolution(name):
+def test_regression_on_height_at_full_resolution(benchmark, name):
     """Processor seconds of a whole fit, with the Karcher mean."""
     known = bodies("full")
     if "people" in name:
@@ -210,5 +216,5 @@ def test_regression_on_height_at_full_resolution(name):
         points = known.points[::4][:24]
     heights = np.ptp(points[..., 1], axis=1)
     regression = GeodesicRegression(equipped(1.0, 1.0, 1.0, "full"))
-    _, _, seconds = clocked(lambda: regression.fit(heights, points))
+    _, _, seconds = clocked(lambda: regression.fit(heights, points), benchmark=benchmark)
     print(f"\n{name}: {seconds:.1f} s of the processor, {regression.n_iter_} iterations")

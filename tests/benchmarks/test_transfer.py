@@ -55,7 +55,7 @@ def centred(surface):
     return surface - surface.mean(axis=-2, keepdims=True)
 
 
-def test_motion_transfer():
+def test_motion_transfer(benchmark):
     motions = load_open_motions("full")
     space = AlignedSurfaces(motions[0].template, equip=False)
     n_sequences = len(motions) // 10
@@ -88,12 +88,13 @@ def test_motion_transfer():
         f"shape: {means[3] / means[2]:.2f}, {np.median(ratios[:, 1]):.2f}, "
         f"{ratios[:, 1].max():.2f}"
     )
+    benchmark.pedantic(MotionTransfer().solve, (space, seen, own[0]), rounds=1)
     assert means[1] < 0.5 * means[0]
     assert means[3] < 0.5 * means[2]
     assert np.median(ratios[:, 0]) < 0.5
 
 
-def test_disentangling():
+def test_disentangling(benchmark):
     data = bodies("full")
     space = AlignedSurfaces(data.template, equip=False)
     metrics = ElasticMetric(space, 1.0, 1.0, 0.0), ElasticMetric(space, 0.0, 0.0, 1.0)
@@ -106,7 +107,7 @@ def test_disentangling():
         one, other = (int(k) for k in 10 * people + poses)
         truth = data.model(data.betas[one], data.pose_vectors[other])
         arguments = (metrics[1], data.points[one], data.points[other])
-        found, seconds = timed(solver, metrics[0], *arguments)
+        found, seconds = timed(solver, metrics[0], *arguments, benchmark=benchmark)
         surfaces = (data.points[one], data.points[other], found.surface)
         row = [mean_distance(centred(surface), centred(truth)) for surface in surfaces]
         rows.append((min(row[:2]), row[2]))
@@ -132,10 +133,10 @@ def test_disentangling():
     assert ours < better / 3
 
 
-def test_whose_body_it_is():
+def test_whose_body_it_is(benchmark):
     measured = Disentangled(*natural_people("full", OTHER_PEOPLE))
     pairs = random_pairs(30, OTHER_PEOPLE)
-    found = [measured.measure(*pair) for pair in pairs]
+    found = benchmark.pedantic(lambda: [measured.measure(*pair) for pair in pairs], rounds=1)
     nearer = {part: np.mean([one.nearer[part] for one in found]) for part in PARTS}
     names = ("edges", "segments", "whole", "truth", "performed", "nearer_input")
     edges, segments, whole, truth, performed, nearer_input = (
@@ -153,7 +154,7 @@ def test_whose_body_it_is():
     assert edges < 0.06
 
 
-def test_trade_off_of_heat_along_bones():
+def test_trade_off_of_heat_along_bones(benchmark):
     """Pairs of people of similar torsos, on whom `bone_smoothing` was not chosen."""
     people = natural_people("full", OTHER_PEOPLE)
     for bone_smoothing in (3.0, 10.0, 20.0):
@@ -170,4 +171,5 @@ def test_trade_off_of_heat_along_bones():
             f"{torso:.2f} times as far from A's as from B's; {truth:.1f} mm from A's own "
             f"performance, {performed:.1f} mm from A's body in B's performance"
         )
+    benchmark.pedantic(measured.measure, pairs[0], rounds=1)
     assert torso < 1.0
