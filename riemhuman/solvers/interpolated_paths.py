@@ -46,8 +46,6 @@ class PoissonPath(PathSolver):
     ----------
     n_nodes : int
         Number of points of the path, both ends included.
-    energy : PathEnergy
-        Energy in the result.
 
     Examples
     --------
@@ -59,12 +57,11 @@ class PoissonPath(PathSolver):
     """
 
     n_nodes: int = 11
-    energy: PathEnergy = SegmentEnergy()
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         start, end = check_end_points(metric, start, end)
-        path, _ = rotating_paths(metric, self.energy, start, end, self.n_nodes)[0]
-        return known_path(metric, self.energy, path, "interpolated deformation gradients")
+        path, _ = rotating_paths(metric, SegmentEnergy(), start, end, self.n_nodes)[0]
+        return known_path(metric, path, "interpolated deformation gradients")
 
 
 def rotating_paths(
@@ -172,8 +169,6 @@ class ModelPath(PathSolver):
     rotations : str
         "axis-angle" interpolates the axis-angle vectors linearly, as in the paper; "geodesic"
         rotates every joint about one axis by the smallest angle.
-    energy : PathEnergy
-        Energy that the result reports.
     parameters : callable, optional
         Maps a surface, shape (V, 3), to its `ModelParameters`, for calls of `solve` without them.
 
@@ -193,7 +188,6 @@ class ModelPath(PathSolver):
     model: Callable[[ndarray, ndarray, ndarray], ndarray]
     n_nodes: int = 11
     rotations: str = "axis-angle"
-    energy: PathEnergy = SegmentEnergy()
     parameters: Callable[[ndarray], ModelParameters] | None = None
 
     def __post_init__(self) -> None:
@@ -237,7 +231,7 @@ class ModelPath(PathSolver):
         path = metric.check_points(self.model(betas, pose, trans), "the model's surfaces")
         gap = max(_largest_distance(path[0], start), _largest_distance(path[-1], end))
         message = f"the model's surfaces are up to {1000.0 * gap:.3g} mm from start and end"
-        return known_path(metric, self.energy, path, message)
+        return known_path(metric, path, message)
 
     def _parameters_of(
         self, surface: ndarray, parameters: ModelParameters | None, name: str

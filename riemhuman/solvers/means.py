@@ -24,7 +24,7 @@ from riemhuman.solvers.results import MeanResult, Solver, Status, complete_mean_
 if TYPE_CHECKING:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
 
-STARTS = ("lowest", "first", "medoid", "euclidean")
+STARTS = ("lowest", "first")
 
 # Default tolerances: over a basis each iteration gains much, in all coordinates the last ones gain
 # little and cost a second each at full resolution.
@@ -66,9 +66,8 @@ class BasisMean(Solver, MeanSolver):
     basis : DeformationBasis, optional
         Deformations D_j; by default all coordinates are free.
     start : str
-        x₀: "first", the first point as in the paper; "medoid", the best of the points; "euclidean",
-        their arithmetic mean, or the medoid if the mean is no point of the space; "lowest", the
-        better of the last two.
+        x₀: "first", the first point as in the paper; "lowest", the better of the arithmetic mean
+        and of the best of the points.
     with_differences : bool
         Whether to add the differences of the points from x₀ to the basis. A basis of motions
         describes how one body moves, and not how bodies differ in build; the paper's algorithm does
@@ -192,17 +191,12 @@ class BasisMean(Solver, MeanSolver):
             return dispersion.metric.check_points(point[None])[0]
         if self.start == "first":
             return points[0]
-        candidates = []
-        if self.start in ("medoid", "lowest"):
-            candidates.append(dispersion.medoid())
-        if self.start in ("euclidean", "lowest"):
-            average = space.projection(np.tensordot(dispersion.weights, points, axes=1))
-            # Bodies that face each other average to a flat one: then the medoid is left.
-            is_sound = np.all(space.belongs(average))
-            candidates = [*candidates, average] if is_sound else [dispersion.medoid()]
-        if len(candidates) == 1:
-            return candidates[0]
-        return min(candidates, key=dispersion.value)
+        medoid = dispersion.medoid()
+        average = space.projection(np.tensordot(dispersion.weights, points, axes=1))
+        # Bodies that face each other average to a flat one.
+        if not np.all(space.belongs(average)):
+            return medoid
+        return min(medoid, average, key=dispersion.value)
 
     def _directions(self, points: ndarray, origin: ndarray) -> ndarray:
         """Return the basis and, across it, the differences of points, as rows."""
@@ -291,16 +285,14 @@ class BasisMean(Solver, MeanSolver):
 
 @dataclass(frozen=True)
 class GradientDescentMean(Solver, MeanSolver):
-    """x ← exp_x(step · Σ_i w_i log_x(x_i)), for metrics that have exp and log in closed form.
+    """x ← exp_x(Σ_i w_i log_x(x_i)), for metrics that have exp and log in closed form.
 
-    The step is halved where the variance would increase. Medians weight the logarithms by the
+    Steps are halved where the variance would increase. Medians weight the logarithms by the
     inverse distances as well (Fletcher, Venkatasubramanian and Joshi, "The geometric median on
     Riemannian manifolds with application to robust atlas estimation", NeuroImage 45, 2009).
 
     Parameters
     ----------
-    step : float
-        First step; 1 follows the mean of the logarithms.
     tolerance : float
         Stop when the norm of the mean of the logarithms is at most this share of the standard
         deviation, for medians of the mean distance.
@@ -316,7 +308,6 @@ class GradientDescentMean(Solver, MeanSolver):
     [0.5, 1.5]
     """
 
-    step: float = 1.0
     tolerance: float = 1e-8
     max_iter: int = 2000
 
@@ -352,7 +343,7 @@ class GradientDescentMean(Solver, MeanSolver):
     def _descend(self, dispersion: Dispersion, point: ndarray) -> MeanResult:
         metric = dispersion.metric
         values, n_evaluations = [dispersion.value(point)], 1
-        floor, step = dispersion.floor(point), self.step
+        floor, step = dispersion.floor(point), 1.0
         status, message = Status.MAX_ITER, "the most iterations were made"
         try:
             for _ in range(self.max_iter):

@@ -50,14 +50,12 @@ class NearestSurface(Solver):
     by the metric's matrix at f, which is about half the Hessian.
 
     A metric of metric fields alone (c = 0) hardly sees how a surface bends, and a metric of normals
-    alone (a = 0) does not see the size of triangles. A companion metric of small weight keeps the
-    unseen part as it is at the start: ε d_companion(f, start)² is added to the functional.
+    alone (a = 0) does not see the size of triangles. The part that such an `ElasticMetric` lacks is
+    therefore added with a small weight, and keeps what it does not see as it is at the start:
+    ε d_companion(f, start)².
 
     Parameters
     ----------
-    companion : ElasticMetric, optional
-        Companion. By default, an `ElasticMetric` whose weight a or c is 0 gets the part that it
-        lacks, and other metrics none.
     companion_weight : float
         ε, of at least 0.
     tolerance : float
@@ -78,7 +76,6 @@ class NearestSurface(Solver):
     (1202, 3)
     """
 
-    companion: ElasticMetric | None = None
     companion_weight: float = 1e-2
     tolerance: float = 1e-5
     max_iter: int = 500
@@ -114,11 +111,7 @@ class NearestSurface(Solver):
         images = target.check_points(images, "images")
         weights = check_weights(weights, len(images))
         start = real_array(start, "start", metric.space.shape, batched=False)
-        companion: RiemannianMetric | None = self.companion
-        if companion is None:
-            companion = metric.complementary_metric
-        if not self.companion_weight:
-            companion = None
+        companion = metric.complementary_metric if self.companion_weight else None
 
         distances = image_distances(metric, images, weights)
 

@@ -106,7 +106,7 @@ class PathSearch(PathSolver):
         self._check_search(metric, start, end)
         if self.n_nodes == 2:
             path = linear_path(start, end, 2)
-            return known_path(metric, self.energy, path, "a single segment", gap=0.0)
+            return known_path(metric, path, "a single segment", 0.0, self.energy)
         with single_threaded_libraries():
             if initial_path is None:
                 paths = self._starts(metric, start, end)

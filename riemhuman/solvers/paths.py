@@ -175,8 +175,6 @@ class LinearPath(PathSolver):
     ----------
     n_nodes : int
         Number of points of the path, both ends included.
-    energy : PathEnergy
-        Energy in the result.
 
     Examples
     --------
@@ -187,13 +185,12 @@ class LinearPath(PathSolver):
     """
 
     n_nodes: int = 11
-    energy: PathEnergy = SegmentEnergy()
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         start, end = check_end_points(metric, start, end)
         path = linear_path(start, end, self.n_nodes)
         path[1:-1] = metric.space.projection(path[1:-1])
-        return known_path(metric, self.energy, path, "the straight path")
+        return known_path(metric, path, "the straight path")
 
 
 @dataclass(frozen=True)
@@ -204,8 +201,6 @@ class ClosedFormGeodesic(PathSolver):
     ----------
     n_nodes : int
         Number of points of the path, both ends included.
-    energy : PathEnergy
-        Energy in the result.
 
     Examples
     --------
@@ -216,7 +211,6 @@ class ClosedFormGeodesic(PathSolver):
     """
 
     n_nodes: int = 11
-    energy: PathEnergy = SegmentEnergy()
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         if not metric.has_closed_form_geodesic:
@@ -226,7 +220,7 @@ class ClosedFormGeodesic(PathSolver):
             )
         start, end = check_end_points(metric, start, end)
         path = metric.geodesic(start, end_point=end)(np.linspace(0.0, 1.0, self.n_nodes))
-        return known_path(metric, self.energy, path, "closed form", gap=0.0)
+        return known_path(metric, path, "closed form", gap=0.0)
 
 
 def check_end_points(
@@ -262,10 +256,14 @@ def linear_path(start: ndarray, end: ndarray, n_nodes: int) -> ndarray:
 
 
 def known_path(
-    metric: RiemannianMetric, energy: PathEnergy, path: ndarray, message: str, gap: float = np.nan
+    metric: RiemannianMetric,
+    path: ndarray,
+    message: str,
+    gap: float = np.nan,
+    energy: PathEnergy | None = None,
 ) -> PathResult:
     """Return the result of a solver that does not search; `gap` in per cent of the energy."""
-    value = energy.value(metric, path)
+    value = (energy or SegmentEnergy()).value(metric, path)
     bound = lower_bound(metric, path)
     return PathResult(path, value, np.array([value]), bound, gap, n_evaluations=1, message=message)
 

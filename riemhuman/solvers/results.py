@@ -239,10 +239,7 @@ _LEAST = {
 _ABOVE_ZERO = {
     "tolerance",
     "end_tolerance",
-    "step",
-    "shape_weight",
     "pose_weight",
-    "smoothing",
     "bone_smoothing",
 }
 _AT_LEAST_ZERO = {"companion_weight"}

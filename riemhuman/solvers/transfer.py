@@ -254,7 +254,7 @@ class DisentanglingResult(Result):
 class Disentangling(Solver):
     r"""A body A in the pose of a body B, with all details of A.
 
-    .. math:: \arg\min_f\; w_s\, d_{shape}(f, A)^2 + w_p\, d_{pose}(f, A_B)^2
+    .. math:: \arg\min_f\; d_{shape}(f, A)^2 + w\, d_{pose}(f, A_B)^2
 
     A_B is A, brought into the pose of B by a smooth field of rotations: the normals of B itself
     show its build, such as face and chest, as well as its pose. The search starts from A_B and
@@ -271,11 +271,8 @@ class Disentangling(Solver):
     basis : DeformationBasis, optional
         Deformations of bodies in motion. With a basis, the result differs from A by these alone: it
         is the nearest such surface to the minimiser, in least squares.
-    shape_weight, pose_weight : float
-        w_s and w_p.
-    smoothing : float
-        Time of the first heat flow of the rotations, as a share of the template's area. The longer,
-        the less of B's build is carried over, and the rounder joints bend.
+    pose_weight : float
+        w.
     bone_smoothing : float
         How much longer heat flows along bones, once joints are known: the larger, the less of B's
         build is carried over, above all to the torso, and the farther limbs end from where B holds
@@ -303,9 +300,7 @@ class Disentangling(Solver):
     """
 
     basis: DeformationBasis | None = None
-    shape_weight: float = 1.0
     pose_weight: float = 1000.0
-    smoothing: float = _SMOOTHING
     bone_smoothing: float = _BONE_SMOOTHING
     tolerance: float = 1e-3
     max_iter: int = 300
@@ -341,13 +336,11 @@ class Disentangling(Solver):
             )
         shape = _one_surface(space, shape, "shape")
         pose = _one_surface(space, pose, "pose")
-        posed = PoseTransfer(space, self.smoothing, self.bone_smoothing).solve(shape, pose)
+        posed = PoseTransfer(space, self.bone_smoothing).solve(shape, pose)
         start = posed if initial is None else _one_surface(space, initial, "initial")
         if self.basis is not None:
             self.basis.check_fits(len(start))
-        sum_ = _WeightedSum(
-            (shape_metric, pose_metric), (self.shape_weight, self.pose_weight), (shape, posed)
-        )
+        sum_ = _WeightedSum((shape_metric, pose_metric), (1.0, self.pose_weight), (shape, posed))
         minimum = self._minimize(sum_, space, shape, start)
         surface, value = minimum.x, minimum.value
         if self.basis is not None:
@@ -458,16 +451,11 @@ class PoseTransfer:
     the bends of joints.
     """
 
-    def __init__(
-        self,
-        space: AlignedSurfaces,
-        smoothing: float = _SMOOTHING,
-        bone_smoothing: float = _BONE_SMOOTHING,
-    ) -> None:
+    def __init__(self, space: AlignedSurfaces, bone_smoothing: float = _BONE_SMOOTHING) -> None:
         self._template = template = space.template
         self._bone_smoothing = bone_smoothing
         self._area = float(template.face_areas.sum())
-        self._time = self._area * smoothing
+        self._time = self._area * _SMOOTHING
 
     def solve(self, shape: ndarray, pose: ndarray) -> ndarray:
         """Return a body in the pose of another, with its centroid, shape (V, 3)."""

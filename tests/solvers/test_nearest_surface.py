@@ -58,7 +58,7 @@ def test_companion_keeps_what_the_metric_does_not_see(abc):
     before = metric.squared_dist(POINTS[0], POINTS[1])
     assert found.variance < 0.05 * before
     assert unseen.squared_dist(found.point, POINTS[1]) < unseen.squared_dist(POINTS[0], POINTS[1])
-    heavy = NearestSurface(companion=unseen, companion_weight=10.0)
+    heavy = NearestSurface(companion_weight=10.0)
     held = heavy.solve(metric, target, POINTS[1])
     assert unseen.squared_dist(held.point, POINTS[1]) < unseen.squared_dist(found.point, POINTS[1])
     assert held.variance > found.variance

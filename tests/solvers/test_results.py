@@ -71,10 +71,7 @@ MODELS = ("basis", "model")
 POSITIVE = (
     "tolerance",
     "end_tolerance",
-    "step",
-    "shape_weight",
     "pose_weight",
-    "smoothing",
     "bone_smoothing",
 )
 
