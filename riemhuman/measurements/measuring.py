@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from numpy import ndarray
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import likely_units, one_of, real_array
+from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
 from riemhuman.geometry import AlignedSurfaces
@@ -30,6 +31,8 @@ _AXES = ("body", "space")
 _VERTICES = 20_000
 # Number of bodies from which threads are faster.
 _THREADED = 64
+# Largest share of a measurement, by its derivatives, that may depend on vertices no scan shows.
+_MOST_UNSEEN = 0.05
 # Number of vertices from which the size of a body is estimated.
 _N_SAMPLES = 256
 
@@ -111,8 +114,9 @@ class Measurements:
 
     Parameters
     ----------
-    model : BodyModel, Template or MeasurementSet
-        The body model or template of the bodies; or a set, which includes its template.
+    model : BodyModel, Template, Bodies or MeasurementSet
+        The body model or template of the bodies, or bodies that have one; or a set, which includes
+        its template.
     definitions : MeasurementSet, path_like, or sequence of Measurement or str, optional
         The measurements: a set on this template, a JSON file of a set, or a sequence of new
         measurements and of names of the open body model's. By default the open body model's
@@ -133,9 +137,11 @@ class Measurements:
     """
 
     def __init__(
-        self, model: BodyModel | Template | MeasurementSet, definitions: Any = None
+        self, model: BodyModel | Template | Bodies | MeasurementSet, definitions: Any = None
     ) -> None:
         own: MeasurementSet | None
+        if isinstance(model, Bodies):
+            model = model.template if model.model is None else model.model
         if isinstance(model, MeasurementSet):
             own = model
         elif isinstance(definitions, MeasurementSet):
@@ -180,6 +186,7 @@ class Measurements:
         axes: str = "body",
         gradient: bool = False,
         missing: str = "raise",
+        trusted_vertices: Any = None,
     ) -> MeasuredBodies:
         """Measure bodies.
 
@@ -198,6 +205,9 @@ class Measurements:
         missing : {"raise", "nan"}
             Whether a measurement that is not defined raises an error or gives NaN, with the reason
             in `why_missing`.
+        trusted_vertices : array_like of bool, shape (..., V), optional
+            Which vertices a scan shows, as `rh.registration.RegisteredScan.trusted_vertices` says.
+            A measurement is not defined if more than a twentieth of it depends on others.
 
         Returns
         -------
@@ -242,6 +252,14 @@ class Measurements:
 
         in_chunks(task, len(surfaces), threaded=len(surfaces) >= _THREADED)
         why_missing = self._why_missing(surfaces, values, axes)
+        if trusted_vertices is not None:
+            trusted = np.broadcast_to(np.asarray(trusted_vertices, dtype=bool), points.shape[:-1])
+            unseen = self._unseen(surfaces, trusted.reshape(len(surfaces), -1), axes)
+            for number, which, share in unseen:
+                values[number, which] = np.nan
+                why_missing[number, self.names[which]] = (
+                    f"{100 * share:.0f} % of it lie where the scan shows nothing"
+                )
         if missing == "raise" and why_missing:
             (number, name), reason = next(iter(why_missing.items()))
             raise ArgumentError(f"{name!r} cannot be taken of body {number}: {reason}")
@@ -294,6 +312,18 @@ class Measurements:
             values.append(value)
             slopes.append(pull_back(np.ones(len(surfaces))))
         return np.stack(values, axis=-1), np.stack(slopes, axis=1)
+
+    def _unseen(
+        self, surfaces: ndarray, trusted: ndarray, axes: str
+    ) -> Iterator[tuple[int, int, float]]:
+        """Yield bodies and measurements of which too large a share depends on other vertices."""
+        for number in np.flatnonzero(~trusted.all(axis=1)).tolist():
+            _, slopes = self._measure(surfaces[[number]], axes, gradient=True)
+            assert slopes is not None
+            weights = np.linalg.norm(slopes[0], axis=-1)
+            shares = weights[:, ~trusted[number]].sum(axis=1) / weights.sum(axis=1)
+            for which in np.flatnonzero(shares > _MOST_UNSEEN).tolist():
+                yield number, which, float(shares[which])
 
     def _why_missing(
         self, surfaces: ndarray, values: ndarray, axes: str

@@ -49,6 +49,32 @@ def test_files_that_are_wrong(coarse, tmp_path, change, message):
         MeasurementSet.load(tmp_path / "set.json", coarse.template)
 
 
+def test_seated_measurements(coarse):
+    """A person's trunk and thighs, measured on the same person brought to a chair."""
+    seated = open_measurements("coarse", pose="seated")
+    assert seated.parts.keys() == coarse.parts.keys()
+    bodies = load_open_bodies("coarse").select(subject=0)
+    measured = Measurements(seated).measure(bodies.points[:3], pose="standard")
+    assert measured.values.std(axis=0).max() < 0.006
+    stature = Measurements(coarse, ["stature"]).measure(bodies.points[:3], pose="standard")
+    shares = measured["sitting height"] / stature["stature"]
+    assert ((shares > 0.48) & (shares < 0.56)).all()
+    assert (measured["elbow rest height"] < 0.35).all()
+
+
+def test_every_equivalent_is_named_once():
+    """No two measurements are one of ANSUR's, CAESAR's or SMPL-Anthropometry's."""
+    for source in ("ANSUR II", "CAESAR", "SMPL-Anthropometry"):
+        names = [
+            measurement.equivalents[source].removeprefix("≈ ")
+            for pose in ("standing", "seated")
+            for measurement in open_measurements("full", pose).measurements
+            if source in measurement.equivalents
+        ]
+        assert len(names) == len(set(names))
+        assert len(names) >= {"ANSUR II": 85, "CAESAR": 25, "SMPL-Anthropometry": 15}[source]
+
+
 def test_mapped_to_the_other_resolution(coarse):
     """By closest points of the templates, as for any template that lies on another."""
     full = open_measurements("full")

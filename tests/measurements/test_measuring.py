@@ -182,3 +182,23 @@ def test_wrong_arguments(bodies, own):
     ):
         with pytest.raises(ArgumentError, match=message):
             wrong()
+
+
+def test_unseen_parts_are_not_measured(bodies, own):
+    """A body whose legs no scan shows."""
+    straight = bodies.model(bodies.betas[0], own.definitions.standard_pose_vector)
+    trusted = straight[:, 1] > 0.9
+    options = {"axes": "space", "missing": "nan"}
+    measured = own.measure(straight, trusted_vertices=trusted, **options)
+    plain = own.measure(straight, **options)
+    for name in ("chest girth", "waist girth", "head girth", "arm length"):
+        assert measured[name] == plain[name]
+    for name in ("calf girth", "stature", "inside leg height", "volume", "thigh girth"):
+        assert np.isnan(measured[name])
+        assert "scan shows nothing" in measured.why_missing[0, name]
+    with pytest.raises(ArgumentError, match="scan shows nothing"):
+        own.measure(straight, trusted_vertices=trusted)
+
+
+def test_bodies_bring_their_model(bodies, own):
+    assert Measurements(bodies).names == own.names
