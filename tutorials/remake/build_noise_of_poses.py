@@ -1,11 +1,12 @@
 """Measure how much the measurements of one person vary over poses; rebuild noise_of_poses.json.
 
-    python tutorials/remake/build_noise_of_poses.py [folder] [--resolution full]
+    python tutorials/remake/build_noise_of_poses.py [folder] [--resolution full] [--people 10]
 
-prints, for the plain and the natural open bodies, the standard deviation of every measurement over
-ten poses, in millimetres: the median and the worst of ten people in the standard pose, and the
-median as the bodies stand. It writes the medians of the natural bodies in the standard pose. The
-plain people are the ten that ship; the natural ones are others, who played no part in tuning.
+prints the standard deviation of every measurement over ten poses, in millimetres: the median and
+the worst of the people in the standard pose, and the median as the bodies stand. The plain people
+are the ten that ship; the natural ones are others, who played no part in tuning; the registered
+ones are these again, from scans of 12,000 points with 2 mm of noise and 10 per cent in holes. It
+writes the medians of the registered people in the standard pose.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,8 +34,11 @@ from riemhuman.measurements import (
     in_standard_pose,
 )
 from riemhuman.measurements.measurement_set import DATA
+from riemhuman.registration import ScanRegistration, simulated_scan
 
 _HELD_OUT = 1
+_SEED = 33
+_SCAN = {"n_points": 12_000, "mesh": True, "noise": 0.002, "missing": 0.1}
 _DIGITS = 6
 # Mean differences in millimetres that ISO 20685-1 permits between scan-derived and manual values.
 _LARGE_GIRTH, _SMALL, _BREADTH = 9, 4, 5
@@ -56,26 +61,46 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Measure people in ten poses.")
     parser.add_argument("folder", nargs="?", type=Path, default=DATA)
     parser.add_argument("--resolution", choices=("coarse", "full"), default="coarse")
+    parser.add_argument("--people", type=int, default=10, help="people whose scans are registered")
     options = parser.parse_args(arguments)
     if not options.folder.is_dir():
         raise FileError(f"{options.folder} is not a folder; it must exist to receive the noise")
     own = Measurements(load_open_model(options.resolution))
     spreads = {}
-    for variant, people in (("plain", None), ("natural", _HELD_OUT)):
-        bodies = load_open_bodies(options.resolution, variant, people)
+    natural = load_open_bodies(options.resolution, "natural", _HELD_OUT)
+    for variant, bodies in (
+        ("plain", load_open_bodies(options.resolution)),
+        ("natural", natural),
+        ("registered", _registered(natural, options.people)),
+    ):
         straight = in_standard_pose(own.definitions, bodies.points)
         standard = own.measure(straight, axes="space", missing="nan")
         as_is = own.measure(bodies.points, missing="nan")
         spreads[variant] = _spread(standard.values, bodies), _spread(as_is.values, bodies)
     _print(own, spreads)
-    natural = np.median(spreads["natural"][0], axis=0)
+    medians = np.median(spreads["registered"][0], axis=0).round(_DIGITS)
     record = {
-        "measurements": dict(zip(own.names, natural.round(_DIGITS).tolist(), strict=True)),
+        "measurements": dict(zip(own.names, medians.tolist(), strict=True)),
         "log_areas": _spread_of_areas(own.definitions, straight, bodies),
     }
     path = options.folder / "noise_of_poses.json"
     path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     sys.stdout.write(f"{path}\n")
+
+
+def _registered(bodies: Bodies, n_people: int) -> Bodies:
+    """Return the bodies that scans of some of the people give, if they are trusted."""
+    subjects = np.unique(bodies.subject)[:n_people]
+    chosen = np.flatnonzero(np.isin(bodies.subject, subjects))
+    registration = ScanRegistration(bodies.model)
+    points, trusted = np.empty((len(chosen), *bodies.points.shape[1:])), np.ones(len(chosen), bool)
+    for k, number in enumerate(chosen):
+        rng = np.random.default_rng([_SEED, k])
+        scan = simulated_scan(bodies.points[number], bodies.template.faces, rng, **_SCAN)
+        result = registration.solve(scan)
+        points[k], trusted[k] = result.points, result.trusted
+    sys.stdout.write(f"{trusted.sum()} of {len(trusted)} registered bodies are trusted\n")
+    return replace(bodies[chosen[trusted]], points=points[trusted])
 
 
 def _spread(values: ndarray, bodies: Bodies) -> ndarray:
