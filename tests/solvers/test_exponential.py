@@ -30,7 +30,6 @@ from riemhuman.solvers import (
     DiscreteLogarithm,
     exponential,
 )
-from riemhuman.solvers._geodesic_equation import Triple
 from riemhuman.surfaces import DeformationBasis
 
 # The product's blocks are not seen by the preconditioner of all coordinates; a weight of 0 leaves
@@ -78,68 +77,6 @@ def test_exact_in_flat_space():
     assert result.message == "all steps were made"
     one_more = solver.extend(case.metric, result.path, 1)
     np.testing.assert_allclose(one_more.end, start + 4.0 / 3.0 * velocity, atol=1e-12)
-
-
-MIRROR = np.array([-1.0, 1.0, 1.0])
-
-
-class Scripted:
-    """Steps that shrink a point, and say how well their equation is solved."""
-
-    def __init__(self, factors, errors):
-        self.steps = zip(factors, errors, strict=True)
-
-    def both_sides(self, middle, displacement):
-        factor, error = next(self.steps)
-        return Triple(np.stack([middle, middle, factor * middle]), 1, 2, error, error <= 1e-8)
-
-    def next_point(self, before, middle):
-        return self.both_sides(middle, middle - before)
-
-
-@pytest.mark.parametrize("n_doublings", [0, 1, 2])
-def test_steps_are_halved_as_often_as_is_asked_for(monkeypatch, n_doublings):
-    case = CASES["all sphere"]
-    monkeypatch.setattr(
-        exponential, "GeodesicEquation", lambda *settings: Scripted([0.99] * 12, [0.0] * 12)
-    )
-    monkeypatch.setattr(exponential, "rotates_far", lambda metric, points: True)
-    solver = DiscreteExponential(n_steps=3, n_doublings=n_doublings)
-    result = solver.solve(case.metric, np.ones(case.space.shape), case.points[0])
-    assert len(result.path) == 3 * 2**n_doublings + 1
-
-
-@pytest.mark.parametrize(
-    ("factors", "errors", "message"),
-    [
-        ([0.9, 0.9, 0.9], [0.0, 0.0, 1e-8], "all steps were made"),
-        # A thousandth is the most with which a step is made.
-        ([0.9, 0.9, 0.9], [0.0, 1e-3, 0.0], "step 2 of 3: the equation is solved to 1.0e-03 only"),
-        ([0.9, 0.9], [0.0, 1.1e-3], "step 2 of 3: no next point solves the geodesic equation; use"),
-        ([0.9], [1.0], "step 1 of 3: no next point solves the geodesic equation; use"),
-        # The step before the one that fails has left little of the surface.
-        ([0.4, 0.9], [0.0, 1.0], "step 2 of 3: triangle [0-9]+ degenerates: one step left 16%"),
-        ([0.9, 0.4, 0.9], [0.0, 0.0, 1.0], "step 3 of 3: triangle [0-9]+ degenerates: one step"),
-        ([0.9, MIRROR], [0.0, 0.0], "step 2 of 3: triangle [0-9]+ degenerates: its normal has"),
-    ],
-)
-def test_what_becomes_of_a_step(monkeypatch, factors, errors, message):
-    case = CASES["all sphere"]
-    monkeypatch.setattr(
-        exponential, "GeodesicEquation", lambda *settings: Scripted(factors, errors)
-    )
-    solver, velocity = DiscreteExponential(n_steps=3, n_doublings=0), np.ones(case.space.shape)
-    if message == "all steps were made":
-        result = solver.solve(case.metric, velocity, case.points[0])
-    else:
-        with pytest.warns(ConvergenceWarning, match=message):
-            result = solver.solve(case.metric, velocity, case.points[0])
-    made = len(factors) - (len(factors) < 3 or errors[-1] > 1e-3)
-    scales = np.cumprod([1.0, *factors[:made]])
-    np.testing.assert_allclose(result.path, scales[:, None, None] * case.points[0], rtol=1e-12)
-    assert result.complete == (made == 3)
-    assert result.converged == (message == "all steps were made")
-    assert (result.n_iterations, result.n_evaluations) == (len(factors), 2 * len(factors))
 
 
 @pytest.mark.sampled(4)

@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
-from autograd import grad
-from cases import sphere_template, surfaces
+from autograd import grad, value_and_grad
+from cases import open_template, sphere_template, surfaces
+from scipy.spatial.transform import Rotation
 
-from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.datasets import load_open_bodies
+from riemhuman.errors import ArgumentError, ConvergenceWarning, DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.solvers import BasisMean
 from riemhuman.solvers._dispersion import Dispersion
-from riemhuman.statistics import NearestSurface
+from riemhuman.solvers.nearest_surface import image_distances
+from riemhuman.statistics import NearestSurface, inverted_triangles
 from riemhuman.surfaces import DeformationBasis
 
 SPACE = AlignedSurfaces(sphere_template(), equip=False)
@@ -106,3 +109,112 @@ def test_refusals():
         NearestSurface().solve(metric, images[:, :-1], POINTS[0])
     with pytest.raises(ArgumentError, match="weights"):
         NearestSurface().solve(metric, images, POINTS[0], weights=[1.0])
+
+
+# Distances from fields that come from no surface.
+
+WEIGHTS = np.array([0.5, 0.0, 0.5])
+
+
+@pytest.mark.parametrize("abc", [(1.0, 0.5, 0.3), (2.0, 1.0, 0.0), (0.0, 0.0, 1.0), None])
+def test_values_and_slopes_are_those_of_the_definition(abc):
+    metric = SRNFMetric(SPACE) if abc is None else ElasticMetric(SPACE, *abc)
+    target = metric.target_metric
+    images = target.space.projection(1.1 * metric.map(POINTS[1:4]))
+
+    def mean(surface):
+        return np.dot(WEIGHTS, target.squared_dist(metric.map(surface), images))
+
+    value, slope = image_distances(metric, images, WEIGHTS).value_and_gradient(POINTS[0])
+    expected, expected_slope = value_and_grad(mean)(POINTS[0])
+    assert value == pytest.approx(expected, rel=1e-11)
+    np.testing.assert_allclose(slope, expected_slope, atol=1e-10 * np.abs(expected_slope).max())
+
+
+def test_fields_of_a_surface_lead_near_it():
+    metric = ElasticMetric(SPACE, 1.0, 1.0, 1.0)
+    distances = image_distances(metric, metric.map(POINTS[1:2]), np.ones(1))
+    before = distances.value_and_gradient(POINTS[0])[0]
+    assert distances.value_and_gradient(distances.nearby(POINTS[0]))[0] < 0.1 * before
+
+
+def test_fields_between_poses_lead_near_their_surface():
+    """To 0.3 to 0.7 % of the value; to 1.0 to 2.3 % where errors of large triangles counted more
+    and no round was extrapolated."""
+    bodies = load_open_bodies("coarse")
+    metric = ElasticMetric(AlignedSurfaces(bodies.template, equip=False), 1.0, 1.0, 1.0)
+    target, standing = metric.target_metric, metric.map(bodies.points[0])
+    for pose in (1, 2, 6):
+        way = target.log(metric.map(bodies.points[pose]), standing)
+        image = target.exp(0.8 * way, standing)[None]
+        distances = image_distances(metric, image, np.ones(1))
+        before = distances.value_and_gradient(bodies.points[0])[0]
+        near = distances.nearby(bodies.points[0])
+        assert distances.value_and_gradient(near)[0] < 0.008 * before
+
+
+@pytest.mark.parametrize("abc", [(1.0, 1.0, 0.0), None])
+def test_no_guess_where_a_field_is_missing(abc):
+    metric = SRNFMetric(SPACE) if abc is None else ElasticMetric(SPACE, *abc)
+    distances = image_distances(metric, metric.map(POINTS[1:2]), np.ones(1))
+    np.testing.assert_array_equal(distances.nearby(POINTS[0]), POINTS[0])
+
+
+# Triangles that are turned over are found, and no others.
+
+FINE = sphere_template(2)
+VERTICES, FACES = FINE.vertices, FINE.faces
+
+
+def folded_over_an_edge():
+    """Return the sphere with one vertex moved beyond the triangles on its other side."""
+    one, other = FINE.edges[0]
+    folded = VERTICES.copy()
+    folded[one] += 2.5 * (VERTICES[other] - VERTICES[one])
+    return folded, one
+
+
+def test_smooth_deformations_invert_nothing():
+    bent = VERTICES + 0.2 * np.sin(2.0 * VERTICES[:, ::-1])
+    stretched = VERTICES * [0.1, 3.0, 1.0]
+    turned = VERTICES @ Rotation.from_euler("xyz", [170.0, 80.0, 10.0], degrees=True).as_matrix()
+    found = inverted_triangles(np.stack([VERTICES, bent, stretched, turned]), VERTICES, FACES)
+    assert found.shape == (4, len(FACES))
+    assert not found.any()
+
+
+def test_mirrored_triangles_agree_with_their_neighbourhood_or_not():
+    # In a plane, orientation is the sign of the area.
+    flat = open_template()
+    folded = flat.vertices.copy()
+    middle = 7
+    folded[middle] = folded[middle] + 1.6 * (folded[middle + 1] - folded[middle])
+
+    def signs(points):
+        one, two, three = (points[corner] for corner in flat.faces.T)
+        return np.sign(np.cross(two - one, three - one)[:, 2])
+
+    expected = signs(folded) != signs(flat.vertices)
+    assert expected.any()
+    assert np.all(np.any(flat.faces[expected] == middle, axis=1))
+    found = inverted_triangles(folded, flat.vertices, flat.faces)
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_a_fold_is_found_where_it_is():
+    folded, vertex = folded_over_an_edge()
+    found = inverted_triangles(folded, VERTICES, FACES)
+    assert found.any()
+    assert np.any(FACES[found] == vertex, axis=1).all()
+    moved = Rotation.from_euler("xyz", [10.0, 60.0, 130.0], degrees=True).apply(folded) + 3.0
+    np.testing.assert_array_equal(inverted_triangles(moved, VERTICES, FACES), found)
+
+
+def test_references_must_have_areas():
+    flat = VERTICES.copy()
+    flat[FACES[3, 0]] = flat[FACES[3, 1]]
+    with pytest.raises(DegenerateSurfaceError, match="reference must have an area.*triangle"):
+        inverted_triangles(VERTICES, flat, FACES)
+    assert inverted_triangles(flat, VERTICES, FACES)[3]
+    with pytest.raises(ArgumentError, match="points must have shape"):
+        inverted_triangles(VERTICES[:-1], VERTICES, FACES)

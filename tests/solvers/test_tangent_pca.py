@@ -220,8 +220,8 @@ def test_generated_bodies_are_bodies():
     def is_sound(surface):
         return not inverted_triangles(surface, pca.mean_, faces).any()
 
-    samples = pca.sample(3, rng=0)
-    worst = max(count_self_intersections(point, faces) for point in points[5:7])
+    samples = pca.sample(2, rng=0)
+    worst = max(count_self_intersections(point, faces) for point in points[5:6])
     for sample in samples:
         assert is_sound(sample)
         assert count_self_intersections(sample, faces) <= worst
