@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 from numpy import ndarray
 from scipy.ndimage import uniform_filter1d
+from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets.bvh import SkeletonMotion
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.rotations import cross_product_matrix
 from riemhuman.representation import join_names
 
 SIDES = ("left", "right")
@@ -236,10 +236,6 @@ def unit(vectors: ndarray) -> ndarray:
     return np.asarray(vectors / np.maximum(lengths, 1e-300))
 
 
-def angles_between(a: ndarray, b: ndarray) -> ndarray:
-    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
-
-
 def frame(first: ndarray, second: ndarray) -> ndarray:
     """Return rotation matrices with columns along a vector, towards another, and across both."""
     first, second = np.broadcast_arrays(unit(first), second)
@@ -250,26 +246,9 @@ def frame(first: ndarray, second: ndarray) -> ndarray:
 def shortest(start: ndarray, end: ndarray) -> ndarray:
     """Return the shortest rotations between unit vectors, shape (..., 3, 3)."""
     start, end = np.broadcast_arrays(start, end)
-    axis = np.cross(start, end)
-    cosine = np.sum(start * end, axis=-1)
-    # Opposite vectors: half a turn about any axis across them.
-    opposite = cosine < -1.0 + 1e-12
-    if np.any(opposite):
-        other = np.cross(start, np.eye(3)[np.argmin(np.abs(start), axis=-1)])
-        half = 2.0 * unit(other)[..., :, None] * unit(other)[..., None, :] - np.eye(3)
-        cosine = np.where(opposite, 0.0, cosine)
-    cross = cross_product_matrix(axis)
-    turn = np.eye(3) + cross + (cross @ cross) / (1.0 + cosine)[..., None, None]
-    return np.where(opposite[..., None, None], half, turn) if np.any(opposite) else turn
-
-
-def shortest_within(start: ndarray, end: ndarray, most: float) -> ndarray:
-    """Return the shortest rotations between unit vectors, by no more than an angle."""
-    angle = np.minimum(angles_between(start, end), most)[..., None]
-    across = unit(end - np.sum(start * end, axis=-1, keepdims=True) * start)
-    return shortest(start, np.cos(angle) * start + np.sin(angle) * across)
-
-
-def pointed(rotations: ndarray, bone: ndarray, directions: ndarray) -> ndarray:
-    """Turn rotations the shortest way so that a bone has the given directions."""
-    return np.asarray(shortest(rotations @ unit(bone), directions) @ rotations)
+    # Between opposite vectors it is half a turn about any axis across them.
+    across = np.cross(start, end) + 1e-14 * np.cross(start, [0.36, 0.48, 0.8])
+    cosines = np.sum(start * end, axis=-1, keepdims=True)
+    quaternions = np.concatenate([across, 1.0 + cosines], axis=-1)
+    rotations = Rotation.from_quat(quaternions.reshape(-1, 4)).as_matrix()
+    return rotations.reshape(*start.shape, 3)

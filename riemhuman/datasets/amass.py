@@ -17,14 +17,13 @@ from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, real_number
 from riemhuman.datasets._skeletons import SMPL_JOINTS, SMPL_PARENTS, model_joints
 from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
-from riemhuman.datasets.motions import Motion, Motions
+from riemhuman.datasets.motions import ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.io.arrays import load_arrays, open_archive
 from riemhuman.io.files import file_path
 from riemhuman.io.mesh_arrays import face_difference
-from riemhuman.kernels.threads import slices
 
 # All models of SMPL's family begin with the joints of its body.
 _BODY, _FACE, _HANDS = len(SMPL_JOINTS), 3, 30
@@ -52,7 +51,6 @@ _NOT_MOTIONS = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
 # The rotation by 90 degrees about x that takes z up to y up.
 _TO_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-_FRAMES_AT_A_TIME = 16
 _FILES_KEPT = 4
 # In double precision, larger angles determine no digit of a rotation.
 _LARGEST_ANGLE = 1e12
@@ -75,7 +73,7 @@ class _Recording(NamedTuple):
     translations: np.ndarray
 
 
-class AmassMotion(Motion):
+class AmassMotion(ModelMotion):
     """One motion of AMASS; frame i is ``model(betas, pose_vectors[i], translations[i])``."""
 
     def __init__(
@@ -84,10 +82,9 @@ class AmassMotion(Motion):
         recorded = header.frames_per_second
         self._numbers = nearest_frames(header.n_frames, recorded, frames_per_second)
         n_frames = len(self._numbers)
-        super().__init__(*_names(path), frames_per_second, n_frames, model.faces)
+        super().__init__(*_names(path), frames_per_second, n_frames, model)
         self._up = up
         self.path = path
-        self.model = model
         self.gender = header.gender
         self.recorded_frames_per_second = recorded
 
@@ -99,18 +96,15 @@ class AmassMotion(Motion):
 
     @property
     def pose_vectors(self) -> np.ndarray:
-        """Axis-angle joint rotations in every frame, shape (n_frames, J, 3), radians."""
-        return self._parameters(range(len(self)))[0]
+        return self._parameters(np.arange(len(self)))[0]
 
     @property
     def translations(self) -> np.ndarray:
-        """Translation in every frame, shape (n_frames, 3), metres."""
-        return self._parameters(range(len(self)))[1]
+        return self._parameters(np.arange(len(self)))[1]
 
-    def _parameters(self, numbers: range) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pose vectors and translations of some frames."""
+    def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         recording = _read(self.path, int(self._numbers[-1]))
-        chosen = self._numbers[np.asarray(numbers, dtype=np.int64)]
+        chosen = self._numbers[numbers]
         pose = _of_model(recording.poses[chosen], self.model.n_joints)
         translations = recording.translations[chosen]
         if self._up == "y":
@@ -122,11 +116,9 @@ class AmassMotion(Motion):
         return pose, translations
 
     def _frames(self, numbers: range) -> np.ndarray:
-        frames = np.empty((len(numbers), self.model.n_vertices, 3))
-        for some in slices(len(numbers), _FRAMES_AT_A_TIME):
-            # Numbers too large for any body are recognised by their coordinates below.
-            with np.errstate(over="ignore", invalid="ignore"):
-                frames[some] = self.model(self.betas, *self._parameters(numbers[some]))
+        # Numbers too large for any body are recognised by their coordinates.
+        with np.errstate(over="ignore", invalid="ignore"):
+            frames = super()._frames(numbers)
         if not np.abs(frames).max(initial=0.0) <= _LARGEST:
             raise FileFormatError(
                 f"{self.path}: its numbers lead to coordinates beyond {_LARGEST:g}"
@@ -256,16 +248,8 @@ def _is_smpl(model: BodyModel) -> bool:
 
 def _retargeted(path: Path, model: BodyModel, header: _Header, rate: float) -> RetargetedMotion:
     frames = nearest_frames(header.n_frames, header.frames_per_second, rate)
-    subject, sequence = _names(path)
-    return RetargetedMotion(
-        partial(_skeleton_motion, path, frames, rate),
-        model,
-        up="z",
-        subject=subject,
-        sequence=sequence,
-        frames_per_second=rate,
-        n_frames=len(frames),
-    )
+    recording = partial(_skeleton_motion, path, frames, rate)
+    return RetargetedMotion(recording, model, _names(path), rate, len(frames), up="z")
 
 
 def _skeleton_motion(path: Path, frames: np.ndarray, rate: float) -> SkeletonMotion:

@@ -11,6 +11,7 @@ from typing import SupportsIndex, TypeVar, overload
 
 import numpy as np
 
+from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_number
 from riemhuman.datasets.registered_meshes import (
     MESH_ENDINGS,
@@ -21,6 +22,8 @@ from riemhuman.datasets.registered_meshes import (
     natural_key,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FrameIndexError
+from riemhuman.kernels.threads import slices
+from riemhuman.surfaces.template import Template
 
 M = TypeVar("M", bound="Motion")
 
@@ -101,6 +104,52 @@ class Motion(ABC):
     @abstractmethod
     def _frames(self, numbers: range) -> np.ndarray:
         """Return these frames, shape (n, V, 3)."""
+
+
+class ModelMotion(Motion):
+    """A motion whose frame i is ``model(betas, pose_vectors[i], translations[i])``."""
+
+    def __init__(
+        self,
+        subject: str,
+        sequence: str,
+        frames_per_second: float,
+        n_frames: int,
+        model: BodyModel,
+    ) -> None:
+        super().__init__(subject, sequence, frames_per_second, n_frames, model.faces)
+        self.model = model
+
+    @property
+    def template(self) -> Template:
+        """The template of the model."""
+        return self.model.template
+
+    @property
+    @abstractmethod
+    def betas(self) -> np.ndarray:
+        """Shape coefficients of the person, shape (B,)."""
+
+    @property
+    @abstractmethod
+    def pose_vectors(self) -> np.ndarray:
+        """Axis-angle joint rotations in every frame, shape (n_frames, J, 3), radians."""
+
+    @property
+    @abstractmethod
+    def translations(self) -> np.ndarray:
+        """Translation in every frame, shape (n_frames, 3), metres."""
+
+    def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pose vectors and translations of some frames."""
+        return self.pose_vectors[numbers], self.translations[numbers]
+
+    def _frames(self, numbers: range) -> np.ndarray:
+        frames = np.empty((len(numbers), self.model.n_vertices, 3))
+        for some in slices(len(numbers), _FRAMES_AT_A_TIME):
+            chosen = np.asarray(numbers[some], dtype=np.int64)
+            frames[some] = self.model(self.betas, *self._parameters(chosen))
+        return frames
 
 
 class Motions(tuple[M, ...]):

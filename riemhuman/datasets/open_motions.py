@@ -12,11 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_number
-from riemhuman.datasets.motions import Motion, Motions, choose_names
+from riemhuman.datasets.motions import ModelMotion, Motions, choose_names
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.open_poses import pose_vectors, read_table, with_both_sides
-from riemhuman.kernels.threads import slices
-from riemhuman.surfaces.template import Template
 
 # Largest deviations of a performance from the motion as written.
 _TEMPO = 0.07
@@ -25,10 +23,9 @@ _AMPLITUDE = 0.06  # each joint's, about its mean angle
 _LAG = 0.015  # each joint's, of a cycle
 _HABIT_DEGREES = 2.5  # each angle's
 _SEED = 2022
-_FRAMES_AT_A_TIME = 16
 
 
-class OpenMotion(Motion):
+class OpenMotion(ModelMotion):
     """One person in one of the open motions, with the parameters of the body model."""
 
     def __init__(
@@ -40,38 +37,24 @@ class OpenMotion(Motion):
             motions[sequence], model.joint_names, np.random.default_rng(seed)
         )
         n_frames = int(self._performance.seconds * frames_per_second) + 1
-        super().__init__(subject, sequence, frames_per_second, n_frames, model.faces)
-        self._model = model
-
-    @property
-    def model(self) -> BodyModel:
-        """The open model."""
-        return self._model
-
-    @property
-    def template(self) -> Template:
-        """The template of the model."""
-        return self._model.template
+        super().__init__(subject, sequence, frames_per_second, n_frames, model)
 
     @cached_property
     def betas(self) -> np.ndarray:
-        """Shape coefficients of the person, shape (B,)."""
         written = read_table("open_motions")["people"][self.subject]
-        return np.pad(written, (0, self._model.n_betas - len(written)))
+        return np.pad(written, (0, self.model.n_betas - len(written)))
 
     @cached_property
     def pose_vectors(self) -> np.ndarray:
-        """Axis-angle joint rotations in every frame, shape (n_frames, J, 3), radians."""
-        return pose_vectors(self._performance.joint_rotations(self._times), self._model)
+        return pose_vectors(self._performance.joint_rotations(self._times), self.model)
 
     @cached_property
     def translations(self) -> np.ndarray:
-        """Translation in every frame, shape (n_frames, 3), metres."""
-        names = self._model.joint_names
+        names = self.model.joint_names
         feet = [name.endswith(("ankle", "toes")) for name in names]
         standing = [names.index(f"{side}_ankle") for side in self._performance.standing_on]
-        rest = self._model.joints(self.betas)
-        moved = rest - self._model.joints(self.betas, self.pose_vectors)
+        rest = self.model.joints(self.betas)
+        moved = rest - self.model.joints(self.betas, self.pose_vectors)
         translations = np.zeros((len(self), 3))
         if standing:
             translations[:] = moved[:, standing].mean(axis=1)
@@ -82,14 +65,6 @@ class OpenMotion(Motion):
     @property
     def _times(self) -> np.ndarray:
         return np.arange(len(self)) / self.frames_per_second
-
-    def _frames(self, numbers: range) -> np.ndarray:
-        frames = np.empty((len(numbers), self._model.n_vertices, 3))
-        for some in slices(len(numbers), _FRAMES_AT_A_TIME):
-            chosen = np.asarray(numbers[some])
-            parameters = self.pose_vectors[chosen], self.translations[chosen]
-            frames[some] = self._model(self.betas, *parameters)
-        return frames
 
 
 def load_open_motions(
