@@ -23,7 +23,7 @@ import riemhuman as rh
 
 SOURCES = Path(__file__).parent
 WEB = Path(rh.plots.__file__).parent / "web"
-_LEAST_HEIGHT = 300  # pixels of a picture on a card
+_LEAST_HEIGHT = 240  # pixels of a picture on a card
 _SHORT_SENTENCE = 50  # letters
 VIEWER = "application/vnd.riemhuman.viewer+html"
 
