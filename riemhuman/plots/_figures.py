@@ -66,10 +66,6 @@ def new_figure(width: float, height: float) -> Figure:
     width, height : float
         Size, inches.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Examples
     --------
     >>> import riemhuman as rh

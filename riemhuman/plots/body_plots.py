@@ -65,10 +65,6 @@ def plot_body(
     height : int
         Height of the picture in pixels.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -130,10 +126,6 @@ def plot_path(
         By default those of a new figure.
     height : int
         Height of the picture in pixels.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
 
     Examples
     --------
@@ -255,10 +247,6 @@ def plot_measurement_lines(
         Curves by name, as `rh.measurements.Measurements.lines` returns them.
     height : int
         Height of the pictures in pixels.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Examples
     --------

@@ -173,10 +173,6 @@ def plot_embedding(
     ax : matplotlib.axes.Axes, optional
         By default those of a new figure.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-
     Examples
     --------
     >>> import riemhuman as rh

@@ -39,10 +39,6 @@ def plot_energy(
     ax : matplotlib.axes.Axes, optional
         By default those of a new figure.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -92,10 +88,6 @@ def plot_precision_recall(
     ax : matplotlib.axes.Axes, optional
         By default those of a new figure.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -144,10 +136,6 @@ def plot_confusion(
     ax : matplotlib.axes.Axes, optional
         By default those of a new figure.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -185,10 +173,6 @@ def plot_sweep(
         Label of the weights of each column.
     ax : matplotlib.axes.Axes, optional
         By default those of a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
 
     Examples
     --------

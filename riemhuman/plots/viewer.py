@@ -249,10 +249,6 @@ def view_path(
     seconds : float, optional
         Duration of the path at speed 1; by default 2.4.
 
-    Returns
-    -------
-    Viewer
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -309,10 +305,6 @@ def view_bodies(
         Text below the title of the page.
     view : View, optional
         Initial direction from which the bodies are seen.
-
-    Returns
-    -------
-    Viewer
 
     Examples
     --------
