@@ -18,6 +18,7 @@ from riemhuman.cli._commands import (
     PICTURE,
     UNIT,
     Answer,
+    choice,
     command,
     flag,
     mesh,
@@ -98,12 +99,7 @@ _WRITERS: dict[str, Callable[[Path, ndarray, ndarray, str], None]] = {
     "  riemhuman geodesic a.ply b.ply -o path/ --basis basis.npz -a 1 -l 1 -c 0 --json\n",
     mesh("a_file", "A", "mesh to start from"),
     mesh("b_file", "B", "mesh to end at"),
-    output(
-        "PATH",
-        *_WRITERS,
-        text="folder or file to write",
-        is_ours=_IS_OF_GEODESIC,
-    ),
+    output("PATH", *_WRITERS, is_ours=_IS_OF_GEODESIC),
     option("--n-nodes", "surfaces of the path", default=11, metavar="N"),
     BASIS,
     template("A"),
@@ -222,7 +218,7 @@ def _mean(options: argparse.Namespace) -> Answer:
     "  riemhuman components scans/ -o components/ -n 5 --samples 20 --seed 7\n"
     "  riemhuman components standing/*.ply -o how_they_stand/ --pose --align --json\n",
     FILES,
-    output("FOLDER", text="folder to write", is_ours=_IS_OF_COMPONENTS),
+    output("FOLDER", is_ours=_IS_OF_COMPONENTS),
     option("-n --n-components", "components", default=3, metavar="K"),
     option("--samples", "number of random bodies", default=0, metavar="N"),
     option("--seed", "seed of the random bodies", default=0, metavar="S"),
@@ -325,12 +321,7 @@ def _bodies_of_components(pca: Any, options: argparse.Namespace) -> dict[str, nd
         choices=("world", "body"),
         default="world",
     ),
-    option(
-        "--transfer",
-        "replay the changes since the first mesh, or the poses themselves",
-        choices=("change", "pose"),
-        default="change",
-    ),
+    choice("--transfer", "replay changes since the first mesh, or poses", "change", "pose"),
     UNIT,
 )
 def _transfer(options: argparse.Namespace) -> Answer:
@@ -364,18 +355,8 @@ def _transfer(options: argparse.Namespace) -> Answer:
     mesh("shape", "SHAPE", "mesh of the person"),
     mesh("pose", "POSE", "mesh of the pose"),
     output("MESH", *MESH_ENDINGS),
-    option(
-        "--pose-weight",
-        "weight of the squared pose distance relative to the shape distance",
-        default=1000.0,
-        metavar="W",
-    ),
-    path_option(
-        "--basis",
-        "NPZ",
-        "deformations by which the body may differ from SHAPE, see riemhuman basis (default: all "
-        "vertices are free)",
-    ),
+    option("--pose-weight", "weight of the squared pose distance", default=1000.0, metavar="W"),
+    path_option("--basis", "NPZ", "deformations that the body may have (default: any)"),
     template("SHAPE"),
     PICTURE,
 )
@@ -423,7 +404,7 @@ def _disentangle(options: argparse.Namespace) -> Answer:
     "  riemhuman align scans/ -o aligned/ --template anna.ply\n"
     "  riemhuman align scans/ -o aligned/ --unit millimetres --up z\n",
     FILES,
-    output("FOLDER", text="folder to write", is_ours=_IS_ALIGNED),
+    output("FOLDER", is_ours=_IS_ALIGNED),
     template("the first mesh", "to align with"),
 )
 def _align(options: argparse.Namespace) -> Answer:
@@ -530,22 +511,12 @@ def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> 
     "  riemhuman basis --open --resolution coarse -o basis.npz\n",
     path_option("motions", "MOTIONS", "HDF5 files or folders", nargs="*"),
     flag("--open", "use the open motions that ship with the package"),
-    option(
-        "--resolution",
-        "with --open: 13,348 or 1,202 vertices",
-        choices=("full", "coarse"),
-        default="full",
-    ),
+    choice("--resolution", "with --open: 13,348 or 1,202 vertices", "full", "coarse"),
     option("--subjects", "with --open or HDF5: only these people", nargs="+", metavar="NAME"),
     option("--sequences", "with --open or HDF5: only these motions", nargs="+", metavar="NAME"),
     output("NPZ", ".npz"),
     option("-n --n-components", "components", default=100, metavar="K"),
-    option(
-        "--step",
-        "number of frames between the two surfaces of a deformation",
-        default=10,
-        metavar="FRAMES",
-    ),
+    option("--step", "frames between the two surfaces of a deformation", default=10, metavar="N"),
     UNIT,
 )
 def _basis(options: argparse.Namespace) -> Answer:
@@ -613,12 +584,7 @@ def _basis_motions(options: argparse.Namespace) -> list[Any]:
     "  riemhuman convert-model smplh/female/model.npz -o SMPLH_female.npz --n-betas 16\n",
     path_option("source", "MODEL", ".pkl or .npz file"),
     output("NPZ", ".npz"),
-    option(
-        "--n-betas",
-        "number of shape coefficients to keep (default: 10 of 300 or more, else all)",
-        type=int,
-        metavar="B",
-    ),
+    option("--n-betas", "shape coefficients (default: 10 of 300, else all)", type=int, metavar="B"),
 )
 def _convert_model(options: argparse.Namespace) -> Answer:
     with options.task("Converting"):

@@ -87,6 +87,11 @@ def flag(flags: str, text: str) -> Argument:
     return option(flags, text, action="store_true")
 
 
+def choice(flags: str, text: str, *choices: str) -> Argument:
+    """Return the declaration of an option that takes one of several words, by default the first."""
+    return option(flags, text, choices=choices, default=choices[0])
+
+
 def several(
     *arguments: Argument,
     exclusive: bool = False,
@@ -124,7 +129,7 @@ def names_matching(pattern: str) -> Callable[[str], bool]:
 def output(
     metavar: str,
     *endings: str,
-    text: str = "file to write",
+    text: str | None = None,
     is_ours: Callable[[str], bool] | None = None,
     flags: str = "-o --output",
     required: bool = True,
@@ -154,6 +159,8 @@ def output(
         setattr(options, dest, place)
         options.written.append(place)
 
+    kinds = ["folder"] * (is_ours is not None) + ["file"] * bool(endings)
+    text = text or f"{' or '.join(kinds)} to write"
     own = option(flags, text, metavar=metavar, required=required)
     return several(own, *[FORCE] * (dest == "output"), check=check)
 
@@ -173,15 +180,9 @@ FILES = path_option("meshes", "FILES", "mesh files, or folders", nargs="+")
 FOLDER = path_option("folder", "FOLDER", "folder of meshes")
 FORCE = flag("-f --force", "replace an existing output")
 ALIGN = flag("--align", "first remove rigid motions, by Procrustes alignment with the template")
-ANY_SCALE = flag(
-    "--any-scale", "accept meshes of any size; by default, meshes in another unit are refused"
-)
+ANY_SCALE = flag("--any-scale", "accept meshes of any size, also in another unit")
 UNIT = several(
-    option(
-        "--unit",
-        "unit of the files, to convert them to metres (default: no conversion)",
-        choices=UNITS,
-    ),
+    option("--unit", "unit of the files, which are converted to metres", choices=UNITS),
     option("--up", "axis that points up in the files (default: y)", choices=AXES),
 )
 PICTURE = output(

@@ -15,6 +15,7 @@ from riemhuman.cli._commands import (
     UNIT,
     Answer,
     Argument,
+    choice,
     command,
     flag,
     mesh,
@@ -77,38 +78,20 @@ _BODY_SET = several(
             choices=("plain", "natural"),
         ),
         option(
-            "--faust",
-            "use the registrations of MPI FAUST (tr_reg_000.ply ... tr_reg_099.ply) instead",
-            metavar="FOLDER",
+            "--faust", "registrations of MPI FAUST instead (tr_reg_000.ply ...)", metavar="FOLDER"
         ),
-        option(
-            "--bodies",
-            "use the registered meshes of a folder instead; see --labels",
-            metavar="FOLDER",
-        ),
-        option(
-            "--reader",
-            "use the bodies that another package's reader loads, see riemhuman.extensions",
-            nargs=2,
-            metavar=("NAME", "PATH"),
-        ),
+        option("--bodies", "registered meshes of a folder instead; see --labels", metavar="FOLDER"),
+        option("--reader", "bodies by another package's reader", nargs=2, metavar=("NAME", "PATH")),
         exclusive=True,
     ),
-    option(
-        "--people",
-        "open bodies of ten other people, drawn at random with this seed",
-        metavar="SEED",
-        type=int,
-    ),
+    option("--people", "ten other open people, drawn with this seed", metavar="SEED", type=int),
     option(
         "--labels",
         "with --bodies: a table with the columns file, subject and pose (default: labels.csv in "
         "the folder)",
         metavar="CSV",
     ),
-    path_option(
-        "--template", "MESH", "with --faust or --bodies: template mesh (default: the first mesh)"
-    ),
+    path_option("--template", "MESH", "with --faust or --bodies: template (default: first mesh)"),
     flag("--allow-missing", "with --faust or --bodies: leave out bodies without a file or a label"),
     UNIT,
     check=_check_body_set,
@@ -157,17 +140,8 @@ def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
     "  riemhuman tables --bodies scans/ --labels scans/labels.csv\n"
     "  riemhuman tables --all --resolution coarse    # also descriptors and model vectors\n",
     _BODY_SET,
-    option(
-        "--resolution",
-        "resolution of the open bodies: 13,348 or 1,202 vertices",
-        choices=("full", "coarse"),
-        default="full",
-    ),
-    flag(
-        "--all",
-        "all representations, with mean average precision and times; takes minutes at full "
-        "resolution",
-    ),
+    choice("--resolution", "open bodies of 13,348 or 1,202 vertices", "full", "coarse"),
+    flag("--all", "all representations, with mean average precision and times; takes minutes"),
 )
 def _tables(options: argparse.Namespace) -> Answer:
     with options.task("Loading the bodies"):
@@ -276,19 +250,10 @@ def _note_typical_distances(options: argparse.Namespace) -> None:
         required=False,
     ),
     option("--jobs", "threads (default: one per core)", metavar="N", type=int, default=-1),
-    option(
-        "--precision",
-        "single is faster, with relative errors below 1e-5",
-        choices=("double", "single"),
-        default="double",
-    ),
-    path_option(
-        "--resume", "FOLDER", "folder that keeps the work, to resume it after an interruption"
-    ),
+    choice("--precision", "single is faster, with relative errors below 1e-5", "double", "single"),
+    path_option("--resume", "FOLDER", "folder that keeps the work, to resume it later"),
     flag("--paths", "also find paths and their lengths"),
-    option(
-        "--n-nodes", f"number of surfaces of a path (default: {_N_NODES})", type=int, metavar="N"
-    ),
+    option("--n-nodes", f"surfaces of a path (default: {_N_NODES})", type=int, metavar="N"),
     BASIS,
     template("the first mesh"),
     ALIGN,
@@ -427,9 +392,7 @@ def _retrieve(options: argparse.Namespace) -> Answer:
 def _matrix_options(*, required: bool) -> Argument:
     return several(
         path_option("matrix", "NPZ", "distance matrix, see riemhuman matrix"),
-        path_option(
-            "--labels", "CSV", "table with the columns file, subject and pose", required=required
-        ),
+        path_option("--labels", "CSV", "table of file, subject and pose", required=required),
         flag("--allow-missing", "leave out meshes without labels, and labels without a mesh"),
     )
 
@@ -491,8 +454,8 @@ def _scores(options: argparse.Namespace) -> Answer:
     "  riemhuman plot D.npz --labels labels.csv --by pose --method t-sne -o poses.pdf\n",
     _matrix_options(required=False),
     output("FILE", *FIGURE_ENDINGS, text="picture to write: .png, .svg or .pdf"),
-    option("--by", "label that the colours show", choices=tuple(_QUESTIONS), default="subject"),
-    option("--method", "method that places the points", choices=("mds", "t-sne"), default="mds"),
+    choice("--by", "label that the colours show", *_QUESTIONS),
+    choice("--method", "method that places the points", "mds", "t-sne"),
 )
 def _plot(options: argparse.Namespace) -> Answer:
     import numpy as np
@@ -549,11 +512,7 @@ def _plot(options: argparse.Namespace) -> Answer:
         "folder to write (default: riemhuman-report)",
         default=Path("riemhuman-report"),
     ),
-    path_option(
-        "--scans",
-        "FOLDER",
-        "also show the scans that riemhuman register has registered into this folder",
-    ),
+    path_option("--scans", "FOLDER", "also show the scans registered into this folder"),
     flag("--quick", "a smaller report, in half a minute"),
 )
 def _report(options: argparse.Namespace) -> Answer:

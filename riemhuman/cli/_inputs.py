@@ -189,15 +189,8 @@ def metric_name(metric: Any) -> str:
 
 
 BASIS = several(
-    path_option(
-        "--basis", "NPZ", "basis of deformations, see riemhuman basis (default: mesh harmonics)"
-    ),
-    option(
-        "--n-components",
-        f"number of mesh harmonics, without --basis (default: {_N_HARMONICS})",
-        type=int,
-        metavar="K",
-    ),
+    path_option("--basis", "NPZ", "basis of deformations (default: mesh harmonics)"),
+    option("--n-components", f"mesh harmonics (default: {_N_HARMONICS})", type=int, metavar="K"),
     exclusive=True,
 )
 
@@ -218,9 +211,7 @@ def chosen_basis(options: argparse.Namespace, template: Template) -> Deformation
     return basis
 
 
-MOTION_OUTPUT = output(
-    "PATH", ".glb", ".npz", text="folder or file to write", is_ours=_IS_OF_MOTION
-)
+MOTION_OUTPUT = output("PATH", ".glb", ".npz", is_ours=_IS_OF_MOTION)
 
 
 def write_motion(

@@ -33,14 +33,8 @@ if TYPE_CHECKING:
 _MOST_COLUMNS = 5
 
 _DEFINITIONS = several(
-    path_option(
-        "--model", "NPZ", "body model the meshes are registered to (default: the open body model)"
-    ),
-    path_option(
-        "--definitions",
-        "JSON",
-        "measurements and landmarks of the model (default: those of the open body model)",
-    ),
+    path_option("--model", "NPZ", "body model of the meshes (default: the open one)"),
+    path_option("--definitions", "JSON", "measurements of the model (default: the open model's)"),
     option("--only", "measurement to take; repeatable", metavar="NAME", action="append"),
     UNIT,
 )

@@ -31,12 +31,7 @@ _PAIR = several(
     _TEMPLATE,
 )
 _SEVERAL = several(
-    path_option(
-        "motions",
-        "MOTIONS",
-        "folders of meshes, folders of such folders, .npz files, or recordings (.bvh)",
-        nargs="+",
-    ),
+    path_option("motions", "MOTIONS", "folders of meshes or motions, .npz or .bvh", nargs="+"),
     _TEMPLATE,
 )
 _BY = option(
@@ -135,12 +130,7 @@ def _dist(options: argparse.Namespace) -> Answer:
     "  riemhuman motions matrix anna_*/ ben_*/ -o D.csv --by changes --components 200\n",
     _SEVERAL,
     output("FILE", ".npz", ".csv"),
-    option(
-        "--components",
-        "compare K principal components, which is faster (default: exact distances)",
-        type=int,
-        metavar="K",
-    ),
+    option("--components", "compare K principal components (faster)", type=int, metavar="K"),
     _BY,
 )
 def _matrix(options: argparse.Namespace) -> Answer:

@@ -76,14 +76,9 @@ def _check_options(options: argparse.Namespace) -> None:
         "places of joints in the scan, in its unit, where the fit alone goes wrong: lines such as"
         " left_wrist,0.62,1.31,0.05",
     ),
-    flag(
-        "--sequence", "the scans show one person in motion; each fit starts from the previous one"
-    ),
+    flag("--sequence", "the scans show one person in motion; fits start from previous ones"),
     flag("--untrusted", "also write a body that is not trusted"),
-    flag(
-        "--keep-axes",
-        "write bodies at the positions of the scans (default: on the ground, y up, facing z)",
-    ),
+    flag("--keep-axes", "leave bodies where the scans are (default: on the ground, facing z)"),
 )
 def _register(options: argparse.Namespace) -> Answer:
     if options.model is not None:
