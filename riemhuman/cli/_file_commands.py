@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import riemhuman as rh
 from riemhuman.cli._commands import (
     ANY_SCALE,
-    MESH_ENDINGS,
     UNIT,
     Answer,
     command,
@@ -20,6 +19,7 @@ from riemhuman.cli._commands import (
 )
 from riemhuman.cli._inputs import advice, read_recording, read_surfaces
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.io.meshes import MESH_SUFFIXES
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -119,7 +119,7 @@ def _facts(file: Path) -> dict[str, Any]:
     if file.is_dir():
         return _folder_facts(file)
     readers = {
-        **dict.fromkeys((*MESH_ENDINGS, ".stl", ".glb"), _mesh_facts),
+        **dict.fromkeys(MESH_SUFFIXES, _mesh_facts),
         **dict.fromkeys(_POINT_ENDINGS, _scan_facts),
         ".npz": _npz_facts,
         ".json": _measurement_facts,

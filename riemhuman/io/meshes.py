@@ -74,27 +74,24 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
     Raises
     ------
     FileFormatError
-        If the suffix names no known format, the file is damaged or has no faces, a face has fewer
-        than three corners or refers to a vertex that does not exist, or a position is not finite.
+        If the file is damaged or of no known format, or holds no mesh.
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    >>> faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
-    >>> rh.save_mesh("tetrahedron.ply", corners, faces)
-    >>> vertices, triangles = rh.load_mesh("tetrahedron.ply")
-    >>> vertices.shape, triangles.shape
-    ((4, 3), (4, 3))
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.save_mesh("body.ply", bodies[0], bodies.template.faces)
+    >>> vertices, faces = rh.load_mesh("body.ply")
+    >>> vertices.shape, faces.shape
+    ((1202, 3), (2400, 3))
     """
     file = file_path(path)
     if file.is_dir():
         raise FileError(f"{file} is a folder; a mesh file was expected")
     suffix = file.suffix.lower()
-    if suffix not in _READERS and suffix not in _MESHIO_SUFFIXES:
+    if suffix not in MESH_SUFFIXES:
         check_not_point_cloud(file)
-        raise _unknown_suffix(file, (*_READERS, *_MESHIO_SUFFIXES))
+        raise _unknown_suffix(file, MESH_SUFFIXES)
     if not file.exists():
         raise FileError(f"there is no file {file}")
     check_file(file)
@@ -129,12 +126,10 @@ def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLik
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    >>> faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
-    >>> rh.save_mesh("tetrahedron.obj", corners, faces)
-    >>> bool((rh.load_mesh("tetrahedron.obj")[0] == corners).all())
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.save_mesh("body.obj", bodies[0], bodies.template.faces)
+    >>> bool((rh.load_mesh("body.obj")[0] == bodies[0]).all())
     True
     """
     file = file_path(path)
@@ -446,3 +441,6 @@ _WRITERS: dict[str, Callable[[ndarray, ndarray], bytes]] = {
     ".obj": _write_obj,
     ".off": _write_off,
 }
+
+MESH_SUFFIXES = (*_READERS, *_MESHIO_SUFFIXES)
+"""Suffixes of the files that `load_mesh` reads."""

@@ -34,12 +34,6 @@ def precision_recall(
         Levels 1/n to 1, with n one less than the size of the largest class, and the mean precision
         at each level.
 
-    Raises
-    ------
-    ArgumentError
-        If the matrix is not square, a distance off the diagonal is negative, NaN or infinite, the
-        number of labels is not n, or no two items share a class.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -81,12 +75,6 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | ndarray) -> nda
     array of int, shape (n_classes, n_classes)
         Number of queries by their class (row) and the class of their nearest neighbour (column),
         in the order of `numpy.unique`.
-
-    Raises
-    ------
-    ArgumentError
-        If the matrix is not square, a distance off the diagonal is negative, NaN or infinite, or
-        the number of labels is not n.
 
     Examples
     --------

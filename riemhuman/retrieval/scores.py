@@ -83,12 +83,6 @@ def scores(
     -------
     scores : RetrievalScores
 
-    Raises
-    ------
-    ArgumentError
-        If the matrix is not square, a distance off the diagonal is negative, NaN or infinite,
-        the number of labels or of groups is not n, or no query has another item of its class.
-
     References
     ----------
     .. [1] Shilane, Min, Kazhdan, Funkhouser, "The Princeton Shape Benchmark", SMI 2004.
@@ -151,21 +145,7 @@ def _expected_hits(distances: np.ndarray, relevant: np.ndarray) -> tuple[np.ndar
 def labelled_distances(
     distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return distances with zero diagonal, and the number of each item's class, after checks.
-
-    Parameters
-    ----------
-    distances : array_like, shape (n, n)
-        Distances; the diagonal is not read.
-    labels : sequence of hashable, length n
-        Class of each item.
-
-    Returns
-    -------
-    distances : array, shape (n, n)
-    classes : array of int, shape (n,)
-        Classes are numbered in the order of their first items.
-    """
+    """Return distances (n, n) with zero diagonal, and the number of each item's class (n,)."""
     matrix = real_array(distances, "distances", ("n", "n"), batched=False, finite=False).copy()
     if matrix.shape[0] != matrix.shape[1]:
         raise ArgumentError(f"distances must be a square matrix; found shape {matrix.shape}")

@@ -42,6 +42,17 @@ def test_mesh_agrees_with_trimesh(facts, scans, bodies):
     assert found["usable_as_template"] == "yes"
 
 
+def test_meshes_of_every_format(facts, bodies, tmp_path):
+    """The command reads what `load_mesh` reads, by meshio too."""
+    meshio = pytest.importorskip("meshio")
+    cells = [("triangle", bodies.template.faces)]
+    meshio.Mesh(bodies.points[0], cells).write(tmp_path / "body.vtk", "vtk")
+    bodies.template.to_trimesh().export(tmp_path / "body.stl")
+    for name in ("body.vtk", "body.stl"):
+        found = facts(tmp_path / name)
+        assert (found["kind"], found["triangles"]) == ("mesh", 2400)
+
+
 def test_defects_of_a_mesh():
     vertices = np.array(
         [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1], [2, 0, 0], [9, 9, 9.0]]
