@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from build_measurement_page import PAGE, page
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.measurements import (
@@ -34,9 +35,15 @@ def test_all_of_the_open_body_come_back_from_json():
         (lambda: Girth(name="g", at="a", leave_out=["left arm"]), "needs hull=True"),
         (lambda: Length(name="l", along="crown"), "two or more places"),
         (lambda: Length(name="l", along=("a", "b", "c"), path="joints"), "two names of joints"),
+        (lambda: Length(name="l", along=("a", "b"), axis=["c"]), "two or three places"),
         (lambda: Mass(name="m", density=-1.0), "density"),
     ],
 )
 def test_wrong_definitions(make, message):
     with pytest.raises((ArgumentError, ArgumentTypeError), match=message):
         make()
+
+
+def test_the_page_lists_the_definitions():
+    """`python tutorials/remake/build_measurement_page.py` writes it."""
+    assert PAGE.read_text(encoding="utf-8") == page()

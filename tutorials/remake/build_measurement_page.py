@@ -1,0 +1,101 @@
+"""Rewrite the page of the documentation that lists the measurements.
+
+    python tutorials/remake/build_measurement_page.py
+
+writes tutorials/measurement_names.md from the definitions that ship; a test compares them.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from riemhuman.measurements import Length, Measurement, MeasurementSet, open_measurements
+from riemhuman.measurements.measurement_set import DATA
+
+PAGE = Path(__file__).parents[1] / "measurement_names.md"
+_OTHERS = ("ANSUR II", "CAESAR", "SMPL-Anthropometry")
+_AGREES = 0.5  # standard deviations among adults
+
+_HEAD = """# Measurements and what others call them
+
+`rh.measurements.open_measurements("full")` holds the standing measurements below,
+`open_measurements("full", pose="seated")` those of people who sit with their forearms forward. A
+name after ≈ is of a measurement that differs, as the remark says; [tutorial
+11](11_measurements.ipynb) shows how to take them.
+
+Where the standards differ, there is a measurement for each:
+
+- **Waist.** `waist girth` is the natural waist of ISO 8559-1 (between the lowest rib and the iliac
+  crest), the narrowest level. ANSUR II and SMPL-Anthropometry measure at the navel: `waist girth
+  (omphalion)`. CAESAR's waist is where people wear their trousers. Breadth, depth, height and back
+  length exist at both levels.
+- **Chest.** `chest girth` is level at the bust points, as ISO 8559-1, ISO 7250-1 and ANSUR II
+  measure it. CAESAR also has a girth at the scye, under the arms, which is not here.
+- **Thigh.** `thigh girth` is 3 cm below the crotch and across the bone, so that it does not change
+  when the leg moves; ISO 8559-1 and ANSUR II measure level, at the fold of the buttock.
+- **Calf and ankle.** `calf girth` is where the calf of the mean body is thickest, `ankle girth`
+  where its leg is thinnest above the malleoli (ANSUR II's ankle); ISO 8559-1 also has an ankle
+  girth over the malleoli, which is not here.
+- **Arm.** Girths are of the hanging arm, as in ISO 8559-1; those of ANSUR II are of the flexed
+  arm.
+
+Numbers of ISO 8559-1 are of 2017, those of ISO 7250-1 of 2008. *Level* is the height of the plane
+or place on the mean body, in per cent of its stature. *Women* and *men* say by how many
+millimetres (kilograms) the body nearest to the mean woman or man of ANSUR II measures more than
+they do; {agree} of {count} agree to half a standard deviation among adults for both. `python
+tutorials/remake/build_statistics.py ANSUR --check` prints how well they predict each other.
+
+| name | ISO | ANSUR II | CAESAR | SMPL-Anthropometry | level | women | men | remark |
+|---|---|---|---|---|---:|---:|---:|---|
+"""
+
+
+def page() -> str:
+    """Return the text of the page."""
+    adults = json.loads((DATA / "measurements_of_adults.json").read_text(encoding="utf-8"))
+    lines, agree, count = [], 0, 0
+    for pose in ("standing", "seated"):
+        definitions = open_measurements("full", pose)
+        lines.append(f"| **{pose}** | | | | | | | | |")
+        for measurement in definitions.measurements:
+            offsets = [adults[sex]["offsets"].get(measurement.name) for sex in ("woman", "man")]
+            if offsets[0] is not None:
+                number = adults["names"].index(measurement.name)
+                count += 1
+                agree += all(
+                    abs(offset) < _AGREES * adults[sex]["std"][number]
+                    for sex, offset in zip(("woman", "man"), offsets, strict=True)
+                )
+            scale = 1000.0 if measurement.units == "m" else 1.0
+            cells = [
+                measurement.name,
+                measurement.standard,
+                *(measurement.equivalents.get(source, "") for source in _OTHERS),
+                _level(measurement, definitions) if pose == "standing" else "",
+                *("" if o is None else f"{scale * o:+.0f}" for o in offsets),
+                measurement.note,
+            ]
+            lines.append(f"| {' | '.join(cells)} |")
+    return _HEAD.format(agree=agree, count=count) + "\n".join(lines) + "\n"
+
+
+def _level(measurement: Measurement, definitions: MeasurementSet) -> str:
+    """Return the height of a section or place in per cent of the mean body's stature."""
+    is_level = measurement.places and not isinstance(measurement, Length)
+    if not is_level or getattr(measurement, "above", None) is not None:
+        return ""
+    body = definitions.model(pose=definitions.standard_pose_vector)
+    place = measurement.places[0]
+    shares = {place: 1.0} if isinstance(place, str) else place
+    height = sum(
+        share * (definitions.landmarks[name][1] @ body[definitions.landmarks[name][0], 1])
+        for name, share in shares.items()
+    ) / sum(shares.values())
+    return f"{100 * (height - body[:, 1].min()) / np.ptp(body[:, 1]):.1f}"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
