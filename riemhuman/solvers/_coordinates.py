@@ -41,7 +41,8 @@ class Coordinates:
     ) -> Minimum:
         """Return the points of least value, reached from the origin.
 
-        The function returns a value and its gradient at points; the operators, formed at points,
+        The function returns a value, infinite where points are not allowed, and its gradient at
+        points; the operators, formed at points,
         act on gradients in coordinates; the minimiser's callback is called with points.
         """
         shape = self.origin.shape
@@ -49,8 +50,6 @@ class Coordinates:
         def objective(x: ndarray) -> tuple[float, ndarray]:
             with np.errstate(divide="ignore", invalid="ignore"):
                 pull_back, points = make_vjp(self.space.projection, self._shifted(x))
-            if not np.all(self.space.belongs(points)):
-                return np.inf, np.zeros_like(x)
             value, gradient = function(points)
             rows = pull_back(gradient.reshape(shape)).reshape(self._n_origins, -1)
             if self.directions is not None:

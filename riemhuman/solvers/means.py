@@ -274,9 +274,14 @@ class BasisMean(Solver, MeanSolver):
             if self.callback is not None:
                 self.callback(n_earlier + iteration, value, point)
 
+        def function(point: ndarray) -> tuple[float, ndarray]:
+            if not np.all(space.belongs(point)):
+                return np.inf, np.zeros_like(point)
+            return dispersion.value_and_gradient(point)
+
         return coordinates.minimize(
             replace(minimizer, callback=report, progress="mean" if self.progress else ""),
-            dispersion.value_and_gradient,
+            function,
             lambda point: factor_at(point, dispersion.curvature(variance)),
             # Distances of points that coincide to rounding error have no gradient to follow.
             floor=dispersion.floor(origin),

@@ -119,8 +119,12 @@ class PathSearch(PathSolver):
         """Raise an error or warn if a search makes no sense."""
 
     @abstractmethod
-    def _factor(self, metric: RiemannianMetric, nodes: ndarray) -> CholeskyFactor:
+    def _factor(self, metric: RiemannianMetric, path: ndarray) -> CholeskyFactor:
         """Return a factor of the metric's matrix in the coordinates of the interior points."""
+
+    @abstractmethod
+    def _allows(self, metric: RiemannianMetric, nodes: ndarray) -> bool:
+        """Return whether a path may have these interior points."""
 
     def _directions(self) -> ndarray | None:
         """Return the rows along which points move, or None for all coordinates."""
@@ -169,11 +173,14 @@ class PathSearch(PathSolver):
         coordinates = Coordinates(metric.space, path[1:-1], self._directions())
 
         def energy(nodes: ndarray) -> tuple[float, ndarray]:
+            if not self._allows(metric, nodes):
+                return np.inf, np.zeros_like(nodes)
             value, gradient = self.energy.value_and_gradient(metric, _with_interior(path, nodes))
             return value, gradient[1:-1]
 
         def inverse_hessian_at(nodes: ndarray) -> Operator:
-            return PathPreconditioner(self._factor(metric, nodes), len(nodes) + 1)
+            factor = self._factor(metric, _with_interior(path, nodes))
+            return PathPreconditioner(factor, len(nodes) + 1)
 
         def freeze_at(nodes: ndarray) -> Operator:
             faces = metric.space.template.faces
@@ -297,8 +304,15 @@ class BasisPath(PathSearch):
             return [self.initial.solve(metric, start, end).path]
         return super()._starts(metric, start, end)
 
-    def _factor(self, metric: RiemannianMetric, nodes: ndarray) -> CholeskyFactor:
-        return CholeskyFactor(metric.gram_matrix(self.basis.vectors, nodes[[0, -1]]))
+    def _allows(self, metric: RiemannianMetric, nodes: ndarray) -> bool:
+        return True
+
+    def _factor(self, metric: RiemannianMetric, path: ndarray) -> CholeskyFactor:
+        nodes = path[[1, -2]]
+        if not np.all(metric.space.belongs(nodes)):
+            # A triangle has vanished on the way, as it may at a small λ.
+            nodes = path[[0, -1]]
+        return CholeskyFactor(metric.gram_matrix(self.basis.vectors, nodes))
 
 
 @dataclass(frozen=True)
@@ -319,24 +333,15 @@ class PathStraightening(PathSearch):
 
     Parameters
     ----------
-    n_nodes : int
-        Number of points of the path, both ends included.
-    energy : PathEnergy
-        Energy to minimise.
+    n_nodes, energy
+        As of `BasisPath`.
     initial : GeodesicSolver, optional
         Solver whose path, with as many nodes, is another start.
     tolerance : float
-        The search stops when a Newton step would gain at most this share of the energy, as far as
-        the preconditioned gradient tells, and the second half of its iterations, if they are ten or
-        more, has gained at most 0.2 %, or twenty times this share.
-    max_iter : int
-        Most iterations.
-    remove_drift : bool
-        Whether to remove motions that leave the energy unchanged, see `BasisPath`.
-    callback : callable, optional
-        Called with (iteration, energy, path) after each iteration.
-    progress : bool
-        Whether to show a progress bar.
+        As of `BasisPath`, where the second half of its iterations has gained at most 0.2 %, or
+        twenty times this share.
+    max_iter, remove_drift, callback, progress
+        As of `BasisPath`.
 
     Examples
     --------
@@ -369,9 +374,12 @@ class PathStraightening(PathSearch):
                 ReparametrizationInvarianceWarning,
             )
 
-    def _factor(self, metric: RiemannianMetric, nodes: ndarray) -> CholeskyFactor:
+    def _allows(self, metric: RiemannianMetric, nodes: ndarray) -> bool:
+        return bool(np.all(metric.space.belongs(nodes)))
+
+    def _factor(self, metric: RiemannianMetric, path: ndarray) -> CholeskyFactor:
         ridge = float(np.clip(self.tolerance, *_RIDGES))
-        return metric_factor(metric, nodes, stiffness=_STIFFNESS, ridge=ridge)
+        return metric_factor(metric, path[1:-1], stiffness=_STIFFNESS, ridge=ridge)
 
     def _may_freeze(self, metric: RiemannianMetric) -> bool:
         return metric.space.is_surface_space

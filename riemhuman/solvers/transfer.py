@@ -340,7 +340,7 @@ class Disentangling(Solver):
         start = posed if initial is None else _one_surface(space, initial, "initial")
         if self.basis is not None:
             self.basis.check_fits(len(start))
-        sum_ = _WeightedSum((shape_metric, pose_metric), (1.0, self.pose_weight), (shape, posed))
+        sum_ = _WeightedSum((shape_metric, 1.0, shape), (pose_metric, self.pose_weight, posed))
         minimum = self._minimize(sum_, space, shape, start)
         surface, value = minimum.x, minimum.value
         if self.basis is not None:
@@ -380,15 +380,10 @@ class Disentangling(Solver):
 
 
 class _WeightedSum:
-    """Σ w d(x, f)² over a few metrics, each with its weight and its point x."""
+    """Σ w d(x, f)² over a few metrics, each with its weight w and its point x."""
 
-    def __init__(
-        self,
-        metrics: tuple[SurfaceMetric, ...],
-        weights: tuple[float, ...],
-        points: tuple[ndarray, ...],
-    ) -> None:
-        self._terms = list(zip(metrics, weights, points, strict=True))
+    def __init__(self, *terms: tuple[SurfaceMetric, float, ndarray]) -> None:
+        self._terms = terms
 
     def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
         value, gradient = 0.0, np.zeros_like(surface)

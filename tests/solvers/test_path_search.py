@@ -439,6 +439,18 @@ def test_paths_on_which_triangles_vanish_are_starts_again(seed, n_nodes):
     assert again.energy <= result.energy * (1.0 + 1e-7)
 
 
+def test_a_warm_start_over_a_basis_on_which_a_triangle_has_vanished():
+    """As paths may have them at a small λ: the surface next to the start has no Gram matrix."""
+    metric, ends = elastic(1.0, 0.01, 0.0), bodies.swung_arms(2)
+    path = PoissonPath(5).solve(metric, *ends).path.copy()
+    first, second, _ = bodies.space().template.faces[100]
+    path[1, first] = path[1, second]
+    solver = BasisPath(bodies.basis().truncate(20), n_nodes=5)
+    result = solver.solve(metric, *ends, initial_path=path)
+    assert result.converged
+    assert result.energy < metric.energy(path)
+
+
 def test_a_solver_gives_another_start():
     """It is taken where its path costs less than the others."""
     metric, ends = elastic(1.0, 0.1, 0.1), bodies.swung_arms(4)
