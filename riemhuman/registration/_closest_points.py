@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +20,8 @@ _NORMAL_METRES = 0.05
 # Number of scan points in an average, against noise.
 _N_NEIGHBOURS = 4
 _BLUR_METRES = 0.008
+# Number of points from which noise is estimated, and the median of |x| for a standard normal x.
+_N_NOISE, _MEDIAN = 3000, 0.6745
 
 _MODEL_SCALES = (0.04, 0.03, 0.03, 0.03, *(0.02,) * 5, *(0.012,) * 4)
 _MODEL_ALONG = 0.05
@@ -26,7 +30,7 @@ _PRIOR_METRES = 1e-4
 # Largest rotation of a joint in a step, radians.
 _LONGEST = 0.3
 
-_STIFFNESSES = (1e-3, 1e-3, 5e-4, 5e-4, 2e-4, 2e-4, 1e-4, 1e-4)
+_N_SURFACE_STEPS = 3
 _FREE_ALONG = 0.05
 _FREE_SCALE = 0.01
 _CONJUGATE_STEPS, _CONJUGATE_TOLERANCE = 60, 3e-2
@@ -46,6 +50,20 @@ class ScanTree:
     def __init__(self, points: np.ndarray, normals: np.ndarray) -> None:
         self.points, self.normals = points, normals
         self._tree = cKDTree(np.concatenate([points, _NORMAL_METRES * normals], axis=1))
+
+    @cached_property
+    def noise(self) -> float:
+        """The standard deviation of the points along their normals, metres.
+
+        On a circle, the chord between two points is perpendicular to the mean of their normals, so
+        what is left of it along this mean is noise.
+        """
+        chosen = np.linspace(0, len(self.points) - 1, min(_N_NOISE, len(self.points))).astype(int)
+        near = self._tree.query(self._tree.data[chosen], k=min(5, len(self.points)))[1][:, 1:]
+        chords = self.points[near] - self.points[chosen, np.newaxis]
+        means = 0.5 * (self.normals[near] + self.normals[chosen, np.newaxis])
+        heights = np.einsum("nkx,nkx->nk", chords, means)
+        return float(np.median(np.abs(heights))) / (_MEDIAN * np.sqrt(2.0))
 
     def match(self, points: np.ndarray, normals: np.ndarray, scale: float) -> Matches:
         """Match the points of a body; a match at distance `scale` has a quarter of the weight."""
@@ -91,12 +109,26 @@ def fit_closest(
     return pose
 
 
+def fit_surface(
+    body: ModelSamples, pose: Pose, prior: Prior, surface: np.ndarray, weights: np.ndarray
+) -> Pose:
+    """Return the parameters that bring the model's vertices to a surface, with weights (V,)."""
+    is_vertex = (body.numbers >= 0)[:, np.newaxis]
+    shares = body.areas * weights[body.numbers]
+    for _ in range(_N_SURFACE_STEPS):
+        points, normals = pose_body(body, pose)
+        gaps = np.where(is_vertex, surface[body.numbers] - points, 0.0)
+        weight = _PRIOR_METRES**2
+        pose = take_step(body, pose, prior, weight, shares, gaps, normals, 1.0, _LONGEST)
+    return pose
+
+
 def fit_elastic(
     metric: ElasticMetric,
     start: np.ndarray,
     reference: np.ndarray,
     scan: ScanTree,
-    stiffnesses: tuple[float, ...] = _STIFFNESSES,
+    stiffnesses: Sequence[float] | np.ndarray,
     scale: float = _FREE_SCALE,
 ) -> tuple[np.ndarray, Matches]:
     """Return a surface near a scan, elastically near a reference, and the matches of its vertices.

@@ -40,7 +40,7 @@ _WORTH = 300.0
 # Largest rotation of a joint in a step, radians.
 _LONGEST = 0.6
 # Weight of a landmark, as a share of all scan points.
-_LANDMARK = 0.03
+LANDMARK = 0.03
 
 
 class Prior(NamedTuple):
@@ -330,7 +330,7 @@ def anneal(
                 mean = targets[x, i] / masses[i] if masses[i] > 0.0 else 0.0
                 gaps[i, x] = mean - points[i, x]
             if not math.isnan(landmarks[i, 0]):
-                shares[i] = _LANDMARK
+                shares[i] = LANDMARK
                 for x in range(3):
                     gaps[i, x] = landmarks[i, x] - points[i, x]
         weight = sigma * sigma / _WORTH

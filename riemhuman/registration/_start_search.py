@@ -10,7 +10,7 @@ import numpy as np
 
 from riemhuman.bodies import BodyModel
 from riemhuman.kernels.threads import mapped
-from riemhuman.registration._fitting_steps import Prior, anneal
+from riemhuman.registration._fitting_steps import LANDMARK, Prior, anneal
 from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body, rotation, sample_model
 from riemhuman.registration._scan_preparation import thin_points
 from riemhuman.registration._start_poses import (
@@ -30,6 +30,8 @@ _UP_MARGIN = 0.15
 _SAME_METRES = 0.03
 # What the likelihood gains where another arm is right, and more than it differs between fits.
 _ARM_GAIN = 0.02
+# Standard deviation of landmarks, and the distance beyond which none counts more, metres.
+_MISS_METRES, _FAR_MISS = 0.04, 0.4
 # Inverse variance of the shape coefficients for a scan of the same person a moment later.
 _WARM_BETAS_PRECISION = 4.0
 # Number of bodies that are fitted at once.
@@ -55,6 +57,8 @@ _ROUNDS = (
 # The rounds for a body with another arm, and from a known start.
 _ARM_ROUNDS = (Round(250, 400, (0.12, 0.05), 5, 4), Round(1000, 1500, (0.04, 0.015), 5, 1))
 _WARM_ROUNDS = (Round(500, 800, (0.08, 0.04), 5, 1), Round(1000, 1500, (0.03, 0.015), 4, 1))
+# The round after all others, of the model at nearly full resolution.
+_FINE_ROUND = Round(3000, 5000, (0.015, 0.006), 5, 1)
 
 
 class Target(NamedTuple):
@@ -100,24 +104,27 @@ class StartSearch:
         """Inverse variances of the joints' rotations from a start pose."""
         return joint_precisions(self.model)
 
-    def run(self, target: Target, up: np.ndarray | None) -> list[Candidate]:
+    def run(self, target: Target, up: np.ndarray | None, *, again: bool = False) -> list[Candidate]:
         """Return the bodies from the likeliest starts, the best first; all axes are tried as up.
 
-        Each arm of the best has been tried in the positions of all start poses.
+        Each arm of the best has been tried in the positions of all start poses. A search that is
+        done again starts from the headings between, and follows more starts.
         """
         centre = target.points.mean(axis=0)
-        first, *others = _ROUNDS
+        offset, more = (0.5, 2) if again else (0.0, 1)
+        first, *others = [replace(each, n_best=more * each.n_best) for each in _ROUNDS]
         ups = _AXES if up is None else up[np.newaxis]
         if up is None:
             few = [name for name in UP_POSES if name in self.poses] or list(self.poses)
-            starts = [each for axis in ups for each in self._starts(few, axis, centre)]
+            starts = [each for axis in ups for each in self._starts(few, axis, centre, offset)]
             best: dict[tuple[float, ...], float] = {}
             for candidate in self._advance(starts, first, target):
                 best.setdefault(tuple(candidate.up), candidate.likelihood)
             likeliest = max(best.values())
             axes = sorted(best, key=lambda axis: -best[axis])[:2]
             ups = np.array([axis for axis in axes if best[axis] > likeliest - _UP_MARGIN])
-        starts = [each for axis in ups for each in self._starts(list(self.poses), axis, centre)]
+        names = list(self.poses)
+        starts = [each for axis in ups for each in self._starts(names, axis, centre, offset)]
         candidates = self._advance(starts, first, target)
         for each in others:
             candidates = self._advance(candidates, each, target)
@@ -143,13 +150,23 @@ class StartSearch:
         candidate = Candidate(pose, prior, -np.inf, np.zeros(3))
         return self._advance([candidate], each, Target(points, normals, True, {}))[0].likelihood
 
-    def _starts(self, names: list[str], up: np.ndarray, centre: np.ndarray) -> list[Candidate]:
+    def anneal_finely(
+        self, pose: Pose, prior: Prior, points: np.ndarray, normals: np.ndarray
+    ) -> Pose:
+        """Return a body after soft assignment with smaller deviations than in the search."""
+        candidate = Candidate(pose, prior, -np.inf, _UP)
+        return self._advance([candidate], _FINE_ROUND, Target(points, normals, True, {}))[0].pose
+
+    def _starts(
+        self, names: list[str], up: np.ndarray, centre: np.ndarray, offset: float
+    ) -> list[Candidate]:
+        """Return starts with headings that differ by sixths of 360°, from an offset in sixths."""
         body = self.samples(_ROUNDS[0].n_model)
         upright = _rotation_between(_UP, up)
         betas = np.zeros(self.model.n_betas)
         starts = []
         for name in names:
-            for angle in np.arange(_N_HEADINGS) * (2.0 * np.pi / _N_HEADINGS):
+            for angle in (np.arange(_N_HEADINGS) + offset) * (2.0 * np.pi / _N_HEADINGS):
                 local = self.poses[name].copy()
                 local[self.root] = upright @ rotation(angle * _UP) @ local[self.root]
                 pose = Pose(local, betas, np.zeros(3))
@@ -189,11 +206,20 @@ class StartSearch:
             pose, likelihood = anneal(
                 body, candidate.pose, candidate.prior, scan, normals, sigmas, target.signed, known
             )
+            if target.landmarks:
+                joints = pose_body(body, pose)[0][n_vertices:]
+                likelihood -= _landmark_cost(joints, target.landmarks)
             return Candidate(pose, candidate.prior, likelihood, candidate.up)
 
         advanced = list(mapped(advance, candidates, N_THREADS))
         advanced.sort(key=lambda candidate: -candidate.likelihood)
         return _drop_duplicates(advanced, body)[: each.n_best]
+
+
+def _landmark_cost(joints: np.ndarray, landmarks: dict[int, np.ndarray]) -> float:
+    """Return by how much landmarks far from their joints lower the log-likelihood."""
+    misses = [np.linalg.norm(joints[joint] - place) for joint, place in landmarks.items()]
+    return LANDMARK * float(np.sum(np.minimum(misses, _FAR_MISS) ** 2)) / (2.0 * _MISS_METRES**2)
 
 
 def _drop_duplicates(candidates: list[Candidate], body: ModelSamples) -> list[Candidate]:

@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from scipy import sparse
+from scipy.sparse import csgraph
+
+from riemhuman.surfaces.template import Template
+
 # Likelihoods are compared for bodies of this area, because the density falls as the area grows.
 AREA = 1.8
 # On simulated scans, naked and in clothes of up to 3 cm, right bodies have likelihoods from 2.8 and
@@ -16,6 +22,9 @@ NEAR_METRES, LEAST_NEAR = 0.05, 0.97
 LIMB_ELSEWHERE, LEAST_NEAR_OF_LIMB = 0.3, 0.995
 LARGEST_STRAIN = 0.006
 LARGEST_BETA = 3.0
+
+# Holes up to twice this width are filled by the vertices around them, metres.
+_SEEN_METRES = 0.06
 
 _REMEDY = "landmarks decide: the argument of ScanRegistration.solve, or --landmarks"
 
@@ -33,9 +42,24 @@ class Evidence:
     limb_matched: float
 
 
-def find_doubts(evidence: Evidence) -> list[str]:
-    """Return the reasons to distrust a registration; none if it is trusted."""
-    reasons = []
+def near_matched(template: Template, matched: np.ndarray) -> np.ndarray:
+    """Return which vertices are matched or near those that are, along the surface."""
+    if not matched.any():
+        return matched
+    first, second = template.edges.T
+    lengths = np.linalg.norm(template.vertices[first] - template.vertices[second], axis=1)
+    shape = (template.n_vertices, template.n_vertices)
+    graph = sparse.csr_array((lengths, (first, second)), shape=shape)
+    distances = csgraph.dijkstra(
+        graph, directed=False, indices=np.flatnonzero(matched), limit=_SEEN_METRES, min_only=True
+    )
+    near: np.ndarray = np.isfinite(distances)
+    return near
+
+
+def find_doubts(evidence: Evidence) -> tuple[list[str], list[str]]:
+    """Return the reasons to distrust a registration, and those to distrust one limb of it."""
+    reasons, of_limb = [], []
     if evidence.near < LEAST_NEAR:
         reasons.append(
             f"only {100 * evidence.near:.0f} % of the scan lies within "
@@ -48,14 +72,14 @@ def find_doubts(evidence: Evidence) -> list[str]:
             f"have {LEAST_LIKELIHOOD:g} and more)"
         )
     if reasons:
-        return reasons  # the other checks make sense only for a body
+        return reasons, of_limb  # the other checks make sense only for a body
     if evidence.margin < LEAST_MARGIN:
         reasons.append(
             "a body that faces or stands another way fits nearly as well (log-likelihood less by "
             f"{evidence.margin:.2f}); {_REMEDY}"
         )
     if evidence.near < LEAST_NEAR_OF_LIMB and evidence.limb_matched < LIMB_ELSEWHERE:
-        reasons.append(
+        of_limb.append(
             f"{100 * (1.0 - evidence.near):.1f} % of the scan lies more than "
             f"{100 * NEAR_METRES:.0f} cm from the body, and {evidence.limb} matches hardly "
             f"anything in the scan ({100 * evidence.limb_matched:.0f} % of its vertices): it may "
@@ -72,4 +96,4 @@ def find_doubts(evidence: Evidence) -> list[str]:
             f"the shape is far from all people the model knows ({evidence.betas:.1f} standard "
             "deviations a coefficient)"
         )
-    return reasons
+    return reasons, of_limb

@@ -1,8 +1,8 @@
 """Registration of folders of scans, which an interrupted run resumes.
 
 The output folder holds ``NAME.ply`` for every trusted registration, so that it is a folder of
-registered meshes, ``untrusted/NAME.ply`` for the others, and a record ``registrations/NAME.npz``
-of every scan.
+registered meshes, ``partial/NAME.ply`` if the scan does not show all of the body,
+``untrusted/NAME.ply`` for the others, and a record ``registrations/NAME.npz`` of every scan.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 
 from riemhuman.checks import real_array
 from riemhuman.datasets.registered_meshes import existing_folder, natural_key
-from riemhuman.errors import FileError, FileFormatError, RiemhumanError
+from riemhuman.errors import FileError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, read_bytes
 from riemhuman.io.fingerprint import describe
@@ -33,13 +33,13 @@ from riemhuman.registration.scan_registration import (
 )
 from riemhuman.registration.scans import Scan, in_metres
 
-UNTRUSTED, RECORDS = "untrusted", "registrations"
-_VERSION = 3
+UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
+_VERSION = 4
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
 _FIELDS = ("trusted", "message", "likelihood", "median_distance", "matched_share")
-_BODY = ("points", "faces", "up", "transform", "matched", "shown", "shown_distances")
-_ARRAYS = (*_BODY, "betas", "pose", "trans")
+_SURFACE = ("points", "faces", "up", "transform", "matched", "trusted_vertices")
+_ARRAYS = (*_SURFACE, "shown", "shown_distances", "betas", "pose", "trans")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,8 @@ class ScanRecord:
     trusted : bool
         Whether the registration is trusted.
     message : str
-        Why the registration is not trusted, or why the scan could not be registered.
+        Why the registration is not trusted, which parts the scan does not show, or why the scan
+        could not be registered.
     likelihood : float
         Mean log-likelihood of the scan; NaN if it could not be registered.
     median_distance : float
@@ -62,8 +63,8 @@ class ScanRecord:
         Share of the vertices that match the scan.
     arrays : dict of str to array
         Points and faces of the body, the direction up, the transform to upright axes, the matched
-        vertices, some points of the scan and their distances, and betas, pose and trans, all in
-        the axes of the scan; empty if the scan could not be registered.
+        and the trusted vertices, some points of the scan and their distances, and betas, pose and
+        trans, all in the axes of the scan; empty if the scan could not be registered.
 
     Examples
     --------
@@ -94,7 +95,9 @@ def register_folder(
     """Register the scans of a folder.
 
     A scan that the output holds already, from the same file by the same model, is skipped. A scan
-    that cannot be read or registered is recorded with the reason.
+    that cannot be read or registered is recorded with the reason. Bodies of scans that do not show
+    all of them are written to the folder ``partial``, untrusted ones to ``untrusted``. A warning
+    names bodies whose scans are no longer there.
 
     Parameters
     ----------
@@ -121,8 +124,8 @@ def register_folder(
     Raises
     ------
     FileError
-        If the folder of scans does not exist or holds no scans, two scans have the same name, or
-        the output cannot be written.
+        If the folder of scans does not exist or holds no scans, two scans have the same name, the
+        output cannot be written, or a body in it was changed after it was registered.
 
     Examples
     --------
@@ -141,6 +144,7 @@ def register_folder(
             place.mkdir(exist_ok=True)
         except OSError as error:
             raise FileError(f"{place} cannot be made: {error.strerror or error}") from error
+    _check_outputs(folder, {file.stem for file in files})
     identity = _identity(registration, sequence, keep_axes)
     records: list[ScanRecord] = []
     before: RegisteredScan | None = None
@@ -233,6 +237,7 @@ def record_of(name: str, scan: Scan, result: RegisteredScan, faces: np.ndarray) 
         "up": result.up,
         "transform": result.transform,
         "matched": result.matched,
+        "trusted_vertices": result.trusted_vertices,
         "shown": scan.points[shown].astype(np.float32),
         "shown_distances": result.distances[shown].astype(np.float32),
     }
@@ -270,20 +275,49 @@ def _identity(registration: ScanRegistration, sequence: bool, keep_axes: bool) -
     return hashlib.sha256(repr([options, *map(describe, parts)]).encode()).digest()
 
 
+def _body_file(folder: Path, record: ScanRecord) -> Path:
+    """Return where the body of a record is written; a trusted one with a message is partial."""
+    place = folder / PARTIAL if record.message else folder
+    return (place if record.trusted else folder / UNTRUSTED) / f"{record.name}.ply"
+
+
+def _check_outputs(folder: Path, names: set[str]) -> None:
+    """Refuse bodies that were changed, and warn of those whose scans are gone."""
+    gone = []
+    for file in sorted((folder / RECORDS).glob("*.npz")):
+        try:
+            record = _read(file)
+            digest = str(load_arrays(file, ["digest"], [])["digest"])
+        except FileFormatError:
+            continue  # damaged: the scan is registered again
+        body = _body_file(folder, record)
+        if record.arrays and body.is_file():
+            if hashlib.sha256(read_bytes(body)).hexdigest() != digest:
+                raise FileError(
+                    f"{body} was changed after it was registered; move it elsewhere to have its "
+                    "scan registered again"
+                )
+            gone += [record.name] if record.name not in names else []
+    if gone:
+        warn(f"{folder} holds bodies whose scans are gone: {', '.join(gone)}", UserWarning)
+
+
 def _write(folder: Path, record: ScanRecord, key: str, transform: np.ndarray | None) -> None:
     """Write the body, moved by a transform or its own, and then its record, which completes it."""
-    (folder / f"{record.name}.ply").unlink(missing_ok=True)
-    (folder / UNTRUSTED / f"{record.name}.ply").unlink(missing_ok=True)
+    for place in (folder, folder / PARTIAL, folder / UNTRUSTED):
+        (place / f"{record.name}.ply").unlink(missing_ok=True)
+    digest = ""
     if record.arrays:
-        place = folder if record.trusted else folder / UNTRUSTED
-        place.mkdir(exist_ok=True)
+        body = _body_file(folder, record)
+        body.parent.mkdir(exist_ok=True)
         motion = record.arrays["transform"] if transform is None else transform
         points = apply_transform(motion, record.arrays["points"])
-        save_mesh(place / f"{record.name}.ply", points, record.arrays["faces"])
+        save_mesh(body, points, record.arrays["faces"])
+        digest = hashlib.sha256(read_bytes(body)).hexdigest()
     fields = {name: np.array(getattr(record, name)) for name in _FIELDS}
     save_arrays(
         folder / RECORDS / f"{record.name}.npz",
-        {"key": np.array(key), **fields, **record.arrays},
+        {"key": np.array(key), "digest": np.array(digest), **fields, **record.arrays},
         compressed=True,
     )
 
@@ -299,8 +333,7 @@ def _completed_record(folder: Path, name: str, key: str) -> ScanRecord | None:
         record = _read(file)
     except FileFormatError:
         return None  # damaged: the scan is registered again
-    place = folder if record.trusted else folder / UNTRUSTED
-    if record.arrays and not (place / f"{name}.ply").is_file():
+    if record.arrays and not _body_file(folder, record).is_file():
         return None
     return record
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -19,14 +18,22 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.kernels.threads import mapped, single_threaded_libraries
+from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.progress import ProgressBar
-from riemhuman.registration._closest_points import ScanTree, fit_closest, fit_elastic
+from riemhuman.registration._closest_points import ScanTree, fit_elastic
+from riemhuman.registration._dense_fit import DenseFitter
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._scan_preparation import PreparedScan, prepare_scan
-from riemhuman.registration._start_poses import arms_of, joint_names, rotate_forearm
-from riemhuman.registration._start_search import N_THREADS, Candidate, StartSearch, Target
-from riemhuman.registration._trust import AREA, NEAR_METRES, RIVAL_METRES, Evidence, find_doubts
+from riemhuman.registration._start_poses import arms_of, joint_names
+from riemhuman.registration._start_search import Candidate, StartSearch, Target
+from riemhuman.registration._trust import (
+    AREA,
+    NEAR_METRES,
+    RIVAL_METRES,
+    Evidence,
+    find_doubts,
+    near_matched,
+)
 from riemhuman.registration.scans import Scan, as_scan
 from riemhuman.surfaces.measures import triangle_areas
 from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
@@ -44,8 +51,11 @@ class RegisteredScan:
         The registered surface at the place of the scan, metres.
     trusted : bool
         Whether the result passed all checks.
+    trusted_vertices : array of bool, shape (V,)
+        Which vertices are to be trusted: those that the scan shows or that are within 6 cm of
+        these along the surface. None if the body is not trusted, but for a limb alone in doubt.
     message : str
-        The checks that the result failed.
+        The checks that the result failed, and parts that the scan does not show.
     likelihood : float
         Mean log-likelihood of the scan points under the fitted body, scaled to an area of 1.8
         square metres; NaN without a body model.
@@ -61,7 +71,7 @@ class RegisteredScan:
         Triangle and barycentric coordinates of the point on the surface nearest to each point of
         the scan, by which data on the scan are carried over to the body.
     background : array of bool, shape (N,)
-        Which points of the scan were classified as floor or strays.
+        Which points of the scan were classified as floor, strays or hair.
     up : array, shape (3,)
         The direction up in the scan.
     transform : array, shape (4, 4)
@@ -83,6 +93,7 @@ class RegisteredScan:
 
     points: np.ndarray
     trusted: bool
+    trusted_vertices: np.ndarray
     message: str
     likelihood: float
     fit: ModelFit | None
@@ -112,9 +123,6 @@ class RegisteredScan:
 _UP = dict(zip(AXES, (*np.eye(3), *-np.eye(3)), strict=True))
 
 _N_DENSE = 3000
-# Rotations of forearms are compared on so many points, and repeated while the likelihood gains as
-# much.
-_N_ROTATED, _N_PASSES, _LEAST_GAIN = 1000, 2, 0.002
 _MATCHED_METRES = 0.02
 # A landmark farther from the scan's median point is in another unit, or of another scan.
 _FARTHEST_LANDMARK = 5.0
@@ -122,6 +130,12 @@ _FARTHEST_LANDMARK = 5.0
 _LEAST_LEVEL = 0.3
 # Joints that move a smaller share of the vertices are ignored.
 _LIMB = 0.01
+# Unseen parts are named if they are more than this share of the surface together.
+_LEAST_UNSEEN = 0.1
+# A joint farther from its landmark is wrong, metres.
+_FARTHEST_MISS = 0.12
+# What the likelihood gains where another search leads to another body.
+_RETRY_GAIN = 0.05
 # A frame whose likelihood falls by more than this below the one before is searched from scratch.
 _WARM_LOSS = 0.25
 # If a smaller share of the estimated normals agree with the body, their signs are ignored.
@@ -216,8 +230,12 @@ class ScanRegistration:
         known = self._landmark_positions({} if landmarks is None else landmarks, whole)
         prepared = prepare_scan(whole)
         with single_threaded_libraries():
-            candidates, prepared = self._search_candidates(prepared, known, start)
-            return self._refine(whole, prepared, candidates)
+            result = self._solve(whole, prepared, known, start)
+            if not result.trusted:
+                other = self._solve(whole, prepared, known, None, again=start is None)
+                if other.trusted or other.likelihood > result.likelihood + _RETRY_GAIN:
+                    return other
+            return result
 
     def solve_sequence(
         self, scans: Iterable[Any], *, progress: bool = False
@@ -258,8 +276,14 @@ class ScanRegistration:
         return StartSearch(self.model)
 
     @cached_property
-    def _metric(self) -> ElasticMetric:
-        return ElasticMetric(AlignedSurfaces(self.model.template), a=1.0, lam=1.0, c=1.0)
+    def _owners(self) -> np.ndarray:
+        """The joint that moves each vertex most."""
+        owners: np.ndarray = self.model.weights.argmax(axis=1)
+        return owners
+
+    @cached_property
+    def _fitter(self) -> DenseFitter:
+        return DenseFitter(self._search)
 
     def _landmark_positions(
         self, landmarks: Mapping[str, Any], scan: Scan
@@ -288,8 +312,25 @@ class ScanRegistration:
             positions[names.index(name)] = position
         return positions
 
+    def _solve(
+        self,
+        whole: Scan,
+        prepared: PreparedScan,
+        landmarks: dict[int, np.ndarray],
+        start: RegisteredScan | None,
+        *,
+        again: bool = False,
+    ) -> RegisteredScan:
+        """Return the result of one search, from other starts if it is done again."""
+        candidates, oriented = self._search_candidates(prepared, landmarks, start, again)
+        return self._refine(whole, oriented, candidates, landmarks)
+
     def _search_candidates(
-        self, scan: PreparedScan, landmarks: dict[int, np.ndarray], start: RegisteredScan | None
+        self,
+        scan: PreparedScan,
+        landmarks: dict[int, np.ndarray],
+        start: RegisteredScan | None,
+        again: bool,
     ) -> tuple[list[Candidate], PreparedScan]:
         """Return the likeliest bodies, and the scan with normals oriented like theirs."""
         up = scan.up if self.up is None else _UP[self.up]
@@ -300,7 +341,7 @@ class ScanRegistration:
                 warm = self._search.run_from(_pose(start.fit), start.up, target)
                 if self._likelihood(warm.pose, scan) > start.likelihood - _WARM_LOSS:
                     return [warm]
-            return self._search.run(target, up)
+            return self._search.run(target, up, again=again)
 
         candidates = search(True)
         if not scan.estimated and scan.parts is None:
@@ -331,37 +372,45 @@ class ScanRegistration:
         likelihood = self._search.likelihood(pose, scan.points, scan.normals)
         return likelihood + float(np.log(area / AREA))
 
-    def _least_matched(self, matched: np.ndarray) -> tuple[str, float]:
-        """Return the joint with the smallest share of matched vertices, and this share."""
-        owners = self.model.weights.argmax(axis=1)
+    def _shares(self, chosen: np.ndarray) -> np.ndarray:
+        """Return the share of the vertices of each joint that are chosen; 1 for small joints."""
+        owners = self._owners
         counts = np.bincount(owners, minlength=self.model.n_joints)
-        matches = np.bincount(owners, matched, minlength=self.model.n_joints)
-        shares = np.where(counts >= _LIMB * len(owners), matches / np.maximum(counts, 1), 1.0)
-        least = int(np.argmin(shares))
-        return joint_names(self.model)[least], float(shares[least])
+        own = np.bincount(owners, chosen, minlength=self.model.n_joints)
+        return np.where(counts >= _LIMB * len(owners), own / np.maximum(counts, 1), 1.0)
 
-    def _rotate_forearms(
-        self, best: Candidate, pose: Pose, scan: PreparedScan, tree: ScanTree
-    ) -> Pose:
-        """Return a dense fit with forearms rotated about themselves where that is likelier."""
-        few, dense = self._search.samples(_N_ROTATED), self._search.samples(_N_DENSE)
-
-        def fit(pose: Pose) -> tuple[float, Pose]:
-            pose = fit_closest(few, pose, best.prior, tree)
-            return self._likelihood(pose, scan), pose
-
-        reached = self._likelihood(pose, scan)
+    def _limb_vertices(self, joint: int) -> np.ndarray:
+        """Return which vertices belong to a joint or to those below it, or above it on an arm."""
+        parts = {joint}
         for arm in arms_of(self.model):
-            for _ in range(_N_PASSES):
-                others = rotate_forearm(pose, arm, few.rest_joints)
-                likelihood, other = max(mapped(fit, others, N_THREADS), key=itemgetter(0))
-                if likelihood > reached - _LEAST_GAIN:
-                    other = fit_closest(dense, other, best.prior, tree)
-                    likelihood = self._likelihood(other, scan)
-                if likelihood < reached + _LEAST_GAIN:
-                    break
-                reached, pose = likelihood, other
-        return pose
+            parts |= set(arm[1:].tolist()) if joint in arm[1:] else set()
+        for k in self.model.joint_order:
+            if self.model.parents[k] in parts:
+                parts.add(int(k))
+        return np.isin(self._owners, list(parts))
+
+    def _unseen_parts(self, seen: np.ndarray) -> list[str]:
+        """Return what to say about the parts that a scan does not show."""
+        areas = self.model.template.vertex_areas
+        share = 1.0 - areas @ seen / areas.sum()
+        if share < _LEAST_UNSEEN:
+            return []
+        names = joint_names(self.model)
+        parts = [names[k] for k in np.flatnonzero(self._shares(seen) < 0.5)]
+        most = f", most of {', '.join(parts)}" if parts else ""
+        return [
+            f"{100 * share:.0f} % of the body{most}, is not in the scan and not in trusted_vertices"
+        ]
+
+    def _landmark_doubts(self, pose: Pose, landmarks: dict[int, np.ndarray]) -> list[str]:
+        body = self._search.samples(1000)
+        joints = pose_body(body, pose)[0][-self.model.n_joints :]
+        misses = {k: float(np.linalg.norm(joints[k] - place)) for k, place in landmarks.items()}
+        return [
+            f"{joint_names(self.model)[k]} is {100 * miss:.0f} cm from its landmark"
+            for k, miss in misses.items()
+            if miss > _FARTHEST_MISS
+        ]
 
     def _margin(self, candidates: list[Candidate]) -> float:
         """Return how much likelier the best body is than all that are elsewhere."""
@@ -375,36 +424,45 @@ class ScanRegistration:
         return candidates[0].likelihood - max(others, default=-np.inf)
 
     def _refine(
-        self, whole: Scan, scan: PreparedScan, candidates: list[Candidate]
+        self,
+        whole: Scan,
+        scan: PreparedScan,
+        candidates: list[Candidate],
+        landmarks: dict[int, np.ndarray],
     ) -> RegisteredScan:
         """Return the result of the dense fits that start from the likeliest body."""
         best = candidates[0]
-        tree = ScanTree(scan.points, scan.normals)
-        pose = fit_closest(self._search.samples(_N_DENSE), best.pose, best.prior, tree)
-        pose = self._rotate_forearms(best, pose, scan, tree)
-        model_points = pose_body(self._search.samples(None), pose)[0][: self.model.n_vertices]
-        points, matches = fit_elastic(self._metric, model_points, model_points, tree)
+        pose, model_points, points, matches = self._fitter.fit(best, scan)
         places, distances = nearest_points(whole.points, points, self.model.faces)
+        background = scan.background | self._fitter.find_hair(model_points, whole.points)
         likelihood = self._likelihood(pose, scan)
         moved = np.linalg.norm(points - model_points, axis=1)
         gaps = np.linalg.norm(matches.gaps, axis=1)
         matched = (gaps < _MATCHED_METRES) & (matches.weights > 0.1)
-        limb, limb_matched = self._least_matched(matched)
-        doubts = find_doubts(
+        seen = near_matched(self.model.template, matched)
+        shares = self._shares(matched)
+        limb = int(np.argmin(shares))
+        areas = self.model.template.vertex_areas * seen
+        doubts, limb_doubts = find_doubts(
             Evidence(
-                strain=float(moved.mean()),
+                strain=float(moved @ areas / max(areas.sum(), 1e-9)),
                 likelihood=likelihood,
                 margin=self._margin(candidates),
-                near=float(np.mean(distances[~scan.background] < NEAR_METRES)),
+                near=float(np.mean(distances[~background] < NEAR_METRES)),
                 betas=float(np.sqrt(np.mean(pose.betas**2))) if len(pose.betas) else 0.0,
-                limb=limb,
-                limb_matched=limb_matched,
+                limb=joint_names(self.model)[limb],
+                limb_matched=float(shares[limb]),
             )
         )
+        doubts += self._landmark_doubts(pose, landmarks)
+        trusted_vertices = seen & (not doubts)
+        if limb_doubts:
+            trusted_vertices &= ~self._limb_vertices(limb)
         return RegisteredScan(
             points=points,
-            trusted=not doubts,
-            message="; ".join(doubts),
+            trusted=not doubts and not limb_doubts,
+            trusted_vertices=trusted_vertices,
+            message="; ".join([*doubts, *limb_doubts, *self._unseen_parts(seen)]),
             likelihood=likelihood,
             fit=ModelFit(
                 betas=pose.betas,
@@ -417,7 +475,7 @@ class ScanRegistration:
             distances=distances,
             matched=matched,
             correspondence=places,
-            background=scan.background,
+            background=background,
             up=best.up,
             transform=_upright_transform(points, pose.local[self._search.root], best.up),
             unit=whole.unit,
@@ -573,6 +631,7 @@ class TemplateRegistration:
         return RegisteredScan(
             points=points,
             trusted=not reasons,
+            trusted_vertices=near_matched(self._metric.space.template, matched) & (not reasons),
             message="; ".join(reasons),
             likelihood=np.nan,
             fit=None,
