@@ -1,11 +1,16 @@
 """People who are in no data set, in moments of motions that are no start poses, and their scans."""
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.datasets._natural_bodies import surface_noise
-from riemhuman.registration._start_poses import _SMPL_TREE, rename_joints
+from riemhuman.registration._scan_preparation import prepare_scan
+from riemhuman.registration._start_poses import _SMPL_TREE, joint_names, rename_joints
+from riemhuman.registration.scans import as_scan
 from riemhuman.registration.simulated_scans import remesh
 from riemhuman.surfaces.nearest_points import nearest_points
 
@@ -60,6 +65,13 @@ def scans_of(bodies, faces, seed, numbers=None, **options):
 N_FOREIGN_VERTICES = 6890
 
 
+def foreign_places(model, rng):
+    """Return where the vertices of foreign bodies are on the model, and their triangles."""
+    rest, faces = model.template.vertices, model.faces
+    vertices, triangles = remesh(rest, faces, N_FOREIGN_VERTICES, rng)
+    return nearest_points(vertices, rest, faces)[0], triangles
+
+
 def foreign_bodies(model, seed, n_people, n_moments):
     """Return surfaces that the model cannot make, shape (people, moments, 6890, 3), and triangles.
 
@@ -68,13 +80,12 @@ def foreign_bodies(model, seed, n_people, n_moments):
     """
     rng = np.random.default_rng([seed, 6890])
     rest, faces = model.template.vertices, model.faces
-    vertices, triangles = remesh(rest, faces, N_FOREIGN_VERTICES, rng)
-    places, _ = nearest_points(vertices, rest, faces)
+    places, triangles = foreign_places(model, rng)
     names = list(model.joint_names)
     motions = rh.datasets.load_open_motions(
         "full" if model.n_vertices > 5000 else "coarse", sequences=list(MOTIONS)
     )
-    surfaces = np.empty((n_people, n_moments, len(vertices), 3))
+    surfaces = np.empty((n_people, n_moments, len(places.triangles), 3))
     for person in range(n_people):
         shaped = model(np.clip(0.7 * rng.standard_normal(model.n_betas), -1.5, 1.5))
         waves = surface_noise(rest, 0.012, (0.3, 0.8), rng)
@@ -93,8 +104,7 @@ def foreign_bodies(model, seed, n_people, n_moments):
         for moment in range(n_moments):
             motion = motions[rng.integers(len(motions))]
             posed = own(pose=motion.pose_vectors[rng.integers(len(motion))])
-            corners = posed[faces[places.triangles]]
-            surfaces[person, moment] = np.einsum("nk,nkx->nx", places.barycentric, corners)
+            surfaces[person, moment] = points_at(places, posed, faces)
     return surfaces, triangles
 
 
@@ -113,11 +123,101 @@ def _curled(model, surface, wrist, angle):
     return np.where(hand[:, None], turns.apply(surface - centre) + centre, surface)
 
 
+def points_at(places, surface, faces):
+    """Return the positions of places on a surface."""
+    return np.einsum("nk,nkx->nx", places.barycentric, surface[faces[places.triangles]])
+
+
 def correspondence_errors(one, other, first, second, faces):
     """Return how far from its truth every vertex of one foreign body goes on another, metres."""
     places, _ = nearest_points(one, first, faces)
-    carried = np.einsum("nk,nkx->nx", places.barycentric, second[faces[places.triangles]])
-    return np.linalg.norm(carried - other, axis=1)
+    return np.linalg.norm(points_at(places, second, faces) - other, axis=1)
+
+
+FOREARMS = ("left_elbow", "left_wrist", "right_elbow", "right_wrist")
+
+
+def with_inward_arms(model, scan):
+    """Return triangles of a scan in three parts, whose forearms face inward, and which ones do."""
+    names = model.joint_names
+    owners = model.weights.argmax(axis=1)[cKDTree(scan.body).query(scan.points)[1]]
+    on_arm = np.isin(owners, [names.index(name) for name in FOREARMS])[scan.faces]
+    arms, others = scan.faces[on_arm.all(axis=1)], scan.faces[~on_arm.any(axis=1)]
+    faces = np.concatenate([others, arms[:, ::-1]])
+    return faces, np.repeat([False, True], [len(others), len(arms)])
+
+
+def sparse_floor(scan, rng, n_points=196):
+    """Return sparse points of a floor around the feet of a scan."""
+    floor = rng.uniform(-0.5, 0.5, (n_points, 3)) * [1.0, 0.004, 1.0]
+    centre = scan.body.mean(axis=0)
+    return floor + [centre[0], scan.body[:, 1].min(), centre[2]]
+
+
+def bun(model, scan, rng, n_points=400, radius=0.05):
+    """Return points of a hair bun at the back of the head of a scan."""
+    head = scan.body[model.weights.argmax(axis=1) == model.joint_names.index("head")]
+    middle = head.mean(axis=0)
+    toes = [model.joint_names.index(f"{side}_toes") for side in ("left", "right")]
+    joints = model.joint_regressor @ scan.body
+    ankles = [model.joint_names.index(f"{side}_ankle") for side in ("left", "right")]
+    backward = (joints[ankles] - joints[toes]).mean(axis=0) * [1.0, 0.0, 1.0]
+    backward /= np.linalg.norm(backward)
+    centre = middle + ((head - middle) @ backward).max() * backward + [0.0, 0.04, 0.0]
+    around = rng.standard_normal((n_points, 3))
+    return centre + radius * around / np.linalg.norm(around, axis=1, keepdims=True)
+
+
+def wrong_starts(registration, result):
+    """Yield names and poses in which a registered body turns round, or limbs change sides."""
+    model, pose = registration.model, result.fit.pose
+    names = joint_names(model)
+    other_side = {"left": "right", "right": "left"}
+    mirrored = np.empty_like(pose)
+    for k, name in enumerate(names):
+        side, _, joint = name.partition("_")
+        twin = names.index(f"{other_side[side]}_{joint}") if side in other_side else k
+        mirrored[k] = pose[twin] * [1.0, -1.0, -1.0]
+    root = int(np.flatnonzero(model.parents < 0)[0])
+    turned = (Rotation.from_rotvec(pose[root]) * Rotation.from_rotvec([0, np.pi, 0])).as_rotvec()
+    for name, limbs in {
+        "turned": [],
+        "turned and mirrored": names,
+        "arms exchanged": ["shoulder", "elbow", "wrist", "collar"],
+        "legs exchanged": ["hip", "knee", "ankle"],
+    }.items():
+        wrong = pose.copy()
+        own = [k for k, each in enumerate(names) if each in limbs or each.split("_")[-1] in limbs]
+        wrong[own] = mirrored[own]
+        if name.startswith("turned"):
+            wrong[root] = turned
+        surface = model(np.zeros(model.n_betas), wrong)
+        shift = result.points.mean(axis=0) - surface.mean(axis=0)
+        betas = np.zeros(model.n_betas)
+        fit = replace(result.fit, betas=betas, pose=wrong, trans=shift)
+        yield name, replace(result, fit=fit, likelihood=-np.inf)
+
+
+def results_to_trust_or_not(registration, points, truth, places):
+    """Yield the start, error in metres and result, before others are tried, of one search.
+
+    It is followed by results from starts that are deliberately wrong. `places` are those of the
+    true vertices on the model, None if they are its own.
+    """
+    scan = as_scan(points)
+    prepared, fitter = prepare_scan(scan), registration._fitter
+
+    def solved(start):
+        result = registration._solve(fitter, scan, prepared, {}, start)
+        own = result.points
+        if places is not None:
+            own = points_at(places, own, registration.model.faces)
+        return float(np.linalg.norm(own - truth, axis=1).mean()), result
+
+    error, first = solved(None)
+    yield "search", error, first
+    for name, start in wrong_starts(registration, first):
+        yield name, *solved(start)
 
 
 def with_smpls_tree(model):

@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 _QUESTIONS = {"subject": "Who is it?", "pose": "How do they stand?"}
 _N_COMPONENTS = 100  # of the basis of Dynamic FAUST
 _N_NODES = 11  # surfaces of a path
+# Rotation between two bodies in degrees that differences of poses do not explain.
+_LARGE_ROTATION = 40.0
 # Open bodies to which a distance is compared: some people in some poses.
 _N_TYPICAL_PEOPLE, _N_TYPICAL_POSES = 5, 5
 
@@ -194,6 +196,8 @@ def _dist(options: argparse.Namespace) -> Answer:
     surfaces = read_surfaces(options, [options.a_file, options.b_file])
     metric = chosen_metric(options, surfaces.template)
     distance = float(metric.dist(*surfaces[:]))
+    if not (options.quiet or options.align or metric.is_rotation_invariant):
+        _note_rotation(*surfaces[:])
     record = {
         "distance": distance,
         "metric": metric_record(metric),
@@ -204,6 +208,21 @@ def _dist(options: argparse.Namespace) -> Answer:
     if not (options.quiet or options.json or options.any_scale):
         _note_typical_distances(options)
     return Answer(f"{distance:.10g}", record)
+
+
+def _note_rotation(first: ndarray, second: ndarray) -> None:
+    """Say so if one surface is rotated relative to the other."""
+    import numpy as np
+
+    offsets = second - second.mean(axis=0)
+    aligned = rh.procrustes(second, to=first, scale=None)
+    rotation = np.linalg.lstsq(offsets, aligned - aligned.mean(axis=0), rcond=None)[0]
+    angle = np.degrees(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0)))
+    if angle > _LARGE_ROTATION:
+        note(
+            f"warning: B is rotated by about {angle:.0f}° relative to A, which this metric counts; "
+            "--align removes the rotation"
+        )
 
 
 def _note_typical_distances(options: argparse.Namespace) -> None:

@@ -31,6 +31,8 @@ PATH_METRIC = (1.0, 1.0, 0.1)  # limbs would shrink along paths of the shape met
 _N_HARMONICS = 60
 # Frames a second of recordings: enough to play smoothly, and for movements of a body.
 _RECORDED_RATE = 30.0
+# Smallest and largest lengths of bodies, metres.
+_SIZES = (0.3, 4.0)
 _MOTION_PAGE = "motion.html"
 _IS_OF_MOTION = names_matching(r"frame_\d{4,}\.ply|motion\.html")
 
@@ -89,6 +91,12 @@ def read_surfaces(
         unit=options.unit,
         up=options.up,
     )
+    size = float((meshes.reference.max(axis=0) - meshes.reference.min(axis=0)).max())
+    if options.unit and not (options.any_scale or _SIZES[0] < size < _SIZES[1]):
+        raise ArgumentError(
+            f"{options.template or files[0]} would be {size:.3g} m long; --unit {options.unit} is "
+            "wrong, or --any-scale is missing"
+        )
     return Surfaces(files, meshes, rh.Template(meshes.reference, meshes.faces), options.align)
 
 

@@ -53,8 +53,8 @@ def _check_options(options: argparse.Namespace) -> None:
     "with or without landmarks, and writes the body in the model's triangulation.\n"
     "For a folder, it registers every scan, and index.html shows the results, the\n"
     "worst first. It does not write a body that it does not trust, and the exit code is 1;\n"
-    "for a folder, such bodies go to untrusted/. After an interruption, the same command\n"
-    "continues.",
+    "for a folder, such bodies go to untrusted/, and those of scans that do not show all of the\n"
+    "body to partial/. After an interruption, the same command continues.",
     "  riemhuman register scan.ply -o body.ply\n"
     "  riemhuman register scans/ -o bodies/\n"
     "  riemhuman register scans/ -o bodies/ --sequence --up z --unit millimetres\n"
@@ -115,6 +115,8 @@ def _register_file(registration: Any, options: argparse.Namespace) -> Answer:
         if not options.untrusted:
             text = "no body is written; --untrusted writes it nevertheless"
             return Answer(text, record, trusted=False, written=False)
+    elif result.message:
+        note(f"{options.scans}: {result.message}")
     points = result.points if options.keep_axes else result.upright_points
     rh.save_mesh(options.output, points, registration.model.faces)
     return Answer(text, record, trusted=bool(result.trusted))
@@ -132,8 +134,8 @@ def _register_folder(registration: Any, options: argparse.Namespace) -> Answer:
     with options.task("Page"):
         page = rh.report.scan_page(options.output)
     for record in records:
-        if not record.trusted:
-            note(f"{record.name} is not trusted: {record.message}")
+        if record.message:
+            note(f"{record.name}{'' if record.trusted else ' is not trusted'}: {record.message}")
     n_trusted = sum(record.trusted for record in records)
     names = ("name", "trusted", "message", "median_distance", "matched_share")
     return Answer(

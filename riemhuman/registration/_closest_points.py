@@ -43,6 +43,10 @@ class Matches(NamedTuple):
     normals: np.ndarray  # (n, 3) normals of the scan at the matches
     weights: np.ndarray  # (n,) reliability of each match, between 0 and 1
 
+    def only(self, chosen: np.ndarray) -> Matches:
+        """Return the matches with weight 0 for all but the chosen points."""
+        return self._replace(weights=self.weights * chosen)
+
 
 class ScanTree:
     """A search tree for the points of a scan by position and normal."""
@@ -130,20 +134,22 @@ def fit_elastic(
     scan: ScanTree,
     stiffnesses: Sequence[float] | np.ndarray,
     scale: float = _FREE_SCALE,
+    visible: np.ndarray | None = None,
 ) -> tuple[np.ndarray, Matches]:
     """Return a surface near a scan, elastically near a reference, and the matches of its vertices.
 
     Gauss–Newton steps minimise Σ_i w_i ((n_i·r_i)² + τ |r_i|²) + α d²(f, f₀), with the gaps r to
     the scan, its normals n, the elastic distance d from the reference f₀, and a stiffness α for
     each step. They use the matrix of the metric at the reference, and conjugate gradients solve
-    the equations.
+    the equations. Only visible vertices are matched, by default all.
     """
     template = metric.space.template
     faces, areas = template.faces, template.vertex_areas
+    shown = np.ones(len(start), dtype=bool) if visible is None else visible
     elastic = metric.metric_matrix(reference)
     diagonal = _diagonal_blocks(elastic)
     points = start
-    matches = scan.match(points, vertex_normals(points, faces), scale)
+    matches = scan.match(points, vertex_normals(points, faces), scale).only(shown)
     for stiffness in stiffnesses:
         weights = areas * matches.weights
         blocks = matches.normals[:, :, np.newaxis] * matches.normals[:, np.newaxis]
@@ -171,7 +177,7 @@ def fit_elastic(
             M=LinearOperator(shape, matvec=precondition, dtype=float),
         )[0]
         points = points + step.reshape(-1, 3)
-        matches = scan.match(points, vertex_normals(points, faces), scale)
+        matches = scan.match(points, vertex_normals(points, faces), scale).only(shown)
     return points, matches
 
 

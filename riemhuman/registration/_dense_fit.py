@@ -22,7 +22,7 @@ from riemhuman.registration._closest_points import (
 )
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._scan_preparation import PreparedScan
-from riemhuman.registration._start_poses import arms_of, joint_names, rotate_forearm
+from riemhuman.registration._start_poses import joint_names, joints_below, rotate_forearm
 from riemhuman.registration._start_search import N_THREADS, Candidate, StartSearch
 from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
@@ -80,7 +80,7 @@ class DenseFitter:
 
     @cached_property
     def _arms(self) -> list[_Arm]:
-        return [_arm_surface(self.model, joints) for joints in arms_of(self.model)]
+        return [_arm_surface(self.model, joints) for joints in self.search.arms]
 
     def surface(self, pose: Pose) -> np.ndarray:
         return pose_body(self.search.samples(None), pose)[0][: self.model.n_vertices]
@@ -91,7 +91,7 @@ class DenseFitter:
         names = joint_names(self.model)
         joints = [names.index(name) for name in _HEAD_JOINTS if name in names]
         owned: np.ndarray = np.isin(self.model.weights.argmax(axis=1), joints)
-        return owned
+        return owned & self.search.visible
 
     def find_hair(self, surface: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return which points of a scan lie so far outside the head that they are hair or a hat."""
@@ -104,7 +104,7 @@ class DenseFitter:
         gaps, near = cKDTree(surface).query(points[around])
         normals = vertex_normals(surface, self.model.faces)[near]
         heights = np.einsum("nx,nx->n", points[around] - surface[near], normals)
-        far = (gaps > _HAIR_METRES) & (gaps < _FARTHEST_HAIR) & (heights > 0.5 * gaps)
+        far = (gaps > _HAIR_METRES) & (gaps < _FARTHEST_HAIR) & (heights > 0.0)
         hair[around[far & self._on_head[near]]] = True
         return hair if hair.mean() < _MOST_HAIR else np.zeros_like(hair)
 
@@ -122,13 +122,18 @@ class DenseFitter:
         model_points = self.surface(pose)
         last = _LAST_STIFFNESS * max(1.0, tree.noise / _NOISE_METRES) ** 2
         softer = np.geomspace(_FIRST_STIFFNESS, min(last, _FIRST_STIFFNESS), _N_STEPS)
-        points, matches = fit_elastic(self.metric, model_points, model_points, tree, softer)
+        visible = self.search.visible
+        points, matches = fit_elastic(
+            self.metric, model_points, model_points, tree, softer, visible=visible
+        )
         for _ in range(_N_REPEATS):
             weights = np.maximum(matches.weights, _UNMATCHED)
             pose = fit_surface(dense, pose, best.prior, points, weights)
             model_points = self.surface(pose)
             softest = softer[-_N_STEPS_AGAIN:]
-            points, matches = fit_elastic(self.metric, points, model_points, tree, softest)
+            points, matches = fit_elastic(
+                self.metric, points, model_points, tree, softest, visible=visible
+            )
         return DenseFit(pose, model_points, points, matches)
 
     def _rotate_forearms(
@@ -167,10 +172,8 @@ class DenseFitter:
 
 
 def _arm_surface(model: BodyModel, joints: np.ndarray) -> _Arm:
-    below = np.zeros(model.n_joints, dtype=bool)
-    for k in model.joint_order:
-        below[k] = k in joints[-2:] or (model.parents[k] >= 0 and below[model.parents[k]])
-    inside = below[model.weights.argmax(axis=1)]
+    below = joints_below(model, joints[-2:].tolist())
+    inside = np.isin(model.weights.argmax(axis=1), below)
     faces = model.faces[inside[model.faces].all(axis=1)]
     used, corners = np.unique(faces, return_inverse=True)
     template = Template(model.template.vertices[used], corners.reshape(-1, 3))

@@ -8,7 +8,7 @@ the best body are tried in other ways.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +104,26 @@ def arms_of(model: BodyModel) -> list[np.ndarray]:
     names = joint_names(model)
     arms = [[f"{side}_{joint}" for joint in _ARM_JOINTS] for side in ("left", "right")]
     return [np.array([names.index(name) for name in arm]) for arm in arms if {*arm} <= {*names}]
+
+
+def hidden_parts(model: BodyModel) -> list[list[int]]:
+    """Return the joints of the legs, and those above the waist: halves that scans may lack."""
+    names = joint_names(model)
+    if not {"left_hip", "right_hip", "middle_spine"} <= {*names}:
+        return []
+    return [
+        joints_below(model, [names.index(name) for name in each])
+        for each in (("left_hip", "right_hip"), ("middle_spine",))
+    ]
+
+
+def joints_below(model: BodyModel, joints: Iterable[int]) -> list[int]:
+    """Return some joints and those that they move."""
+    below = {*joints}
+    for k in map(int, model.joint_order):
+        if int(model.parents[k]) in below:
+            below.add(k)
+    return sorted(below)
 
 
 def other_arms(

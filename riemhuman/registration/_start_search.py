@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -81,17 +82,21 @@ class Candidate:
 
 
 class StartSearch:
-    """The search over starts for one body model."""
+    """The search over starts for one body model, of which some joints' vertices may be hidden."""
 
-    def __init__(self, model: BodyModel) -> None:
+    def __init__(self, model: BodyModel, hidden: Iterable[int] = ()) -> None:
         self.model = model
         self.root = int(np.flatnonzero(model.parents < 0)[0])
+        self.visible = ~np.isin(model.weights.argmax(axis=1), list(hidden))
+        self.arms = [arm for arm in arms_of(model) if not {*arm.tolist()} & {*hidden}]
         self._samples: dict[int | None, ModelSamples] = {}
 
     def samples(self, n_samples: int | None) -> ModelSamples:
         """Return about this number of points of the model, all by None; computed once."""
         if n_samples not in self._samples:
-            self._samples[n_samples] = sample_model(self.model, n_samples)
+            samples = sample_model(self.model, n_samples)
+            areas = samples.areas * self.visible[samples.numbers]
+            self._samples[n_samples] = samples._replace(areas=areas / areas.sum())
         return self._samples[n_samples]
 
     @cached_property
@@ -129,7 +134,7 @@ class StartSearch:
         for each in others:
             candidates = self._advance(candidates, each, target)
         best_body = candidates[0]
-        for arm in arms_of(self.model):
+        for arm in self.arms:
             best_body = self._with_likeliest_arm(best_body, arm, target)
         # The others still have the arms of their starts, so likelihoods compare as they were.
         return [replace(best_body, likelihood=candidates[0].likelihood), *candidates[1:]]

@@ -24,14 +24,16 @@ from riemhuman.registration._closest_points import ScanTree, fit_elastic
 from riemhuman.registration._dense_fit import DenseFitter
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._scan_preparation import PreparedScan, prepare_scan
-from riemhuman.registration._start_poses import arms_of, joint_names
+from riemhuman.registration._start_poses import arms_of, hidden_parts, joint_names, joints_below
 from riemhuman.registration._start_search import Candidate, StartSearch, Target
 from riemhuman.registration._trust import (
     AREA,
+    FAR_SHARE,
     NEAR_METRES,
     RIVAL_METRES,
     Evidence,
     find_doubts,
+    find_overlaps,
     near_matched,
 )
 from riemhuman.registration.scans import Scan, as_scan
@@ -230,11 +232,17 @@ class ScanRegistration:
         known = self._landmark_positions({} if landmarks is None else landmarks, whole)
         prepared = prepare_scan(whole)
         with single_threaded_libraries():
-            result = self._solve(whole, prepared, known, start)
+            result = self._solve(self._fitter, whole, prepared, known, start)
             if not result.trusted:
-                other = self._solve(whole, prepared, known, None, again=start is None)
-                if other.trusted or other.likelihood > result.likelihood + _RETRY_GAIN:
-                    return other
+                others = [self._solve(self._fitter, whole, prepared, known, again=start is None)]
+                if not others[0].trusted and start is None:
+                    others += [
+                        self._solve(fitter, whole, prepared, known)
+                        for fitter in self._partial_fitters
+                    ]
+                likeliest = max(others, key=lambda each: (each.trusted, each.likelihood))
+                if likeliest.trusted or likeliest.likelihood > result.likelihood + _RETRY_GAIN:
+                    return likeliest
             return result
 
     def solve_sequence(
@@ -276,6 +284,11 @@ class ScanRegistration:
         return StartSearch(self.model)
 
     @cached_property
+    def _partial_fitters(self) -> list[DenseFitter]:
+        """Fitters of bodies without legs, and without all above the waist."""
+        return [DenseFitter(StartSearch(self.model, part)) for part in hidden_parts(self.model)]
+
+    @cached_property
     def _owners(self) -> np.ndarray:
         """The joint that moves each vertex most."""
         owners: np.ndarray = self.model.weights.argmax(axis=1)
@@ -314,19 +327,22 @@ class ScanRegistration:
 
     def _solve(
         self,
+        fitter: DenseFitter,
         whole: Scan,
         prepared: PreparedScan,
         landmarks: dict[int, np.ndarray],
-        start: RegisteredScan | None,
+        start: RegisteredScan | None = None,
         *,
         again: bool = False,
     ) -> RegisteredScan:
         """Return the result of one search, from other starts if it is done again."""
-        candidates, oriented = self._search_candidates(prepared, landmarks, start, again)
-        return self._refine(whole, oriented, candidates, landmarks)
+        search = fitter.search
+        candidates, oriented = self._search_candidates(search, prepared, landmarks, start, again)
+        return self._refine(fitter, whole, oriented, candidates, landmarks)
 
     def _search_candidates(
         self,
+        bodies: StartSearch,
         scan: PreparedScan,
         landmarks: dict[int, np.ndarray],
         start: RegisteredScan | None,
@@ -338,10 +354,10 @@ class ScanRegistration:
         def search(signed: bool) -> list[Candidate]:
             target = Target(scan.points, scan.normals, signed, landmarks)
             if start is not None and start.fit is not None:
-                warm = self._search.run_from(_pose(start.fit), start.up, target)
-                if self._likelihood(warm.pose, scan) > start.likelihood - _WARM_LOSS:
+                warm = bodies.run_from(_pose(start.fit), start.up, target)
+                if self._likelihood(bodies, warm.pose, scan) > start.likelihood - _WARM_LOSS:
                     return [warm]
-            return self._search.run(target, up, again=again)
+            return bodies.run(target, up, again=again)
 
         candidates = search(True)
         if not scan.estimated and scan.parts is None:
@@ -366,10 +382,11 @@ class ScanRegistration:
         signs = np.where(cosines < 0, -1.0, 1.0)
         return signs[:, np.newaxis] * scan.normals, float(np.mean(cosines >= 0))
 
-    def _likelihood(self, pose: Pose, scan: PreparedScan) -> float:
+    def _likelihood(self, bodies: StartSearch, pose: Pose, scan: PreparedScan) -> float:
         """Return the log-likelihood for a body of the standard area."""
-        area = triangle_areas(self.model(pose.betas), self.model.faces).sum()
-        likelihood = self._search.likelihood(pose, scan.points, scan.normals)
+        areas = triangle_areas(self.model(pose.betas), self.model.faces)
+        area = areas @ bodies.visible[self.model.faces[:, 0]]
+        likelihood = bodies.likelihood(pose, scan.points, scan.normals)
         return likelihood + float(np.log(area / AREA))
 
     def _shares(self, chosen: np.ndarray) -> np.ndarray:
@@ -381,13 +398,10 @@ class ScanRegistration:
 
     def _limb_vertices(self, joint: int) -> np.ndarray:
         """Return which vertices belong to a joint or to those below it, or above it on an arm."""
-        parts = {joint}
+        joints = [joint]
         for arm in arms_of(self.model):
-            parts |= set(arm[1:].tolist()) if joint in arm[1:] else set()
-        for k in self.model.joint_order:
-            if self.model.parents[k] in parts:
-                parts.add(int(k))
-        return np.isin(self._owners, list(parts))
+            joints += arm[1:].tolist() if joint in arm[1:] else []
+        return np.isin(self._owners, joints_below(self.model, joints))
 
     def _unseen_parts(self, seen: np.ndarray) -> list[str]:
         """Return what to say about the parts that a scan does not show."""
@@ -425,6 +439,7 @@ class ScanRegistration:
 
     def _refine(
         self,
+        fitter: DenseFitter,
         whole: Scan,
         scan: PreparedScan,
         candidates: list[Candidate],
@@ -432,24 +447,28 @@ class ScanRegistration:
     ) -> RegisteredScan:
         """Return the result of the dense fits that start from the likeliest body."""
         best = candidates[0]
-        pose, model_points, points, matches = self._fitter.fit(best, scan)
+        pose, model_points, points, matches = fitter.fit(best, scan)
         places, distances = nearest_points(whole.points, points, self.model.faces)
-        background = scan.background | self._fitter.find_hair(model_points, whole.points)
-        likelihood = self._likelihood(pose, scan)
+        background = scan.background | fitter.find_hair(model_points, whole.points)
+        likelihood = self._likelihood(fitter.search, pose, scan)
         moved = np.linalg.norm(points - model_points, axis=1)
         gaps = np.linalg.norm(matches.gaps, axis=1)
         matched = (gaps < _MATCHED_METRES) & (matches.weights > 0.1)
+        some = scan.points[:: max(len(scan.points) // _N_DENSE, 1)]
+        some = some[~fitter.find_hair(model_points, some)]
+        _, model_distances = nearest_points(some, model_points, self.model.faces)
+        overlaps = find_overlaps(self.model.template, points, matched)
         seen = near_matched(self.model.template, matched)
         shares = self._shares(matched)
         limb = int(np.argmin(shares))
-        areas = self.model.template.vertex_areas * seen
         doubts, limb_doubts = find_doubts(
             Evidence(
-                strain=float(moved @ areas / max(areas.sum(), 1e-9)),
                 likelihood=likelihood,
                 margin=self._margin(candidates),
                 near=float(np.mean(distances[~background] < NEAR_METRES)),
                 betas=float(np.sqrt(np.mean(pose.betas**2))) if len(pose.betas) else 0.0,
+                far=float(np.quantile(model_distances, FAR_SHARE)),
+                overlap=float(overlaps.sum() / max(matched.sum(), 1)),
                 limb=joint_names(self.model)[limb],
                 limb_matched=float(shares[limb]),
             )

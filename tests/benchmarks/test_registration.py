@@ -19,9 +19,13 @@ from performances import clocked
 from scanned_people import (
     N_PEOPLE,
     bodies_to_scan,
+    bun,
     correspondence_errors,
     foreign_bodies,
+    foreign_places,
+    results_to_trust_or_not,
     scans_of,
+    sparse_floor,
 )
 
 import riemhuman as rh
@@ -152,6 +156,57 @@ def test_natural_bodies(benchmark, registration):
     print(f"\n{len(found)} natural bodies: {means.mean():.1f} mm in the mean", end="")
     print(f", worst body {means.max():.1f} mm, {np.sum(means > 6)} above 6 mm", end="")
     print(f"; {np.sum([not result.trusted for result, *_ in found])} refused")
+
+
+DEFECTS = {
+    "2 mm noise": {"noise": 0.002},
+    "no noise": {"noise": 0.0},
+    "one view": {"view": (0.3, 0.1, 1.0)},
+    "clothes, up to 1.5 cm": {"clothing": 0.015},
+    "clothes, up to 3 cm": {"clothing": 0.03},
+    "30 % in holes": {"missing": 0.3},
+    "hair": {},
+    "sparse floor": {},
+}
+# Mean errors of right bodies, in thick clothes too, and of wrong ones; few are between.
+RIGHT_METRES, WRONG_METRES = 0.03, 0.05
+
+
+def test_trust(benchmark):
+    """How many right bodies are refused, and how many deliberately wrong ones are trusted."""
+    upright = ScanRegistration(rh.datasets.load_open_model("coarse"), up="y")
+    model, rng = upright.model, np.random.default_rng(SEED)
+    natural = rh.datasets.load_open_bodies("coarse", variant="natural", people=NATURAL_SEED)
+    foreign, triangles = foreign_bodies(model, SEED, 5, 4)
+    places, _ = foreign_places(model, np.random.default_rng([SEED, 6890]))
+    cases = []
+    for number in range(24):
+        name = list(DEFECTS)[number % len(DEFECTS)]
+        body = natural[int(rng.integers(len(natural)))]
+        scan = simulated_scan(body, model.faces, number, n_points=10_000, **DEFECTS[name])
+        extra = {"hair": bun(model, scan, rng), "sparse floor": sparse_floor(scan, rng)}
+        points = np.concatenate([scan.points, extra.get(name, np.empty((0, 3)))])
+        cases.append((f"natural, {name}", points, scan.body, None))
+    for number, body in enumerate(foreign.reshape(-1, *foreign.shape[2:])):
+        scan = simulated_scan(body, triangles, number, n_points=10_000, rotate=False)
+        cases.append(("foreign", scan.points, scan.body, places))
+
+    def run():
+        return [
+            (name, start, error, result.trusted, result.message)
+            for name, *case in cases
+            for start, error, result in results_to_trust_or_not(upright, *case)
+        ]
+
+    found = benchmark.pedantic(run, rounds=1)
+    right = [each for each in found if each[2] < RIGHT_METRES]
+    wrong = [each for each in found if each[2] > WRONG_METRES]
+    refused = [each for each in right if not each[3]]
+    trusted = [each for each in wrong if each[3]]
+    print(f"\n{len(refused)} of {len(right)} right bodies refused", *refused, sep="\n")
+    print(f"{len(trusted)} of {len(wrong)} wrong bodies trusted", *trusted, sep="\n")
+    assert len(refused) <= max(1, len(right) / 50)
+    assert len(trusted) <= len(wrong) / 200
 
 
 def test_a_sequence(benchmark, registration):

@@ -165,3 +165,18 @@ def test_dist_says_what_is_usual_under_the_metric(run, scans):
         assert run("dist", *files, preset, "--quiet").err == ""
     assert usual["--shape"][0] < usual["--shape"][1]
     assert usual["--pose"][0] > usual["--pose"][1]
+
+
+def test_dist_says_that_one_body_is_rotated(run, scans, bodies, tmp_path):
+    rotated = tmp_path / "rotated.ply"
+    save_mesh(rotated, bodies.points[1][:, [2, 1, 0]] * [1.0, 1.0, -1.0], bodies.template.faces)
+    said = run("dist", scans / NAMES[0], rotated, "--pose").err
+    assert "B is rotated by about" in said
+    for options in (["--shape"], ["--pose", "--align"], ["--pose", "--quiet"]):
+        assert "rotated" not in run("dist", scans / NAMES[0], rotated, *options).err
+    assert "rotated" not in run("dist", scans / NAMES[0], scans / NAMES[1], "--pose").err
+
+
+def test_dist_refuses_a_wrong_unit(refused, scans):
+    message = refused("dist", scans / NAMES[0], scans / NAMES[1], "--unit", "millimetres")
+    assert "--unit millimetres is wrong" in message

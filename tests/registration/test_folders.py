@@ -77,6 +77,33 @@ def test_a_second_run_does_what_is_missing(registered, registration, monkeypatch
     assert records[1].message == "solved again"
 
 
+def test_changed_bodies_and_bodies_without_a_scan_are_noticed(registered, registration, tmp_path):
+    scans, output, _ = registered
+    shutil.copytree(output, tmp_path / "bodies")
+    (tmp_path / "scans").mkdir()
+    shutil.copy(scans / "broken.xyz", tmp_path / "scans")
+    with pytest.warns(UserWarning, match="bodies whose scans are gone: anna"):
+        register_folder(registration, tmp_path / "scans", tmp_path / "bodies")
+    points, faces = rh.load_mesh(tmp_path / "bodies" / "anna.ply")
+    rh.save_mesh(tmp_path / "bodies" / "anna.ply", points + 0.01, faces)
+    with pytest.raises(rh.errors.FileError, match=r"anna\.ply was changed after it was registered"):
+        register_folder(registration, scans, tmp_path / "bodies")
+    rh.load_mesh(tmp_path / "bodies" / "anna.ply")  # and left as it is
+
+
+def test_bodies_that_a_scan_does_not_show_fully_are_apart(registration, tmp_path):
+    bodies = rh.datasets.load_open_bodies("coarse")
+    scan = simulated_scan(bodies[0], registration.model.faces, rng=0, rotate=False)
+    (tmp_path / "scans").mkdir()
+    np.save(tmp_path / "scans" / "ben.npy", scan.points[scan.points[:, 1] > scan.body[:, 1].mean()])
+    (record,) = register_folder(registration, tmp_path / "scans", tmp_path / "bodies")
+    assert record.trusted, record.message
+    assert "is not in the scan" in record.message
+    assert (tmp_path / "bodies" / "partial" / "ben.ply").is_file()
+    assert not list((tmp_path / "bodies").glob("*.ply"))
+    assert not record.arrays["trusted_vertices"].all()
+
+
 @pytest.mark.parametrize(
     "change", [{"trusted": [True, False]}, {"message": 1.0}, {"points": np.full((3, 3), np.nan)}]
 )

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
+from scanned_people import bun, sparse_floor, with_inward_arms
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration, find_inward_triangles, simulated_scan
-
-FOREARMS = ("left_elbow", "left_wrist", "right_elbow", "right_wrist")
 
 
 @pytest.fixture(scope="module")
@@ -25,12 +24,7 @@ def registration(bodies):
 def inverted_arms(bodies):
     """Return a scan in three parts, whose forearms face inward, and these triangles."""
     scan = simulated_scan(bodies[17], bodies.template.faces, rng=17, n_points=8000, mesh=True)
-    names = bodies.model.joint_names
-    owners = bodies.model.weights.argmax(axis=1)[cKDTree(scan.body).query(scan.points)[1]]
-    on_arm = np.isin(owners, [names.index(name) for name in FOREARMS])[scan.faces]
-    arms, others = scan.faces[on_arm.all(axis=1)], scan.faces[~on_arm.any(axis=1)]
-    faces = np.concatenate([others, arms[:, ::-1]])
-    return scan, faces, np.repeat([False, True], [len(others), len(arms)])
+    return scan, *with_inward_arms(bodies.model, scan)
 
 
 def test_parts_that_face_inward_are_found(inverted_arms):
@@ -48,13 +42,38 @@ def test_a_scan_with_arms_that_face_inward_is_registered(registration, inverted_
 
 def test_the_sparse_remnant_of_a_floor_is_background(registration, bodies):
     scan = simulated_scan(bodies[3], bodies.template.faces, rng=3, n_points=8000, rotate=False)
-    rng = np.random.default_rng(3)
-    floor = rng.uniform(-0.5, 0.5, (196, 3)) * [1.0, 0.004, 1.0]
-    floor += [*scan.body[:, :1].mean(axis=0), scan.body[:, 1].min(), scan.body[:, 2].mean()]
+    floor = sparse_floor(scan, np.random.default_rng(3))
     result = registration.solve(np.concatenate([scan.points, floor]))
     assert result.trusted, result.message
     assert result.background[-len(floor) :].mean() > 0.85
     assert not result.background[: -len(floor)].any()
+
+
+def test_a_hair_bun_is_background(registration, bodies):
+    scan = simulated_scan(bodies[3], bodies.template.faces, rng=3, n_points=8000, rotate=False)
+    hair = bun(bodies.model, scan, np.random.default_rng(3))
+    result = registration.solve(np.concatenate([scan.points, hair]))
+    assert result.trusted, result.message
+    far = cKDTree(scan.body).query(hair)[0] > 0.04
+    assert result.background[-len(hair) :][far].mean() > 0.95
+    assert result.background[: -len(hair)].mean() < 0.002
+    head = bodies.model.weights.argmax(axis=1) == bodies.model.joint_names.index("head")
+    assert np.linalg.norm(result.points - scan.body, axis=1)[head].mean() < 0.01
+
+
+@pytest.mark.parametrize("upper", [True, False])
+def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
+    scan = simulated_scan(bodies[0], bodies.template.faces, rng=0, n_points=12000, rotate=False)
+    heights = scan.points[:, 1] - np.median(scan.body[:, 1])
+    result = registration.solve(scan.points[heights > 0 if upper else heights < 0])
+    seen = scan.body[:, 1] > np.median(scan.body[:, 1])
+    seen = seen if upper else ~seen
+    assert result.trusted, result.message
+    assert result.trusted_vertices[~seen].mean() < 0.15
+    assert result.trusted_vertices[seen].mean() > 0.9
+    errors = np.linalg.norm(result.points - scan.body, axis=1)
+    assert errors[result.trusted_vertices].mean() < 0.012
+    assert "is not in the scan and not in trusted_vertices" in result.message
 
 
 def test_far_points_are_background_and_impossible_ones_are_named(registration, bodies):

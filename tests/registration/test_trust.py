@@ -14,7 +14,8 @@ GOOD = Evidence(
     margin=0.4,
     near=0.99,
     betas=1.0,
-    strain=0.002,
+    far=0.006,
+    overlap=0.0,
     limb="left_wrist",
     limb_matched=0.5,
 )
@@ -30,8 +31,9 @@ def test_good_evidence_leaves_no_doubt():
         ({"near": 0.6}, "only 60 % of the scan lies within 5 cm of the body"),
         ({"likelihood": 1.0}, "does not look like a body"),
         ({"margin": 0.05}, "faces or stands another way"),
-        ({"betas": 3.5}, "far from all people"),
-        ({"strain": 0.007}, "leave the model by 7.0 mm"),
+        ({"betas": 4.5}, "far from all people"),
+        ({"far": 0.03}, "5 % of the scan lies more than 3.0 cm from the model's surface"),
+        ({"overlap": 0.04}, "4.0 % of the body lies where another part of it is"),
     ],
 )
 def test_every_doubt_has_its_reason(change, reason):
