@@ -165,6 +165,7 @@ def bun(model, scan, rng, n_points=400, radius=0.05):
     backward /= np.linalg.norm(backward)
     centre = middle + ((head - middle) @ backward).max() * backward + [0.0, 0.04, 0.0]
     around = rng.standard_normal((n_points, 3))
+    around[around @ backward < 0.0] *= -1.0  # the other half is within the head
     return centre + radius * around / np.linalg.norm(around, axis=1, keepdims=True)
 
 

@@ -163,13 +163,6 @@ class ScanRegistration:
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Direction up in the scans; by default it is inferred from the floor or by trying all six.
 
-    Raises
-    ------
-    ArgumentTypeError
-        If `model` is not a body model.
-    ArgumentError
-        If the unit or the axis is unknown.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -217,16 +210,9 @@ class ScanRegistration:
 
         Raises
         ------
-        ArgumentTypeError
-            If the scan does not hold numbers, or landmarks are no mapping.
         ArgumentError
-            If a shape is wrong, an entry is not finite, too few points are left, the size is not
-            that of a body, the model has no joint with the name of a landmark, or a landmark is not
-            in the scan.
-        FileError
-            If the file is missing or cannot be read.
-        FileFormatError
-            If the file is damaged.
+            If too few points are left, the size is not that of a body, the model has no joint with
+            the name of a landmark, or a landmark is not in the scan.
         """
         whole = as_scan(scan, self.unit)
         known = self._landmark_positions({} if landmarks is None else landmarks, whole)
@@ -264,11 +250,6 @@ class ScanRegistration:
         -------
         results : list of RegisteredScan
             In the order of the scans; after an interruption from the keyboard, the finished ones.
-
-        Raises
-        ------
-        RiemhumanError
-            As for `solve`.
         """
         results: list[RegisteredScan] = []
         try:
@@ -552,11 +533,6 @@ class TemplateRegistration:
     template : Template
         The template, at the size of the scans.
 
-    Raises
-    ------
-    ArgumentTypeError
-        If `template` is not a `Template`.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -589,17 +565,6 @@ class TemplateRegistration:
         -------
         result : RegisteredScan
             Without likelihood and fit.
-
-        Raises
-        ------
-        ArgumentTypeError
-            If an argument does not hold numbers.
-        ArgumentError
-            If a shape is wrong, an entry is not finite or there are too few points.
-        FileError
-            If the file is missing or cannot be read.
-        FileFormatError
-            If the file is damaged.
         """
         template = self.template
         whole = as_scan(scan, "metres")  # which leaves any unit as it is
@@ -692,8 +657,6 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
 
     Raises
     ------
-    ArgumentTypeError
-        If `model` is not a body model.
     ArgumentError
         If the registration of the model to the body is not trusted.
 

@@ -85,10 +85,6 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
     ------
     ArgumentError
         If there are fewer than 200 points, or the size is not that of a body in any unit.
-    FileError
-        If the file is missing or cannot be read.
-    FileFormatError
-        If the suffix is unknown, the file is damaged, or a coordinate is not finite.
 
     Examples
     --------
@@ -115,15 +111,6 @@ def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     Returns
     -------
     dict of str to array, shape (3,)
-
-    Raises
-    ------
-    ArgumentTypeError
-        If `path` is not a path.
-    FileError
-        If the file is missing or cannot be read.
-    FileFormatError
-        If a name is missing or repeated, or a line has no three finite numbers.
 
     Examples
     --------

@@ -108,13 +108,6 @@ def simulated_scan(
     -------
     scan : SimulatedScan
 
-    Raises
-    ------
-    ArgumentTypeError
-        If an argument does not hold numbers of the right kind.
-    ArgumentError
-        If the surface is not a mesh or a number is out of its range.
-
     Examples
     --------
     >>> import riemhuman as rh

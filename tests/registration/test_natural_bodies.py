@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
-from riemhuman.registration import ScanRegistration, _start_search, simulated_scan
+from riemhuman.registration import ScanRegistration, simulated_scan
+from riemhuman.registration._scan_preparation import prepare_scan
+from riemhuman.registration.scans import as_scan
 
 HANDS_ON_HIPS, HAND_ON_EAR = 4, 6
 FAR = 0.03
@@ -50,9 +52,10 @@ def test_a_hand_on_the_ear(registration, bodies):
 @pytest.mark.sampled(6, "scans that are refused")
 def test_a_wrong_arm_is_not_trusted(registration, bodies, monkeypatch):
     """Where arms are held as in start poses alone, one is not found, and missed."""
-    monkeypatch.setattr(_start_search, "arms_of", lambda model: [])
+    monkeypatch.setattr(registration._search, "arms", [])
     scan = scan_of(bodies, HAND_ON_EAR)
-    result = registration.solve(scan.points)
+    points = as_scan(scan.points)
+    result = registration._solve(registration._fitter, points, prepare_scan(points), {})
     assert error(result, scan) > FAR
     assert not result.trusted
     assert "and left_wrist matches hardly anything in the scan" in result.message
@@ -60,7 +63,7 @@ def test_a_wrong_arm_is_not_trusted(registration, bodies, monkeypatch):
 
 @pytest.mark.sampled(3, "scans that are trusted")
 def test_landmarks_bring_the_arm_where_it_is(registration, bodies, monkeypatch):
-    monkeypatch.setattr(_start_search, "arms_of", lambda model: [])
+    monkeypatch.setattr(registration._search, "arms", [])
     scan = scan_of(bodies, HAND_ON_EAR)
     joints = registration.model.joint_regressor @ scan.body
     names = list(registration.model.joint_names)

@@ -1,0 +1,60 @@
+"""The dense fit: forearms turned about themselves come back, noise is that of the scan."""
+
+import numpy as np
+import pytest
+from scanned_people import foreign_bodies, foreign_places, points_at
+
+import riemhuman as rh
+from riemhuman.registration import simulated_scan
+from riemhuman.registration._closest_points import ScanTree
+from riemhuman.registration._dense_fit import DenseFitter
+from riemhuman.registration._posed_body import Pose, rotation
+from riemhuman.registration._scan_preparation import estimate_normals, prepare_scan
+from riemhuman.registration._start_poses import arms_of
+from riemhuman.registration._start_search import Candidate, StartSearch, Target
+
+UP = np.array([0.0, 1.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def model():
+    return rh.datasets.load_open_model("coarse")
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.002])
+def test_noise_is_that_of_the_scan(model, noise):
+    body = rh.datasets.load_open_bodies("coarse")[0]
+    points = simulated_scan(body, model.faces, 0, n_points=8000, noise=noise).points
+    estimated = ScanTree(points, estimate_normals(points)).noise
+    assert abs(estimated - noise) < 0.0008
+
+
+def test_turned_hands_come_back(model):
+    """Of a person whom the model cannot make, with curled fingers."""
+    bodies, triangles = foreign_bodies(model, 1, 1, 1)
+    body = bodies[0, 0]
+    places, _ = foreign_places(model, np.random.default_rng([1, 6890]))
+    prepared = prepare_scan(
+        rh.registration.Scan(simulated_scan(body, triangles, 0, rotate=False).points)
+    )
+    fitter = DenseFitter(StartSearch(model))
+    target = Target(prepared.points, prepared.normals, True, {})
+    best = fitter.search.run(target, UP)[0]
+    right = fitter.fit(best, prepared)
+    arm = arms_of(model)[0]
+    elbow, wrist = arm[2:]
+    rest = model.joint_regressor @ model.template.vertices
+    axis = (rest[wrist] - rest[elbow]) / np.linalg.norm(rest[wrist] - rest[elbow])
+    hand = model.weights.argmax(axis=1) == wrist
+    there = hand[model.faces[places.triangles]].any(axis=1)
+
+    def error(points):
+        moved = points_at(places, points, model.faces) - body
+        return np.linalg.norm(moved, axis=1)[there].mean()
+
+    for degrees in (-120.0, 180.0):
+        local = right.pose.local.copy()
+        local[elbow] = local[elbow] @ rotation(np.radians(degrees) * axis)
+        start = Pose(local, right.pose.betas, right.pose.trans)
+        found = fitter.fit(Candidate(start, best.prior, 0.0, UP), prepared)
+        assert error(found.points) < error(right.points) + 0.005
