@@ -14,7 +14,7 @@ from riemhuman.surfaces.template import Template
 
 # Likelihoods are compared for bodies of this area, because the density falls as the area grows.
 AREA = 1.8
-LEAST_LIKELIHOOD = 2.6
+LEAST_LIKELIHOOD = 2.4
 LEAST_MARGIN = 0.10
 RIVAL_METRES = 0.15
 NEAR_METRES, LEAST_NEAR = 0.05, 0.97
@@ -25,7 +25,7 @@ LARGEST_OVERLAP = 0.02
 # A body is wrong if ln(d / d₀) > l − l₀, with its likelihood l and the distance d from the model's
 # surface within which this share of the scan lies. `tests/benchmarks/test_registration.py -k trust`
 # prints how often right bodies are refused and wrong ones are trusted.
-FAR_SHARE, FAR_METRES, USUAL_LIKELIHOOD = 0.95, 0.022, 2.97
+FAR_SHARE, FAR_METRES, USUAL_LIKELIHOOD = 0.95, 0.022, 2.75
 
 # Holes up to twice this width are filled by the vertices around them, metres.
 _SEEN_METRES = 0.06

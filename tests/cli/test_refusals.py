@@ -28,6 +28,7 @@ retrieve body_0.ply empty                                   | holds no mesh
 retrieve alone/other.ply alone                              | no mesh other than the query
 retrieve body_0.ply . -k 0                                  | -k must be at least 1
 mean body_0.ply scan.xyz -o m.ply                           | register it first: riemhuman register
+dist body_0.ply body_1.ply --unit millimetres                | --unit millimetres is wrong
 mean body_0.ply -o m.npz                                    | ending must be
 mean body_0.ply -o folder.ply                               | is a folder
 mean body_0.ply -o body_0.ply                               | exists; --force
