@@ -11,6 +11,7 @@ import html
 import io
 import os
 import re
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -28,7 +29,10 @@ SECONDS_A_CELL = 240
 
 
 def executed(path: Path) -> NotebookNode:
-    """Return a notebook with its outputs, after it has run in a process and a folder of its own."""
+    """Return a notebook with its outputs, after it has run in a process and a folder of its own.
+
+    The folder holds the recordings that are beside the notebooks.
+    """
     notebook = nbformat.read(path, as_version=nbformat.NO_CONVERT)
     dropped = ("MPLBACKEND", "OPENBLAS_NUM_THREADS", "PYTHONWARNINGS")
     kept = {name: value for name, value in os.environ.items() if name not in dropped}
@@ -36,6 +40,7 @@ def executed(path: Path) -> NotebookNode:
         tempfile.TemporaryDirectory() as folder,
         mock.patch.dict(os.environ, kept | {"PYTHONPATH": str(FOLDER.parent)}, clear=True),
     ):
+        shutil.copytree(FOLDER / "recordings", Path(folder) / "recordings")
         nbclient.NotebookClient(
             notebook,
             timeout=SECONDS_A_CELL,

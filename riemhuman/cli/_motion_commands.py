@@ -12,7 +12,6 @@ from riemhuman.cli._commands import (
     UNIT,
     Answer,
     command,
-    flag,
     option,
     output,
     path_option,
@@ -230,13 +229,12 @@ def _find(options: argparse.Namespace) -> Answer:
     "scores of representations on the open motions",
     "Re-times the 140 open motions at random, to between 24 and 60 frames, and prints how\n"
     "well each representation finds the same motion of other people.",
-    "  riemhuman motions table\n  riemhuman motions table --angles --seed 3 --json\n",
+    "  riemhuman motions table\n  riemhuman motions table --seed 3 --json\n",
     option("--seed", "seed of the speeds", default=0, metavar="S"),
-    flag("--angles", "also compare joint angles, which takes minutes"),
 )
 def _table(options: argparse.Namespace) -> Answer:
     task = options.task
-    compared = rh.motions.compare_representations(options.seed, angles=options.angles, task=task)
+    compared = rh.motions.compare_representations(options.seed, task=task)
     rows = rh.retrieval.retrieval_table(*compared)
     record = {row.representation: asdict(row.scores) for row in rows}
     return Answer(rh.retrieval.format_table("Which motion is it?", rows), record)

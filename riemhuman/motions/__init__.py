@@ -7,7 +7,6 @@ motions again that have few frames; `RateInvariantMetric` satisfies the triangle
 
 from riemhuman.motions.motion_representations import (
     GramHankel,
-    JointAngles,
     compare_representations,
 )
 from riemhuman.motions.motion_search import MotionSearch
@@ -17,7 +16,6 @@ from riemhuman.motions.motion_statistics import (
     MotionGeodesic,
     MotionMean,
     align_motions,
-    even_times,
 )
 from riemhuman.motions.rate_invariant_metric import RateInvariantMetric
 from riemhuman.motions.time_warping import DynamicTimeWarping, VelocityTimeWarping, Warp
@@ -25,7 +23,6 @@ from riemhuman.motions.time_warping import DynamicTimeWarping, VelocityTimeWarpi
 __all__ = [
     "DynamicTimeWarping",
     "GramHankel",
-    "JointAngles",
     "MotionComponents",
     "MotionGeodesic",
     "MotionMean",
@@ -37,7 +34,6 @@ __all__ = [
     "Warp",
     "align_motions",
     "compare_representations",
-    "even_times",
 ]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import real_array, values_of
+from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces, Manifold, RiemannianMetric
 from riemhuman.kernels.projections import Projection
@@ -85,18 +85,6 @@ def check_motions(motions: Any, name: str = "motions") -> Sequence[Motion]:
         )
     checked: Sequence[Motion] = motions
     return checked
-
-
-def increasing_times(times: Any, name: str, n_times: int) -> ndarray:
-    """Return n_times times as an array; raise an error if they do not increase."""
-    values = real_array(times, name, (n_times,), batched=False)
-    wrong = np.flatnonzero(np.diff(values) <= 0)
-    if len(wrong):
-        k = int(wrong[0])
-        raise ArgumentError(
-            f"{name} must increase; found {values[k + 1]:g} after {values[k]:g}, at index {k + 1}"
-        )
-    return np.asarray(values)
 
 
 def _checked_frames(space: Manifold, frames: Any, first: int, name: str) -> ndarray:

@@ -36,26 +36,20 @@ _NODES = 4
 
 
 @compiled
-def least_sums(costs: ndarray, window: float) -> ndarray:
-    """Return the least sums of paths that end in each cell; infinite where none leads.
-
-    Matched frames may be apart by the share `window` of each motion.
-    """
+def least_sums(costs: ndarray) -> ndarray:
+    """Return the least sums of paths that end in each cell."""
     n, m = costs.shape
     sums = np.empty((n, m))
     for i in range(n):
         for j in range(m):
-            best = math.inf
-            if abs(i * (m - 1) - j * (n - 1)) <= window * (n - 1) * (m - 1):
-                cost = costs[i, j]
-                if i == 0 and j == 0:
-                    best = 2.0 * cost
-                if i > 0 and j > 0:
-                    best = sums[i - 1, j - 1] + 2.0 * cost
-                if i > 0:
-                    best = min(best, sums[i - 1, j] + cost)
-                if j > 0:
-                    best = min(best, sums[i, j - 1] + cost)
+            cost = costs[i, j]
+            best = 2.0 * cost if i == j == 0 else math.inf
+            if i > 0 and j > 0:
+                best = sums[i - 1, j - 1] + 2.0 * cost
+            if i > 0:
+                best = min(best, sums[i - 1, j] + cost)
+            if j > 0:
+                best = min(best, sums[i, j - 1] + cost)
             sums[i, j] = best
     return sums
 

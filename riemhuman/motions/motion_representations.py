@@ -22,17 +22,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 from scipy.spatial.distance import pdist, squareform
-from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel
 from riemhuman.checks import Rng, generator, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import (
     AlignedSurfaces,
     ElasticMetric,
-    FlatMetric,
     SRNFMetric,
-    VectorSpace,
 )
 from riemhuman.motions._frames import Motion, check_motions, frame_runs
 from riemhuman.motions.motion_space import MotionSpace
@@ -101,11 +97,6 @@ class GramHankel:
         Returns
         -------
         array, shape (r, r)
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong, or there are too few.
         """
         rows = np.concatenate([self._currents(run) for run in frame_runs(self.space, motion, name)])
         if len(rows) < self.n_rows:
@@ -162,62 +153,6 @@ class GramHankel:
         return np.asarray(rows.reshape(len(run), -1))
 
 
-class JointAngles:
-    """Joint rotations of a body model fitted to every frame, with the metric of matrices.
-
-    Parameters
-    ----------
-    model : BodyModel
-        Model over the template of the motions.
-
-    Attributes
-    ----------
-    metric : FlatMetric
-        Half the sum over joints of squared distances of matrices, which for small angles is nearly
-        the sum of squared angles. For use with `DynamicTimeWarping`.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
-    >>> angles = rh.motions.JointAngles(knees.model)
-    >>> angles.rotations(knees[:2]).shape == (2, knees.model.n_joints, 9)
-    True
-    """
-
-    metric: FlatMetric
-
-    def __init__(self, model: BodyModel) -> None:
-        self._model = model
-        space = VectorSpace((model.n_joints, 9), equip=False)
-        self.metric = FlatMetric(space, weights=np.full(model.n_joints, 0.5))
-
-    def rotations(self, motion: Motion, name: str = "motion") -> ndarray:
-        """Return the rotation matrices of all joints in every frame.
-
-        Parameters
-        ----------
-        motion : array or sequence, shape (n_frames, V, 3)
-            The motion.
-        name : str
-            Name of the motion, for messages.
-
-        Returns
-        -------
-        array, shape (n_frames, J, 9)
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong.
-        """
-        space = VectorSpace((self._model.n_vertices, 3))
-        poses = [self._model.fit(run).pose for run in frame_runs(space, motion, name)]
-        pose = np.concatenate(poses).reshape(-1, self._model.n_joints, 3)
-        matrices = Rotation.from_rotvec(pose.reshape(-1, 3)).as_matrix()
-        return matrices.reshape(*pose.shape[:2], 9)
-
-
 def random_places(n_frames: int, n_times: int, rng: Rng = None) -> ndarray:
     """Return n_times positions from 0 to n_frames - 1 at a random, changing speed."""
     logs = generator(rng).uniform(-np.log(_FASTEST), np.log(_FASTEST), _SPEEDS)
@@ -237,7 +172,6 @@ def retime_at_random(motion: OpenMotion, rng: np.random.Generator) -> ndarray:
 def compare_representations(
     seed: int = 0,
     *,
-    angles: bool = False,
     resolution: str = "coarse",
     task: Callable[[str], AbstractContextManager[None]] = lambda name: nullcontext(),
 ) -> tuple[dict[str, ndarray], ndarray]:
@@ -247,8 +181,6 @@ def compare_representations(
     ----------
     seed : int
         Seed of the speeds.
-    angles : bool
-        Whether to fit the body model to all frames, which takes minutes.
     resolution : {"full", "coarse"}
         Resolution of the bodies.
     task : callable
@@ -292,12 +224,6 @@ def compare_representations(
     for name, measure in measures.items():
         with task(name):
             distances[name] = measure.dist_pairwise(motions)
-    if angles:
-        joints = JointAngles(model)
-        with task("time warping, fitted joint angles"):
-            warping = DynamicTimeWarping(joints.metric, n_jobs=-1)
-            rotations = [joints.rotations(motion) for motion in motions]
-            distances["time warping, fitted joint angles"] = warping.dist_pairwise(rotations)
     return distances, labels
 
 

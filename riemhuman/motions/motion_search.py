@@ -79,11 +79,6 @@ class MotionSearch:
         -------
         list of Occurrence
             The nearest first. No two overlap.
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong or there are too few.
         """
         whole_number(n_occurrences, "n_occurrences", minimum=1)
         lengths = [frame_count(query, "query", 2), frame_count(motion, "motion", 2)]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array, real_number, whole_number
+from riemhuman.checks import Rng, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import sample_count, stack_samples
@@ -18,8 +18,6 @@ from riemhuman.motions._frames import (
     Motion,
     face_forward,
     frame_count,
-    frame_runs,
-    increasing_times,
     read_motion,
 )
 
@@ -39,10 +37,6 @@ class MotionSpace(Manifold):
         Space of the frames, with the metric that compares frames.
     n_times : int
         Number of equally spaced times of a point.
-    geodesic_solver : GeodesicSolver, optional
-        Solver for the surfaces between two frames. By default every triangle rotates and stretches
-        evenly, see `riemhuman.solvers.PoissonPath`: limbs keep their length, and the energy is
-        close to the minimum.
     equip : bool
         Whether to equip the space with `RateDependentMetric`.
 
@@ -62,12 +56,10 @@ class MotionSpace(Manifold):
         self,
         frames: AlignedSurfaces,
         n_times: int = 50,
-        geodesic_solver: GeodesicSolver | None = None,
         equip: bool = True,
     ) -> None:
         self.frames = frames
         self.n_times = whole_number(n_times, "n_times", minimum=2)
-        self.geodesic_solver = geodesic_solver
         super().__init__(n_times * frames.dim, (n_times, *frames.shape), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
@@ -100,13 +92,13 @@ class MotionSpace(Manifold):
         motion: Motion,
         n_times: int | None = None,
         *,
-        times: ndarray | None = None,
         at: ndarray | None = None,
         name: str = "motion",
     ) -> ndarray:
-        """Return a motion at other times, on geodesics between its frames.
+        """Return a motion at other times.
 
-        Frames are read two at a time.
+        Between two frames every triangle rotates and stretches evenly, see
+        `riemhuman.solvers.PoissonPath`: limbs keep their length.
 
         Parameters
         ----------
@@ -115,10 +107,8 @@ class MotionSpace(Manifold):
         n_times : int, optional
             Number of equally spaced times from the first frame to the last; by default that of the
             space.
-        times : array, shape (n_frames,), optional
-            Time of each frame, increasing; by default 0, 1, 2, ….
         at : array, shape (n,), optional
-            Times to return, not decreasing, instead of equally spaced ones.
+            Times to return, in frames, not decreasing, instead of equally spaced ones.
         name : str
             Name of the motion, for messages.
 
@@ -128,22 +118,15 @@ class MotionSpace(Manifold):
 
         Raises
         ------
-        ArgumentError
-            If a frame is wrong, times do not increase, or `at` lies outside the motion.
         DegenerateSurfaceError
             If a triangle has no area, so that it has no rotation.
         """
         n_frames = frame_count(motion, name, 2)
-        known = np.arange(float(n_frames))
-        if times is not None:
-            known = increasing_times(times, "times", n_frames)
         if at is None:
             count = self.n_times if n_times is None else n_times
-            wanted = np.linspace(known[0], known[-1], whole_number(count, "n_times", minimum=2))
+            places = np.linspace(0.0, n_frames - 1.0, whole_number(count, "n_times", minimum=2))
         else:
-            wanted = _times_within(at, known)
-        # Positions in frames: frame k is at k.
-        places = np.interp(wanted, known, np.arange(n_frames))
+            places = _times_within(at, n_frames - 1)
         segments = np.minimum(places.astype(int), n_frames - 2)
         result = np.empty((len(places), *self.frames.shape))
         for k in np.unique(segments):
@@ -168,12 +151,6 @@ class MotionSpace(Manifold):
             At 0 and 1 the surfaces themselves.
         """
         times = np.asarray(times, dtype=np.float64)
-        if self.geodesic_solver is not None:
-            path = self.geodesic_solver.solve(self.frames.metric, start, end).path
-            places = times * (len(path) - 1)
-            index = np.clip(places.astype(int), 0, len(path) - 2)
-            share = (places - index)[:, None, None]
-            return (1.0 - share) * path[index] + share * path[index + 1]
         surfaces = np.empty((len(times), *self.frames.shape))
         surfaces[times == 0.0], surfaces[times == 1.0] = start, end
         inside = (times > 0.0) & (times < 1.0)
@@ -185,70 +162,6 @@ class MotionSpace(Manifold):
                 rotations = interpolator.unwrap(rotations)
             surfaces[inside] = interpolator.interpolate(start, end, times[inside], rotations)
         return surfaces
-
-    def crop(self, motion: Motion, start: float, stop: float, *, name: str = "motion") -> ndarray:
-        """Return a part of a motion.
-
-        Parameters
-        ----------
-        motion : array or sequence, shape (n_frames, V, 3)
-            The motion.
-        start, stop : float
-            First and last time of the part, counted in frames from 0; between frames, surfaces lie
-            on geodesics.
-        name : str
-            Name of the motion, for messages.
-
-        Returns
-        -------
-        array, shape (n, V, 3)
-            The surface at `start`, the frames between, and the surface at `stop`.
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong, or 0 ≤ start < stop ≤ n_frames − 1 does not hold.
-        """
-        start = real_number(start, "start", minimum=0.0)
-        stop = real_number(stop, "stop", minimum=start, strict=True)
-        between = np.arange(np.floor(start) + 1.0, np.ceil(stop))
-        return self.resample(motion, at=np.concatenate([[start], between, [stop]]), name=name)
-
-    def trim(self, motion: Motion, share: float = 0.05, *, name: str = "motion") -> ndarray:
-        """Return a motion without the pauses at its beginning and end.
-
-        Parameters
-        ----------
-        motion : array or sequence, shape (n_frames, V, 3)
-            Motion of at least two frames.
-        share : float
-            Steps below this share of the longest count as pauses.
-        name : str
-            Name of the motion, for messages.
-
-        Returns
-        -------
-        array, shape (n, V, 3)
-            The frames from the first step that is no pause to the last.
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong, or nothing moves.
-        """
-        share = real_number(share, "share", minimum=0.0)
-        frame_count(motion, name, 2)
-        steps: list[ndarray] = []
-        last = None
-        for run in frame_runs(self.frames, motion, name):
-            joined = run if last is None else np.concatenate([last, run])
-            last = run[-1:]
-            steps.append(np.asarray(self.frames.metric.dist(joined[:-1], joined[1:])))
-        lengths = np.concatenate(steps)
-        moving = np.flatnonzero(lengths > share * lengths.max())
-        if not len(moving):
-            raise ArgumentError(f"{name} must have a step above the share {share:g} of the longest")
-        return read_motion(self.frames, motion[int(moving[0]) : int(moving[-1]) + 2], name)
 
     def face_forward(self, motion: Motion, *, name: str = "motion") -> ndarray:
         """Return a motion whose every frame faces the way that the template does.
@@ -266,58 +179,19 @@ class MotionSpace(Manifold):
         Returns
         -------
         array, shape (n_frames, V, 3)
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong.
         """
         frames = read_motion(self.frames, motion, name)
         places = frames.mean(axis=1, keepdims=True)
         return face_forward(self.frames, frames - places) + places
 
-    def smooth(self, motion: Motion, n_passes: int = 1, *, name: str = "motion") -> ndarray:
-        """Return a motion with less noise: frames move towards the midpoints of neighbours.
 
-        A pass moves each frame but the first and last half way along the geodesic to the midpoint
-        of its two neighbours. In a flat space, these are the weights ¼, ½, ¼.
-
-        Parameters
-        ----------
-        motion : array or sequence, shape (n_frames, V, 3)
-            Motion of at least two frames.
-        n_passes : int
-            Number of passes.
-        name : str
-            Name of the motion, for messages.
-
-        Returns
-        -------
-        array, shape (n_frames, V, 3)
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong.
-        """
-        whole_number(n_passes, "n_passes", minimum=0)
-        frames, half = read_motion(self.frames, motion, name, 2), np.array([0.5])
-        for _ in range(n_passes):
-            before = frames.copy()
-            for k in range(1, len(frames) - 1):
-                middle = self.between(before[k - 1], before[k + 1], half)[0]
-                frames[k] = self.between(before[k], middle, half)[0]
-        return frames
-
-
-def _times_within(at: Any, known: ndarray) -> ndarray:
+def _times_within(at: Any, last: int) -> ndarray:
     wanted = np.asarray(real_array(at, "at", ("n_times",), batched=False))
     if (np.diff(wanted) < 0).any():
         raise ArgumentError("at must not decrease; found an earlier time after a later one")
-    if len(wanted) and (wanted[0] < known[0] or wanted[-1] > known[-1]):
+    if len(wanted) and (wanted[0] < 0.0 or wanted[-1] > last):
         raise ArgumentError(
-            f"at must lie within the motion, {known[0]:g} to {known[-1]:g}; found "
-            f"{wanted[0]:g} to {wanted[-1]:g}"
+            f"at must lie within the motion, 0 to {last}; found {wanted[0]:g} to {wanted[-1]:g}"
         )
     return wanted
 

@@ -23,29 +23,8 @@ from riemhuman.solvers.tangent_pca import TangentPCA
 _EVEN = 1e-3
 
 
-def even_times(warp: Warp, n_times: int) -> ndarray:
-    """Return the times of the second motion at equally spaced times of the first.
-
-    Parameters
-    ----------
-    warp : Warp
-        From the first frames to the last.
-    n_times : int
-        Number of times.
-
-    Returns
-    -------
-    array, shape (n_times,)
-        Increasing from 0 to 1, as shares of the duration of the second motion.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
-    >>> warp = rh.motions.Warp(0.0, np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 4.0]))
-    >>> rh.motions.even_times(warp, 3).round(2).tolist()
-    [0.0, 0.25, 1.0]
-    """
+def _even_times(warp: Warp, n_times: int) -> ndarray:
+    """Return the times of the second motion, increasing from 0 to 1, at even times of the first."""
     even = np.linspace(0.0, 1.0, n_times)
     times = warp(even * warp.first[-1]) / warp.second[-1]
     times[0], times[-1] = 0.0, 1.0
@@ -80,11 +59,6 @@ def align_motions(
     warp : Warp
         The corresponding times.
 
-    Raises
-    ------
-    ArgumentError
-        If a frame is wrong.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -98,7 +72,7 @@ def align_motions(
     """
     warp = (alignment or _default_alignment(space)).warp(m1, m2)
     first = space.resample(m1, name=names[0])
-    return first, _at_shares(space, m2, even_times(warp, space.n_times), names[1]), warp
+    return first, _at_shares(space, m2, _even_times(warp, space.n_times), names[1]), warp
 
 
 def _default_alignment(space: MotionSpace) -> MotionDistance:
@@ -174,15 +148,13 @@ class MotionGeodesic:
 
         Raises
         ------
-        ArgumentError
-            If a frame is wrong.
         DegenerateSurfaceError
             If a triangle has no area.
         """
         first, second, warp = align_motions(space, m1, m2, self.alignment)
         shares = np.linspace(0.0, 1.0, self.n_nodes)
         columns = [space.between(a, b, shares) for a, b in zip(first, second, strict=True)]
-        return MotionPath(np.stack(columns, axis=1), even_times(warp, space.n_times))
+        return MotionPath(np.stack(columns, axis=1), _even_times(warp, space.n_times))
 
 
 class MotionMean(Estimator):
@@ -192,7 +164,8 @@ class MotionMean(Estimator):
 
     Motions are aligned with the one that is nearest to all others. The mean is then the Karcher
     mean of the surfaces at every time, over all vertices; motions are aligned with it, and it is
-    computed again. Its times are the means of theirs.
+    computed again. Its times are the means of theirs. Motions should face one way, see
+    `MotionSpace.face_forward`.
 
     Parameters
     ----------
@@ -204,8 +177,6 @@ class MotionMean(Estimator):
     alignment : DynamicTimeWarping, VelocityTimeWarping or RateInvariantMetric, optional
         How motions are aligned; by default by `DynamicTimeWarping` of changes, with the metric of
         the frames.
-    nearest : NearestSurface, optional
-        Solver for the mean of surfaces.
     n_iterations : int
         Number of means computed; after the first, motions are aligned with the previous mean.
     progress : bool
@@ -245,14 +216,12 @@ class MotionMean(Estimator):
         metric: Any = None,
         *,
         alignment: MotionDistance | None = None,
-        nearest: NearestSurface | None = None,
         n_iterations: int = 2,
         progress: bool = False,
     ) -> None:
         self.space = space
         self.metric = metric
         self.alignment = alignment
-        self.nearest = nearest
         self.n_iterations = n_iterations
         self.progress = progress
 
@@ -270,11 +239,6 @@ class MotionMean(Estimator):
         -------
         MotionMean
             The estimator itself.
-
-        Raises
-        ------
-        ArgumentError
-            If a motion or a parameter is wrong.
         """
         motions = check_motions(X, "X")
         n_iterations = whole_number(self.n_iterations, "n_iterations", minimum=1)
@@ -285,7 +249,10 @@ class MotionMean(Estimator):
         even = np.linspace(0.0, 1.0, space.n_times)
         for _ in range(n_iterations):
             times = np.stack(
-                [even_times(alignment.warp(reference, motion), space.n_times) for motion in motions]
+                [
+                    _even_times(alignment.warp(reference, motion), space.n_times)
+                    for motion in motions
+                ]
             )
             # The times of the reference are replaced by the means of all.
             common = np.interp(even, times.mean(axis=0), even)
@@ -305,7 +272,7 @@ class MotionMean(Estimator):
 
     def _means(self, aligned: ndarray) -> ndarray:
         """Return the Karcher mean of surfaces at every time, each found from the previous one."""
-        solver, metric = self.nearest or NearestSurface(), self._metric
+        solver, metric = NearestSurface(), self._metric
         areas = self.space.frames.template.vertex_areas
         means: list[ndarray] = []
         bar = ProgressBar(
@@ -381,8 +348,6 @@ class MotionComponents(Estimator):
 
         Raises
         ------
-        ArgumentError
-            If a motion is wrong, or there are too few for the components.
         OutsideManifoldError
             If the fields of a motion have no logarithm at those of the mean.
         """
@@ -410,15 +375,10 @@ class MotionComponents(Estimator):
         Returns
         -------
         array, shape (n, n_times, V, 3)
-
-        Raises
-        ------
-        ArgumentError
-            If there are more coordinates than components.
         """
         scores = real_array(X, "X", ("n", "n_components"), batched=False)
         product: Any = self._pca.space
-        solver = self.mean.nearest or NearestSurface()
+        solver = NearestSurface()
         motions = np.empty((len(scores), *self.mean_.shape))
         for motion, images in zip(motions, self._pca.inverse_transform(scores), strict=True):
             for t, image in enumerate(product.project_from_product(images)):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import metric_weight, real_array, real_number, whole_number
+from riemhuman.checks import metric_weight, real_number, whole_number
 from riemhuman.kernels.projections import Projection
 from riemhuman.motions._frames import MOST_SAMPLED, Motion, frame_count, frame_runs
 from riemhuman.motions._velocity_curves import (
@@ -44,9 +44,9 @@ class RateInvariantMetric(MotionDistance):
               + \min_\gamma \int_0^1 |q_1 - (q_2 \circ \gamma)\sqrt{\dot\gamma}|^2\, dt,
               \qquad q = v / \sqrt{|v|}
 
-    where v is the velocity of Φ(m(t)), transported along geodesics to the fields of one reference
-    surface (Su, Kurtek, Klassen and Srivastava, Annals of Applied Statistics 8, 2014). As the
-    reference is the same for all motions, all q lie in one Euclidean space, where re-timing acts by
+    where v is the velocity of Φ(m(t)), transported along geodesics to the fields of the
+    template (Su, Kurtek, Klassen and Srivastava, Annals of Applied Statistics 8, 2014). As the
+    template is the same for all motions, all q lie in one Euclidean space, where re-timing acts by
     isometries: d is a metric on motions modulo re-timing, and the triangle inequality holds. The
     transported velocities of a motion add up to a curve, a cubic spline of the frames; it is
     averaged along its length by `smoothing`, and chords of equal arcs are compared; the re-timing
@@ -62,8 +62,6 @@ class RateInvariantMetric(MotionDistance):
     metric : RiemannianMetric, optional
         Metric on frames, such as `ElasticMetric`, `RotationMetric` or `SRNFMetric`; by default that
         of their space.
-    reference : array, shape (V, 3), optional
-        The reference surface, by default the template.
     start_weight : float
         w, at least 0.
     n_segments : int
@@ -88,8 +86,6 @@ class RateInvariantMetric(MotionDistance):
     ------
     NotDefinedError
         If the metric on frames has no log and transport in closed form.
-    ArgumentError
-        If a parameter is out of its range.
 
     Examples
     --------
@@ -107,7 +103,6 @@ class RateInvariantMetric(MotionDistance):
         self,
         space: MotionSpace,
         metric: Any = None,
-        reference: ndarray | None = None,
         *,
         start_weight: float = 1.0,
         n_segments: int = 60,
@@ -120,15 +115,13 @@ class RateInvariantMetric(MotionDistance):
         metric = space.frames.metric if metric is None else metric
         super().__init__(metric, heading, n_components, n_jobs)
         self.space = space
-        self.reference = space.frames.template.vertices
-        if reference is not None:
-            surface = real_array(reference, "reference", space.frames.shape, batched=False)
-            self.reference = space.frames.check_immersed(surface, "reference")
         self.start_weight = metric_weight(start_weight, "start_weight")
         self.n_segments = whole_number(n_segments, "n_segments", minimum=1)
         self.smoothing = real_number(smoothing, "smoothing", minimum=0.0)
         self.n_steps = whole_number(n_steps, "n_steps", minimum=1)
-        self._velocities = TransportedVelocities(self.metric, self.reference, heading=heading)
+        self._velocities = TransportedVelocities(
+            self.metric, space.frames.template.vertices, heading=heading
+        )
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
         """Return the best re-timing of the velocities."""

@@ -10,10 +10,8 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from scipy.interpolate import CubicSpline
 
-from riemhuman.checks import real_number, whole_number
-from riemhuman.errors import ArgumentError
+from riemhuman.checks import whole_number
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.motions._frames import FrameDistances, Motion, check_motions, frame_count
@@ -109,11 +107,6 @@ class MotionDistance(ABC):
         Returns
         -------
         float
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong, or no re-timing is within the given limits.
         """
         return self.warp(m1, m2).dist
 
@@ -129,11 +122,6 @@ class MotionDistance(ABC):
         Returns
         -------
         Warp
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong, or no re-timing is within the given limits.
         """
 
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
@@ -152,11 +140,6 @@ class MotionDistance(ABC):
         -------
         array, shape (n, n)
             Symmetric, with zero diagonal.
-
-        Raises
-        ------
-        ArgumentError
-            If a motion is wrong, or no re-timing is within the given limits.
         """
         check_motions(motions)
         basis = self._basis(motions)
@@ -193,19 +176,17 @@ class MotionDistance(ABC):
 
 @dataclass(frozen=True)
 class _Sampled:
-    """Combinations of a motion's frames that dynamic time warping compares.
+    """A motion's frames, and what their mean and positions between them need.
 
-    In a flat space |Σ α_k x_k − Σ β_l y_l|² is Σ α_k β_l D_kl − u(α) − u(β) for coefficients with
-    equal sums, with u(α) = ½ Σ α_k α_k' D_kk'. So motions can be interpolated between frames, and
-    their means subtracted, from squared distances D alone. Metrics of surfaces are nearly flat over
-    the distance of neighbouring frames. `spread` is u of each combination; without `coefficients`
-    the frames themselves are compared. `steps` are squared distances of consecutive combinations,
-    where positions between them count.
+    In a flat space the frames x − x̄ and y − ȳ, without the means of their motions, have a squared
+    distance that follows from those of all frames alone; metrics of surfaces are nearly flat.
+    `shares` are the weights of frames in the mean, `to_mean` squared distances from it, and `steps`
+    those of consecutive frames.
     """
 
     features: tuple[ndarray, ...]
-    coefficients: ndarray | None = None
-    spread: ndarray | None = None
+    shares: ndarray | None = None
+    to_mean: ndarray | None = None
     steps: ndarray | None = None
 
 
@@ -222,12 +203,6 @@ class DynamicTimeWarping(MotionDistance):
     ----------
     metric : RiemannianMetric
         Metric on frames, with a closed form.
-    window : float, optional
-        Largest distance in time of matched frames, as a share of each motion; by default there is
-        no limit.
-    n_times : int, optional
-        Compare motions at this many equally spaced times, by cubic interpolation between frames;
-        by default at their frames.
     centered : bool
         Whether to subtract the mean of each motion along its length. The changes remain; constant
         habits of a person, such as how the arms are carried, do not.
@@ -243,11 +218,6 @@ class DynamicTimeWarping(MotionDistance):
         exceeds the exact one. By default distances are exact.
     n_jobs : int, optional
         Number of threads, -1 for one per core; by default one.
-
-    Raises
-    ------
-    ArgumentError
-        If a parameter is out of its range.
 
     Examples
     --------
@@ -266,9 +236,7 @@ class DynamicTimeWarping(MotionDistance):
     def __init__(
         self,
         metric: RiemannianMetric,
-        window: float | None = None,
         *,
-        n_times: int | None = None,
         centered: bool = False,
         between_frames: bool = False,
         heading: bool = False,
@@ -276,120 +244,60 @@ class DynamicTimeWarping(MotionDistance):
         n_jobs: int | None = None,
     ) -> None:
         super().__init__(metric, heading, n_components, n_jobs)
-        self.window = window
-        self.n_times = n_times
         self.centered = centered
         self.between_frames = between_frames
-        self._window = math.inf
-        if window is not None:
-            self._window = real_number(window, "window", minimum=0.0)
-        if n_times is not None:
-            whole_number(n_times, "n_times", minimum=2)
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
-        """Return the best re-timing, by frames or by the equally spaced times that are compared."""
+        """Return the best re-timing."""
         basis = FrameDistances(self.metric, heading=self.heading)
         costs = self._costs(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
-        total, cells = best_path(costs, self._window)
-        scales = [
-            (frame_count(motion) - 1) / (length - 1)
-            for motion, length in zip((m1, m2), costs.shape, strict=True)
-        ]
-        first, second = (cells * scales).T
+        total, cells = best_path(costs)
+        first, second = cells.T.astype(np.float64)
         return Warp(math.sqrt(total / sum(costs.shape)), first, second)
 
-    def kneighbors(
-        self, queries: Sequence[Motion], motions: Sequence[Motion], n_neighbors: int = 1
-    ) -> tuple[ndarray, ndarray]:
-        """Return the motions nearest to queries, by exact distances.
-
-        Parameters
-        ----------
-        queries, motions : sequence of motions
-            Queries, and the motions to search.
-        n_neighbors : int
-            Number of neighbours.
-
-        Returns
-        -------
-        distances : array, shape (n_queries, n_neighbors)
-            Ascending.
-        indices : array of int, shape (n_queries, n_neighbors)
-            Of motions at equal distances, the lower index comes first.
-
-        Raises
-        ------
-        ArgumentError
-            If a motion is wrong, the window admits no path, or there are not as many motions.
-        """
-        check_motions(queries, "queries")
-        check_motions(motions)
-        if not 1 <= whole_number(n_neighbors, "n_neighbors") <= len(motions):
-            raise ArgumentError(
-                f"n_neighbors must be at least 1 and at most {len(motions)}, the number of "
-                f"motions; found {n_neighbors}"
-            )
-        basis = FrameDistances(self.metric, heading=self.heading)
-        prepared = [self._prepare(basis, m, f"motions[{k}]") for k, m in enumerate(motions)]
-        distances = np.empty((len(queries), len(motions)))
-        for row, motion in enumerate(queries):
-            query = self._prepare(basis, motion, f"queries[{row}]")
-            distances[row] = [self._between(basis, query, each) for each in prepared]
-        indices = np.argsort(distances, axis=1, kind="stable")[:, :n_neighbors]
-        return np.take_along_axis(distances, indices, axis=1), indices
-
     def _prepare(self, basis: FrameDistances, motion: Motion, name: str) -> _Sampled:
-        n_frames = frame_count(motion, name, 2)
+        frame_count(motion, name, 2)
         features = basis.features(motion, name)
-        if self.n_times is None and not self.centered and not self.between_frames:
+        if not self.centered and not self.between_frames:
             return _Sampled(features)
         within = basis.squared(features, features)
-        if self.n_times is None:
-            coefficients = np.eye(n_frames)
-        else:
-            places = np.linspace(0.0, n_frames - 1.0, self.n_times)
-            coefficients = CubicSpline(np.arange(n_frames), np.eye(n_frames))(places)
-        if self.centered:
-            coefficients = coefficients - _shares_of_length(within)
-        spread = 0.5 * np.einsum("ti,ij,tj->t", coefficients, within, coefficients, optimize=True)
-        if not self.between_frames:
-            return _Sampled(features, coefficients, spread)
-        changes = np.diff(coefficients, axis=0)
-        steps = -0.5 * np.einsum("ti,ij,tj->t", changes, within, changes, optimize=True)
-        return _Sampled(features, coefficients, spread, np.maximum(steps, 0.0))
+        steps = np.diagonal(within, 1) if self.between_frames else None
+        if not self.centered:
+            return _Sampled(features, steps=steps)
+        # Weights of the frames in the mean, and half the squared distances from the mean.
+        shares = _shares_of_length(within)
+        to_mean = within @ shares - 0.5 * (shares @ within @ shares)
+        return _Sampled(features, shares, to_mean, steps)
 
     def _costs(self, basis: FrameDistances, a: _Sampled, b: _Sampled) -> ndarray:
-        """Return the squared distances of all pairs of times."""
+        """Return the squared distances of all pairs of frames."""
         costs = basis.squared(a.features, b.features)
-        if a.coefficients is not None and b.coefficients is not None:
-            costs = a.coefficients @ costs @ b.coefficients.T
-            costs = np.maximum(costs - a.spread[:, None] - b.spread, 0.0)  # type: ignore[index]
+        if a.shares is not None and b.shares is not None:
+            # |x − x̄ − (y − ȳ)|², from distances alone.
+            costs = (
+                costs
+                - (costs @ b.shares)[:, None]
+                - a.shares @ costs
+                + a.shares @ costs @ b.shares
+                + a.to_mean[:, None]  # type: ignore[index]
+                + b.to_mean
+            )
+            costs = np.maximum(costs, 0.0)
         if a.steps is not None and b.steps is not None:
             costs = costs_between_frames(costs, a.steps, b.steps)
         return costs
 
     def _between(self, basis: FrameDistances, a: _Sampled, b: _Sampled) -> float:
         costs = self._costs(basis, a, b)
-        return math.sqrt(_table_of_sums(costs, self._window)[-1, -1] / sum(costs.shape))
+        return math.sqrt(least_sums(costs)[-1, -1] / sum(costs.shape))
 
 
-def best_path(costs: ndarray, window: float) -> tuple[float, ndarray]:
+def best_path(costs: ndarray) -> tuple[float, ndarray]:
     """Return the least weighted sum of costs from corner to corner, and the cells of its path."""
-    sums = _table_of_sums(costs, window)
+    sums = least_sums(costs)
     path = np.empty((sum(costs.shape), 2), dtype=np.int64)
     length = trace_path(costs, sums, path)
     return float(sums[-1, -1]), path[:length][::-1]
-
-
-def _table_of_sums(costs: ndarray, window: float) -> ndarray:
-    sums = np.asarray(least_sums(costs, window))
-    if not sums[-1, -1] < math.inf:
-        n, m = costs.shape
-        raise ArgumentError(
-            f"window={window:g} admits no path between {n} and {m} frames; "
-            f"{math.ceil(1000 / (min(n, m) - 1)) / 1000:g} does"
-        )
-    return sums
 
 
 def _shares_of_length(within: ndarray) -> ndarray:
@@ -430,17 +338,9 @@ class VelocityTimeWarping(MotionDistance):
     motion of fewer frames. It is 0 between motions that stand still, and 1 between a motion that
     moves and one that stands still.
 
-    A motion is near all of its samplings, however few frames they have. But it is also near a
-    longer motion that differs from it only in movements that one step can skip, such as a knee
-    raised once and three times. And the triangle inequality does not hold: two samplings of a
-    motion are both near it, and may be far from each other. No distance that vanishes between a
-    motion and all of its samplings satisfies it, because two motions that share some frames would
-    be at 0. `RateInvariantMetric` is a metric, but less near to 0 between a motion and few of its
-    frames.
-
-    Noise counts in proportion to the steps: if it is as large as the steps of a slow motion, all
-    distances are about 1. `RateInvariantMetric` smooths it away. In flat spaces the distance does
-    not change when one vector is added to all frames of a motion, such as a habit of the arms.
+    A motion is near all of its samplings, however few frames they have, and near a longer motion
+    that differs only in movements that one step can skip. The triangle inequality does not hold.
+    Noise counts in proportion to the steps; `RateInvariantMetric` smooths it away.
 
     Parameters
     ----------
@@ -457,11 +357,6 @@ class VelocityTimeWarping(MotionDistance):
         distances are exact.
     n_jobs : int, optional
         Number of threads, -1 for one per core; by default one.
-
-    Raises
-    ------
-    ArgumentError
-        If a parameter is out of its range.
 
     Examples
     --------

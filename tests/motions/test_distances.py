@@ -13,10 +13,7 @@ DISTANCES = {
     "frames and between": lambda space, **o: rh.motions.DynamicTimeWarping(
         space.metric, between_frames=True, **o
     ),
-    "changes at 15 times": lambda space, **o: rh.motions.DynamicTimeWarping(
-        space.metric, n_times=15, centered=True, **o
-    ),
-    "frames in a window": lambda space, **o: rh.motions.DynamicTimeWarping(space.metric, 0.6, **o),
+    "changes": lambda space, **o: rh.motions.DynamicTimeWarping(space.metric, centered=True, **o),
     "velocities": lambda space, **o: rh.motions.VelocityTimeWarping(space.metric, **o),
     "rate-invariant": lambda space, **o: rh.motions.RateInvariantMetric(
         rh.motions.MotionSpace(space, n_times=10), **o
@@ -119,7 +116,6 @@ def test_wrong_motions_are_named(distance, motions):
         ("velocities", {"n_steps": 0}),
         ("velocities", {"n_jobs": 0}),
         ("rate-invariant", {"smoothing": -0.1}),
-        ("rate-invariant", {"reference": np.zeros((1202, 3))}),
     ],
 )
 def test_parameters_out_of_range(space, name, options):

@@ -1,8 +1,7 @@
-"""Hankel matrices of currents, fitted joint angles, and random re-timings of the open motions."""
+"""Hankel matrices of currents, and random re-timings of the open motions."""
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.motions.motion_representations import random_places, retime_at_random
@@ -33,18 +32,6 @@ def test_matrix_is_the_product_of_a_hankel_matrix(space, motions):
     assert hankel.dist(motions[0], motions[0] + [1.0, 0.0, 2.0]) == pytest.approx(0.0, abs=1e-9)
     with pytest.raises(rh.RiemhumanError, match="at least n_rows=8 frames; found 5"):
         rh.motions.GramHankel(space).describe(motions[0][:5])
-
-
-def test_joint_rotations_are_those_of_the_motion(open_motions):
-    motion = open_motions[0]
-    joints = rh.motions.JointAngles(motion.model)
-    fitted = joints.rotations(motion[:21:20])
-    poses = motion.pose_vectors[[0, 20]]
-    expected = Rotation.from_rotvec(poses.reshape(-1, 3)).as_matrix().reshape(fitted.shape)
-    errors = joints.metric.dist(fitted, expected)
-    assert (errors < 0.2 * joints.metric.dist(fitted[0], fitted[1])).all()
-    warping = rh.motions.DynamicTimeWarping(joints.metric)
-    assert warping.dist(fitted, np.repeat(fitted, 2, axis=0)) == 0.0
 
 
 def test_random_re_timings(open_motions):

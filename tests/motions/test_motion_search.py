@@ -20,8 +20,7 @@ def test_sums_are_the_least_of_all_beginnings():
         extend_paths(run, first, sums, starts, totals[first:last], begins[first:last])
     for end in range(5):
         all_sums = [
-            best_path(np.ascontiguousarray(costs[:, start : end + 1]), math.inf)[0]
-            for start in range(end)
+            best_path(np.ascontiguousarray(costs[:, start : end + 1]))[0] for start in range(end)
         ]
         all_sums.append(costs[:, end].sum() + costs[0, end])
         assert totals[end] == pytest.approx(min(all_sums), rel=1e-12)

@@ -1,4 +1,4 @@
-"""Points of the space of motions: resampled, cropped, trimmed, smoothed."""
+"""Points of the space of motions, and their metric."""
 
 import numpy as np
 import pytest
@@ -28,21 +28,9 @@ class TestResample:
 
         assert change(middle) < 0.2 * change(straight)
 
-    def test_times_of_frames(self, motion_space, motions):
-        uneven = motion_space.resample(motions[0][:3], 5, times=[0.0, 1.0, 4.0])
-        plain = motion_space.resample(motions[0][:3], at=[0.0, 1.0, 4 / 3, 5 / 3, 2.0])
-        np.testing.assert_allclose(uneven, plain, atol=1e-12)
-
-    def test_geodesics_of_a_solver(self, space, motions):
-        solver = rh.solvers.LinearPath(n_nodes=3)
-        straight = rh.motions.MotionSpace(space, 3, solver).resample(motions[0][:2])
-        np.testing.assert_allclose(straight[1], motions[0][:2].mean(axis=0))
-
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            ({"times": [0.0, 2.0, 1.0]}, "times must increase; found 1 after 2, at index 2"),
-            ({"times": [0.0, 1.0]}, r"times must have shape \(3\)"),
             ({"at": [0.0, 2.5]}, "at must lie within the motion, 0 to 2"),
             ({"at": [1.0, 0.5]}, "must not decrease"),
             ({"n_times": 1}, "n_times must be a whole number of at least 2"),
@@ -51,29 +39,6 @@ class TestResample:
     def test_bad_times(self, motion_space, motions, options, message):
         with pytest.raises(rh.RiemhumanError, match=message):
             motion_space.resample(motions[0][:3], **options)
-
-
-class TestParts:
-    def test_crop(self, motion_space, motions):
-        part = motion_space.crop(motions[0], 1.5, 4)
-        assert len(part) == 4
-        np.testing.assert_array_equal(part[1:], motions[0][2:5])
-
-    def test_trim_takes_stillness_off(self, motion_space, motions):
-        held = np.repeat(motions[0], [3, *[1] * 8, 4], axis=0)
-        np.testing.assert_array_equal(motion_space.trim(held), motions[0])
-
-    def test_trim_of_what_does_not_move(self, motion_space, motions):
-        with pytest.raises(rh.RiemhumanError, match="above the share"):
-            motion_space.trim(np.repeat(motions[0][:1], 3, axis=0))
-
-    def test_smoothing_lowers_noise_and_keeps_the_ends(self, motion_space, open_motions):
-        still = open_motions[2][:5]
-        noisy = still + np.random.default_rng(0).normal(0.0, 5e-4, still.shape)
-        smooth = motion_space.smooth(noisy, 2)
-        np.testing.assert_array_equal(smooth[[0, -1]], noisy[[0, -1]])
-        metric = motion_space.frames.metric
-        assert metric.dist(smooth, still)[1:-1].mean() < 0.8 * metric.dist(noisy, still).mean()
 
 
 class TestRateDependentMetric:
