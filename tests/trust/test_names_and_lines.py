@@ -60,12 +60,6 @@ def test_folders_that_cannot_be(tmp_path, monkeypatch, name):
     assert os.listdir() == []
 
 
-@pytest.mark.parametrize("make", [job_folder, check_folder])
-def test_folders_with_a_tilde(tmp_path, monkeypatch, make):
-    monkeypatch.chdir(tmp_path)
-    assert make("~anna.results").absolute() == tmp_path / "~anna.results"
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux alone")
 @pytest.mark.parametrize("name", ["~anna.ply", "~.ply", os.fsdecode(b"\xff.ply"), "a\nb.ply"])
 def test_names_of_every_kind_are_read(tmp_path, monkeypatch, name):
