@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from riemhuman.terms import _cone_geodesics, cone
+from riemhuman.terms import EbinTerm, _cone_geodesics, cone
 
 LAMBDAS = (1e-4, 0.05, 1.0, 10.0)
 
@@ -70,3 +70,32 @@ def cone_size(g1, g2, lam):
     """Return 4√λ(s₁ + s₂), the largest distance that g₁ and g₂ can have."""
     s1, s2 = (np.linalg.det(g) ** 0.25 for g in (g1, g2))
     return 4 * np.sqrt(lam) * (s1 + s2)
+
+
+# Closed forms of the Ebin metric of one λ.
+
+
+def exp(delta_g, g, lam):
+    (end,), met_apex = _cone_geodesics.exp((delta_g,), (g,), EbinTerm(lam=lam))
+    return end, met_apex
+
+
+def log(g1, g2, lam):
+    return _cone_geodesics.log((g1,), (g2,), EbinTerm(lam=lam))[0][0]
+
+
+def angle(g1, g2, lam):
+    return _cone_geodesics.angle((g1,), (g2,), EbinTerm(lam=lam))
+
+
+def inner_product(a, b, g, lam):
+    return _cone_geodesics.inner_product((a,), (b,), (g,), EbinTerm(lam=lam))
+
+
+def geodesic(g1, g2, t, lam):
+    return _cone_geodesics.geodesic((g1,), (g2,), t, EbinTerm(lam=lam))[0]
+
+
+def parallel_transport(w, g, delta_g, lam):
+    term = EbinTerm(lam=lam)
+    return _cone_geodesics.parallel_transport((w,), (g,), (delta_g,), term)[0]

@@ -67,10 +67,6 @@ class AlignedSurfaces(Manifold):
         return ElasticMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Return whether all vertices are finite and all triangles have area.
-
-        Areas that are nearly zero count as zero: rounding in another order may make them zero.
-        """
         point, finite = self._candidates(point, "point")
         template, leading = self.template, point.shape[:-2]
         degenerate = nearly_degenerate_triangles(
@@ -79,14 +75,9 @@ class AlignedSurfaces(Manifold):
         return finite & ~np.any(degenerate, axis=-1).reshape(leading)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Return the vector itself: every deformation is tangent."""
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Draw the template under random linear maps.
-
-        Their entries differ from those of the identity by at most a fifth of `bound`.
-        """
         noise = generator(rng).uniform(-1.0, 1.0, (sample_count(n_samples), 3, 3))
         maps = np.eye(3) + 0.2 * sample_bound(bound) * noise
         return stack_samples(self.template.vertices @ maps, n_samples)
@@ -245,13 +236,6 @@ class AlignedSurfaces(Manifold):
         )
 
     def as_array(self, points: Any, name: str = "points") -> Any:
-        """Return the vertices of mesh objects, see `riemhuman.io.as_arrays`, or of a list of them.
-
-        Raises
-        ------
-        ArgumentError
-            If a mesh does not have the triangles of the template.
-        """
         if isinstance(points, (list, tuple)):
             each = [self.as_array(point, f"{name}[{k}]") for k, point in enumerate(points)]
             return points if all(map(operator.is_, each, points)) else np.stack(each)
@@ -269,17 +253,6 @@ class AlignedSurfaces(Manifold):
         return vertices
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
-        """Return surfaces as float64 arrays after checking them.
-
-        Triangles without area are legal, as in the completion.
-
-        Raises
-        ------
-        ArgumentError
-            If the number of vertices is not the template's, an entry is not finite, areas would
-            leave the range of double precision, or a surface is evidently in another unit than the
-            template.
-        """
         if not isinstance(point, ndarray):
             point = self.as_array(point, name)
         point = real_array(point, name, self.shape, rows=True, lengths=True)
@@ -300,17 +273,10 @@ class AlignedSurfaces(Manifold):
         Returns
         -------
         array, shape (..., V, 3)
-
-        Raises
-        ------
-        ArgumentError
-            If the number of vertices is not the template's, an entry is not finite, or areas
-            would leave the range of double precision.
         """
         return real_array(self.as_array(tangent_vec, name), name, self.shape, lengths=True)
 
     def check_scale(self, point: ndarray, name: str = "point") -> None:
-        """Raise ArgumentError if surfaces are in another unit than the template; see `scale`."""
         if self.scale is not None:
             check_same_scale(values_of(point), self._reference, name, "the template")
 

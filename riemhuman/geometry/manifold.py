@@ -285,11 +285,6 @@ class Manifold(ABC):
         Returns
         -------
         array, shape (..., \*shape)
-
-        Raises
-        ------
-        ArgumentError
-            If the shape is wrong or there are NaN or infinite entries.
         """
         return real_array(self.as_array(point, name), name, self.shape, rows=True)
 

@@ -461,8 +461,6 @@ class RiemannianMetric:
 
         Raises
         ------
-        ArgumentError
-            If a point has another shape or an entry that is not finite, or an option is not legal.
         DegenerateSurfaceError
             If the metric needs a normal of a triangle without area.
         """

@@ -1,8 +1,8 @@
-"""Fields of metrics on a template, with the Ebin metric."""
+"""Fields of metrics on a template, and the metrics on them and normals that are cones."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import autograd.numpy as np
@@ -10,13 +10,15 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
+from riemhuman.geometry._field_metric import FieldMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import Bulk
-from riemhuman.kernels.surface import refuse_triangles
-from riemhuman.terms import EbinTerm
+from riemhuman.geometry.product import ProductManifold
+from riemhuman.kernels import sphere
+from riemhuman.kernels.surface import dot, refuse_triangles
+from riemhuman.terms import ConeTerm, EbinTerm
 from riemhuman.terms import _cone_geodesics as cones
-from riemhuman.terms._sum import SumOfTerms
+from riemhuman.terms.term import Fields
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -106,7 +108,123 @@ class MetricFields(Manifold):
         return point
 
 
-class EbinMetric(RiemannianMetric):
+class ConeMetric(FieldMetric):
+    """A metric whose triangles are cones, over points g or pairs of g and n."""
+
+    _term: ConeTerm
+
+    def _split(self, points: Any) -> tuple[ndarray, ...]:
+        """Return g, or g and n, of points or tangent vectors."""
+        return (points,)
+
+    def _join(self, parts: Sequence[ndarray]) -> ndarray:
+        return parts[0]
+
+    def _checked(self, point: Any, name: str) -> tuple[ndarray, ...]:
+        return (self.space.check_point(point, name, completion=True),)
+
+    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+        """Return the distance to the nearest fields that are 0 or antipodal on a triangle."""
+        g = self._checked(base_point, "base_point")[0]
+        radii = 4.0 * np.sqrt(self._term.b * np.sqrt(cones.determinants(g)))
+        # The angle on the cone to the antipodal normal; from ½π on the apex is nearer.
+        angle = min(np.pi * self._term.angle_per_turn, 0.5 * np.pi) if self._term.c else 0.5 * np.pi
+        return np.min(np.sqrt(self._template.face_areas) * np.sin(angle) * radii, axis=-1)
+
+    def _fields(self, point: Any, name: str) -> Fields:
+        g, *n = self._checked(point, name)
+        return *cones.coordinates(g), *n
+
+    def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+        return cones.inner_product(*map(self._split, (a, b, point)), self._term)
+
+    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+        with np.errstate(over="ignore", invalid="ignore"):
+            end, met_apex = cones.exp(self._split(velocity), self._split(point), self._term)
+            lost = cones.has_lost_its_shape(values_of(end[0]))
+        refuse_triangles(
+            values_of(met_apex),
+            "tangent_vec must be the velocity of a geodesic that stays clear of g = 0",
+            OutsideManifoldError,
+        )
+        refuse_triangles(
+            lost,
+            "tangent_vec must be the velocity of a geodesic whose end double precision can hold",
+            OutsideManifoldError,
+        )
+        return self._join(end)
+
+    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+        ends = self._split(start), self._split(point)
+        self._refuse_antipodal(*ends, "point must hold no normal antipodal to that of base_point")
+        velocity, psi = cones.log(*ends, self._term)
+        refuse_triangles(
+            values_of(psi) >= np.pi,
+            "point must be within an angle ψ < π of base_point, or the minimal path runs through "
+            "g = 0 and there is no logarithm",
+            OutsideManifoldError,
+        )
+        return self._join(velocity)
+
+    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+        self._exp(velocity, point)  # where the geodesic exists
+        parts = map(self._split, (vector, point, velocity))
+        return self._join(cones.parallel_transport(*parts, self._term))
+
+    def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+        # With κ = ψ/ℓ and ρ = ψ/φ the link has curvature −1/κ² across hyperbolic planes and 1/ρ²
+        # across spheres; the cone of radius r has that of the link less 1, over r².
+        g, kappa, rho = (
+            self._split(point)[0],
+            self._term.angle_per_length,
+            self._term.angle_per_turn,
+        )
+        (delta_a, *turn_a), (delta_b, *turn_b) = self._split(a), self._split(b)
+        shear_a, shear_b = (cones.traceless(cones.whiten(h, g)) for h in (delta_a, delta_b))
+
+        def area(aa: Any, bb: Any, ab: Any) -> Any:
+            return aa * bb - ab**2
+
+        pairs = (shear_a, shear_a), (shear_b, shear_b), (shear_a, shear_b)
+        in_plane = [0.5 * kappa**2 * cones.trace(x @ y) for x, y in pairs]
+        curvature: Any = -area(*in_plane) / kappa**2 if kappa else 0.0
+        whole = in_plane
+        for u, v in zip(turn_a, turn_b, strict=True):
+            turns = [rho**2 * dot(x, y) for x, y in ((u, u), (v, v), (u, v))]
+            curvature = curvature + area(*turns) / rho**2
+            whole = [x + y for x, y in zip(in_plane, turns, strict=True)]
+        squared_radii = 16.0 * self._term.b * np.sqrt(cones.determinants(g))
+        return squared_radii * (curvature - area(*whole))
+
+    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        ends = self._checked(start, "initial_point"), self._checked(end, "end_point")
+        through_apex = values_of(cones.runs_through_apex(*ends, self._term))
+        message = "end_point must hold no normal antipodal to that of initial_point where ψ < π"
+        self._refuse_antipodal(*ends, message, unless=through_apex)
+        # Time comes before the axes of the triangles' matrices and normals.
+        first, last = (
+            tuple(np.expand_dims(part, -2 - k) for k, part in zip((2, 1), parts, strict=False))
+            for parts in ends
+        )
+
+        def follow(t: Any) -> ndarray:
+            times = np.reshape(self._times(t), (-1, 1))
+            return self._join(cones.geodesic(first, last, times, self._term))
+
+        return follow
+
+    def _refuse_antipodal(
+        self, start: Any, end: Any, message: str, unless: ndarray | bool = False
+    ) -> None:
+        for n1, n2 in zip(start[1:], end[1:], strict=True):
+            refuse_triangles(
+                (values_of(sphere.angle(n1, n2)) >= sphere.ANTIPODAL) & ~np.asarray(unless),
+                f"{message}, or there is no unique geodesic",
+                OutsideManifoldError,
+            )
+
+
+class EbinMetric(ConeMetric):
     r"""The Ebin (DeWitt) metric on Met(T).
 
     .. math:: ((\delta g,\delta g))_g = \int_T \left(\operatorname{tr}((g^{-1}\delta g_0)^2)
@@ -145,141 +263,7 @@ class EbinMetric(RiemannianMetric):
     @property
     def lam(self) -> float:
         """The weight λ of the change of area."""
-        return self._term.lam
-
-    def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
-        """Return the inner product of tangent vectors (equation 2, corrected)."""
-        base_point = self.space.check_point(base_point, "base_point")
-        tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
-        tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
-        values = cones.inner_product(tangent_vec_a, tangent_vec_b, base_point, self.lam)
-        return np.sum(values * self.space.template.face_areas, axis=-1)
-
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        """Return the squared distance in the completion of Met(T) (Theorem 1, corrected)."""
-        point_a = self.space.check_point(point_a, "point_a", completion=True)
-        point_b = self.space.check_point(point_b, "point_b", completion=True)
-        values = self._term.squared_dist(cones.coordinates(point_a), cones.coordinates(point_b))
-        return np.sum(values * self.space.template.face_areas, axis=-1)
-
-    @property
-    def bulk(self) -> Bulk:
-        """Features x, y and s of the cones, in compiled loops."""
-        return SumOfTerms(
-            [self._term],
-            self.space.template,
-            lambda points: cones.coordinates(
-                self.space.check_point(points, "points", completion=True)
-            ),
-        )
-
-    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Return the end point of the geodesic with this initial velocity.
-
-        Raises
-        ------
-        OutsideManifoldError
-            If the geodesic has met the apex g = 0 on some triangle, or ends so far away that double
-            precision does not hold the matrix.
-        """
-        base_point = self.space.check_point(base_point, "base_point")
-        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        with np.errstate(over="ignore", invalid="ignore"):
-            end, met_apex = cones.exp(tangent_vec, base_point, self.lam)
-            lost = cones.has_lost_its_shape(values_of(end))
-        refuse_triangles(
-            values_of(met_apex),
-            "tangent_vec must be the velocity of a geodesic that stays clear of g = 0",
-            OutsideManifoldError,
-        )
-        refuse_triangles(
-            lost,
-            "tangent_vec must be the velocity of a geodesic whose end double precision can hold",
-            OutsideManifoldError,
-        )
-        return end
-
-    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        """Return the initial velocity of the minimal geodesic.
-
-        Raises
-        ------
-        OutsideManifoldError
-            If the minimal path runs through g = 0 on some triangle (θ ≥ π), so that it is no
-            geodesic of Met(T).
-        """
-        point = self.space.check_point(point, "point")
-        base_point = self.space.check_point(base_point, "base_point")
-        refuse_triangles(
-            values_of(cones.angle(base_point, point, self.lam)) >= np.pi,
-            "point must be within an angle θ < π of base_point, or the minimal path runs through "
-            "g = 0 and there is no logarithm",
-            OutsideManifoldError,
-        )
-        return cones.log(base_point, point, self.lam)
-
-    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        """Return the distance to the nearest field that is 0 on a triangle, the apex of its cone.
-
-        Every triangle's matrices are a cone over a hyperbolic plane, without positive curvature.
-        """
-        g = self.space.check_point(base_point, "base_point")
-        radii = 4.0 * np.sqrt(self.lam * np.sqrt(cones.determinants(g)))
-        return np.min(np.sqrt(self.space.template.face_areas) * radii, axis=-1)
-
-    def curvature_form(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
-    ) -> ndarray:
-        r"""Return ⟨R(a, b) b, a⟩ of a product of cones over hyperbolic planes.
-
-        .. math:: -\sum_t w_t \frac{8\lambda + 1}{16\lambda} \sqrt{\det g}\,
-            \left(\mathrm{tr} A_0^2\, \mathrm{tr} B_0^2 - (\mathrm{tr} A_0 B_0)^2\right)
-
-        A₀ and B₀ are the parts of g⁻¹a and g⁻¹b without trace. The cone of a triangle has radius
-        :math:`r = 4\sqrt{\lambda\sqrt{\det g}}` over the matrices of determinant 1, which with
-        the metric tr A₀²/(16λ) are a hyperbolic plane of curvature −8λ: planes across the radius
-        have curvature −(8λ + 1)/r², those along it 0.
-        """
-        g = self.space.check_point(base_point, "base_point")
-        first, second = (
-            cones.traceless(cones.whiten(real_array(vector, name, self.space.shape), g))
-            for vector, name in ((tangent_vec_a, "tangent_vec_a"), (tangent_vec_b, "tangent_vec_b"))
-        )
-        squares = cones.trace(first @ first) * cones.trace(second @ second)
-        areas = squares - cones.trace(first @ second) ** 2
-        factor = (8.0 * self.lam + 1.0) / (16.0 * self.lam) * np.sqrt(cones.determinants(g))
-        return -np.sum(self.space.template.face_areas * factor * areas, axis=-1)
-
-    def parallel_transport(
-        self,
-        tangent_vec: ndarray,
-        base_point: ndarray,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-    ) -> ndarray:
-        """Transport tangent vectors in parallel along geodesics, in closed form.
-
-        Raises
-        ------
-        OutsideManifoldError
-            If the geodesic meets the apex g = 0 on some triangle, or none leads to the end point.
-        """
-        base_point = self.space.check_point(base_point, "base_point")
-        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        direction = self._velocity(base_point, direction, end_point)
-        self.exp(direction, base_point)
-        return cones.parallel_transport(tangent_vec, base_point, direction, self.lam)
-
-    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
-        def follow(t: Any) -> ndarray:
-            times = self._times(t)[..., 0, 0]
-            return cones.geodesic(
-                self._with_time_axis(start), self._with_time_axis(end), times, self.lam
-            )
-
-        return follow
+        return self._term.b
 
     def geodesic(
         self,
@@ -293,7 +277,59 @@ class EbinMetric(RiemannianMetric):
         """
         if end_point is None or initial_tangent_vec is not None:
             return super().geodesic(initial_point, end_point, initial_tangent_vec)
-        return self._geodesic_between(
-            self.space.check_point(initial_point, "initial_point", completion=True),
-            self.space.check_point(end_point, "end_point", completion=True),
-        )
+        return self._geodesic_between(initial_point, end_point)
+
+
+class GeneralElasticFieldMetric(ConeMetric):
+    r"""The general elastic metric on pairs of a metric field and a normal field.
+
+    .. math:: ((\delta g, \delta n), (\delta g, \delta n)) = \int_T \left(
+              a \operatorname{tr}(A_0^2) + b \operatorname{tr}(A)^2 + c\, |\delta n|^2\right) \mu_g,
+              \qquad A = g^{-1} \delta g
+
+    At every point it is a cone over H² × S²; geodesics have a closed form. `GeneralElasticMetric`
+    is its pull-back to surfaces.
+
+    Parameters
+    ----------
+    space : ProductManifold
+        `MetricFields` times `NormalFields` over one template.
+    a : float
+        Weight of stretching without change of area, at least 0.
+    b : float
+        Weight of the change of area, above 0.
+    c : float
+        Weight of the rotation of normals, above 0.
+
+    Raises
+    ------
+    ArgumentError
+        If a weight is out of range.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> fields = rh.GeneralElasticMetric(space, a=1.0, b=1.0, c=0.1).target_metric
+    >>> start, end = fields.space.random_point(2, rng=0)
+    >>> velocity = fields.log(end, start)
+    >>> float(fields.norm(velocity, start) / fields.dist(start, end)).__round__(6)
+    1.0
+    """
+
+    def __init__(
+        self, space: ProductManifold, a: float = 1.0, b: float = 1.0, c: float = 1.0
+    ) -> None:
+        super().__init__(space)
+        self._term = ConeTerm(1.0, a, b, c)
+
+    def _split(self, points: Any) -> tuple[ndarray, ...]:
+        return self.space.project_from_product(points)
+
+    def _join(self, parts: Sequence[ndarray]) -> ndarray:
+        return self.space.embed_to_product(parts)
+
+    def _checked(self, point: Any, name: str) -> tuple[ndarray, ...]:
+        parts = zip(self.space.factors, self._split(point), strict=True)
+        return tuple(factor.check_point(part, name) for factor, part in parts)

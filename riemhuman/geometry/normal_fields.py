@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import autograd.numpy as np
@@ -10,13 +9,13 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
+from riemhuman.geometry._field_metric import FieldMetric
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import Bulk
 from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot, refuse_triangles
-from riemhuman.terms._sum import SumOfTerms
 from riemhuman.terms.normals import NormalTerm
+from riemhuman.terms.term import Fields
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -85,7 +84,7 @@ class NormalFields(Manifold):
         return point
 
 
-class NormalFieldMetric(RiemannianMetric):
+class NormalFieldMetric(FieldMetric):
     r"""The metric :math:`\int_T \langle\delta n, \delta n\rangle\, dx` of a product of spheres.
 
     The second term of equation 3 of the paper. Exponential, logarithm, geodesics and parallel
@@ -110,88 +109,34 @@ class NormalFieldMetric(RiemannianMetric):
     0.5
     """
 
-    def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
-        """Return the inner product of tangent vectors."""
-        tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
-        tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
-        base_point = self.space.check_point(base_point, "base_point")
-        values = NormalTerm().inner_product((tangent_vec_a,), (tangent_vec_b,), (base_point,))
-        product = np.sum(values * self.space.template.face_areas, axis=-1)
-        return product + np.zeros(base_point.shape[:-2])
-
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        """Return Σ_t w_t θ_t², θ_t the angle of the two normals (Theorem 2)."""
-        point_a = self.space.check_point(point_a, "point_a")
-        point_b = self.space.check_point(point_b, "point_b")
-        values = NormalTerm().squared_dist((point_a,), (point_b,))
-        return np.sum(values * self.space.template.face_areas, axis=-1)
-
-    @property
-    def bulk(self) -> Bulk:
-        """Features are the components of the normals, in compiled loops."""
-        return SumOfTerms(
-            [NormalTerm()],
-            self.space.template,
-            lambda points: (self.space.check_point(points, "points"),),
-        )
-
-    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Follow great circles for unit time."""
-        base_point = self.space.check_point(base_point, "base_point")
-        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        return sphere.exp(tangent_vec, base_point)
-
-    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        """Return the initial velocity of the shortest great circles.
-
-        Raises
-        ------
-        OutsideManifoldError
-            If two normals are antipodal: there is no unique shortest path.
-        """
-        point = self.space.check_point(point, "point")
-        base_point = self.space.check_point(base_point, "base_point")
-        refuse_triangles(
-            values_of(sphere.angle(base_point, point)) >= sphere.ANTIPODAL,
-            "point must hold no normal antipodal to that of base_point, or there is no unique "
-            "logarithm",
-            OutsideManifoldError,
-        )
-        return sphere.log(base_point, point)
+    _term = NormalTerm()
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
         r"""Return half the shortest great circle, :math:`\pi\sqrt{\min_t w_t}`."""
         leading = np.shape(base_point)[:-2] if base_point is not None else ()
         return np.full(leading, np.pi * np.sqrt(self.space.template.face_areas.min()))
 
-    def curvature_form(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
-    ) -> ndarray:
-        r"""Return :math:`\sum_t w_t (|a_t|^2 |b_t|^2 - \langle a_t, b_t\rangle^2)`.
+    def _fields(self, point: Any, name: str) -> Fields:
+        return (self.space.check_point(point, name),)
 
-        Spheres of radius 1 have curvature 1.
-        """
-        base_point = self.space.check_point(base_point, "base_point")
-        a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
-        b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
-        values = dot(a, a) * dot(b, b) - dot(a, b) ** 2
-        form = np.sum(self.space.template.face_areas * values, axis=-1)
-        return form + np.zeros(base_point.shape[:-2])
+    def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+        return dot(a, b)
 
-    def parallel_transport(
-        self,
-        tangent_vec: ndarray,
-        base_point: ndarray,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-    ) -> ndarray:
-        """Transport tangent vectors in parallel along geodesics."""
-        base_point = self.space.check_point(base_point, "base_point")
-        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        direction = self._velocity(base_point, direction, end_point)
-        return sphere.parallel_transport(tangent_vec, base_point, direction)
+    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+        return sphere.exp(velocity, point)
 
-    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
-        return self.geodesic(start, initial_tangent_vec=self.log(end, start))
+    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+        refuse_triangles(
+            values_of(sphere.angle(start, point)) >= sphere.ANTIPODAL,
+            "point must hold no normal antipodal to that of base_point, or there is no unique "
+            "logarithm",
+            OutsideManifoldError,
+        )
+        return sphere.log(start, point)
+
+    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+        return sphere.parallel_transport(vector, point, velocity)
+
+    def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+        # Spheres of radius 1 have curvature 1.
+        return dot(a, a) * dot(b, b) - dot(a, b) ** 2

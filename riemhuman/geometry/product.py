@@ -111,7 +111,6 @@ class ProductManifold(Manifold):
         return np.reshape(flat, flat.shape[:-1] + self.factors[index].shape)
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Return whether every component belongs to its factor."""
         point, right_shape = self._candidates(point, "point", finite=False)
         components = self.project_from_product(point)
         verdicts = [
@@ -121,17 +120,14 @@ class ProductManifold(Manifold):
         return right_shape & np.all(np.stack(verdicts), axis=0)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Project every component to the tangent space of its factor."""
         if base_point is None:
             return self._each("to_tangent", vector)
         return self._each("to_tangent", vector, base_point)
 
     def projection(self, point: ndarray) -> ndarray:
-        """Project every component to its factor."""
         return self._each("projection", point)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Draw random points of all factors."""
         rng, n_samples = generator(rng), sample_count(n_samples)
         samples = [
             factor.random_point(n_samples, bound, rng).reshape(n_samples, *factor.shape)
@@ -216,7 +212,6 @@ class ProductMetric(RiemannianMetric):
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        """Return Σ_k w_k ⟨a_k, b_k⟩."""
         return self._sum("inner_product", tangent_vec_a, tangent_vec_b, base_point)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
@@ -225,7 +220,6 @@ class ProductMetric(RiemannianMetric):
 
     @property
     def bulk(self) -> Bulk:
-        """The bulk work of all factors that have a weight."""
         return SumOfFactors(
             [
                 (partial(self.space.component, index=k), weight, factor.metric.bulk)
@@ -234,15 +228,12 @@ class ProductMetric(RiemannianMetric):
         )
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Return the exponential of every factor."""
         return self._join("exp", tangent_vec, base_point)
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        """Return the logarithm of every factor."""
         return self._join("log", point, base_point)
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        """Return the least of the factors' radii, each times the square root of its weight."""
         base_point = self.space.check_point(base_point, "base_point")
         radii = [
             np.sqrt(weight) * factor.metric.injectivity_radius(self.space.component(base_point, k))
@@ -253,7 +244,6 @@ class ProductMetric(RiemannianMetric):
     def curvature_form(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
     ) -> ndarray:
-        """Return Σ_k w_k ⟨R(a_k, b_k) b_k, a_k⟩."""
         return self._sum("curvature_form", tangent_vec_a, tangent_vec_b, base_point)
 
     def parallel_transport(
@@ -263,13 +253,6 @@ class ProductMetric(RiemannianMetric):
         direction: ndarray | None = None,
         end_point: ndarray | None = None,
     ) -> ndarray:
-        """Transport tangent vectors in every factor.
-
-        Raises
-        ------
-        NotDefinedError
-            If the metric of a factor has no parallel transport.
-        """
         for factor in self.space.factors:
             if not factor.metric.has_closed_form_transport:
                 raise NotDefinedError(f"{type(factor.metric).__name__} has no parallel transport")

@@ -64,7 +64,6 @@ class PullbackMetric(RiemannianMetric):
 
     @property
     def target_metric(self) -> RiemannianMetric:
-        """The metric on the image."""
         return self._target_metric
 
     @property
@@ -91,7 +90,6 @@ class PullbackMetric(RiemannianMetric):
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        r"""Return the inner product of the images of tangent vectors."""
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         image_a = self.differential(tangent_vec_a, base_point)
@@ -103,14 +101,12 @@ class PullbackMetric(RiemannianMetric):
         return self.target_metric.inner_product(image_a, image_b, self.map(base_point))
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        r"""Return the squared distance of the images."""
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
         return self.target_metric.squared_dist(self.map(point_a), self.map(point_b))
 
     @property
     def bulk(self) -> Bulk:
-        """The bulk work of the target metric, on images."""
 
         def image(points: ndarray) -> ndarray:
             return self.map(self.space.check_point(points, "points"))

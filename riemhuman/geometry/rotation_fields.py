@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Unpack
 
 import autograd.numpy as np
@@ -10,6 +9,7 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, real_number, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
+from riemhuman.geometry._field_metric import FieldMetric
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric, Solvers
 from riemhuman.geometry.pairwise import Bulk
@@ -34,6 +34,7 @@ from riemhuman.kernels.surface import (
 )
 from riemhuman.terms._sum import SumOfTerms
 from riemhuman.terms.rotations import RotationTerm
+from riemhuman.terms.term import Fields
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -106,7 +107,7 @@ class RotationFields(Manifold):
         return point
 
 
-class RotationFieldMetric(RiemannianMetric):
+class RotationFieldMetric(FieldMetric):
     r"""The metric :math:`\tfrac12 \int_T \mathrm{tr}(\delta R^T \delta R)\, dx`.
 
     On every triangle the distance is the angle θ of the rotation R₁ᵀ R₂, in [0, π], and
@@ -133,50 +134,24 @@ class RotationFieldMetric(RiemannianMetric):
     1.0
     """
 
-    def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
-        """Return the inner product of tangent vectors."""
-        tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
-        tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
-        base_point = self.space.check_point(base_point, "base_point")
-        values = 0.5 * np.sum(tangent_vec_a * tangent_vec_b, axis=(-2, -1))
-        product = np.sum(values * self.space.template.face_areas, axis=-1)
-        return product + np.zeros(base_point.shape[:-3])
+    _term = RotationTerm()
 
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        """Return Σ_t w_t θ_t², θ_t the angle of the rotation between the two."""
-        point_a = self.space.check_point(point_a, "point_a")
-        point_b = self.space.check_point(point_b, "point_b")
-        values = RotationTerm().squared_dist((quaternions(point_a),), (quaternions(point_b),))
-        return np.sum(values * self.space.template.face_areas, axis=-1)
+    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+        r"""Return that of the smallest triangle, a rotation by π: :math:`\pi\sqrt{\min_t w_t}`."""
+        leading = np.shape(base_point)[:-3] if base_point is not None else ()
+        return np.full(leading, np.pi * np.sqrt(self.space.template.face_areas.min()))
 
-    @property
-    def bulk(self) -> Bulk:
-        """Features are the components of quaternions, in compiled loops."""
-        return SumOfTerms(
-            [RotationTerm()],
-            self.space.template,
-            lambda points: (quaternions(self.space.check_point(points, "points")),),
-        )
+    def _fields(self, point: Any, name: str) -> Fields:
+        return (quaternions(self.space.check_point(point, name)),)
 
-    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Rotate about constant axes for unit time."""
-        base_point = self.space.check_point(base_point, "base_point")
-        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        return rotations.exp(_angular_velocity(tangent_vec, base_point), base_point)
+    def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+        return 0.5 * np.sum(a * b, axis=(-2, -1))
 
-    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        """Return the initial velocity of the shortest rotations.
+    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+        return rotations.exp(_angular_velocity(velocity, point), point)
 
-        Raises
-        ------
-        OutsideManifoldError
-            If two rotations differ by the angle π: there is no unique shortest path.
-        """
-        point = self.space.check_point(point, "point")
-        base_point = self.space.check_point(base_point, "base_point")
-        omega = rotations.log(base_point, point)
+    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+        omega = rotations.log(start, point)
         values = values_of(omega)
         refuse_triangles(
             np.sqrt(dot(values, values)) >= rotations.HALF_TURN,
@@ -184,46 +159,18 @@ class RotationFieldMetric(RiemannianMetric):
             "unique logarithm",
             OutsideManifoldError,
         )
-        return _tangent_vec(omega, base_point)
+        return _tangent_vec(omega, start)
 
-    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        r"""Return that of the smallest triangle, a rotation by π: :math:`\pi\sqrt{\min_t w_t}`."""
-        leading = np.shape(base_point)[:-3] if base_point is not None else ()
-        return np.full(leading, np.pi * np.sqrt(self.space.template.face_areas.min()))
+    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+        omega = _angular_velocity(velocity, point)
+        moved = rotations.parallel_transport(_angular_velocity(vector, point), omega)
+        return _tangent_vec(moved, rotations.exp(omega, point))
 
-    def curvature_form(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
-    ) -> ndarray:
-        r"""Return :math:`\tfrac14 \sum_t w_t |a_t \times b_t|^2`, of the angular velocities.
-
-        On a group with a two-sided invariant metric ⟨R(a, b) b, a⟩ is a quarter of the squared
-        length of [a, b]: every plane of the rotations of a triangle has curvature ¼ / w_t.
-        """
-        base_point = self.space.check_point(base_point, "base_point")
-        a, b = (
-            _angular_velocity(real_array(vector, name, self.space.shape), base_point)
-            for vector, name in ((tangent_vec_a, "tangent_vec_a"), (tangent_vec_b, "tangent_vec_b"))
-        )
-        bracket = np.cross(a, b)
-        return 0.25 * np.sum(self.space.template.face_areas * dot(bracket, bracket), axis=-1)
-
-    def parallel_transport(
-        self,
-        tangent_vec: ndarray,
-        base_point: ndarray,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-    ) -> ndarray:
-        """Transport tangent vectors in parallel along geodesics."""
-        base_point = self.space.check_point(base_point, "base_point")
-        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        direction = self._velocity(base_point, direction, end_point)
-        omega = _angular_velocity(direction, base_point)
-        moved = rotations.parallel_transport(_angular_velocity(tangent_vec, base_point), omega)
-        return _tangent_vec(moved, rotations.exp(omega, base_point))
-
-    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
-        return self.geodesic(start, initial_tangent_vec=self.log(end, start))
+    def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+        # On a group with a two-sided invariant metric ⟨R(a, b) b, a⟩ is a quarter of the squared
+        # length of [a, b]: every plane of the rotations of a triangle has curvature ¼ / w_t.
+        bracket = np.cross(_angular_velocity(a, point), _angular_velocity(b, point))
+        return 0.25 * dot(bracket, bracket)
 
 
 class RotationMetric(PullbackMetric):

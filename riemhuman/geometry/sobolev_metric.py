@@ -52,7 +52,6 @@ class MidpointMetric(MetricOfTerms):
         return all(term.is_reparametrization_invariant for term in self.terms)
 
     def remove_drift(self, path: ndarray) -> ndarray:
-        """Remove translations from a path if all terms are invariant under them."""
         path = self.check_points(path, "path")
         if not self.is_translation_invariant:
             return path
@@ -84,12 +83,6 @@ class SobolevMetric(MidpointMetric):
         grows s⁴ times, that of the first order s² times, that of a2 not at all.
     **solvers
         Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
-
-    Raises
-    ------
-    ArgumentError
-        If a weight is negative, or the metric would be degenerate; or a2 > 0 and more than two
-        triangles share an edge.
 
     Notes
     -----

@@ -17,10 +17,9 @@ from scipy import sparse
 
 from riemhuman.checks import metric_weight, path_array, values_of
 from riemhuman.errors import ArgumentError, NotDefinedError
-from riemhuman.geometry.cone_fields import GeneralElasticFieldMetric
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric, Solvers
-from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
+from riemhuman.geometry.metric_fields import EbinMetric, GeneralElasticFieldMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
@@ -56,9 +55,6 @@ class MetricOfTerms(RiemannianMetric):
 
     Raises
     ------
-    ArgumentError
-        If there is no term, or the fields of one do not have the shape that `Term` says, or those
-        of a triangle depend on other triangles.
     ArgumentTypeError
         If something else is found in place of a term.
     """
@@ -83,7 +79,6 @@ class MetricOfTerms(RiemannianMetric):
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        """Return the inner product of deformations at surfaces whose triangles have an area."""
         base_point = self.space.check_tangent_vec(base_point, "base_point")
         h = self.space.check_tangent_vec(tangent_vec_a, "tangent_vec_a")
         k = h
@@ -92,14 +87,12 @@ class MetricOfTerms(RiemannianMetric):
         return self._sum.inner_product(h, k, base_point)
 
     def metric_matrix(self, base_point: ndarray) -> sparse.csr_array:
-        """Return the sparse matrix of the metric at surfaces whose triangles have an area."""
         surfaces = self.space.check_tangent_vec(base_point, "base_point")
         if surfaces.size == 0:
             raise ArgumentError("base_point must hold at least one surface; found none")
         return self._sum.matrix(surfaces.reshape(-1, *self.space.shape))
 
     def energy(self, path: ndarray) -> ndarray:
-        """Return the energy of paths: of one in compiled loops, of several by the definition."""
         path = path_array(path, self.space)
         if path.ndim == 3:
             energy: Any
@@ -121,7 +114,6 @@ class MetricOfTerms(RiemannianMetric):
         return {key: value for key, value in vars(self).items() if key != "_compiled_energy"}
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
-        """Return the energy of one path, infinite outside the domain, and its gradient."""
         return self._sum.path_energy(path_array(path, self.space, batched=False))
 
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
@@ -217,29 +209,20 @@ class SurfaceMetric(MetricOfTerms):
     def squared_dists_and_gradient(
         self, point: ndarray, others: ndarray, weights: ndarray
     ) -> tuple[ndarray, ndarray]:
-        """Return squared distances and their gradient in compiled loops over all triangles."""
         point = self.check_points(point[None], "point")[0]
         others = self.check_points(others, "others")
         return self._sum.squared_dists(point, others, weights)
 
     @cached_property
     def bulk(self) -> SumOfTerms:  # type: ignore[override]
-        """Features of the fields of surfaces, in compiled passes over the triangles of each."""
         return self._sum
 
     def remove_drift(self, path: ndarray) -> ndarray:
-        """Remove rigid motions of interior surfaces that leave the energy of a path unchanged.
-
-        All terms are invariant under translations, some under rotations: a minimiser of the energy
-        is free to drift. Of all paths that differ by such motions, this one is nearest to the
-        straight path between the ends, by the sum of the vertices' distances.
-        """
         path = self.check_points(path, "path")
         areas = self.space.template.vertex_areas
         return still_path(path, areas, rotations=self.is_rotation_invariant)
 
     def lower_bound_coordinates(self, points: ndarray) -> ndarray:
-        """Return coordinates from the charts of those terms that have one."""
         points = self.space.check_point(points, "points")
         first = self._derivatives(points)
         sketches = [np.zeros((*points.shape[:-2], 0))]
@@ -256,7 +239,6 @@ class SurfaceMetric(MetricOfTerms):
 
     @property
     def target_metric(self) -> RiemannianMetric:
-        """The metric of the fields, on a space where geodesics have a closed form."""
         return self._images.metric
 
     def map(self, f: ndarray) -> ndarray:
@@ -414,11 +396,6 @@ class ElasticMetric(SurfaceMetric):
     **solvers
         Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
 
-    Raises
-    ------
-    ArgumentError
-        If a weight is negative, or all are 0, or λ = 0 with a > 0: the metric would be degenerate.
-
     Notes
     -----
     Let κ be the largest coordinate divided by the least height of a triangle, the template's
@@ -468,7 +445,6 @@ class ElasticMetric(SurfaceMetric):
 
     @property
     def complementary_metric(self) -> ElasticMetric | None:
-        """The part of the family that the metric lacks: (1, 1, 0) if a = 0, (0, 0, 1) if c = 0."""
         if self._a > 0 and self._c > 0:
             return None
         if self._a == 0:
@@ -476,7 +452,6 @@ class ElasticMetric(SurfaceMetric):
         return ElasticMetric(self.space, a=0.0, lam=0.0, c=1.0)
 
     def with_stretching(self, weight: float) -> ElasticMetric:
-        """Return the metric itself, or if a = 0 with this weight of (1, 1, 0) beside (0, 0, 1)."""
         if self._a > 0:
             return self
         return ElasticMetric(self.space, a=weight * self._c, lam=1.0, c=self._c)
@@ -526,11 +501,6 @@ class GeneralElasticMetric(SurfaceMetric):
         Weight of bending, the rotation of normals; at least 0.
     **solvers
         Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
-
-    Raises
-    ------
-    ArgumentError
-        If a or c is negative, or b is not positive.
 
     Notes
     -----
@@ -672,8 +642,6 @@ def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> 
 
     Raises
     ------
-    ArgumentError
-        If the surfaces do not fit the metric's space.
     DegenerateSurfaceError
         If c > 0 and a triangle has no area, so that it has no normal.
 

@@ -41,15 +41,12 @@ class VectorSpace(Manifold):
         return FlatMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Return whether all entries are finite."""
         return self._candidates(point, "point")[1]
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Return the array itself: every array is tangent."""
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Draw arrays of independent uniform numbers between −bound and bound."""
         n_samples, bound = sample_count(n_samples), sample_bound(bound)
         points = generator(rng).uniform(-bound, bound, (n_samples, *self.shape))
         return stack_samples(points, n_samples)
@@ -90,7 +87,6 @@ class FlatMetric(RiemannianMetric):
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        """Return Σ_t w_t ⟨a_t, b_t⟩, the same at every base point."""
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
         product = tangent_vec_a * tangent_vec_b
@@ -100,19 +96,16 @@ class FlatMetric(RiemannianMetric):
         return np.sum(self._weights * product, axis=self.space._point_axes)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        """Return Σ_t w_t ‖a_t − b_t‖²."""
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
         difference = point_a - point_b
         return np.sum(self._weights * difference * difference, axis=self.space._point_axes)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Return base_point + tangent_vec."""
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         return self.space.check_point(base_point, "base_point") + tangent_vec
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        """Return point − base_point."""
         base_point = self.space.check_point(base_point, "base_point")
         return self.space.check_point(point, "point") - base_point
 
@@ -123,7 +116,6 @@ class FlatMetric(RiemannianMetric):
         direction: ndarray | None = None,
         end_point: ndarray | None = None,
     ) -> ndarray:
-        """Return the tangent vectors themselves; all other arguments only broadcast."""
         carried = real_array(tangent_vec, "tangent_vec", self.space.shape)
         others = {"base_point": base_point, "direction": direction, "end_point": end_point}
         for name, array in others.items():
@@ -132,19 +124,16 @@ class FlatMetric(RiemannianMetric):
         return carried
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        """Return infinity: straight lines never meet twice."""
         leading = np.shape(base_point)[: -self.space.point_ndim] if base_point is not None else ()
         return np.full(leading, np.inf)
 
     def curvature_form(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        """Return 0: vector spaces are flat."""
         return 0.0 * self.inner_product(tangent_vec_a, tangent_vec_b, base_point)
 
     @property
     def bulk(self) -> Bulk:
-        """Features are the entries times √w, in compiled loops."""
         return _Vectors(self._weights.ravel(), self.space.shape)
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:

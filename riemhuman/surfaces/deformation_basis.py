@@ -45,14 +45,6 @@ class DeformationBasis:
         Positive weights of the inner product, such as `Template.vertex_areas`; they are scaled to
         mean 1, so that coefficients keep their magnitude.
 
-    Raises
-    ------
-    ArgumentTypeError
-        If an array does not hold real numbers.
-    ArgumentError
-        If a shape is wrong, an entry is not finite, a weight is not positive, or the vectors are
-        not orthonormal; with `orthonormalize`, if they are not linearly independent.
-
     References
     ----------
     .. [1] Pierson, Daoudi, Tumpach, "A Riemannian Framework for Analysis of Human Body Surface",
@@ -134,14 +126,6 @@ class DeformationBasis:
         basis : DeformationBasis
             The K strongest components, with their explained variance.
 
-        Raises
-        ------
-        ArgumentTypeError
-            If a motion cannot be iterated over or a frame does not hold real numbers.
-        ArgumentError
-            If there is no motion, one is shorter than τ + 1 frames, vertex counts disagree, a
-            frame is not finite, or the deformations have a rank below K.
-
         References
         ----------
         .. [1] Pierson, Daoudi, Tumpach, "A Riemannian Framework for Analysis of Human Body
@@ -199,13 +183,6 @@ class DeformationBasis:
         Returns
         -------
         basis : DeformationBasis
-
-        Raises
-        ------
-        ArgumentTypeError
-            If the weights are not real numbers.
-        ArgumentError
-            If the mesh has too few harmonics, or the weights do not fit it.
         """
         n_components = whole_number(n_components, "n_components", minimum=1)
         weights = normalized_weights(vertex_weights, template.n_vertices)
@@ -314,11 +291,6 @@ class DeformationBasis:
         Returns
         -------
         coefficients : array, shape (..., K)
-
-        Raises
-        ------
-        ArgumentError
-            If the shape is wrong or an entry is not finite.
         """
         deformation = real_array(deformation, "deformation", (self.n_vertices, 3))
         if self._weights is not None:
@@ -337,11 +309,6 @@ class DeformationBasis:
         Returns
         -------
         deformation : array, shape (..., V, 3)
-
-        Raises
-        ------
-        ArgumentError
-            If the shape is wrong or an entry is not finite.
         """
         coefficients = real_array(coefficients, "coefficients", (len(self),))
         rows = anp.matmul(coefficients, self.flat)
@@ -358,11 +325,6 @@ class DeformationBasis:
         Returns
         -------
         projection : array, shape (..., V, 3)
-
-        Raises
-        ------
-        ArgumentError
-            If the shape is wrong or an entry is not finite.
         """
         return self.combine(self.coefficients(deformation))
 

@@ -45,15 +45,6 @@ def procrustes(
     -------
     aligned : array, shape (..., V, 3)
 
-    Raises
-    ------
-    ArgumentTypeError
-        If an argument does not convert to real numbers.
-    ArgumentError
-        If a shape is wrong, an entry is not finite, a weight is negative or none is positive, the
-        best rotation is not unique, as for points on a line, or, with ``scale=False``, a surface
-        is evidently in another unit than the reference.
-
     References
     ----------
     .. [1] Kabsch, "A solution for the best rotation to relate two sets of vectors",
@@ -120,13 +111,6 @@ def generalized_procrustes(
         The aligned surfaces.
     mean : array, shape (V, 3)
         Their mean.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If an argument does not convert to real numbers.
-    ArgumentError
-        If there is no surface, or as for `procrustes`, with the first surface as the reference.
 
     References
     ----------

@@ -51,9 +51,6 @@ class Template:
     ------
     ArgumentTypeError
         If an array does not hold numbers of the right kind.
-    ArgumentError
-        If a shape is wrong, a position is not finite, there is no triangle, or a triangle
-        refers to a vertex that does not exist or twice to the same one.
     DegenerateSurfaceError
         If a triangle has no area. Slivers are allowed, collinear corners are not.
 
@@ -277,13 +274,6 @@ class Template:
         Returns
         -------
         points : array, shape (..., V, 3)
-
-        Raises
-        ------
-        ArgumentTypeError
-            If the argument does not convert to real numbers.
-        ArgumentError
-            If it has another shape or number of vertices, or holds NaN or infinite entries.
         """
         points = real_array(points, name, ("n_vertices", 3))
         if points.shape[-2] != self.n_vertices:
@@ -305,8 +295,6 @@ class Template:
 
         Raises
         ------
-        ArgumentTypeError
-            If the array does not hold whole numbers.
         ArgumentError
             If the triangles or their order differ from the template's.
         """

@@ -7,6 +7,8 @@ the cone, spanned by the radial direction and a direction across it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import autograd.numpy as np
 from autograd.extend import defvjp, primitive
 from numpy import ndarray
@@ -16,12 +18,13 @@ from riemhuman.kernels.sphere import sine_cardinal
 from riemhuman.kernels.surface import DEGENERATE, dot, entry, square_root, symmetric_matrices
 from riemhuman.terms.cone import (
     ConeTerm,
-    EbinTerm,
     excess,
     half_plane,
     hyperbolic_distance,
     inverse_hyperbolic_sine_cardinal,
 )
+
+Parts = Sequence[ndarray]
 
 _FEW_DIGITS = 1e5 * np.finfo(float).eps
 
@@ -101,12 +104,6 @@ def unit_determinant(g: ndarray) -> ndarray:
     return symmetric_matrices(1.0 / y, x / y, (x**2 + y**2) / y)
 
 
-def angle(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
-    """Return θ, the angle between two matrices on the cone of the Ebin metric, not cut off at π."""
-    (x1, y1, _), (x2, y2, _) = coordinates(g1), coordinates(g2)
-    return EbinTerm(lam=lam).angle_per_length * hyperbolic_distance(excess(x1, y1, x2, y2))
-
-
 # Tangent vectors: symmetric matrices.
 
 
@@ -157,15 +154,18 @@ def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
     return symmetric_matrices(first * e, first * mixed, first * corner)
 
 
-def inner_product(a: ndarray, b: ndarray, g: ndarray, lam: float) -> ndarray:
+def inner_product(a: Parts, b: Parts, point: Parts, cone: ConeTerm) -> ndarray:
     r"""Return the inner product of tangent vectors (equation 2, both terms under the integral).
 
-    .. math:: \left(\operatorname{tr}(g^{-1}a_0\, g^{-1}b_0) + \lambda\operatorname{tr}(g^{-1}a)
-              \operatorname{tr}(g^{-1}b)\right)\sqrt{\det g}
+    .. math:: \left(a \operatorname{tr}(g^{-1}a_0\, g^{-1}b_0) + b \operatorname{tr}(g^{-1}a)
+              \operatorname{tr}(g^{-1}b) + c\,\langle u, v\rangle\right)\sqrt{\det g}
     """
-    a, b = whiten(a, g), whiten(b, g)
-    shear = np.sum(traceless(a) * traceless(b), axis=(-2, -1))
-    return (shear + lam * trace(a) * trace(b)) * np.sqrt(determinants(g))
+    first, second = whiten(a[0], point[0]), whiten(b[0], point[0])
+    shear = np.sum(traceless(first) * traceless(second), axis=(-2, -1))
+    values = cone.a * shear + cone.b * trace(first) * trace(second)
+    for u, v in zip(a[1:], b[1:], strict=True):
+        values = values + cone.c * dot(u, v)
+    return values * np.sqrt(determinants(point[0]))
 
 
 def hyperbolic_sine_cardinal(x: ndarray) -> ndarray:
@@ -197,41 +197,41 @@ def traceless_log(g1: ndarray, g2: ndarray) -> tuple[ndarray, ndarray]:
     return scale[..., None, None] * symmetric_matrices(diagonal, x, -diagonal), length
 
 
-# Geodesics.
+# Geodesics of points (g,) or (g, n).
 
 
-def exp(delta_g: ndarray, g: ndarray, lam: float) -> tuple[ndarray, ndarray]:
-    r"""Follow the geodesic of the Ebin metric with initial velocity δg for unit time.
+def exp(velocity: Parts, point: Parts, cone: ConeTerm) -> tuple[Parts, ndarray]:
+    r"""Follow the geodesic with an initial velocity for unit time.
 
-    With A = g⁻¹δg, v its traceless part, δs = s tr A/4 and ν = √(tr v²/λ)/4, the cone unrolls
-    to the straight line (s + δs, sν) = r(cos φ, sin φ) and
+    With A = g⁻¹δg, v its traceless part, δs = s tr A/4 and ν² = (a tr v² + c |δn|²)/(16b), the cone
+    unrolls to the straight line (s + δs, sν) = r(cos φ, sin φ) and
 
-    .. math:: g(1) = \frac{r^2}{s^2}\, g \exp\left(\tfrac{\varphi}{\nu} v\right).
+    .. math:: g(1) = \frac{r^2}{s^2}\, g \exp\left(\tfrac{\varphi}{\nu} v\right),
 
-    The second result says where, to working precision, the geodesic has left the manifold through
-    the apex g = 0; the end point is meaningless there.
+    while n follows a great circle with velocity (φ/ν) δn. The second result says where, to working
+    precision, the geodesic has left the manifold through the apex g = 0; the end point is
+    meaningless there.
     """
-    cone = EbinTerm(lam=lam)
-    shear, along, across = _unroll(delta_g, g, cone)
-    return _end(shear, along, across, g), _has_met_apex(along, across, delta_g, g, cone)
-
-
-def exp_with_normals(
-    delta_g: ndarray, delta_n: ndarray, g: ndarray, n: ndarray, cone: ConeTerm
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Follow the geodesic with initial velocity (δg, δn) for unit time: g, n, whether it met 0."""
-    shear, along, in_plane = _unroll(delta_g, g, cone)
-    across = square_root(in_plane**2 + cone.angle_per_turn**2 * dot(delta_n, delta_n))
-    turned = sphere.exp(angle_per_unit(along, across)[..., None] * delta_n, n)
+    (delta_g, *turns), (g, *normals) = velocity, point
+    shear, along, across = _unroll(velocity, g, cone)
+    factor = angle_per_unit(along, across)[..., None]
+    ends = [sphere.exp(factor * turn, n) for turn, n in zip(turns, normals, strict=True)]
     met_apex = _has_met_apex(along, across, delta_g, g, cone)
-    return _end(shear, along, across, g), turned, met_apex
+    return (_end(shear, along, across, g), *ends), met_apex
 
 
-def _unroll(delta_g: ndarray, g: ndarray, cone: ConeTerm) -> tuple[ndarray, ndarray, ndarray]:
+def _unroll(velocity: Parts, g: ndarray, cone: ConeTerm) -> tuple[ndarray, ndarray, ndarray]:
     """Return the whitened shear of δg, and the end in the unrolled cone where s = 1."""
-    velocity = whiten(delta_g, g)
-    shear = traceless(velocity)
-    return shear, 1.0 + 0.25 * trace(velocity), cone.angle_per_length * size(shear)
+    whitened = whiten(velocity[0], g)
+    shear = traceless(whitened)
+    across = _angle(cone, size(shear), [square_root(dot(u, u)) for u in velocity[1:]])
+    return shear, 1.0 + 0.25 * trace(whitened), across
+
+
+def _angle(cone: ConeTerm, length: ndarray, turns: Parts) -> ndarray:
+    """Return ψ of a hyperbolic length and, where there are normals, their angle."""
+    psi = cone.angle_per_length * length
+    return square_root(psi**2 + (cone.angle_per_turn * turns[0]) ** 2) if turns else psi
 
 
 def _end(shear: ndarray, along: ndarray, across: ndarray, g: ndarray) -> ndarray:
@@ -265,73 +265,54 @@ def angle_per_unit(along: ndarray, across: ndarray) -> ndarray:
     )
 
 
-def log(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
-    r"""Return the initial velocity of the minimal geodesic of the Ebin metric, where θ < π.
+def log(start: Parts, end: Parts, cone: ConeTerm) -> tuple[Parts, ndarray]:
+    r"""Return the initial velocity of the minimal geodesic, where ψ < π, and ψ.
 
-    .. math:: \delta g = g_1\left(\frac{s_2\sin\theta}{s_1\theta} L_0
-              + 2\,\frac{s_2\cos\theta - s_1}{s_1} I\right)
+    .. math:: \delta g = g_1\left(\frac{s_2\sin\psi}{s_1\psi} L_0
+              + 2\,\frac{s_2\cos\psi - s_1}{s_1} I\right), \qquad
+              \delta n = \frac{s_2\sin\psi}{s_1\psi} \log_{n_1} n_2
     """
+    (g1, *n1), (g2, *n2) = start, end
     shear, length = traceless_log(g1, g2)
-    return _velocity(g1, g2, shear, EbinTerm(lam=lam).angle_per_length * length)[0]
-
-
-def log_with_normals(
-    g1: ndarray, n1: ndarray, g2: ndarray, n2: ndarray, cone: ConeTerm
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Return the initial velocity (δg, δn) of the minimal geodesic, where ψ < π, and ψ."""
-    shear, length = traceless_log(g1, g2)
-    turn = sphere.log(n1, n2)
-    across = (cone.angle_per_length * length) ** 2 + cone.angle_per_turn**2 * dot(turn, turn)
-    psi = square_root(across)
-    delta_g, share = _velocity(g1, g2, shear, psi)
-    return delta_g, share[..., None] * turn, psi
-
-
-def _velocity(g1: ndarray, g2: ndarray, shear: ndarray, psi: ndarray) -> tuple[ndarray, ndarray]:
-    """Return δg at an angle ψ, and what a unit along the link becomes: (s₂/s₁) (sin ψ)/ψ."""
+    turns = [sphere.log(a, b) for a, b in zip(n1, n2, strict=True)]
+    psi = _angle(cone, length, [square_root(dot(turn, turn)) for turn in turns])
     s1, s2 = coordinates(g1)[2], coordinates(g2)[2]
     stretch = 2.0 * ((s2 - s1) - 2.0 * s2 * np.sin(0.5 * psi) ** 2) / s1
     share = s2 / s1 * sine_cardinal(psi)
-    velocity = share[..., None, None] * shear
-    return unwhiten(velocity + stretch[..., None, None] * np.eye(2), g1), share
+    velocity = share[..., None, None] * shear + stretch[..., None, None] * np.eye(2)
+    return (unwhiten(velocity, g1), *(share[..., None] * turn for turn in turns)), psi
 
 
-def geodesic(g1: ndarray, g2: ndarray, t: ndarray, lam: float) -> ndarray:
-    """Return the minimal path of the completion from g₁ to g₂ at times t in [0, 1].
-
-    For θ ≥ π, or a degenerate end point, it runs straight through the apex g = 0.
-    """
-    through_apex = is_degenerate(g1) | is_degenerate(g2) | (angle(g1, g2, lam) >= np.pi)
-    inside = ~through_apex[..., None, None]
-    start, end = np.where(inside, g1, np.eye(2)), np.where(inside, g2, np.eye(2))
-    straight, _ = exp(t[..., None, None] * log(start, end, lam), start, lam)
-    return np.where(inside, straight, _broken_path(g1, g2, t)[0])
+def angle(start: Parts, end: Parts, cone: ConeTerm) -> ndarray:
+    """Return ψ, the angle between two points on the cone, not cut off at π."""
+    (x1, y1, _), (x2, y2, _) = coordinates(start[0]), coordinates(end[0])
+    turns = [sphere.angle(a, b) for a, b in zip(start[1:], end[1:], strict=True)]
+    return _angle(cone, hyperbolic_distance(excess(x1, y1, x2, y2)), turns)
 
 
-def runs_through_apex(
-    g1: ndarray, n1: ndarray, g2: ndarray, n2: ndarray, cone: ConeTerm
-) -> ndarray:
+def runs_through_apex(start: Parts, end: Parts, cone: ConeTerm) -> ndarray:
     """Return whether the minimal path runs through g = 0: ψ ≥ π, or an end is degenerate."""
-    (x1, y1, _), (x2, y2, _) = coordinates(g1), coordinates(g2)
-    in_plane = cone.angle_per_length * hyperbolic_distance(excess(x1, y1, x2, y2))
-    psi = square_root(in_plane**2 + (cone.angle_per_turn * sphere.angle(n1, n2)) ** 2)
-    return is_degenerate(g1) | is_degenerate(g2) | (psi >= np.pi)
+    ends_there = is_degenerate(start[0]) | is_degenerate(end[0])
+    return ends_there | (angle(start, end, cone) >= np.pi)
 
 
-def geodesic_with_normals(
-    g1: ndarray, n1: ndarray, g2: ndarray, n2: ndarray, t: ndarray, cone: ConeTerm
-) -> tuple[ndarray, ndarray]:
-    """Return the minimal path of the completion, see `geodesic`; at g = 0 the normal jumps."""
-    inside = ~runs_through_apex(g1, n1, g2, n2, cone)[..., None]
-    start = np.where(inside[..., None], g1, np.eye(2))
-    end = np.where(inside[..., None], g2, np.eye(2))
-    delta_g, delta_n, _ = log_with_normals(start, n1, end, n2, cone)
-    times = t[..., None]
-    safe_g, safe_n = np.where(inside[..., None], delta_g, 0.0), np.where(inside, delta_n, 0.0)
-    g, n, _ = exp_with_normals(times[..., None] * safe_g, times * safe_n, start, n1, cone)
+def geodesic(start: Parts, end: Parts, t: ndarray, cone: ConeTerm) -> Parts:
+    """Return the minimal path of the completion at times t in [0, 1].
+
+    For ψ ≥ π, or a degenerate end point, it runs straight through the apex g = 0, where the normal
+    jumps.
+    """
+    (g1, *n1), (g2, *n2) = start, end
+    inside = ~runs_through_apex(start, end, cone)[..., None]
+    safe = (np.where(inside[..., None], g1, np.eye(2)), *n1)
+    velocity, _ = log(safe, (np.where(inside[..., None], g2, np.eye(2)), *n2), cone)
+    scaled = [t[..., None, None] * np.where(inside[..., None], velocity[0], 0.0)]
+    scaled += [t[..., None] * np.where(inside, turn, 0.0) for turn in velocity[1:]]
+    (g, *normals), _ = exp(scaled, safe, cone)
     broken, before = _broken_path(g1, g2, t)
-    apart = np.where(before[..., None], n1, n2)
-    return np.where(inside[..., None], g, broken), np.where(inside, n, apart)
+    apart = [np.where(before[..., None], a, b) for a, b in zip(n1, n2, strict=True)]
+    path = [np.where(inside, n, jump) for n, jump in zip(normals, apart, strict=True)]
+    return (np.where(inside[..., None], g, broken), *path)
 
 
 def _broken_path(g1: ndarray, g2: ndarray, t: ndarray) -> tuple[ndarray, ndarray]:
@@ -343,63 +324,42 @@ def _broken_path(g1: ndarray, g2: ndarray, t: ndarray) -> tuple[ndarray, ndarray
     return signed[..., None, None] ** 2 * unit, before
 
 
-def parallel_transport(w: ndarray, g: ndarray, delta_g: ndarray, lam: float) -> ndarray:
-    r"""Transport tangent vectors along the geodesic with initial velocity δg for unit time.
-
-    With W = ωI + ξV + ηN the vector whitened at g, V the unit shear of δg and N the one at right
-    angles to it, φ and r the angle and the ratio of radii of `exp`, and κ = √(2λ),
-
-    .. math:: \omega' = \frac1r\left(\omega\cos\varphi + \frac{\xi}{\kappa}\sin\varphi\right),
-              \quad \xi' = \frac1r(\xi\cos\varphi - \kappa\,\omega\sin\varphi),
-              \quad \eta' = \frac{\eta}{r}:
-
-    the part in the plane of the geodesic keeps its Cartesian components, and the hyperbolic plane
-    carries the part across it along. The geodesics stay clear of the apex.
-    """
-    normal = np.zeros((*np.shape(g)[:-2], 3)) + np.array([0.0, 0.0, 1.0])
-    still = 0.0 * normal
-    return transport_with_normals(w, still, g, normal, delta_g, still, EbinTerm(lam=lam))[0]
-
-
-def transport_with_normals(
-    w: ndarray,
-    u: ndarray,
-    g: ndarray,
-    n: ndarray,
-    delta_g: ndarray,
-    delta_n: ndarray,
-    cone: ConeTerm,
-) -> tuple[ndarray, ndarray]:
-    """Transport tangent vectors (w, u) along the geodesic with initial velocity (δg, δn).
+def parallel_transport(vector: Parts, point: Parts, velocity: Parts, cone: ConeTerm) -> Parts:
+    """Transport tangent vectors along the geodesic with an initial velocity for unit time.
 
     Their part in the plane of the geodesic keeps its Cartesian components; of the rest, hyperbolic
-    plane and sphere carry shears and turns along, see `parallel_transport`.
+    plane and sphere carry shears and turns along. The geodesic stays clear of the apex.
     """
-    shear, along, in_plane = _unroll(delta_g, g, cone)
-    across = square_root(in_plane**2 + cone.angle_per_turn**2 * dot(delta_n, delta_n))
+    g = point[0]
+    shear, along, across = _unroll(velocity, g, cone)
     phi, ratio = np.arctan2(across, along), np.sqrt(along**2 + across**2)
-    vector = whiten(w, g)
-    omega, strain = 0.5 * trace(vector), traceless(vector)
+    whitened = whiten(vector[0], g)
+    radial, strain = 0.25 * trace(whitened), traceless(whitened)
     # The unit vector of the link along the geodesic; at rest there is none.
     moving = across > 0
     inverse = np.where(moving, 1.0, 0.0) / np.where(moving, across, 1.0)
-    ahead, turning = inverse[..., None, None] * shear, inverse[..., None] * delta_n
+    ahead = inverse[..., None, None] * shear
     # Inner products of the link: κ² times those of shears, and of changes of the normal. One of
     # radius 2 has δs = 1, so that ½ tr is twice the radial part.
-    xi = cone.angle_per_length**2 * _dot(ahead, strain) + cone.angle_per_turn**2 * dot(turning, u)
+    xi = cone.angle_per_length**2 * _dot(ahead, strain)
+    turning = [inverse[..., None] * turn for turn in velocity[1:]]
+    for turn, u in zip(turning, vector[1:], strict=True):
+        xi = xi + cone.angle_per_turn**2 * dot(turn, u)
     cosine, sine = np.cos(phi), np.sin(phi)
-    radial = 0.5 * omega
     new_radial = radial * cosine + xi * sine
     gain = xi * (cosine - 1.0) - radial * sine
     strain = strain + gain[..., None, None] * ahead
-    turned = u + gain[..., None] * turning
     factor = angle_per_unit(along, across)
     # Of the end r² g exp(L) the whitening goes by r exp(L/2).
     half = traceless_exp(shear, 0.5 * factor)
     whole = strain + 2.0 * new_radial[..., None, None] * np.eye(2)
     carried = unwhiten(ratio[..., None, None] * symmetric_part(half @ whole @ half), g)
-    turned = sphere.parallel_transport(turned, n, factor[..., None] * delta_n)
-    return carried, turned / ratio[..., None]
+    turned = [
+        sphere.parallel_transport(u + gain[..., None] * turn, n, factor[..., None] * delta_n)
+        / ratio[..., None]
+        for u, turn, n, delta_n in zip(vector[1:], turning, point[1:], velocity[1:], strict=True)
+    ]
+    return carried, *turned
 
 
 def _dot(a: ndarray, b: ndarray) -> ndarray:

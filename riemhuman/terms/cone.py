@@ -94,14 +94,9 @@ class ConeTerm(Term):
 
     @property
     def is_rotation_invariant(self) -> bool:  # type: ignore[override]
-        """Whether c = 0."""
         return self.c == 0.0
 
     def fields(self, first: Derivatives) -> Fields:
-        """Return x, y, s and, if c > 0, n; x = 0, y = 1, s = 0 on triangles without area.
-
-        They do not come from the entries of g: slivers keep digits that those lose.
-        """
         x, y, s = half_plane(first.e, first.m, first.areas, first.degenerate)
         if self.c == 0.0:
             return x, y, s
@@ -126,7 +121,6 @@ class ConeTerm(Term):
         return 16.0 * self.b * ((s1 - s2) ** 2 + 4.0 * s1 * s2 * half)
 
     def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
-        """Return 16b δs δs' + s² (2a (δx δx' + δy δy')/y² + c ⟨δn, δn'⟩)."""
         (x1, y1, s1), (x2, y2, s2), (_, y, s) = changes_a[:3], changes_b[:3], fields[:3]
         link = 2.0 * self.a * (x1 * x2 + y1 * y2) / y**2
         if self.c > 0.0:
@@ -134,7 +128,6 @@ class ConeTerm(Term):
         return 16.0 * self.b * s1 * s2 + s**2 * link
 
     def form(self, first: Derivatives) -> ndarray:
-        """Return 2a (ε₁₁ − ε₂₂)² + 8a ε₁₂² + 4b (ε₁₁ + ε₂₂)² + c ‖δn‖²."""
         rows = onp.zeros((5, 6))
         rows[0, [0, 3]] = math.sqrt(2.0 * self.a), -math.sqrt(2.0 * self.a)
         rows[1, [1, 2]] = math.sqrt(2.0 * self.a)

@@ -190,28 +190,10 @@ class RootNormalTerm(FlatTerm):
     area_power = 1.0
 
     def field(self, first: Derivatives) -> ndarray:
-        """Return q; q and its gradient are 0 on a degenerate triangle (section 5.2 of the paper).
-
-        Parameters
-        ----------
-        first : Derivatives
-            First derivatives of surfaces.
-
-        Returns
-        -------
-        array, shape (..., F, 3)
-        """
         roots = first.area_vectors / np.sqrt(first.areas)[..., None]
         return np.where(first.degenerate[..., None], 0.0, roots)
 
     def form(self, first: Derivatives) -> ndarray:
-        """Return ‖δq‖²/A of δq = √A (½ (ε₁₁ + ε₂₂) n + δn).
-
-        Parameters
-        ----------
-        first : Derivatives
-            Not used: the form is constant.
-        """
         swelling = np.array([0.5, 0.0, 0.0, 0.5, 0.0, 0.0])
         return np.outer(swelling, swelling) + np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
 

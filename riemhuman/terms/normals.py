@@ -44,43 +44,19 @@ class NormalTerm(Term):
     n_features = 3
 
     def fields(self, first: Derivatives) -> Fields:
-        """Return the unit normals.
-
-        Returns
-        -------
-        n : array, shape (..., F, 3)
-        """
         return (first.area_vectors / first.areas[..., None],)
 
     def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
-        """Return θ² of the angles θ between normals."""
         difference, total = fields_a[0] - fields_b[0], fields_a[0] + fields_b[0]
         return squared_arc(dot(difference, difference), dot(total, total))
 
     def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
-        """Return ⟨δn, δn'⟩.
-
-        Parameters
-        ----------
-        changes_a, changes_b : tuple of array, shape (..., F, 3)
-            Changes of the normals, tangent to the sphere.
-        fields : tuple of array
-            Not used: the inner product is the same at all normals.
-        """
         return dot(changes_a[0], changes_b[0])
 
     def form(self, first: Derivatives) -> ndarray:
-        """Return ‖δn‖² = (n·∂₁h)² + (n·∂₂h)².
-
-        Parameters
-        ----------
-        first : Derivatives
-            Not used: the form is constant.
-        """
         return np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
 
     def chart(self, fields: Fields) -> ndarray:
-        """Return the normals themselves: a chord is at most its arc."""
         return fields[0]
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:

@@ -40,30 +40,14 @@ class RotationTerm(Term):
     n_features = 4
 
     def fields(self, first: Derivatives) -> Fields:
-        """Return the unit quaternions of polar frames.
-
-        Returns
-        -------
-        q : array, shape (..., F, 4)
-        """
         return (quaternions(polar_frames(first.f_u, first.f_v)),)
 
     def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
-        """Return θ²."""
         difference, total = fields_a[0] - fields_b[0], fields_a[0] + fields_b[0]
         p, q = dot(difference, difference), dot(total, total)
         return 4.0 * squared_arc(np.minimum(p, q), np.maximum(p, q))
 
     def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
-        """Return ½ tr(δRᵀ δR') = 4 ⟨δq, δq'⟩.
-
-        Parameters
-        ----------
-        changes_a, changes_b : tuple of array, shape (..., F, 4)
-            Changes of the quaternions.
-        fields : tuple of array
-            Not used: the inner product is the same at all rotations.
-        """
         return 4.0 * dot(changes_a[0], changes_b[0])
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:

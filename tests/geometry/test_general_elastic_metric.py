@@ -6,7 +6,7 @@ from cases import deformations, open_template, sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, GeneralElasticMetric, SRNFMetric
-from riemhuman.geometry.cone_fields import GeneralElasticFieldMetric
+from riemhuman.geometry.metric_fields import GeneralElasticFieldMetric
 from riemhuman.solvers import BasisMean, BasisPath
 from riemhuman.surfaces import DeformationBasis
 

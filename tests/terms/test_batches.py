@@ -1,5 +1,6 @@
 """Functions act on each point of a stack by itself: a stack of points gives that of the results."""
 
+import ebin_matrices
 import numpy as np
 import pytest
 from ebin_matrices import matrices
@@ -20,20 +21,20 @@ FUNCTIONS = {
     "traceless": (_cone_geodesics.traceless, G),
     "symmetric part": (_cone_geodesics.symmetric_part, G),
     "size": (_cone_geodesics.size, _cone_geodesics.traceless(A)),
-    "inner product": (lambda *some: _cone_geodesics.inner_product(*some, LAM), A, B, G),
+    "inner product": (lambda *some: ebin_matrices.inner_product(*some, LAM), A, B, G),
     "whitened": (_cone_geodesics.whiten, A, G),
     "unwhitened": (_cone_geodesics.unwhiten, A, G),
-    "exp": (lambda *some: _cone_geodesics.exp(*some, LAM), A, G),
-    "log": (lambda *some: _cone_geodesics.log(*some, LAM), G, OTHER),
+    "exp": (lambda *some: ebin_matrices.exp(*some, LAM), A, G),
+    "log": (lambda *some: ebin_matrices.log(*some, LAM), G, OTHER),
     "traceless exp": (_cone_geodesics.traceless_exp, _cone_geodesics.traceless(A), TIMES),
     "traceless log": (_cone_geodesics.traceless_log, G, OTHER),
-    "geodesic": (lambda *some: _cone_geodesics.geodesic(*some, LAM), G, OTHER, TIMES),
-    "transport": (lambda *some: _cone_geodesics.parallel_transport(*some, LAM), A, G, B),
+    "geodesic": (lambda *some: ebin_matrices.geodesic(*some, LAM), G, OTHER, TIMES),
+    "transport": (lambda *some: ebin_matrices.parallel_transport(*some, LAM), A, G, B),
     "determinants": (_cone_geodesics.determinants, G),
     "degenerate": (_cone_geodesics.is_degenerate, G),
     "shapeless": (_cone_geodesics.has_lost_its_shape, G),
     "coordinates": (_cone_geodesics.coordinates, G),
-    "angle": (lambda *some: _cone_geodesics.angle(*some, LAM), G, OTHER),
+    "angle": (lambda *some: ebin_matrices.angle(*some, LAM), G, OTHER),
 }
 TERMS = [EbinTerm(1.0, 0.3), NormalTerm(), RootNormalTerm(), RotationTerm()]
 

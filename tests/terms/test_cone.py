@@ -177,10 +177,10 @@ def test_minimal_paths_of_fields(weights):
         (surface.first_fundamental_form(d.f_u, d.f_v), surface.unit_normals(d.f_u, d.f_v))
         for d in firsts
     )
-    *velocity, psi = _cone_geodesics.log_with_normals(g1, n1, g2, n2, term)
+    velocity, psi = _cone_geodesics.log((g1, n1), (g2, n2), term)
     inside = psi < np.pi
     assert inside.sum() > 5
-    g, n, met_apex = _cone_geodesics.exp_with_normals(*velocity, g1, n1, term)
+    (g, n), met_apex = _cone_geodesics.exp(velocity, (g1, n1), term)
     assert not met_apex[inside].any()
     np.testing.assert_allclose(g[inside], g2[inside], rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(n[inside], n2[inside], atol=1e-11)
@@ -193,9 +193,7 @@ def test_minimal_paths_of_fields(weights):
 
     def path(n_segments, bent):
         times = np.linspace(0, 1, n_segments + 1)
-        exact = [
-            _cone_geodesics.geodesic_with_normals(g1, n1, g2, n2, np.array(t), term) for t in times
-        ]
+        exact = [_cone_geodesics.geodesic((g1, n1), (g2, n2), np.array(t), term) for t in times]
         swelling = 1 + bent * np.sin(np.pi * times)
         return [(s * g, n) for s, (g, n) in zip(swelling, exact, strict=True)]
 

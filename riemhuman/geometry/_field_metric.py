@@ -1,0 +1,103 @@
+"""What the metrics on fields over a template have in common."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_array
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pairwise import Bulk
+from riemhuman.terms._sum import SumOfTerms
+from riemhuman.terms.term import Fields, Term
+
+
+class FieldMetric(RiemannianMetric):
+    """An integral over the triangles of a template, with closed forms on each.
+
+    Subclasses define the quantities of single triangles, of arguments that have been checked.
+    """
+
+    _term: Term
+
+    @abstractmethod
+    def _fields(self, point: Any, name: str) -> Fields:
+        """Return the fields of the term, after checking points of the completion."""
+
+    @abstractmethod
+    def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray: ...
+
+    @abstractmethod
+    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray: ...
+
+    @abstractmethod
+    def _log(self, point: ndarray, start: ndarray) -> ndarray: ...
+
+    @abstractmethod
+    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray: ...
+
+    @abstractmethod
+    def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray: ...
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
+    ) -> ndarray:
+        return self._form(self._products, tangent_vec_a, tangent_vec_b, base_point)
+
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        first, second = self._fields(point_a, "point_a"), self._fields(point_b, "point_b")
+        return self._integral(self._term.squared_dist(first, second))
+
+    @property
+    def bulk(self) -> Bulk:
+        fields = partial(self._fields, name="points")
+        return SumOfTerms([self._term], self._template, fields)
+
+    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        base_point = self.space.check_point(base_point, "base_point")
+        return self._exp(real_array(tangent_vec, "tangent_vec", self.space.shape), base_point)
+
+    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
+        point = self.space.check_point(point, "point")
+        return self._log(point, self.space.check_point(base_point, "base_point"))
+
+    def parallel_transport(
+        self,
+        tangent_vec: ndarray,
+        base_point: ndarray,
+        direction: ndarray | None = None,
+        end_point: ndarray | None = None,
+    ) -> ndarray:
+        base_point = self.space.check_point(base_point, "base_point")
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        direction = self._velocity(base_point, direction, end_point)
+        return self._transport(tangent_vec, base_point, direction)
+
+    def curvature_form(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        return self._form(self._curvatures, tangent_vec_a, tangent_vec_b, base_point)
+
+    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        return self.geodesic(start, initial_tangent_vec=self.log(end, start))
+
+    def _form(self, of_triangles: Callable[..., ndarray], a: Any, b: Any, point: Any) -> ndarray:
+        """Integrate a form of two tangent vectors at a point."""
+        point = self.space.check_point(point, "base_point")
+        a = real_array(a, "tangent_vec_a", self.space.shape)
+        b = real_array(b, "tangent_vec_b", self.space.shape)
+        values = self._integral(of_triangles(a, b, point))
+        return values + np.zeros(point.shape[: -self.space.point_ndim])
+
+    @property
+    def _template(self) -> Any:
+        space = self.space.factors[0] if self.space.factors else self.space
+        return space.template
+
+    def _integral(self, values: ndarray) -> ndarray:
+        return np.sum(values * self._template.face_areas, axis=-1)
