@@ -159,30 +159,22 @@ class AlignedSurfaces(Manifold):
         return surface.first_fundamental_form(*derivatives), self._normals(*derivatives)
 
     def metric_field(self, f: ndarray) -> ndarray:
-        """Return the metric field g alone; triangles without area are legal.
+        """Return the metric field g alone, shape (..., F, 2, 2); triangles without area are legal.
 
         Parameters
         ----------
         f : array, shape (..., V, 3)
             Surfaces.
-
-        Returns
-        -------
-        array, shape (..., F, 2, 2)
         """
         return surface.first_fundamental_form(*self.partial_derivatives(f))
 
     def normal_field(self, f: ndarray) -> ndarray:
-        """Return the normal field n alone.
+        """Return the normal field n alone, shape (..., F, 3).
 
         Parameters
         ----------
         f : array, shape (..., V, 3)
             Surfaces.
-
-        Returns
-        -------
-        array, shape (..., F, 3)
 
         Raises
         ------
@@ -261,7 +253,7 @@ class AlignedSurfaces(Manifold):
         return point
 
     def check_tangent_vec(self, tangent_vec: Any, name: str = "tangent_vec") -> ndarray:
-        """Return deformations as float64 arrays after checking them.
+        """Return deformations as float64 arrays after checking them, shape (..., V, 3).
 
         Parameters
         ----------
@@ -269,10 +261,6 @@ class AlignedSurfaces(Manifold):
             Deformations, of any size.
         name : str
             Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (..., V, 3)
         """
         return real_array(self.as_array(tangent_vec, name), name, self.shape, lengths=True)
 
@@ -281,7 +269,7 @@ class AlignedSurfaces(Manifold):
             check_same_scale(values_of(point), self._reference, name, "the template")
 
     def check_immersed(self, f: Any, name: str = "f") -> ndarray:
-        """Return surfaces as float64 arrays if all their triangles have area.
+        """Return surfaces as float64 arrays if all their triangles have area, shape (..., V, 3).
 
         Parameters
         ----------
@@ -289,10 +277,6 @@ class AlignedSurfaces(Manifold):
             Surfaces.
         name : str
             Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (..., V, 3)
 
         Raises
         ------

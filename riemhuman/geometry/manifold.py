@@ -128,10 +128,6 @@ class Manifold(ABC):
         ----------
         equip : bool
             Whether to equip it with its default metric.
-
-        Returns
-        -------
-        Manifold
         """
         other = copy(self)
         vars(other).pop("metric", None)
@@ -159,7 +155,7 @@ class Manifold(ABC):
 
     @abstractmethod
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        r"""Project arrays to the tangent space at a point.
+        r"""Project arrays to the tangent space at a point, shape (..., \*shape).
 
         Parameters
         ----------
@@ -167,10 +163,6 @@ class Manifold(ABC):
             Arrays.
         base_point : array, shape (..., \*shape), optional
             Points; needed unless the tangent space is the same at all of them.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
 
         Raises
         ------
@@ -199,7 +191,7 @@ class Manifold(ABC):
     def is_tangent(
         self, vector: ndarray, base_point: ndarray | None = None, atol: float = 1e-9
     ) -> ndarray:
-        r"""Return whether arrays are tangent vectors at a point.
+        r"""Return whether arrays are tangent vectors at a point, shape (...).
 
         Parameters
         ----------
@@ -209,10 +201,6 @@ class Manifold(ABC):
             Points; needed unless the tangent space is the same at all of them.
         atol : float
             Absolute tolerance.
-
-        Returns
-        -------
-        array of bool, shape (...)
         """
         vector, finite = self._candidates(vector, "vector")
         if base_point is not None:
@@ -259,21 +247,17 @@ class Manifold(ABC):
         return self.to_tangent(generator(rng).standard_normal(shape), base_point)
 
     def projection(self, point: ndarray) -> ndarray:
-        r"""Project arrays near the manifold to it, differentiably.
+        r"""Project arrays near the manifold to it, differentiably, shape (..., \*shape).
 
         Parameters
         ----------
         point : array, shape (..., \*shape)
             Arrays near the manifold.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
         """
         return point
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
-        r"""Return points as float64 arrays after checking them.
+        r"""Return points as float64 arrays after checking them, shape (..., \*shape).
 
         Parameters
         ----------
@@ -281,10 +265,6 @@ class Manifold(ABC):
             Points, or rows of as many numbers as a point has, shape (..., n).
         name : str
             Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
         """
         return real_array(self.as_array(point, name), name, self.shape, rows=True)
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from operator import attrgetter
-from typing import Any, TypedDict, cast
+from typing import Any, cast
 
 import autograd.numpy as np
 from autograd import elementwise_grad, value_and_grad
-from autograd.extend import defvjp_argnums, primitive
 from numpy import ndarray
 
 from riemhuman.checks import (
@@ -24,7 +23,6 @@ from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
     NotDefinedError,
-    OutsideManifoldError,
 )
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.pairwise import (
@@ -42,20 +40,20 @@ from riemhuman.geometry.strategies import (
     ExpSolver,
     GeodesicSolver,
     LogSolver,
+    Solvers,
     TransportSolver,
     default_strategy,
+    solve_geodesic,
 )
 from riemhuman.kernels.surface import square_root
 from riemhuman.representation import constructor_text
 
 
-class Solvers(TypedDict, total=False):
-    """Keyword arguments of all metrics: strategies for what has no closed form."""
-
-    geodesic_solver: GeodesicSolver | None
-    exp_solver: ExpSolver | None
-    log_solver: LogSolver | None
-    transport_solver: TransportSolver | None
+def _defines(name: str, doc: str) -> property:
+    """Return a property: whether the class of a metric overrides a method."""
+    return property(
+        lambda self: getattr(type(self), name) is not getattr(RiemannianMetric, name), doc=doc
+    )
 
 
 class RiemannianMetric:
@@ -77,7 +75,8 @@ class RiemannianMetric:
 
     Notes
     -----
-    The parameters of a metric are set at construction and never change.
+    The parameters of a metric are set at construction and never change. What a class does not
+    define, and cannot be derived from what it does, raises NotDefinedError.
 
     Examples
     --------
@@ -145,36 +144,20 @@ class RiemannianMetric:
         given = getattr(self, name)
         return default_strategy(name, self) if given is None else given
 
-    @property
-    def has_closed_form_dist(self) -> bool:
-        """Whether the class defines `squared_dist` itself."""
-        return type(self).squared_dist is not RiemannianMetric.squared_dist
-
-    @property
-    def has_inner_product(self) -> bool:
-        """Whether the class defines `inner_product` itself."""
-        return type(self).inner_product is not RiemannianMetric.inner_product
-
-    @property
-    def has_closed_form_geodesic(self) -> bool:
-        """Whether the class has geodesics between points that need no solver."""
-        return type(self)._geodesic_between is not RiemannianMetric._geodesic_between
-
-    @property
-    def has_closed_form_transport(self) -> bool:
-        """Whether the class defines `parallel_transport` itself."""
-        return type(self).parallel_transport is not RiemannianMetric.parallel_transport
-
-    @property
-    def has_metric_matrix(self) -> bool:
-        """Whether the class defines `metric_matrix`, with which solvers precondition."""
-        return type(self).metric_matrix is not RiemannianMetric.metric_matrix
-
-    @property
-    def has_lower_bound_coordinates(self) -> bool:
-        """Whether the class defines `lower_bound_coordinates`, for nearest neighbours."""
-        defined = type(self).lower_bound_coordinates
-        return defined is not RiemannianMetric.lower_bound_coordinates
+    has_closed_form_dist = _defines("squared_dist", "Whether the class has distances itself.")
+    has_inner_product = _defines("inner_product", "Whether the class has inner products itself.")
+    has_closed_form_geodesic = _defines(
+        "_geodesic_between", "Whether geodesics between points need no solver."
+    )
+    has_closed_form_transport = _defines(
+        "parallel_transport", "Whether parallel transport needs no solver."
+    )
+    has_metric_matrix = _defines(
+        "metric_matrix", "Whether there is a matrix, with which solvers precondition."
+    )
+    has_lower_bound_coordinates = _defines(
+        "lower_bound_coordinates", "Whether there are such coordinates, for nearest neighbours."
+    )
 
     @property
     def has_target_metric(self) -> bool:
@@ -198,10 +181,6 @@ class RiemannianMetric:
         ----------
         weight : float
             Weight above 0 of the metric of lengths, in units of the metric's own weights.
-
-        Returns
-        -------
-        RiemannianMetric
         """
         return self
 
@@ -210,7 +189,7 @@ class RiemannianMetric:
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        r"""Return the inner product of tangent vectors.
+        r"""Return the inner product of tangent vectors, shape (...).
 
         The default, for metrics that define `squared_dist` alone, is
         :math:`\tfrac12 \partial_\varepsilon \langle \nabla_y d^2(x, x + \varepsilon a), b\rangle`
@@ -222,10 +201,6 @@ class RiemannianMetric:
             Tangent vectors.
         base_point : array, shape (..., \*shape), optional
             Base point; needed unless the inner product is the same at every point.
-
-        Returns
-        -------
-        array, shape (...)
         """
         if not self.has_closed_form_dist:
             raise NotDefinedError(
@@ -246,10 +221,6 @@ class RiemannianMetric:
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
             Tangent vectors; base point.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
         """
         if self.has_inner_product:
             zero = np.zeros(np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point)))
@@ -267,7 +238,7 @@ class RiemannianMetric:
         return (ahead - behind) / (4.0 * step)
 
     def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
-        r"""Return the inner products of all pairs of tangent vectors, averaged over base points.
+        r"""Return the inner products of all pairs of vectors, averaged over points, shape (K, K).
 
         Parameters
         ----------
@@ -275,10 +246,6 @@ class RiemannianMetric:
             Tangent vectors.
         base_point : array, shape (\*shape,) or (n, \*shape)
             One base point, or several to average over.
-
-        Returns
-        -------
-        array, shape (K, K)
         """
         vectors = self.check_points(vectors, "vectors")
         base_points = self.space.check_point(base_point, "base_point")
@@ -297,48 +264,31 @@ class RiemannianMetric:
         ----------
         base_point : array, shape (\*shape,) or (n, \*shape)
             One base point, or several to average over.
-
-        Returns
-        -------
-        sparse array, shape (size of a point, size of a point)
-
-        Raises
-        ------
-        NotDefinedError
-            If the class does not define it, see `has_metric_matrix`.
         """
         raise self._not_defined_at_all("metric_matrix")
 
     def squared_norm(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        r"""Return the squared norm of tangent vectors.
+        r"""Return the squared norm of tangent vectors, shape (...).
 
         Parameters
         ----------
         vector, base_point : array, shape (..., \*shape)
             Tangent vectors; base point.
-
-        Returns
-        -------
-        array, shape (...)
         """
         return self.inner_product(vector, vector, base_point)
 
     def norm(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        r"""Return the norm of tangent vectors.
+        r"""Return the norm of tangent vectors, shape (...).
 
         Parameters
         ----------
         vector, base_point : array, shape (..., \*shape)
             Tangent vectors; base point.
-
-        Returns
-        -------
-        array, shape (...)
         """
         return square_root(self.squared_norm(vector, base_point))
 
     def normalize(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        r"""Return tangent vectors scaled to norm 1; zero vectors stay zero.
+        r"""Return tangent vectors scaled to norm 1, shape (..., \*shape); zero vectors stay zero.
 
         Parameters
         ----------
@@ -346,10 +296,6 @@ class RiemannianMetric:
             Tangent vectors.
         base_point : array, shape (..., \*shape), optional
             Base point.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
         """
         norm = self.norm(vector, base_point)
         scale = 1.0 / np.where(norm == 0.0, 1.0, norm)
@@ -368,17 +314,13 @@ class RiemannianMetric:
             Number of vectors; at several points, one at each.
         rng : int or numpy.random.Generator, optional
             Seed, or the generator to draw from; by default every call draws anew.
-
-        Returns
-        -------
-        array, shape (n_vectors, \*shape), or that of `base_point` for one vector
         """
         n_vectors = whole_number(n_vectors, "n_vectors", minimum=1)
         vector = self.space.random_tangent_vec(base_point, n_vectors, rng)
         return self.normalize(vector, base_point)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        r"""Return the squared distance of points.
+        r"""Return the squared distance of points, shape (...).
 
         Where the class has no closed form, it is the energy of the path that `geodesic_solver`
         finds, for one pair of points.
@@ -387,15 +329,6 @@ class RiemannianMetric:
         ----------
         point_a, point_b : array, shape (..., \*shape)
             Points.
-
-        Returns
-        -------
-        array, shape (...)
-
-        Raises
-        ------
-        NotDefinedError
-            If there is neither a closed form nor a solver.
         """
         if self.geodesic_solver is None:
             raise NotDefinedError(
@@ -406,16 +339,12 @@ class RiemannianMetric:
         return self._solve(self.geodesic_solver, "squared_dist", point_a, point_b).energy
 
     def dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        r"""Return the distance of points, with gradient 0 where they coincide.
+        r"""Return the distance of points, with gradient 0 where they coincide, shape (...).
 
         Parameters
         ----------
         point_a, point_b : array, shape (..., \*shape)
             Points.
-
-        Returns
-        -------
-        array, shape (...)
         """
         return square_root(self.squared_dist(point_a, point_b))
 
@@ -435,7 +364,7 @@ class RiemannianMetric:
         memory: int = MEMORY,
         progress: bool = False,
     ) -> ndarray:
-        r"""Return all distances within a set of points.
+        r"""Return all distances within a set of points, shape (n, n), symmetric.
 
         Parameters
         ----------
@@ -453,16 +382,6 @@ class RiemannianMetric:
             recomputed for every block of rows.
         progress : bool
             Whether to show a progress bar.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If the metric needs a normal of a triangle without area.
         """
         return table_of_distances(self, points, None, n_jobs, precision, memory, progress)
 
@@ -476,26 +395,14 @@ class RiemannianMetric:
         memory: int = MEMORY,
         progress: bool = False,
     ) -> ndarray:
-        r"""Return all distances between two sets of points, see `dist_pairwise`.
+        r"""Return all distances between two sets of points, see `dist_pairwise`, shape (n_a, n_b).
 
         Parameters
         ----------
-        points_a : array or sequence, shape (n_a, \*shape)
-            Points of the first set.
-        points_b : array or sequence, shape (n_b, \*shape)
-            Points of the second set.
-        n_jobs : int, optional
-            Number of threads, -1 for one per core; by default one.
-        precision : {"single", "double"}
-            Precision in which metrics with compiled loops work.
-        memory : int
-            Bytes of features in memory at once.
-        progress : bool
-            Whether to show a progress bar.
-
-        Returns
-        -------
-        array, shape (n_a, n_b)
+        points_a, points_b : array or sequence, shape (n_a, \*shape) and (n_b, \*shape)
+            Points of both sets.
+        n_jobs, precision, memory, progress : optional
+            As for `dist_pairwise`.
         """
         return table_of_distances(self, points_a, points_b, n_jobs, precision, memory, progress)
 
@@ -508,16 +415,6 @@ class RiemannianMetric:
             Points.
         neighbors : array, shape (n, \*shape)
             Points to choose from, at least one.
-
-        Returns
-        -------
-        array of int, shape (...)
-            Indices into `neighbors`.
-
-        Raises
-        ------
-        ArgumentError
-            If there is no point to choose from.
         """
         point = self.space.check_point(point)
         if len(neighbors) == 0:
@@ -533,10 +430,6 @@ class RiemannianMetric:
         ----------
         points : array, shape (n, \*shape)
             Points.
-
-        Returns
-        -------
-        float
         """
         return float(np.max(self.dist_pairwise(points, precision="double")))
 
@@ -550,24 +443,17 @@ class RiemannianMetric:
     ) -> Features:
         r"""Return the features from which distances are computed, once for each point.
 
-        `bulk` computes distances from features. The first axis of every array is that of the
-        points, so features may be sliced, stored and memory-mapped.
+        `bulk` computes distances from features, a tuple of C-contiguous arrays. Their first axis is
+        that of the points, so features may be sliced, stored and memory-mapped.
 
         Parameters
         ----------
         points : array or sequence, shape (n, \*shape)
             Points.
-        precision : {"single", "double"}
-            Precision of the features, for metrics with compiled loops.
-        n_jobs : int, optional
-            Number of threads, -1 for one per core; by default one.
+        precision, n_jobs : optional
+            As for `dist_pairwise`.
         name : str
             Name of the points, for messages.
-
-        Returns
-        -------
-        tuple of array, each of shape (n, ...)
-            C-contiguous.
         """
         one_of(precision, "precision", PRECISIONS)
         if n_jobs is not None:
@@ -590,16 +476,11 @@ class RiemannianMetric:
         Returns
         -------
         array, shape (..., m)
-
-        Raises
-        ------
-        NotDefinedError
-            If the class does not define it, see `has_lower_bound_coordinates`.
         """
         raise self._not_defined_at_all("lower_bound_coordinates")
 
     def check_points(self, points: Points, name: str = "points") -> ndarray:
-        r"""Return a set of points as a float64 array after checking it.
+        r"""Return a set of points as a float64 array after checking it, shape (n, \*shape).
 
         Parameters
         ----------
@@ -607,10 +488,6 @@ class RiemannianMetric:
             Points.
         name : str
             Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (n, \*shape)
         """
         if not isinstance(points, ndarray):
             points = self.space.as_array(points, name)
@@ -621,7 +498,7 @@ class RiemannianMetric:
     # Energies and lengths of discrete paths.
 
     def energy(self, path: ndarray) -> ndarray:
-        r"""Return the energy of discrete paths with n segments.
+        r"""Return the energy of discrete paths with n segments, shape (...).
 
         :math:`n \sum_i d^2(x_i, x_{i+1})` where `squared_dist` has a closed form, else the finite
         differences :math:`n \sum_i \|x_{i+1} - x_i\|^2` at the midpoints of the segments
@@ -631,29 +508,18 @@ class RiemannianMetric:
         ----------
         path : array, shape (..., n_times, \*shape)
             Paths.
-
-        Returns
-        -------
-        array, shape (...)
         """
         path = path_array(path, self.space)
         n_segments = path.shape[-len(self.space.shape) - 1] - 1
         return n_segments * np.sum(self._squared_segments(path), axis=-1)
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
-        r"""Return the energy of one path and its gradient.
+        r"""Return the energy of one path, infinite outside the manifold, and its gradient.
 
         Parameters
         ----------
         path : array, shape (n_times, \*shape)
             Path.
-
-        Returns
-        -------
-        energy : float
-            May be infinite at a path that leaves the manifold.
-        gradient : array, shape (n_times, \*shape)
-            Derivatives with respect to all entries of the path.
         """
         path = self.check_points(path, "path")
         energy, gradient = value_and_grad(self.energy)(path)
@@ -680,7 +546,8 @@ class RiemannianMetric:
     ) -> tuple[ndarray, ndarray]:
         r"""Return the squared distances of a point from others, and the gradient of their sum.
 
-        Distances are energies of paths of one segment.
+        Distances are energies of paths of one segment, infinite where a point leaves the manifold;
+        the gradient is that of Σ_i w_i d(x_i, x)².
 
         Parameters
         ----------
@@ -690,13 +557,6 @@ class RiemannianMetric:
             Points x_i.
         weights : array, shape (n,)
             Weights w_i > 0.
-
-        Returns
-        -------
-        squared : array, shape (n,)
-            d(x_i, x)², infinite where x or x_i leaves the manifold.
-        gradient : array, shape (\*shape,)
-            Gradient of Σ_i w_i d(x_i, x)² with respect to x.
         """
         squared, gradient = np.empty(len(others)), np.zeros(np.shape(point))
         for i, (weight, other) in enumerate(zip(weights, others, strict=True)):
@@ -711,11 +571,6 @@ class RiemannianMetric:
         ----------
         path : array, shape (n_times, \*shape)
             Path.
-
-        Returns
-        -------
-        array, shape (n_times, \*shape)
-            A path of the same energy; by default the same path.
         """
         return path
 
@@ -743,10 +598,6 @@ class RiemannianMetric:
         tangent_vec, base_point : array, shape (..., \*shape)
             Initial velocities; initial points.
 
-        Returns
-        -------
-        array, shape (..., \*shape)
-
         Raises
         ------
         OutsideManifoldError
@@ -773,10 +624,6 @@ class RiemannianMetric:
         point, base_point : array, shape (..., \*shape)
             End points; initial points.
 
-        Returns
-        -------
-        array, shape (..., \*shape)
-
         Raises
         ------
         OutsideManifoldError
@@ -798,7 +645,7 @@ class RiemannianMetric:
         direction: ndarray | None = None,
         end_point: ndarray | None = None,
     ) -> ndarray:
-        r"""Transport tangent vectors in parallel along geodesics.
+        r"""Transport tangent vectors in parallel along geodesics, shape (..., \*shape).
 
         Where the class has no closed form, `transport_solver` transports the vectors one by one, by
         default by pole ladders along paths over 60 harmonics of the template: seconds each.
@@ -811,10 +658,6 @@ class RiemannianMetric:
             Initial velocity of the geodesic, followed for unit time.
         end_point : array, shape (..., \*shape), optional
             End point of the geodesic; exactly one of the two is given.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
         """
         solver = self._solver("transport_solver")
         _check_one_is_given(direction, end_point)
@@ -834,7 +677,9 @@ class RiemannianMetric:
         end_point: ndarray | None = None,
         initial_tangent_vec: ndarray | None = None,
     ) -> Callable[[Any], ndarray]:
-        r"""Return the geodesic between two points, or with an initial velocity.
+        r"""Return the geodesic between two points, or with an initial velocity, as a function.
+
+        It maps times in [0, 1], shape (n_times,), to points, shape (..., n_times, \*shape).
 
         Between two points it is the path that `geodesic_solver` finds, by default over 60 harmonics
         of the template, interpolated linearly between its times. With an initial velocity it is
@@ -848,12 +693,6 @@ class RiemannianMetric:
             End point.
         initial_tangent_vec : array, shape (..., \*shape), optional
             Initial velocity; exactly one of the two is given.
-
-        Returns
-        -------
-        callable
-            Maps times in [0, 1], shape (n_times,) or a number, to points, shape (..., n_times,
-            \*shape).
         """
         initial_point = self.space.check_point(initial_point, "initial_point")
         if (end_point is None) == (initial_tangent_vec is None):
@@ -926,42 +765,24 @@ class RiemannianMetric:
     # Curvature; subclasses that know it define `curvature_form` and `injectivity_radius`.
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        r"""Return the radius of the largest ball in which `exp` is one to one.
+        r"""Return the radius of the largest ball in which `exp` is one to one, shape (...).
 
         Parameters
         ----------
         base_point : array, shape (..., \*shape), optional
             Points.
-
-        Returns
-        -------
-        array, shape (...)
-
-        Raises
-        ------
-        NotDefinedError
-            If the class does not know it.
         """
         raise NotDefinedError(f"{type(self).__name__} has no closed form for injectivity_radius")
 
     def curvature_form(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
     ) -> ndarray:
-        r"""Return ⟨R(a, b) b, a⟩, R the curvature tensor.
+        r"""Return ⟨R(a, b) b, a⟩, R the curvature tensor, shape (...).
 
         Parameters
         ----------
         tangent_vec_a, tangent_vec_b, base_point : array, shape (..., \*shape)
             Tangent vectors a and b; base point.
-
-        Returns
-        -------
-        array, shape (...)
-
-        Raises
-        ------
-        NotDefinedError
-            If the class does not know it.
         """
         raise NotDefinedError(f"{type(self).__name__} has no closed form for curvature")
 
@@ -971,7 +792,7 @@ class RiemannianMetric:
         tangent_vec_b: ndarray,
         base_point: ndarray | None = None,
     ) -> ndarray:
-        r"""Return the sectional curvature of the planes spanned by two tangent vectors.
+        r"""Return the sectional curvature of the planes of two vectors, NaN where they span none.
 
         .. math:: K = \frac{\langle R(a, b) b, a\rangle}{\|a\|^2\|b\|^2 - \langle a, b\rangle^2}
 
@@ -981,16 +802,6 @@ class RiemannianMetric:
             Tangent vectors a and b.
         base_point : array, shape (..., \*shape), optional
             Base point.
-
-        Returns
-        -------
-        array, shape (...)
-            NaN where the vectors span no plane.
-
-        Raises
-        ------
-        NotDefinedError
-            If the class does not know its curvature.
         """
         point: Any = base_point
         form = self.curvature_form(tangent_vec_a, tangent_vec_b, point)
@@ -1098,40 +909,3 @@ def metric_of(space: Any) -> RiemannianMetric:
 def _check_one_is_given(direction: ndarray | None, end_point: ndarray | None) -> None:
     if (direction is None) == (end_point is None):
         raise ArgumentError("parallel_transport needs direction or end_point, and not both")
-
-
-@primitive
-def solve_geodesic(
-    tangent_vec: ndarray, base_point: ndarray, metric: RiemannianMetric, solver: ExpSolver
-) -> ndarray:
-    """Return the path of the geodesic that a solver finds if it has derivatives, else its end."""
-    result: Any = solver.solve(metric, tangent_vec, base_point)
-    if not getattr(result, "complete", True):
-        where = getattr(result, "message", "a point on the way")
-        raise OutsideManifoldError(
-            f"tangent_vec must be the velocity of a geodesic that {type(solver).__name__} "
-            f"can follow for unit time; it stopped at {where}"
-        )
-    if hasattr(solver, "derivatives"):
-        return np.asarray(result.path)
-    return np.asarray(result.end)[None]
-
-
-def _derivatives(
-    argnums: Sequence[int], path: ndarray, args: tuple[Any, ...], kwargs: dict[str, Any]
-) -> Callable[[ndarray], tuple[ndarray, ...]]:
-    tangent_vec, _, metric, solver = args
-
-    def pull_back(covectors: ndarray) -> tuple[ndarray, ...]:
-        if not hasattr(solver, "derivatives"):
-            raise NotDefinedError(
-                f"{type(solver).__name__} has no derivatives of exp; "
-                "riemhuman.solvers.DiscreteExponential() has"
-            )
-        both = solver.derivatives(metric, path, tangent_vec, covectors)
-        return tuple(both[number] for number in argnums)
-
-    return pull_back
-
-
-defvjp_argnums(solve_geodesic, _derivatives)

@@ -53,22 +53,18 @@ class MetricFields(Manifold):
         return EbinMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Return whether fields are symmetric and positive definite."""
         point, finite = self._candidates(point, "point")
         symmetric = np.abs(point[..., 0, 1] - point[..., 1, 0]) <= atol
         positive = (point[..., 0, 0] > 0) & ~cones.is_degenerate(point)
         return finite & np.all(symmetric & positive, axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Return the symmetric part."""
         return cones.symmetric_part(vector)
 
     def projection(self, point: ndarray) -> ndarray:
-        """Return the symmetric part."""
         return cones.symmetric_part(point)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Draw fields exp(S) of symmetric normal matrices S, independent between triangles."""
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         logarithm = 0.5 * sample_bound(bound) * cones.symmetric_part(noise)
         size = np.exp(0.5 * cones.trace(logarithm))[..., None, None]
@@ -77,18 +73,6 @@ class MetricFields(Manifold):
         return stack_samples(points, n_samples)
 
     def check_point(self, point: Any, name: str = "point", *, completion: bool = False) -> ndarray:
-        """Return metric fields as float64 arrays after checking them.
-
-        With `completion`, degenerate matrices are legal, as in the completion of Met(T).
-
-        Raises
-        ------
-        ArgumentError
-            If the shape is wrong, or an entry is not finite, or a matrix is not symmetric and
-            positive semidefinite.
-        DegenerateSurfaceError
-            If a matrix is singular and `completion` is false.
-        """
         point = real_array(point, name, self.shape, rows=True)
         g = values_of(point)
         size = np.abs(g[..., 0, 0]) + np.abs(g[..., 1, 1])
@@ -124,7 +108,6 @@ class ConeMetric(FieldMetric):
         return (self.space.check_point(point, name, completion=True),)
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        """Return the distance to the nearest fields that are 0 or antipodal on a triangle."""
         g = self._checked(base_point, "base_point")[0]
         radii = 4.0 * np.sqrt(self._term.b * np.sqrt(cones.determinants(g)))
         # The angle on the cone to the antipodal normal; from ½π on the apex is nearer.
@@ -239,11 +222,6 @@ class EbinMetric(ConeMetric):
     lam : float
         λ > 0. The default ½ is the metric :math:`\int\operatorname{tr}((g^{-1}\delta g)^2)\mu_g`.
 
-    Raises
-    ------
-    ArgumentError
-        If λ is not positive: the metric would be degenerate.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -271,10 +249,6 @@ class EbinMetric(ConeMetric):
         end_point: ndarray | None = None,
         initial_tangent_vec: ndarray | None = None,
     ) -> Callable[[Any], ndarray]:
-        """Return the geodesic; between two points, the minimal path of the completion.
-
-        If θ ≥ π, or an end point is degenerate, that path runs straight through g = 0.
-        """
         if end_point is None or initial_tangent_vec is not None:
             return super().geodesic(initial_point, end_point, initial_tangent_vec)
         return self._geodesic_between(initial_point, end_point)
@@ -300,11 +274,6 @@ class GeneralElasticFieldMetric(ConeMetric):
         Weight of the change of area, above 0.
     c : float
         Weight of the rotation of normals, above 0.
-
-    Raises
-    ------
-    ArgumentError
-        If a weight is out of range.
 
     Examples
     --------

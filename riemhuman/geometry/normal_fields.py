@@ -48,32 +48,20 @@ class NormalFields(Manifold):
         return NormalFieldMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Return whether all vectors have unit length."""
         point, finite = self._candidates(point, "point")
         return finite & np.all(np.abs(np.sqrt(dot(point, point)) - 1.0) <= atol, axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Remove the components along the normals."""
         return sphere.to_tangent(vector, self._needed_base_point(base_point))
 
     def projection(self, point: ndarray) -> ndarray:
-        """Scale all vectors to unit length."""
         return point / np.sqrt(dot(point, point))[..., None]
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Draw independent uniform unit vectors."""
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         return stack_samples(self.projection(noise), n_samples)
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
-        """Return normal fields as float64 arrays after checking them.
-
-        Raises
-        ------
-        ArgumentError
-            If the shape is wrong, or an entry is not finite, or a vector is not of unit length
-            to 1e-6.
-        """
         point = real_array(point, name, self.shape, rows=True)
         values = values_of(point)
         refuse_triangles(

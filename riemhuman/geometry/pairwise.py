@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from riemhuman.checks import check_shape, one_of, unflatten, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.threads import for_each, mapped, slices, thread_count
+from riemhuman.kernels.threads import for_each, mapped, thread_count
 from riemhuman.progress import ProgressBar
 
 __all__ = ["MEMORY", "PRECISIONS", "Bulk", "Features", "Points", "squared_dist_rectangle"]
@@ -111,15 +111,11 @@ class SumOfFactors(Bulk):
 def features_in_threads(metric: Any, points: Points, precision: str, n_jobs: int) -> Features:
     """Return the features of points, computed in threads."""
     n_threads = thread_count(n_jobs)
-    parts = list(slices(len(points), max(1, math.ceil(len(points) / n_threads))))
-    if len(parts) < 2:
+    if n_threads == 1 or len(points) < 2:
         return metric.features(points, precision)
-    try:
-        features = mapped(lambda part: metric.features(points[part], precision), parts, n_threads)
-        return tuple(np.concatenate(arrays) for arrays in zip(*features, strict=True))
-    except ArgumentError:
-        # Its message counts from the first point of a part, that of all points from their first.
-        return metric.features(points, precision)
+    blocks = _blocks(metric, precision, n_threads, points, "points", 0, len(points))
+    arrays = zip(*(features for _, features in blocks), strict=True)
+    return tuple(np.concatenate(parts) for parts in arrays)
 
 
 def squared_dist_rectangle(
@@ -132,24 +128,9 @@ def squared_dist_rectangle(
 ) -> ndarray:
     """Return all squared distances between two sets, those of close pairs in double precision.
 
-    Results depend neither on how a larger table is divided into rectangles, nor on the number of
-    threads.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric.
-    features_a, features_b : tuple of array
-        Features of both sets, see `RiemannianMetric.features`; the same object twice for the
-        distances within one set.
-    points_a, points_b : sequence
-        The points of the features, used only for pairs too close for features in single precision.
-    n_jobs : int, optional
-        Number of threads, -1 for one per core; by default one.
-
-    Returns
-    -------
-    array, shape (n_a, n_b)
+    Both sets of features are one object for the distances within a set; points are looked at only
+    where two are too close for features in single precision. Results depend neither on how a larger
+    table is divided into rectangles, nor on the number of threads.
     """
     bulk, n_threads = metric.bulk, thread_count(n_jobs)
     squared = bulk.squared_distances(features_a, features_b, n_threads)

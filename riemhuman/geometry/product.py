@@ -13,8 +13,9 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, metric_weight, real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
-from riemhuman.geometry.metric import RiemannianMetric, Solvers
+from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, SumOfFactors
+from riemhuman.geometry.strategies import Solvers
 from riemhuman.kernels.surface import entry
 
 
@@ -51,16 +52,12 @@ class ProductManifold(Manifold):
         return ProductMetric
 
     def embed_to_product(self, points: Sequence[ndarray]) -> ndarray:
-        """Join points or tangent vectors of the factors.
+        """Join points or tangent vectors of the factors, shape (..., size).
 
         Parameters
         ----------
         points : sequence of array, the k-th with the shape of the k-th factor
             Points of the factors.
-
-        Returns
-        -------
-        array, shape (..., size)
         """
         if len(points) != len(self.factors):
             raise ArgumentError(

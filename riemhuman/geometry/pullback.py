@@ -10,8 +10,9 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array
 from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric import RiemannianMetric, Solvers
+from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, SumOfFactors
+from riemhuman.geometry.strategies import Solvers
 from riemhuman.kernels import surface
 
 
@@ -71,16 +72,12 @@ class PullbackMetric(RiemannianMetric):
         return self.target_metric.has_closed_form_dist
 
     def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        r"""Apply the differential of φ to tangent vectors.
+        r"""Apply the differential of φ to tangent vectors, shape (..., \*target_shape).
 
         Parameters
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
             Tangent vectors; base points.
-
-        Returns
-        -------
-        array, shape (..., \*target_shape)
         """
         shape = np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point))
         # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.

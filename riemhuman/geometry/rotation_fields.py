@@ -11,9 +11,10 @@ from riemhuman.checks import Rng, generator, real_array, real_number, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry._field_metric import FieldMetric
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
-from riemhuman.geometry.metric import RiemannianMetric, Solvers
+from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.geometry.strategies import Solvers
 from riemhuman.kernels import rotations
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.projections import field_coordinates
@@ -74,32 +75,21 @@ class RotationFields(Manifold):
         return RotationFieldMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Return whether all matrices are rotations."""
         point, finite = self._candidates(point, "point")
         return finite & np.all(_is_rotation(point, atol), axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Keep the skew part of Rᵀ V."""
         base_point = self._needed_base_point(base_point)
         return _tangent_vec(_angular_velocity(vector, base_point), base_point)
 
     def projection(self, point: ndarray) -> ndarray:
-        """Return the nearest rotations, by polar decomposition."""
         return nearest_rotations(point)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Draw independent uniform rotations."""
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         return stack_samples(self.projection(noise), n_samples)
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
-        """Return fields of rotations as float64 arrays after checking them.
-
-        Raises
-        ------
-        ArgumentError
-            If the shape is wrong, or an entry is not finite, or a matrix is no rotation to 1e-6.
-        """
         point = real_array(point, name, self.shape, rows=True)
         refuse_triangles(
             ~_is_rotation(values_of(point), 2e-6), f"{name} must hold rotations", ArgumentError
@@ -226,16 +216,12 @@ class RotationMetric(PullbackMetric):
         super().__init__(space, RotationFields(template).metric, self.rotations, **solvers)
 
     def rotations(self, f: ndarray) -> ndarray:
-        """Return the rotations of all triangles from the template, diffused.
+        """Return the rotations of all triangles from the template, diffused, shape (..., F, 3, 3).
 
         Parameters
         ----------
         f : array, shape (..., V, 3)
             Surfaces.
-
-        Returns
-        -------
-        array, shape (..., F, 3, 3)
 
         Raises
         ------
@@ -253,7 +239,6 @@ class RotationMetric(PullbackMetric):
 
     @property
     def bulk(self) -> Bulk:
-        """Features are the components of quaternions, one surface after the other."""
 
         def fields(points: ndarray) -> tuple[ndarray]:
             surfaces = self.space.check_point(points, "points")
@@ -265,16 +250,11 @@ class RotationMetric(PullbackMetric):
         return SumOfTerms([RotationTerm()], self.space.template, fields)
 
     def lower_bound_coordinates(self, points: ndarray) -> ndarray:
-        """Return coordinates whose Euclidean distances are at most those of the metric.
-
-        ‖R₁ − R₂‖² = 8 sin²(θ/2) ≤ 2 θ².
-        """
         rotations = self.rotations(points)
         flat = np.sqrt(0.5) * np.reshape(rotations, (*np.shape(rotations)[:-2], 9))
         return field_coordinates(flat, self.space.template.face_areas)
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
-        """Return the closed-form energy of one path, infinite without area, and its gradient."""
         path = self.check_points(path, "path")
         if is_degenerate(*self.space.partial_derivatives(path)).any():
             return np.inf, np.zeros(path.shape)
@@ -295,7 +275,6 @@ class RotationMetric(PullbackMetric):
         return gram / len(surfaces)
 
     def remove_drift(self, path: ndarray) -> ndarray:
-        """Remove translations, under which the metric is invariant, from a path."""
         path = self.check_points(path, "path")
         return still_path(path, self.space.template.vertex_areas, rotations=False)
 

@@ -10,7 +10,7 @@ from numpy import ndarray
 from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric import Solvers
+from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.surface_metric import MetricOfTerms, SurfaceMetric
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.surface import derivatives
@@ -59,6 +59,10 @@ class MidpointMetric(MetricOfTerms):
 
 
 _PRESERVED = {"a1": "keep all angles", "b1": "keep all areas", "c1": "keep all normals"}
+
+
+def _weight(name: str, doc: str) -> property:
+    return property(lambda self: self._weights[name], doc=doc)
 
 
 class SobolevMetric(MidpointMetric):
@@ -150,35 +154,12 @@ class SobolevMetric(MidpointMetric):
             "or two of a1, b1 and c1, or on a mesh without border a2, be above 0"
         )
 
-    @property
-    def a0(self) -> float:
-        """The weight of ‖h‖²."""
-        return self._weights["a0"]
-
-    @property
-    def a1(self) -> float:
-        """The weight of changes of angles."""
-        return self._weights["a1"]
-
-    @property
-    def b1(self) -> float:
-        """The weight of changes of area."""
-        return self._weights["b1"]
-
-    @property
-    def c1(self) -> float:
-        """The weight of changes of the normals."""
-        return self._weights["c1"]
-
-    @property
-    def d1(self) -> float:
-        """The weight of rotations within the tangent plane."""
-        return self._weights["d1"]
-
-    @property
-    def a2(self) -> float:
-        """The weight of ‖Δh‖²."""
-        return self._weights["a2"]
+    a0 = _weight("a0", "The weight of ‖h‖².")
+    a1 = _weight("a1", "The weight of changes of angles.")
+    b1 = _weight("b1", "The weight of changes of area.")
+    c1 = _weight("c1", "The weight of changes of the normals.")
+    d1 = _weight("d1", "The weight of rotations within the tangent plane.")
+    a2 = _weight("a2", "The weight of ‖Δh‖².")
 
 
 class GaugeInvariantMetric(MidpointMetric):
@@ -219,13 +200,10 @@ class GaugeInvariantMetric(MidpointMetric):
     semidefinite, and the surfaces of a path of least energy are free to slide along themselves.
     Unlike G, the metric is not invariant under translations.
 
-    Search for paths over smooth deformations, as in the example, and compare energies found over
-    the same ones only: the more of them, the lower the energy. Over all vertices a mesh crumples,
-    because creases that slide cost little, the energy falls on and on, and a warning says so.
-
-    A motion without stretching, even a translation, costs φ² times the squared curvatures, and
-    fingers that move far cost most: the path of least energy swells them as they travel. The metric
-    is for surfaces that are near each other, such as bodies in one pose.
+    Search for paths over smooth deformations, as in the example: over all vertices a mesh crumples,
+    because creases that slide cost little. A motion without stretching, even a translation, costs
+    φ² times the squared curvatures: the metric is for surfaces that are near each other, such as
+    bodies in one pose.
 
     Examples
     --------

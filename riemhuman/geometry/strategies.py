@@ -5,11 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
-from typing import Any, Protocol
+from typing import Any, Protocol, TypedDict
 
+import numpy as np
+from autograd.extend import defvjp_argnums, primitive
 from numpy import ndarray
+
+from riemhuman.errors import NotDefinedError, OutsideManifoldError
 
 __all__ = [
     "ExpSolver",
@@ -17,9 +21,11 @@ __all__ = [
     "LogSolver",
     "MeanSolver",
     "PathEnergy",
+    "Solvers",
     "TransportSolver",
     "default_strategy",
     "register_defaults",
+    "solve_geodesic",
 ]
 
 
@@ -117,3 +123,49 @@ class PathEnergy(Protocol):
 
         The energy may be infinite where the path leaves the manifold.
         """
+
+
+class Solvers(TypedDict, total=False):
+    """Keyword arguments of all metrics: strategies for what has no closed form."""
+
+    geodesic_solver: GeodesicSolver | None
+    exp_solver: ExpSolver | None
+    log_solver: LogSolver | None
+    transport_solver: TransportSolver | None
+
+
+@primitive
+def solve_geodesic(
+    tangent_vec: ndarray, base_point: ndarray, metric: Any, solver: ExpSolver
+) -> ndarray:
+    """Return the path of the geodesic that a solver finds if it has derivatives, else its end."""
+    result: Any = solver.solve(metric, tangent_vec, base_point)
+    if not getattr(result, "complete", True):
+        where = getattr(result, "message", "a point on the way")
+        raise OutsideManifoldError(
+            f"tangent_vec must be the velocity of a geodesic that {type(solver).__name__} "
+            f"can follow for unit time; it stopped at {where}"
+        )
+    if hasattr(solver, "derivatives"):
+        return np.asarray(result.path)
+    return np.asarray(result.end)[None]
+
+
+def _derivatives(
+    argnums: Sequence[int], path: ndarray, args: tuple[Any, ...], kwargs: dict[str, Any]
+) -> Callable[[ndarray], tuple[ndarray, ...]]:
+    tangent_vec, _, metric, solver = args
+
+    def pull_back(covectors: ndarray) -> tuple[ndarray, ...]:
+        if not hasattr(solver, "derivatives"):
+            raise NotDefinedError(
+                f"{type(solver).__name__} has no derivatives of exp; "
+                "riemhuman.solvers.DiscreteExponential() has"
+            )
+        both = solver.derivatives(metric, path, tangent_vec, covectors)
+        return tuple(both[number] for number in argnums)
+
+    return pull_back
+
+
+defvjp_argnums(solve_geodesic, _derivatives)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Unpack
 
 import autograd.numpy as np
@@ -18,16 +18,16 @@ from scipy import sparse
 from riemhuman.checks import metric_weight, path_array, values_of
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric import RiemannianMetric, Solvers
+from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.metric_fields import EbinMetric, GeneralElasticFieldMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
+from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels import surface
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.threads import quadratic_form
-from riemhuman.representation import Record
 from riemhuman.terms._quadratic import SumOfQuadraticTerms
 from riemhuman.terms._sum import SumOfTerms, checked_terms
 from riemhuman.terms.cone import ConeTerm, EbinTerm
@@ -235,7 +235,7 @@ class SurfaceMetric(MetricOfTerms):
 
     @property
     def has_target_metric(self) -> bool:
-        return all(map(_has_space, self.terms))
+        return all(map(_parts_of, self.terms))
 
     @property
     def target_metric(self) -> RiemannianMetric:
@@ -317,46 +317,38 @@ class _TermFields:
 
     def of(self, first: surface.Derivatives) -> ndarray:
         """Return the fields of surfaces, given their first derivatives."""
-        fields: list[Any] = []
-        for term in self._terms:
-            if isinstance(term, ConeTerm):
-                form = surface.first_fundamental_form(first.f_u, first.f_v)
-                normals = [term.fields(first)[3]] if term.c > 0.0 else []
-                fields.append(self._joined(term, form, *normals))
-            else:
-                fields.append(term.fields(first)[0])
-        return self._join(fields)
+        form = surface.first_fundamental_form(first.f_u, first.f_v)
+        return self._join(lambda term, part: form if part == "g" else term.fields(first)[-1])
 
     def changes(self, first: surface.Derivatives, h_u: ndarray, h_v: ndarray) -> ndarray:
         """Return the derivatives of the fields along deformations."""
         derivatives = first.f_u, first.f_v, h_u, h_v
-        changes: list[Any] = []
-        for term in self._terms:
-            if isinstance(term, ConeTerm):
-                form = surface.first_fundamental_form_differential(*derivatives)
-                normals = [surface.unit_normals_differential(*derivatives)] if term.c > 0.0 else []
-                changes.append(self._joined(term, form, *normals))
-            elif isinstance(term, NormalTerm):
-                changes.append(surface.unit_normals_differential(*derivatives))
-            else:
-                changes.append(term.changes(first, h_u, h_v)[0])
-        return self._join(changes)
 
-    def _joined(self, term: ConeTerm, form: ndarray, *normals: ndarray) -> ndarray:
-        """Return a change of g, or of g and n, as the factor of the term holds it."""
-        if not normals:
-            return form
-        factor: Any = self._factors[self._terms.index(term)]
-        return factor.embed_to_product([form, *normals])
+        def change(term: Term, part: str) -> ndarray:
+            if part == "g":
+                return surface.first_fundamental_form_differential(*derivatives)
+            if part == "n":
+                return surface.unit_normals_differential(*derivatives)
+            return term.changes(first, h_u, h_v)[0]
 
-    def _join(self, fields: list[ndarray]) -> ndarray:
-        return fields[0] if self._product is None else self._product.embed_to_product(fields)
+        return self._join(change)
+
+    def _join(self, field: Callable[[Term, str], ndarray]) -> ndarray:
+        fields = [field(term, part) for term in self._terms for part in _parts_of(term)]
+        axes = [2 + (part == "g") for term in self._terms for part in _parts_of(term)]
+        if self._product is None:
+            return fields[0]
+        # Points of products of products are joined in the same way.
+        flat = [np.reshape(f, (*np.shape(f)[:-n], -1)) for f, n in zip(fields, axes, strict=True)]
+        return np.concatenate(flat, axis=-1)
 
 
-def _has_space(term: Term) -> bool:
-    if isinstance(term, (EbinTerm, NormalTerm, FlatTerm)):
-        return True
-    return isinstance(term, ConeTerm) and term.c > 0.0
+def _parts_of(term: Term) -> tuple[str, ...]:
+    """Return which fields, of metrics, normals or vectors, the space of a term is made of."""
+    if isinstance(term, ConeTerm) and term.c > 0.0:
+        return "g", "n"
+    kinds = {EbinTerm: "g", NormalTerm: "n", FlatTerm: "q"}
+    return tuple(part for kind, part in kinds.items() if isinstance(term, kind))
 
 
 def _space_of(term: Term, template: Template) -> Manifold:
@@ -399,13 +391,10 @@ class ElasticMetric(SurfaceMetric):
     Notes
     -----
     Let κ be the largest coordinate divided by the least height of a triangle, the template's
-    included, and ε = 2.2e-16. Rounding in double precision changes a distance by at most 4εκ times
-    the distance that a surface covers when all its triangles change by their own size. It changes
-    inner products of deformations that move no vertex by more than a height by at most 4εκ times
-    their norms. For slivers of aspect ratio 1e6 this bound is 1e-9; the largest error found was
-    1e-11. Nearly equal surfaces, flat folds, antipodal normals and λ from 1e-8 to 1e4 add nothing.
-    The entries of g are not used: computed from them, as by `AlignedSurfaces.metric_field`, errors
-    would grow with κ².
+    included, and ε = 2.2e-16. Rounding changes a distance by at most 4εκ times the distance that a
+    surface covers when all its triangles change by their own size, and inner products of
+    deformations that move no vertex by more than a height by 4εκ times their norms. The entries of
+    g are not used: with them errors would grow with κ².
 
     Examples
     --------
@@ -456,20 +445,9 @@ class ElasticMetric(SurfaceMetric):
             return self
         return ElasticMetric(self.space, a=weight * self._c, lam=1.0, c=self._c)
 
-    @property
-    def a(self) -> float:
-        """The weight of the Ebin metric."""
-        return self._a
-
-    @property
-    def lam(self) -> float:
-        """The weight λ of the change of area in the Ebin metric."""
-        return self._lam
-
-    @property
-    def c(self) -> float:
-        """The weight of the metric of normal fields."""
-        return self._c
+    a = property(attrgetter("_a"), doc="The weight of the Ebin metric.")
+    lam = property(attrgetter("_lam"), doc="The weight λ of the change of area in the Ebin metric.")
+    c = property(attrgetter("_c"), doc="The weight of the metric of normal fields.")
 
 
 class GeneralElasticMetric(SurfaceMetric):
@@ -514,10 +492,8 @@ class GeneralElasticMetric(SurfaceMetric):
     cone, are legal here and an error there. (1, λ, 0) is ElasticMetric(1, λ, 0), and (0, 1/16, 1)
     is `SRNFMetric`.
 
-    For retrieval, `ElasticMetric` with (1, 1e-4, 0) or (0, 0, 1) is better. The weights (1, 1, 1)
-    are sensitive to build and pose at once: the nearest of the open bodies at coarse resolution is
-    the same person in 13 % of cases and the same pose in 87 %; with the two settings above, in 98 %
-    and 100 % (``riemhuman tables --all --resolution coarse``).
+    For retrieval, `ElasticMetric` with (1, 1e-4, 0) or (0, 0, 1) is better: the weights (1, 1, 1)
+    are sensitive to build and pose at once.
 
     Examples
     --------
@@ -545,20 +521,9 @@ class GeneralElasticMetric(SurfaceMetric):
         term = EbinTerm(self._a, self._b / self._a) if ebin else ConeTerm(1.0, a, b, c)
         super().__init__(space, [term], **solvers)
 
-    @property
-    def a(self) -> float:
-        """The weight of stretching without change of area."""
-        return self._a
-
-    @property
-    def b(self) -> float:
-        """The weight of the change of area."""
-        return self._b
-
-    @property
-    def c(self) -> float:
-        """The weight of bending."""
-        return self._c
+    a = property(attrgetter("_a"), doc="The weight of stretching without change of area.")
+    b = property(attrgetter("_b"), doc="The weight of the change of area.")
+    c = property(attrgetter("_c"), doc="The weight of bending.")
 
 
 class SRNFMetric(SurfaceMetric):
@@ -589,83 +554,3 @@ class SRNFMetric(SurfaceMetric):
         **solvers: Unpack[Solvers],
     ) -> None:
         super().__init__(space, [RootNormalTerm()], **solvers)
-
-
-@dataclass(frozen=True, repr=False)
-class Contributions(Record):
-    r"""Parts of the squared distance of two surfaces, triangle by triangle.
-
-    The integrands of equation 5 over each triangle t of the template, of area w_t:
-
-    .. math:: m_t = a\, w_t\, d^\lambda(g_1, g_2)_t^2, \quad n_t = c\, w_t\, d_{S^2}(n_1, n_2)_t^2
-
-    Attributes
-    ----------
-    metric : array, shape (..., F)
-        m_t, by the change of the first fundamental form.
-    normal : array, shape (..., F)
-        n_t, by the change of the normals.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> metric = rh.ElasticMetric(space, 1.0, 1.0, 1.0)
-    >>> parts = rh.plots.contributions(metric, bodies[0], bodies[1])
-    >>> parts.metric.shape, parts.normal.shape
-    ((2400,), (2400,))
-    """
-
-    metric: ndarray
-    normal: ndarray
-
-    @property
-    def total(self) -> ndarray:
-        """Their sum m_t + n_t, shape (..., F); summed over triangles, the squared distance."""
-        return self.metric + self.normal
-
-
-def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> Contributions:
-    """Return what every triangle adds to the squared distance of two surfaces.
-
-    Parameters
-    ----------
-    metric : ElasticMetric
-        The metric.
-    point_a, point_b : array, shape (..., V, 3)
-        Surfaces.
-
-    Returns
-    -------
-    Contributions
-
-    Raises
-    ------
-    DegenerateSurfaceError
-        If c > 0 and a triangle has no area, so that it has no normal.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> metric = rh.ElasticMetric(space, 1.0, 1.0, 1.0)
-    >>> parts = rh.plots.contributions(metric, bodies[0], bodies[1])
-    >>> total = parts.metric.sum() + parts.normal.sum()
-    >>> bool(abs(total / metric.squared_dist(bodies[0], bodies[1]) - 1) < 1e-9)
-    True
-    """
-    space = metric.space
-    first_a, first_b = (
-        surface.derivatives(space.check_point(f, "surface"), space.template.differential_operator)
-        for f in (point_a, point_b)
-    )
-    zeros = np.zeros(np.broadcast_shapes(first_a.areas.shape, first_b.areas.shape))
-    parts: dict[type, ndarray] = {EbinTerm: zeros, NormalTerm: zeros}
-    for term in metric.terms:
-        if term.needs_area:
-            surface.refuse_degenerate(first_a.degenerate | first_b.degenerate)
-        values = term.squared_dist(term.fields(first_a), term.fields(first_b))
-        parts[type(term)] = term.weight * space.template.face_areas * values
-    return Contributions(parts[EbinTerm], parts[NormalTerm])

@@ -1,9 +1,9 @@
 """Pictures and interactive views of bodies, paths, motions and results."""
 
-from riemhuman.geometry.surface_metric import Contributions, contributions
 from riemhuman.plots._figures import figure_files, figure_style, new_figure
 from riemhuman.plots._viewer_data import ViewedBody
 from riemhuman.plots.body_plots import per_area, plot_body, plot_measurement_lines, plot_path
+from riemhuman.plots.contributions import Contributions, contributions
 from riemhuman.plots.maps import embed, plot_embedding, stress
 from riemhuman.plots.rendering import View, render, surfaces_html
 from riemhuman.plots.result_plots import (

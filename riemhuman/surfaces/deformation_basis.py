@@ -99,10 +99,10 @@ class DeformationBasis:
     ) -> DeformationBasis:
         """Return the principal components of the deformations m_{nτ+τ} - m_{nτ} in motions.
 
-        Frames are taken from each motion m at 0, τ, 2τ, … ([1]_, section 4). Motions are streamed:
-        neither they nor their deformations need fit in memory. The components are exact up to
-        256 MiB of deformations (some 800 of a body with 13,348 vertices); beyond, deformations
-        are merged in their order, see `StreamingPCA`.
+        Frames are taken from each motion m at 0, τ, 2τ, … (section 4 of the paper). Neither
+        motions nor their deformations need fit in memory. The components are exact up to 256 MiB of
+        deformations (some 800 of a body with 13,348 vertices); beyond, deformations are merged in
+        their order.
 
         Parameters
         ----------
@@ -121,15 +121,7 @@ class DeformationBasis:
         progress : bool
             Whether to show a progress bar over motions.
 
-        Returns
-        -------
-        basis : DeformationBasis
-            The K strongest components, with their explained variance.
 
-        References
-        ----------
-        .. [1] Pierson, Daoudi, Tumpach, "A Riemannian Framework for Analysis of Human Body
-           Surface", WACV 2022.
         """
         n_components = whole_number(n_components, "n_components", minimum=1)
         pairs = frames_apart(motions, step, progress=progress)
@@ -179,10 +171,6 @@ class DeformationBasis:
             along x, or along x and y.
         vertex_weights : array_like, shape (V,), optional
             Weights of the inner product, as in the constructor.
-
-        Returns
-        -------
-        basis : DeformationBasis
         """
         n_components = whole_number(n_components, "n_components", minimum=1)
         weights = normalized_weights(vertex_weights, template.n_vertices)
@@ -204,17 +192,10 @@ class DeformationBasis:
         path : path_like
             The .npz file. Pickled objects in it are refused.
 
-        Returns
-        -------
-        basis : DeformationBasis
-
         Raises
         ------
-        FileError
-            If the file is missing or cannot be read.
         FileFormatError
-            If it is not such a file, comes from a later version, lacks a field, or does not hold an
-            orthonormal basis.
+            If it is not such a file, or comes from a later version.
         """
         fields = load_arrays(path, ("format_version", "vectors"))
         version = fields["format_version"].tolist()
@@ -237,17 +218,10 @@ class DeformationBasis:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the basis to an .npz file that reads back bit for bit.
 
-        The file is written atomically.
-
         Parameters
         ----------
         path : path_like
             The file, with its suffix; an existing file is replaced.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
         """
         fields = {"format_version": np.array(_FORMAT_VERSION), "vectors": self.vectors}
         for name in ("vertex_weights", *_STATISTICS):
@@ -281,16 +255,12 @@ class DeformationBasis:
         return self._weights
 
     def coefficients(self, deformation: Any) -> Any:
-        """Return the inner products of deformations with the vectors.
+        """Return the inner products of deformations with the vectors, shape (..., K).
 
         Parameters
         ----------
         deformation : array_like, shape (..., V, 3)
             Deformations; no mean is subtracted.
-
-        Returns
-        -------
-        coefficients : array, shape (..., K)
         """
         deformation = real_array(deformation, "deformation", (self.n_vertices, 3))
         if self._weights is not None:
@@ -299,32 +269,24 @@ class DeformationBasis:
         return anp.matmul(rows, self.flat.T)
 
     def combine(self, coefficients: Any) -> Any:
-        r"""Return the deformations :math:`\sum_k \alpha_k D_k`.
+        r"""Return the deformations :math:`\sum_k \alpha_k D_k`, shape (..., V, 3).
 
         Parameters
         ----------
         coefficients : array_like, shape (..., K)
             Coefficients α.
-
-        Returns
-        -------
-        deformation : array, shape (..., V, 3)
         """
         coefficients = real_array(coefficients, "coefficients", (len(self),))
         rows = anp.matmul(coefficients, self.flat)
         return anp.reshape(rows, (*coefficients.shape[:-1], self.n_vertices, 3))
 
     def project(self, deformation: Any) -> Any:
-        """Project deformations onto the span of the vectors.
+        """Project deformations onto the span of the vectors, shape (..., V, 3).
 
         Parameters
         ----------
         deformation : array_like, shape (..., V, 3)
             Deformations.
-
-        Returns
-        -------
-        projection : array, shape (..., V, 3)
         """
         return self.combine(self.coefficients(deformation))
 
@@ -335,11 +297,6 @@ class DeformationBasis:
         ----------
         template : Template or int
             The template, or its number of vertices.
-
-        Raises
-        ------
-        ArgumentError
-            If the number of vertices differs.
         """
         expected = template.n_vertices if isinstance(template, Template) else template
         if self.n_vertices != expected:
@@ -394,15 +351,6 @@ class DeformationBasis:
         ----------
         n_components : int
             Number of vectors to keep.
-
-        Returns
-        -------
-        basis : DeformationBasis
-
-        Raises
-        ------
-        ArgumentError
-            If there are fewer vectors.
         """
         kept = whole_number(n_components, "n_components", minimum=1)
         if kept > len(self):
@@ -422,12 +370,6 @@ class DeformationBasis:
         ----------
         deformations : array, shape (m, V, 3)
             More deformations; their projections onto the basis are subtracted.
-
-        Returns
-        -------
-        basis : DeformationBasis
-            At most m vectors more: deformations in the span of the basis and of those before them
-            add none.
         """
         basis = self
         for deformation in deformations:

@@ -100,10 +100,6 @@ def is_closed(faces: ndarray) -> bool:
     faces : array of int, shape (F, 3)
         Triangles.
 
-    Returns
-    -------
-    bool
-
     Examples
     --------
     >>> import riemhuman as rh

@@ -41,10 +41,6 @@ def procrustes(
     weights : array_like, shape (V,), optional
         Weights w of the vertices, for instance ``template.vertex_areas``; equal by default.
 
-    Returns
-    -------
-    aligned : array, shape (..., V, 3)
-
     References
     ----------
     .. [1] Kabsch, "A solution for the best rotation to relate two sets of vectors",
@@ -228,7 +224,7 @@ AXES = tuple(_ROTATIONS)
 
 
 def make_upright(points: ndarray, unit: str | None = None, up: str | None = None) -> ndarray:
-    """Return surfaces in metres, rotated so that y points up.
+    """Return surfaces in metres, rotated so that y points up, shape (..., 3).
 
     Parameters
     ----------
@@ -238,15 +234,6 @@ def make_upright(points: ndarray, unit: str | None = None, up: str | None = None
         Unit of the coordinates; by default surfaces are not scaled.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis that points up; by default surfaces are not rotated.
-
-    Returns
-    -------
-    array, shape (..., 3)
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such unit or axis.
 
     Examples
     --------

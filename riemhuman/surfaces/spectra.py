@@ -58,10 +58,6 @@ class Spectrum(Record):
         ----------
         n_eigenvalues : int
             Number of eigenvalues to keep.
-
-        Returns
-        -------
-        Spectrum
         """
         return replace(
             self,
@@ -70,12 +66,7 @@ class Spectrum(Record):
         )
 
     def of_unit_area(self) -> Spectrum:
-        """Return the spectrum of the surface scaled to area 1.
-
-        Returns
-        -------
-        Spectrum
-        """
+        """Return the spectrum of the surface scaled to area 1."""
         area = self.areas.sum()
         return Spectrum(
             area * self.eigenvalues,
@@ -103,10 +94,6 @@ def spectrum(
         intrinsic Delaunay Laplacian of Sharp and Crane, "A Laplacian for Nonmanifold Triangle
         Meshes", SGP 2020, which also works for slivers, triangles without area and edges with more
         than two triangles. The second needs the package robust_laplacian.
-
-    Returns
-    -------
-    Spectrum
 
     Raises
     ------

@@ -97,16 +97,8 @@ class Template:
         path : path_like
             The mesh file.
 
-        Returns
-        -------
-        template : Template
-
         Raises
         ------
-        FileError
-            If the file is missing or cannot be read.
-        FileFormatError
-            If it does not hold a triangle mesh.
         ArgumentError
             If a triangle refers twice to the same vertex.
         DegenerateSurfaceError
@@ -125,15 +117,6 @@ class Template:
         ----------
         points : array_like, shape (V, 3), optional
             The surface; by default the template itself.
-
-        Returns
-        -------
-        trimesh.Trimesh
-
-        Raises
-        ------
-        MissingDependencyError
-            If trimesh is not installed.
         """
         return to_trimesh(self._surface(points), self.faces)
 
@@ -144,15 +127,6 @@ class Template:
         ----------
         points : array_like, shape (V, 3), optional
             The surface; by default the template itself.
-
-        Returns
-        -------
-        pyvista.PolyData
-
-        Raises
-        ------
-        MissingDependencyError
-            If PyVista is not installed.
         """
         return to_pyvista(self._surface(points), self.faces)
 
@@ -163,13 +137,6 @@ class Template:
         ----------
         path : path_like
             The mesh file, whose suffix gives its format.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
-        FileFormatError
-            If the suffix names no known format.
         """
         save_mesh(path, self.vertices, self.faces)
 
@@ -270,10 +237,6 @@ class Template:
             Surfaces registered to the template; arrays traced by autograd pass unchanged.
         name : str
             Name of the argument, for messages.
-
-        Returns
-        -------
-        points : array, shape (..., V, 3)
         """
         points = real_array(points, name, ("n_vertices", 3))
         if points.shape[-2] != self.n_vertices:

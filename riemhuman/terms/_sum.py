@@ -21,7 +21,7 @@ from scipy.sparse import csr_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.kernels import surface
 from riemhuman.kernels.compilation import FUSED, compiled
-from riemhuman.kernels.surface import Derivatives, follow_up
+from riemhuman.kernels.surface import follow_up
 from riemhuman.kernels.threads import LANES, in_tiles, of_one_kind, sums_in_chunks
 from riemhuman.kernels.triangles import add_blocks, first_forms
 from riemhuman.terms.flat import FlatTerm
@@ -318,10 +318,7 @@ _TRIANGLES += onp.eye(2, 3)[:, None, None]
 
 
 def checked_terms(terms: Any, term_class: type) -> tuple[Any, ...]:
-    """Return the terms of a metric after checking that loops over triangles can run them.
-
-    A loop trusts the shapes of the fields; wrong ones would have it write beyond its arrays.
-    """
+    """Return the terms of a metric after checking that they work triangle by triangle."""
     if not isinstance(terms, Sequence) or isinstance(terms, str):
         raise ArgumentTypeError(f"terms must be a sequence of terms; found {terms!r}")
     if not terms:
@@ -339,49 +336,28 @@ def checked_terms(terms: Any, term_class: type) -> tuple[Any, ...]:
 
 def _check_fields(term: Term) -> None:
     name, shape = type(term).__name__, _TRIANGLES.shape[1:3]
-    together = _fields(term, follow_up(*_TRIANGLES))
-    for field in together:
-        dimensions = (3,) if isinstance(term, FlatTerm) else (2, 3)
-        if field.shape[:2] != shape or field.ndim not in dimensions:
+    together = term.fields(follow_up(*_TRIANGLES))
+    if not isinstance(together, tuple) or not together:
+        raise ArgumentTypeError(
+            f"fields of {name} must return a tuple of arrays; found {type(together).__name__}"
+        )
+    alone = term.fields(follow_up(*_TRIANGLES[:, 1:, 2:]))
+    dimensions = (3,) if isinstance(term, FlatTerm) else (2, 3)
+    for whole, part in zip(together, alone, strict=True):
+        if whole.shape[:2] != shape or whole.ndim not in dimensions:
             expected = " or ".join(["(..., F)", "(..., F, n)"][-len(dimensions) :])
             raise ArgumentError(
                 f"the fields of {name} must have shape {expected}; for derivatives of shape "
-                f"(2, 3, 3), of three triangles on each of two surfaces, found {field.shape}"
+                f"(2, 3, 3), of three triangles on each of two surfaces, found {whole.shape}"
             )
-        _refuse_infinite(field, f"the fields of {name}")
-    alone = _fields(term, follow_up(*_TRIANGLES[:, 1:, 2:]))
-    for whole, part in zip(together, alone, strict=True):
         if not onp.allclose(whole[1:, 2:], part, rtol=1e-8, atol=1e-8):
             raise ArgumentError(
                 f"the fields of {name} must be computed triangle by triangle; found values that "
                 "change with the other triangles"
             )
-    for other in (together, tuple(field[::-1] for field in together)):
-        found = onp.asarray(term.squared_dist(together, other))
-        if found.shape != shape:
-            raise ArgumentError(
-                f"squared_dist of {name} must return shape (..., F), one number a triangle; for "
-                f"fields of three triangles on each of two surfaces, found {found.shape}"
-            )
-        _refuse_infinite(found, f"squared_dist of {name}")
-
-
-def _refuse_infinite(found: ndarray, name: str) -> None:
-    if not onp.isfinite(found).all():
-        first = found[~onp.isfinite(found)][0]
-        raise ArgumentError(f"{name} must be finite on ordinary triangles; found {first}")
-
-
-def _fields(term: Term, first: Derivatives) -> tuple[ndarray, ...]:
-    name, fields = type(term).__name__, term.fields(first)
-    if not isinstance(fields, tuple) or not fields:
-        raise ArgumentTypeError(
-            f"fields of {name} must return a tuple of arrays; found {type(fields).__name__}"
+    found = onp.shape(term.squared_dist(together, together))
+    if found != shape:
+        raise ArgumentError(
+            f"squared_dist of {name} must return shape (..., F), one number a triangle; for "
+            f"fields of three triangles on each of two surfaces, found {found}"
         )
-    for field in fields:
-        if onp.asarray(field).dtype.kind != "f":
-            raise ArgumentTypeError(
-                f"the fields of {name} must be arrays of real numbers; found "
-                f"{onp.asarray(field).dtype}"
-            )
-    return tuple(map(onp.asarray, fields))

@@ -43,16 +43,12 @@ class FlatTerm(Term):
 
     @abstractmethod
     def field(self, first: Derivatives) -> ndarray:
-        """Return the field φ(f) of surfaces.
+        """Return the field φ(f) of surfaces, shape (..., F, n).
 
         Parameters
         ----------
         first : Derivatives
             First derivatives of surfaces, arrays of shape (..., F) and (..., F, 3).
-
-        Returns
-        -------
-        array, shape (..., F, n)
         """
 
     def fields(self, first: Derivatives) -> Fields:

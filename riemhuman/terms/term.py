@@ -116,7 +116,7 @@ class Term(ABC):
 
     @abstractmethod
     def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
-        """Return the inner products of changes of the fields, triangle by triangle.
+        """Return the inner products of changes of the fields, triangle by triangle, shape (..., F).
 
         Parameters
         ----------
@@ -124,10 +124,6 @@ class Term(ABC):
             Derivatives of the fields along deformations.
         fields : tuple of array
             Fields of the surfaces.
-
-        Returns
-        -------
-        array, shape (..., F)
         """
 
     def changes(self, first: Derivatives, h_u: ndarray, h_v: ndarray) -> Fields:
@@ -270,10 +266,6 @@ class Term(ABC):
             Template areas.
         kept : array of float32 or float64, shape (n_features, F⁺)
             Features.
-
-        Returns
-        -------
-        float
         """
         return self.pack(self.fields(follow_up(record[:3].T, record[3:6].T)), areas, kept)
 

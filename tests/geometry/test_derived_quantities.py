@@ -111,16 +111,6 @@ def test_beyond_the_injectivity_radius():
             assert metric.dist(x, metric.exp(beyond, x)) < 0.999 * metric.norm(beyond, x)
 
 
-def test_rotations_of_a_triangle_have_constant_curvature():
-    """They are half a sphere of radius 2: a rotation by θ is a quaternion at the angle θ/2."""
-    case = CASES["rotations triangle"]
-    x, a, b = two_vectors(case)
-    found = case.metric.sectional_curvature(a, b, x)
-    area = case.space.template.face_areas[0]
-    assert found == pytest.approx(0.25 / area, rel=1e-9)
-    assert case.metric.injectivity_radius() == pytest.approx(np.pi * np.sqrt(area))
-
-
 def test_base_points_are_optional_where_they_do_not_matter():
     metric = VectorSpace((3, 2)).metric
     a, b = metric.space.random_point(2, rng=1)

@@ -137,17 +137,6 @@ def test_energy_when_every_time_is_registered_anew(name, most):
     assert changes[0] > 1.9 * changes[1] > 1.9**2 * changes[2]
 
 
-def test_solvers_find_paths_over_smooth_deformations():
-    template = sphere_template(2)
-    space = AlignedSurfaces(template, equip=False)
-    metric = GaugeInvariantMetric(SRNFMetric(space))
-    start, end = surfaces(template, 2, rng=3, size=0.15)
-    basis = DeformationBasis.from_laplacian(template, n_components=20)
-    result = BasisPath(basis, n_nodes=6).solve(metric, start, end)
-    assert result.converged
-    assert result.energy < 0.995 * metric.energy(np.linspace(start, end, 6))
-
-
 def test_meshes_crumple_over_all_vertices_and_a_warning_says_so():
     template = sphere_template(2)
     metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(template, equip=False)))

@@ -97,12 +97,6 @@ def test_near_duplicates_are_beyond_single_precision(weights):
     np.testing.assert_allclose(np.sqrt(close), expected, rtol=1e-5, atol=0)
 
 
-@pytest.mark.parametrize("lam", np.logspace(-8, 4, 13))
-def test_all_lambdas(lam):
-    points = surfaces(TEMPLATE, 5, rng=4)
-    check_against_definition(metric_of(TEMPLATE, (1.0, lam, 0.0)), points)
-
-
 @each_metric
 def test_bodies_far_apart_in_scale(weights):
     scales = np.array([1e-25, 1e-12, 1e-3, 1.0, 1e3, 1e12])
@@ -397,25 +391,6 @@ def test_surfaces_beyond_double_precision_are_refused(weights, exponent):
     for call in (lambda: metric.dist(*points), lambda: metric.dist_pairwise(points)):
         with pytest.raises(ArgumentError, match="coordinates of between 1e-60 and 1e.?60"):
             call()
-
-
-@pytest.mark.parametrize(("n_jobs", "n_threads"), [(None, 1), (2, 2)])
-def test_features_are_computed_in_as_many_threads(monkeypatch, n_jobs, n_threads):
-    case = CASES["mixed sphere"]
-    threads, barrier = set(), threading.Barrier(n_threads)
-    features = type(case.metric).features
-
-    def watched(self, points, *arguments, **options):
-        if len(points) > 1:
-            # Nobody goes on before all are here.
-            barrier.wait(timeout=20)
-            threads.add(threading.get_ident())
-        return features(self, points, *arguments, **options)
-
-    expected = case.metric.dist_pairwise(case.points)
-    monkeypatch.setattr(type(case.metric), "features", watched)
-    np.testing.assert_array_equal(case.metric.dist_pairwise(case.points, n_jobs=n_jobs), expected)
-    assert len(threads) == n_threads
 
 
 def test_a_wrong_point_is_named_by_its_block_once(monkeypatch):

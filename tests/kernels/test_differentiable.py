@@ -4,7 +4,6 @@ import autograd.numpy as anp
 import numpy as np
 import pytest
 from autograd import grad, make_jvp
-from cases import surfaces
 from scipy.sparse import csr_array, csr_matrix
 from scipy.sparse import random as random_matrix
 
@@ -64,13 +63,6 @@ def test_differential():
     by_point = grad(lambda p: anp.sum(differential(cube_sums, v, p)))(x)
     np.testing.assert_allclose(by_vector, 3 * x**2 + x[:, [1, 0, 2]] * [1, 1, 0], atol=1e-13)
     np.testing.assert_allclose(by_point, 6 * x * v + v[:, [1, 0, 2]] * [1, 1, 0], atol=1e-13)
-
-
-def test_surfaces_of_the_registry_are_seeded():
-    from cases import sphere_template
-
-    first, again = (surfaces(sphere_template(), 2, rng=1) for _ in range(2))
-    np.testing.assert_array_equal(first, again)
 
 
 @pytest.mark.parametrize("index", [(0, 1), (slice(1), slice(1)), (slice(1, None), 0)])

@@ -1,14 +1,11 @@
 """Frames of triangles that compiled loops share, against NumPy; interpreted, as written."""
 
-import itertools
-
 import autograd.numpy as anp
 import numpy as np
 import pytest
 from autograd import grad
 
 from riemhuman.kernels import triangles
-from riemhuman.kernels.surface import DEGENERATE
 
 N_VERTICES, N_TIMES, TIME = 6, 3, 1
 FACE = np.array([4, 1, 3])
@@ -97,36 +94,3 @@ def test_triangles_without_area(corners, at):
     assert np.isfinite(axes).all()
     assert not np.any(axes[3:])
     assert triangles.fill_edges.py_func(surfaces, FACE, TIME, np.empty((2, 3))) == 0.0
-
-
-@pytest.mark.parametrize("share", [0.99, 1.01], ids=["below", "above"])
-@pytest.mark.parametrize("size", [0.1, 1.0, 10.0])
-def test_how_thin_a_triangle_may_be(share, size):
-    # The second side is 0.3 times as long as the first.
-    height = 0.3 * share * np.sqrt(DEGENERATE)
-    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.3, height, 0.0]])
-    surfaces = size * corners[:, None]
-    area, _, over_r, *_ = triangles.frame_of.py_func(surfaces, np.arange(3), 0)
-    by_edges = triangles.fill_edges.py_func(surfaces, np.arange(3), 0, np.empty((2, 3)))
-    area_there = size**2 * height / 2
-    expected = [area_there, area_there, 1 / (size * height)] if share > 1 else [0.0, 0.0, 0.0]
-    np.testing.assert_allclose([area, by_edges, over_r], expected, rtol=1e-12)
-
-
-def test_vertex_by_vertex(noise):
-    found = triangles.by_vertex(noise)
-    np.testing.assert_array_equal(found, np.moveaxis(noise, 1, 0))
-    assert found.flags.c_contiguous
-    large = np.broadcast_to(0.0, (20_001, 3))
-    assert triangles.is_worth_threads(np.empty((4, 1, 3)), large)
-    assert not triangles.is_worth_threads(np.empty((4, 1, 3)), large[1:])
-    assert triangles.is_worth_threads(np.empty((4, 2, 3)), large[:10_001])
-
-
-@pytest.mark.parametrize(("along", "beside"), [*itertools.permutations(range(3), 2)])
-def test_triangles_as_thin_as_rounding_errors_have_no_area(along, beside):
-    one, other = np.eye(3)[along], 0.5 * np.eye(3)[along] + 1e-9 * np.eye(3)[beside]
-    f, face = np.stack([np.zeros(3), one, other])[:, None], np.arange(3)
-    assert triangles.frame_of.py_func(f, face, 0)[:3] == (0.0, 1.0, 0.0)
-    assert triangles.fill_edges.py_func(f, face, 0, np.empty((2, 3))) == 0.0
-    assert triangles.first_forms.py_func(*one, *other)[-1] == 0.0

@@ -89,26 +89,6 @@ ROTATIONS = random_rotations(12, seed=8).reshape(2, 2, 3, 3, 3)
 MATRICES = np.random.default_rng(9).standard_normal((2, 3, 3, 3))
 
 
-@pytest.mark.parametrize(
-    ("function", "stacks"),
-    [
-        (so3.transpose, [MATRICES]),
-        (so3.axial, [MATRICES]),
-        (so3.quaternions, [ROTATIONS[0]]),
-        (so3.log, [*ROTATIONS]),
-        (so3.exp, [VECTORS[0], ROTATIONS[0]]),
-        (so3.parallel_transport, [*VECTORS]),
-        (so3.nearest_rotations, [MATRICES]),
-    ],
-    ids=lambda value: getattr(value, "__name__", ""),
-)
-def test_stacks(function, stacks):
-    found = function(*stacks)
-    for place in np.ndindex(2, 3):
-        alone = function(*(stack[place] for stack in stacks))
-        np.testing.assert_allclose(found[place], alone, rtol=1e-13, atol=1e-15)
-
-
 def test_nearest_rotations_of_stretches_and_mirror_images():
     rotations = random_rotations()
     roots = np.random.default_rng(3).uniform(-1, 1, (40, 3, 3))
@@ -121,21 +101,6 @@ def test_nearest_rotations_of_stretches_and_mirror_images():
         kept = matrix.copy()
         np.testing.assert_allclose(so3.nearest_rotations(matrix), expected, atol=1e-12)
         np.testing.assert_array_equal(matrix, kept)
-
-
-def test_newton_reaches_rotations_that_are_near(monkeypatch):
-    """Elsewhere singular values take its place, several times slower; interpreted, as written."""
-    monkeypatch.setattr(so3, "_fill_cofactors", so3._fill_cofactors.py_func)
-    rotations = random_rotations(20)
-    roots = np.random.default_rng(5).uniform(-0.2, 0.2, (20, 3, 3))
-    matrices = rotations @ (np.eye(3) + roots + so3.transpose(roots))
-    found, near = np.empty_like(matrices), np.zeros(20, dtype=bool)
-    so3._by_newton.py_func(matrices, found, near)
-    assert near.all()
-    np.testing.assert_allclose(found, rotations, atol=1e-14)
-    mirrored = matrices @ np.diag([1.0, 1.0, -1.0])
-    so3._by_newton.py_func(mirrored, found, near)
-    assert not near.any()
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.kernels import threads
-from riemhuman.kernels.threads import LARGEST, SMALLEST, UNDERFLOW, in_tiles, of_one_kind
+from riemhuman.kernels.threads import in_tiles
 
 
 @pytest.fixture(params=[False, True], ids=["alone", "threaded"])
@@ -170,22 +170,3 @@ def test_several_threads_share_the_pairs_evenly(within):
     shared = sizes[alone:]
     assert len(shared) > alone
     assert max(shared) <= sum(shared) / 3 / 2
-
-
-def test_squares_too_small_for_single_precision_stay_below_the_bound():
-    smallest = float(np.finfo(np.float32).tiny)
-    assert smallest <= UNDERFLOW < 1e6 * smallest
-
-
-def test_a_number_fits_single_precision_where_its_reciprocal_does():
-    assert abs(LARGEST * SMALLEST - 1.0) < 1e-12
-
-
-def test_arrays_of_one_kind():
-    array = np.arange(6.0).reshape(2, 3)
-    for given in (array, array[:, ::-1], np.asfortranarray(array), array.T):
-        kept = of_one_kind(given)
-        np.testing.assert_array_equal(kept, given)
-        assert kept.flags.c_contiguous
-        assert not kept.flags.writeable
-        assert given.flags.writeable

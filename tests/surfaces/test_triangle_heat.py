@@ -6,7 +6,6 @@ import trimesh
 from cases import TEMPLATES
 
 from riemhuman.surfaces import Template
-from riemhuman.surfaces.measures import adjacent_triangles
 
 
 @pytest.fixture(params=TEMPLATES)
@@ -76,12 +75,3 @@ def test_heat_stays_on_its_side_of_triangles_that_hardly_conduct():
 def test_what_is_known_of_a_time_is_computed_once_and_is_not_pickled(template):
     assert template.heat.step(0.1) is template.heat.step(0.1)
     assert "heat" not in template.__getstate__()
-
-
-def test_adjacent_triangles_share_their_edge(template):
-    pairs, edges = adjacent_triangles(template.faces)
-    for (one, other), edge in zip(pairs, edges, strict=True):
-        shared = set(template.faces[one]) & set(template.faces[other])
-        assert set(edge) <= shared
-    if template.n_faces == 80:  # a closed surface
-        assert len(pairs) == 120

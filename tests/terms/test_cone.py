@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, GeneralElasticMetric
 from riemhuman.kernels import surface
-from riemhuman.terms import ConeTerm, EbinTerm, RootNormalTerm, _cone_geodesics, cone
+from riemhuman.terms import ConeTerm, EbinTerm, RootNormalTerm, _cone_geodesics
 from riemhuman.terms._sum import SumOfTerms
 
 WEIGHTS = [(1.0, 1.0, 1.0), (1.0, 1e-3, 0.01), (0.0, 0.3, 1.0), (2.0, 0.05, 3.0)]
@@ -129,15 +129,6 @@ def test_limits_are_the_ebin_and_the_square_root_normal_metric():
 
 
 @pytest.mark.parametrize("weights", WEIGHTS)
-def test_triangle_inequality_and_symmetry(weights):
-    rng = np.random.default_rng(6)
-    for f, g, h in np.eye(2, 3) + rng.uniform(0.1, 2.0) * rng.standard_normal((100, 3, 2, 3)):
-        assert squared_dist(f, g, *weights) == squared_dist(g, f, *weights)
-        sides = [np.sqrt(squared_dist(*pair, *weights)) for pair in ((f, g), (g, h), (f, h))]
-        assert sides[2] <= (sides[0] + sides[1]) * (1 + 1e-12)
-
-
-@pytest.mark.parametrize("weights", WEIGHTS)
 def test_equal_antipodal_and_degenerate_triangles(weights):
     one = np.array([[1.0, 0.2, 0.1], [0.3, 1.0, -0.2]])
     assert squared_dist(one, one, *weights) == 0.0
@@ -154,16 +145,6 @@ def test_equal_antipodal_and_degenerate_triangles(weights):
     if weights[0] > 0:
         through = 16 * b * (np.sqrt(area) + np.sqrt(np.linalg.norm(np.cross(*far)))) ** 2
         assert squared_dist(one, far, *weights) == pytest.approx(through)
-
-
-@pytest.mark.parametrize("weights", WEIGHTS)
-def test_gradients_against_differences(weights):
-    rng = np.random.default_rng(8)
-    for one, other in random_triangles(5, rng):
-        h = rng.standard_normal((2, 3))
-        ends = [squared_dist(one, other + t * h, *weights) for t in (-1e-6, 1e-6)]
-        slope = grad(lambda f, one=one: squared_dist(one, f, *weights))(other)
-        assert np.sum(slope * h) == pytest.approx((ends[1] - ends[0]) / 2e-6, rel=1e-5, abs=1e-8)
 
 
 @pytest.mark.parametrize("weights", WEIGHTS)
@@ -265,26 +246,6 @@ def cone_chart(x, y, s, lam):
 
 def ebin_squared_dist(one, other, lam):
     return EbinTerm(lam=lam).squared_dist(one, other)
-
-
-def test_cone_chart_winds_logarithms_as_long_as_the_distance_from_the_identity():
-    rng = np.random.default_rng(5)
-    lam, s = 50.0, rng.uniform(0.5, 2.0, 40)
-    x, y = rng.uniform(-4.0, 4.0, 40), np.exp(rng.uniform(-3.0, 3.0, 40))
-    x[0], y[0] = 0.0, 1.0
-    first, second = np.split(cone_chart(x, y, s, lam), 2, axis=-1)
-    radii = 4.0 * np.sqrt(0.5 * lam) * s
-    np.testing.assert_allclose(np.hypot(first, second), radii[:, None] * [1.0, 1.0], rtol=1e-13)
-    lengths = np.linalg.norm(np.arctan2(second, first), axis=-1)
-    distances = cone.hyperbolic_distance(cone.excess(x, y, 0.0, 1.0))
-    expected = np.sqrt(2.0) * 0.5 / np.sqrt(2.0 * lam) * distances
-    np.testing.assert_allclose(lengths, expected, rtol=1e-12, atol=1e-15)
-
-
-def test_cone_chart_sees_the_apex():
-    apex = cone_chart(np.zeros(1), np.ones(1), np.zeros(1), 0.3)
-    other = cone_chart(np.array([0.4]), np.array([2.0]), np.array([1.7]), 0.3)
-    np.testing.assert_allclose(np.sum((apex - other) ** 2), 16 * 0.3 * 1.7**2)
 
 
 def test_a_steeper_chart_is_no_bound():

@@ -43,14 +43,6 @@ def test_near_identical_to_relative_precision(lam):
     np.testing.assert_allclose(squared_dist(g1, g2, lam), exact, rtol=1e-6)
 
 
-@pytest.mark.parametrize("lam", LAMBDAS)
-@pytest.mark.parametrize("family", ["ordinary", "within π"])
-def test_squared_dist_agrees_with_matrix_functions(family, lam):
-    g1, g2 = pairs(family, lam)
-    expected = [oracles.matrix_squared_dist(a, b, lam) for a, b in zip(g1, g2, strict=True)]
-    np.testing.assert_allclose(squared_dist(g1, g2, lam), expected, rtol=1e-10, atol=1e-13)
-
-
 # Slips that a reader of the paper could make.
 
 
@@ -156,26 +148,6 @@ def test_frames_do_not_matter(entries, seed, lam):
     seen = squared_dist(frame.T @ g1 @ frame, frame.T @ g2 @ frame, lam)
     expected = abs(np.linalg.det(frame)) * squared_dist(g1, g2, lam)
     np.testing.assert_allclose(seen, expected, rtol=1e-9)
-
-
-@pytest.mark.parametrize("lam", LAMBDAS)
-def test_axioms_on_many_triples(lam):
-    rng = np.random.default_rng(12)
-    n = 10_000
-    a, b, c = (matrices(n, 10.0 ** rng.uniform(0, 1), rng) for _ in range(3))
-    b[: n // 4] = a[: n // 4] * (1 + 1e-9 * rng.normal(size=(n // 4, 1, 1)))
-    c[n // 2 : n // 2 + 500] = 0.0
-    c[n // 2 + 500 : n // 2 + 1000] = np.diag([1.0, 0.0])
-
-    def dist(x, y):
-        return np.sqrt(squared_dist(x, y, lam))
-
-    np.testing.assert_array_equal(dist(a, b), dist(b, a))
-    np.testing.assert_array_equal(dist(a, a), 0.0)
-    assert np.all(dist(a, b) > 0)
-    slack = dist(a, b) + dist(b, c) - dist(a, c)
-    assert slack.min() >= -1e-13
-    assert np.all(dist(a, c) <= cone_size(a, c, lam) * (1 + 1e-12))
 
 
 # Derivatives of the custom primitives.

@@ -26,15 +26,6 @@ def test_inner_product_agrees_with_its_definition(lam):
     )
 
 
-def test_half_is_the_trace_of_the_square():
-    rng = np.random.default_rng(8)
-    g = matrices(N_PAIRS, 5.0, rng)
-    a = _cone_geodesics.symmetric_part(rng.normal(size=g.shape))
-    velocity = np.linalg.solve(g, a)
-    expected = np.trace(velocity @ velocity, axis1=1, axis2=2) * np.sqrt(np.linalg.det(g))
-    np.testing.assert_allclose(ebin_matrices.inner_product(a, a, g, 0.5), expected, rtol=1e-12)
-
-
 def test_squared_norms_of_anisotropic_matrices_are_not_negative():
     rng = np.random.default_rng(9)
     g = matrices(500, 1e12, rng)

@@ -58,28 +58,6 @@ def split(features, length):
 
 @each_template
 @each_precision
-def test_metric_fields_of_surfaces(template, precision):
-    points = some_surfaces(template)
-    term, areas = EbinTerm(lam=0.3), template.face_areas
-    found, rounding = features_of(term, template, points, precision)
-    f_u, f_v, degenerate = definitions(template, points)
-    x, y, s = term.fields(surface.follow_up(f_u, f_v))
-    x, y = np.where(degenerate, 0.0, x), np.where(degenerate, 1.0, y)
-    radii = np.sqrt(areas) * np.where(degenerate, 0.0, s)
-    assert found.dtype == PRECISIONS[precision]
-    assert found.shape[:2] == (3, 4)
-    expected = np.stack([x, y, 1 / (np.sqrt(2) * y), radii], axis=1)
-    np.testing.assert_allclose(
-        split(found, template.n_faces), expected, rtol=TOLERANCES[precision], atol=1e-12
-    )
-    again, rounding_again = field_features(term, (x, y, radii / np.sqrt(areas)), areas, precision)
-    np.testing.assert_allclose(found, again, rtol=TOLERANCES[precision], atol=1e-12)
-    np.testing.assert_allclose(rounding, rounding_again, rtol=1e-4)
-    assert rounding.any() == (precision == "single")
-
-
-@each_template
-@each_precision
 def test_normals_of_surfaces(template, precision):
     points = some_surfaces(template)
     found, rounding = features_of(NormalTerm(), template, points, precision)
@@ -98,28 +76,6 @@ def test_normals_of_surfaces(template, precision):
     )
     again, rounding_again = field_features(NormalTerm(), (normals,), template.face_areas, precision)
     np.testing.assert_allclose(found, again, atol=TOLERANCES[precision])
-    np.testing.assert_allclose(rounding, rounding_again, rtol=1e-4)
-    assert rounding.any() == (precision == "single")
-
-
-@each_template
-@each_precision
-def test_square_root_normals_of_surfaces(template, precision):
-    points = some_surfaces(template)
-    term = RootNormalTerm()
-    found, rounding = features_of(term, template, points, precision)
-    f_u, f_v, _ = definitions(template, points)
-    fields = term.field(surface.follow_up(f_u, f_v))
-    weighted = np.sqrt(template.face_areas)[:, None] * fields
-    assert found.dtype == PRECISIONS[precision]
-    np.testing.assert_allclose(
-        split(found, template.n_faces),
-        np.swapaxes(weighted, 1, 2),
-        rtol=TOLERANCES[precision],
-        atol=1e-12,
-    )
-    again, rounding_again = field_features(term, (fields,), template.face_areas, precision)
-    np.testing.assert_allclose(found, again, rtol=TOLERANCES[precision], atol=1e-12)
     np.testing.assert_allclose(rounding, rounding_again, rtol=1e-4)
     assert rounding.any() == (precision == "single")
 

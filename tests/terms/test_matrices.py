@@ -5,9 +5,8 @@ import pytest
 from cases import deformations, open_template, sphere_template, surface_cases, surfaces
 from oracles import elastic_blocks
 
-from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
-from riemhuman.kernels import surface, triangles
-from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, Term
+from riemhuman.kernels import triangles
+from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm
 from riemhuman.terms._sum import SumOfTerms
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
@@ -41,42 +40,6 @@ def test_matrices_are_means_of_triangle_matrices(template, weights, threaded):
     expected = template.assembler.assemble(np.mean(blocks, axis=0)).toarray()
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
     np.testing.assert_allclose(found, found.T, rtol=1e-12, atol=1e-14)
-
-
-@each_template
-@pytest.mark.parametrize("weights", WEIGHTS, ids=str)
-def test_forms_are_the_inner_products_of_the_fields(template, weights):
-    """What every term says of itself is what follows from its fields by automatic derivatives."""
-    f = surfaces(template, 1, rng=5)[0]
-    h, k = deformations(template, 2, rng=6)
-    first = surface.derivatives(f, template.differential_operator)
-    along = [surface.partial_derivatives(v, template.differential_operator) for v in (h, k)]
-    components = [surface.frame_components(first, *v) for v in along]
-    for term in terms_of(**weights):
-        by_form = np.einsum("ti,...ij,tj->t", components[0], term.form(first), components[1])
-        by_form = by_form * first.areas**term.area_power
-        changes = [term.changes(first, *v) for v in along]
-        by_fields = term.inner_product(*changes, term.fields(first))
-        size = np.abs(by_fields).max()
-        np.testing.assert_allclose(by_form, by_fields, rtol=0, atol=1e-11 * size)
-        # And so is the form that follows where a term says none.
-        general = first.areas[:, None, None] ** term.area_power * term.form(first)
-        np.testing.assert_allclose(
-            Term.form(term, first), general, rtol=0, atol=1e-11 * np.abs(general).max()
-        )
-
-
-@each_template
-@pytest.mark.parametrize("weights", WEIGHTS, ids=str)
-def test_distances_of_near_surfaces_are_norms(template, weights):
-    """⟨h, h⟩ = lim d²(f, f + εh)/ε²: the metric and the distance of a term belong together."""
-    f, h = surfaces(template, 1, rng=7)[0], deformations(template, 1, rng=8)[0]
-    for term in terms_of(**weights):
-        metric = SurfaceMetric(AlignedSurfaces(template), [term])
-        step = 1e-4
-        both_ways = metric.squared_dist(f, f + step * h) + metric.squared_dist(f, f - step * h)
-        expected = metric.squared_norm(h, f)
-        np.testing.assert_allclose(both_ways / (2 * step**2), expected, rtol=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """The compiled sums over pairs, against NumPy."""
 
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
@@ -119,29 +118,6 @@ def test_bits_do_not_depend_on_company(name, precision, monkeypatch):
     monkeypatch.setattr(threads, "_TILE_WORK", 1)
     np.testing.assert_array_equal(distances(a, b), whole)
     np.testing.assert_array_equal(distances(a, a, n_threads=2), within)
-
-
-def test_threads_run_where_they_are_asked_for(monkeypatch):
-    asked = []
-
-    def pool(n_threads):
-        asked.append(n_threads)
-        return ThreadPoolExecutor(n_threads)
-
-    monkeypatch.setattr(threads, "ThreadPoolExecutor", pool)
-    (ebin_a, ebin_b, _), (normal_a, normal_b, _) = (ebin_pairs("single"), normal_pairs("single"))
-    flat_a, flat_b, _ = flat_pairs("single")
-    calls = [
-        partial(in_threads, EbinTerm(lam=0.3), ebin_a, ebin_b),
-        partial(in_threads, NormalTerm(), normal_a, normal_b),
-        partial(in_threads, None, flat_a, flat_b),
-    ]
-    for call in calls:
-        alone = call()
-        np.testing.assert_array_equal(call(n_threads=1), alone)
-        assert asked == []
-        np.testing.assert_array_equal(call(n_threads=3), alone)
-        assert asked.pop() == 3
 
 
 @each_kernel

@@ -209,32 +209,6 @@ def test_edges_at_which_triangles_turn_opposite_sides_up():
     assert len(_quadratic.mixed_edges(np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]]))) == 0
 
 
-@every_term
-def test_what_terms_say_of_what_they_see(name):
-    """Of moving a surface, of stretching a plane, and of letting it slide along itself."""
-    template = open_template()
-    term, f = terms_over(template)[name], template.vertices * [1.0, 1.0, 0.0]
-    stretch = f * [0.7, 0.2, 0.0]
-    slide = np.sin(9 * f[:, [1, 0, 0]]) * [1.0, 1.0, 0.0]
-
-    def costs(h, f=f):
-        return term.inner_product(h, h, f) > 1e-12
-
-    assert costs(np.ones_like(f), surfaces(template, 1)[0]) != term.is_translation_invariant
-    if name not in ("second", "normal part"):
-        assert costs(stretch) != term.is_stretch_invariant
-    if name not in ("c1", "bend"):
-        assert costs(slide) != term.is_reparametrization_invariant
-
-
-def test_the_smallest_weights_see_lengths_and_their_normal_parts_do():
-    template = open_template()
-    for name in FirstOrderWeights._fields:
-        term = FirstOrderTerm(template, FirstOrderWeights(**{name: 1e-9}))
-        assert term.is_stretch_invariant == (name not in ("a1", "b1"))
-        assert NormalPartTerm(template, term).is_stretch_invariant == term.is_stretch_invariant
-
-
 def test_surrounded_vertices():
     closed, opened = sphere_template(), open_template()
     assert _quadratic.surrounded_vertices(closed.faces, closed.n_vertices).all()
@@ -242,12 +216,3 @@ def test_surrounded_vertices():
     assert grid[1:-1, 1:-1].all()
     assert grid.sum() == 6
     assert not _quadratic.surrounded_vertices(closed.faces, closed.n_vertices + 1)[-1]
-
-
-def test_cotangents_on_a_right_triangle():
-    """Angles of 90°, 45° and 45°: ½ cot 45° = ½ on the two sides about the right angle."""
-    laplacian = _quadratic.cotangent_laplacian(
-        np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]]), np.array([[0, 1, 2]])
-    )
-    expected = [[1.0, -0.5, -0.5], [-0.5, 0.5, 0.0], [-0.5, 0.0, 0.5]]
-    np.testing.assert_allclose(laplacian.toarray(), expected, atol=1e-15)

@@ -1,17 +1,14 @@
 """The term of rotations: its loops over pairs, and how it does in sums of terms."""
 
-import itertools
-
 import numpy as np
 import pytest
-from cases import deformations, open_template, sphere_template, surfaces
-from oracles import taylor_slope
+from cases import sphere_template, surfaces
 from packed_fields import field_features
 
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.geometry import AlignedSurfaces, RotationMetric, SurfaceMetric
+from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
 from riemhuman.kernels.threads import of_one_kind
-from riemhuman.terms import NormalTerm, RotationTerm
+from riemhuman.terms import RotationTerm
 
 AREAS = of_one_kind(np.random.default_rng(0).uniform(0.1, 2.0, 1290))  # two chunks and a piece
 
@@ -58,29 +55,6 @@ def test_rounding_bounds_what_single_precision_loses():
     chords = np.linalg.norm(single[:, :, : len(AREAS)] - np.moveaxis(fields, -1, 1), axis=1)
     np.testing.assert_allclose(rounding**2, 8.0 * chords**2 @ AREAS, rtol=1e-9)
     assert np.all(rounding < 1e-5)
-
-
-@pytest.mark.parametrize("template", [sphere_template(), open_template()], ids=["sphere", "open"])
-def test_in_a_sum_of_terms(template):
-    space = AlignedSurfaces(template)
-    points, vectors = surfaces(template, 3), deformations(template, 2)
-    alone, rotations = SurfaceMetric(space, [RotationTerm(2.0)]), RotationMetric(space, time=0.0)
-    expected = 2.0 * rotations.squared_dist(points[0], points[1])
-    assert alone.squared_dist(points[0], points[1]) == pytest.approx(expected, rel=1e-12)
-    matrix = alone.dist_pairwise(points, precision="double")
-    assert matrix[0, 1] ** 2 == pytest.approx(expected, rel=1e-12)
-    for f in points[:2]:
-        found = alone.inner_product(*vectors, f)
-        assert found == pytest.approx(2.0 * rotations.inner_product(*vectors, f), rel=1e-10)
-        covector = alone.metric_matrix(f) @ vectors[0].ravel()
-        assert covector @ vectors[1].ravel() == pytest.approx(found, rel=1e-9)
-
-    both = SurfaceMetric(space, [NormalTerm(0.5), RotationTerm(0.3)])
-    energy, gradient = both.energy_and_gradient(points)
-    squares = [both.squared_dist(*pair) for pair in itertools.pairwise(points)]
-    assert energy == pytest.approx(2 * np.sum(squares), rel=1e-12)
-    slope = taylor_slope(both.energy, points, deformations(template, 3, rng=5), gradient)
-    assert slope == pytest.approx(2, abs=0.1)
 
 
 def test_surfaces_without_area_are_refused():

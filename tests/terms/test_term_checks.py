@@ -27,11 +27,6 @@ class ShareOfAll(FlatTerm):
         return (first.areas / anp.sum(first.areas, axis=-1, keepdims=True))[..., None]
 
 
-class Complex(FlatTerm):
-    def field(self, first):
-        return 1j * first.area_vectors
-
-
 class WithoutTuple(Term):
     def fields(self, first):
         return first.areas
@@ -51,32 +46,9 @@ class Summed(WithoutTuple):
         return anp.sum((fields_a[0] - fields_b[0]) ** 2, axis=-1)
 
 
-class LogShape(FlatTerm):
-    def field(self, first):
-        return anp.log(1.0 - first.e)[..., None]
-
-
-class Angles(WithoutTuple):
-    """The arc cosine of a cosine that rounding may take beyond one."""
-
-    def fields(self, first):
-        return (first.area_vectors / first.areas[..., None],)
-
-    def squared_dist(self, fields_a, fields_b):
-        return anp.arccos(1e-15 + anp.sum(fields_a[0] * fields_b[0], axis=-1)) ** 2
-
-
-class Ratios(Angles):
-    def squared_dist(self, fields_a, fields_b):
-        return 1.0 / anp.sum((fields_a[0] - fields_b[0]) ** 2, axis=-1)
-
-
 @pytest.mark.parametrize(
     ("term", "message"),
     [
-        (LogShape, "the fields of LogShape must be finite on ordinary triangles; found nan"),
-        (Angles, "squared_dist of Angles must be finite on ordinary triangles; found nan"),
-        (Ratios, "squared_dist of Ratios must be finite on ordinary triangles; found inf"),
         (WithoutLastAxis, r"fields of WithoutLastAxis must have shape \(..., F, n\);.*\(2, 3\)$"),
         (OneForAll, r"fields of OneForAll must have shape \(..., F, n\);.*\(2, 3\)$"),
         (ShareOfAll, "fields of ShareOfAll must be computed triangle by triangle"),
@@ -91,7 +63,6 @@ def test_shapes(term, message):
 @pytest.mark.parametrize(
     ("terms", "message"),
     [
-        ([Complex()], "fields of Complex must be arrays of real numbers; found complex128"),
         ([WithoutTuple()], "fields of WithoutTuple must return a tuple of arrays; found ndarray"),
         ([NormalTerm], "terms must hold instances of Term; found <class .*NormalTerm"),
         (["normals"], "terms must hold instances of Term; found 'normals'"),

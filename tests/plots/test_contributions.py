@@ -6,7 +6,7 @@ from cases import sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.geometry.surface_metric import contributions
+from riemhuman.plots import contributions
 
 SPACE = AlignedSurfaces(sphere_template())
 
