@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
+from operator import attrgetter
 from typing import Any, Unpack
 
 import autograd.numpy as np
@@ -118,11 +119,11 @@ class ProductManifold(Manifold):
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         if base_point is None:
-            return self._each("to_tangent", vector)
-        return self._each("to_tangent", vector, base_point)
+            return self._each(attrgetter("to_tangent"), vector)
+        return self._each(attrgetter("to_tangent"), vector, base_point)
 
     def projection(self, point: ndarray) -> ndarray:
-        return self._each("projection", point)
+        return self._each(attrgetter("projection"), point)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
         rng, n_samples = generator(rng), sample_count(n_samples)
@@ -132,11 +133,12 @@ class ProductManifold(Manifold):
         ]
         return stack_samples(self.embed_to_product(samples), n_samples)
 
-    def _each(self, method: str, *points: ndarray) -> ndarray:
+    def _each(self, function: Callable[[Manifold], Any], *points: ndarray) -> ndarray:
+        """Join the results of a function of every factor on components of points."""
         components = zip(*(self.project_from_product(point) for point in points), strict=True)
         return self.embed_to_product(
             [
-                getattr(factor, method)(*arguments)
+                function(factor)(*arguments)
                 for factor, arguments in zip(self.factors, components, strict=True)
             ]
         )
@@ -225,10 +227,10 @@ class ProductMetric(RiemannianMetric):
         )
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        return self._join("exp", tangent_vec, base_point)
+        return self.space._each(attrgetter("metric.exp"), tangent_vec, base_point)
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        return self._join("log", point, base_point)
+        return self.space._each(attrgetter("metric.log"), point, base_point)
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
         base_point = self.space.check_point(base_point, "base_point")
@@ -254,7 +256,9 @@ class ProductMetric(RiemannianMetric):
             if not factor.metric.has_closed_form_transport:
                 raise NotDefinedError(f"{type(factor.metric).__name__} has no parallel transport")
         direction = self._velocity(base_point, direction, end_point)
-        return self._join("parallel_transport", tangent_vec, base_point, direction)
+        return self.space._each(
+            attrgetter("metric.parallel_transport"), tangent_vec, base_point, direction
+        )
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         components = zip(
@@ -275,13 +279,4 @@ class ProductMetric(RiemannianMetric):
             weight
             * getattr(factor.metric, method)(*(self.space.component(point, k) for point in points))
             for k, factor, weight in self._weighted_factors()
-        )
-
-    def _join(self, method: str, *points: Any) -> ndarray:
-        components = zip(*(self.space.project_from_product(point) for point in points), strict=True)
-        return self.space.embed_to_product(
-            [
-                getattr(factor.metric, method)(*arguments)
-                for factor, arguments in zip(self.space.factors, components, strict=True)
-            ]
         )

@@ -164,21 +164,16 @@ class FirstOrderTerm(QuadraticTerm):
         self.is_stretch_invariant = weights.a1 == 0.0 and weights.b1 == 0.0
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
-        operator = self.template.differential_operator
+        operator, areas = self.template.differential_operator, self.template.face_areas
         first = surface.derivatives(f, operator)
-        parts_h = _first_order_parts(first, h, operator)
-        parts_k = parts_h if k is h else _first_order_parts(first, k, operator)
-        a1, b1, c1, d1, bend = self.weights
-        costs = (
-            a1 * first.areas,
-            b1 * first.areas,
-            c1 * first.areas + bend,
-            d1 * first.areas,
-        )
-        density: Any = 0.0
-        for cost, one, other in zip(costs, parts_h, parts_k, strict=True):
-            density = density + cost * np.sum(one * other, axis=-1)
-        return np.sum(density * self.template.face_areas, axis=-1)
+        along_h = surface.frame_components(first, *surface.partial_derivatives(h, operator))
+        along_k = along_h
+        if k is not h:
+            along_k = surface.frame_components(first, *surface.partial_derivatives(k, operator))
+        moving, still = self.weights.forms()
+        values = first.areas * surface.dot(np.matmul(along_h, moving), along_k)
+        values = values + surface.dot(np.matmul(along_h, still), along_k)
+        return np.sum(values * areas, axis=-1)
 
     def matrix(self, f: ndarray) -> csr_array:
         template = self.template
@@ -191,31 +186,20 @@ class FirstOrderTerm(QuadraticTerm):
         return template.assembler.assemble(blocks)
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        faces, areas = self.template.faces, self.template.face_areas
-
-        def run(first: int, last: int) -> tuple[float, ndarray, ndarray]:
-            slopes = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
-            value = _first_order_norms(
-                vectors, surfaces, faces, areas, first, last, tuple(self.weights), *slopes
-            )
-            return value, *slopes
-
-        return sums_in_chunks(run, len(faces), threaded=is_worth_threads(surfaces, faces))
+        weights = self.template.face_areas, tuple(self.weights)
+        return _in_chunks(_first_order_norms, vectors, surfaces, self.template.faces, *weights)
 
 
-def _first_order_parts(
-    first: surface.Derivatives, h: ndarray, operator: csr_array
-) -> tuple[ndarray, ...]:
-    """Return dh_m, dh_+, dh_⊥ and dh_0, as vectors whose squared lengths are those of the parts."""
-    m = surface.frame_components(first, *surface.partial_derivatives(h, operator))
-    m11, m12, m21, m22 = (m[..., k] for k in range(4))
-    root = np.sqrt(0.5)
-    return (
-        root * np.stack([m11 - m22, m12 + m21], axis=-1),
-        root * (m11 + m22)[..., None],
-        m[..., 4:],
-        root * (m12 - m21)[..., None],
-    )
+def _in_chunks(
+    loop: Callable[..., float], vectors: ndarray, surfaces: ndarray, faces: ndarray, *weights: Any
+) -> Slopes:
+    """Return the value of a loop over triangles, and the slopes that it adds up."""
+
+    def run(first: int, last: int) -> Slopes:
+        slopes = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
+        return loop(vectors, surfaces, faces, *weights, first, last, *slopes), *slopes
+
+    return sums_in_chunks(run, len(faces), threaded=is_worth_threads(surfaces, faces))
 
 
 @compiled
@@ -224,9 +208,9 @@ def _first_order_norms(
     surfaces: ndarray,
     faces: ndarray,
     areas: ndarray,
+    weights: tuple[float, ...],
     first: int,
     last: int,
-    weights: tuple[float, ...],
     vector_slopes: ndarray,
     surface_slopes: ndarray,
 ) -> float:
@@ -302,13 +286,7 @@ class ZerothOrderTerm(QuadraticTerm):
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
         faces = self.template.faces
-
-        def run(first: int, last: int) -> tuple[float, ndarray, ndarray]:
-            slopes = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
-            value = _zeroth_order_norms(vectors, surfaces, faces, self.weight, first, last, *slopes)
-            return value, *slopes
-
-        return sums_in_chunks(run, len(faces), threaded=is_worth_threads(surfaces, faces))
+        return _in_chunks(_zeroth_order_norms, vectors, surfaces, faces, self.weight)
 
 
 @compiled

@@ -42,11 +42,10 @@ from riemhuman.terms._polynomial_fits import (
     half_sine_squared_and_slope,
     polynomial,
     squared_angle,
-    squared_angle_and_slope,
     squared_length,
     squared_length_and_slope,
 )
-from riemhuman.terms.normals import squared_arc
+from riemhuman.terms.normals import nearer_normal, squared_arc
 from riemhuman.terms.term import LENGTH, Fields, Term
 
 
@@ -373,7 +372,7 @@ def _segment(
 def _fill_angles(one: ndarray, other: ndarray, turn: float, angles: ndarray) -> None:
     x1, y1, z1, x2, y2, z2 = one[6], one[7], one[8], other[6], other[7], other[8]
     for t in range(len(angles)):
-        _, _, _, _, angle, _ = _between(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
+        _, _, _, _, angle, _ = nearer_normal(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
         angles[t] = turn * angle
 
 
@@ -385,7 +384,7 @@ def _add_normal_slopes(
     by_x1, by_y1, by_z1 = by_one[6], by_one[7], by_one[8]
     by_x2, by_y2, by_z2 = by_other[6], by_other[7], by_other[8]
     for t in range(len(rates)):
-        x, y, z, sign, _, slope = _between(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
+        x, y, z, sign, _, slope = nearer_normal(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
         rate = 2.0 * turn * slope * rates[t]
         by_x1[t] += rate * x * sign
         by_y1[t] += rate * y * sign
@@ -393,22 +392,6 @@ def _add_normal_slopes(
         by_x2[t] -= rate * x
         by_y2[t] -= rate * y
         by_z2[t] -= rate * z
-
-
-@compiled(forceinline=True, fastmath=SUM)
-def _between(
-    x1: float, y1: float, z1: float, x2: float, y2: float, z2: float
-) -> tuple[float, float, float, float, float, float]:
-    """Return n₁ − ±n₂ for the nearer of ±n₂, the sign, the squared angle and its slope.
-
-    Near antipodal normals their difference is hardly more than multiples of the normals, which have
-    no effect on their slopes.
-    """
-    acute = x1 * x2 + y1 * y2 + z1 * z2 >= 0.0
-    sign = 1.0 if acute else -1.0
-    x, y, z = x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
-    angle, slope = squared_angle_and_slope(x * x + y * y + z * z, acute)
-    return x, y, z, sign, angle, slope
 
 
 @compiled(forceinline=True, fastmath=FUSED)

@@ -109,6 +109,22 @@ defvjp(
 )
 
 
+@compiled(forceinline=True, fastmath=SUM)
+def nearer_normal(
+    x1: float, y1: float, z1: float, x2: float, y2: float, z2: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return n₁ − ±n₂ for the nearer of ±n₂, the sign, the squared angle and its slope.
+
+    Near antipodal normals their difference is hardly more than multiples of the normals, which have
+    no effect on their slopes.
+    """
+    acute = x1 * x2 + y1 * y2 + z1 * z2 >= 0.0
+    sign = 1.0 if acute else -1.0
+    x, y, z = x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
+    angle, slope = squared_angle_and_slope(x * x + y * y + z * z, acute)
+    return x, y, z, sign, angle, slope
+
+
 @compiled
 def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) -> float:
     for i in range(len(records)):
@@ -136,12 +152,7 @@ def _segment(
     by_x2, by_y2, by_z2 = by_other[6], by_other[7], by_other[8]
     total = 0.0
     for t in range(len(areas)):
-        # Of m and −m the one nearer to n. Near antipodal normals the difference of n and m is
-        # hardly more than multiples of the normals, which have no effect on their slopes.
-        acute = x1[t] * x2[t] + y1[t] * y2[t] + z1[t] * z2[t] >= 0.0
-        sign = 1.0 if acute else -1.0
-        x, y, z = x1[t] - sign * x2[t], y1[t] - sign * y2[t], z1[t] - sign * z2[t]
-        value, rate = squared_angle_and_slope(x * x + y * y + z * z, acute)
+        x, y, z, sign, value, rate = nearer_normal(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
         factor = weight * areas[t]
         total += factor * value
         rate *= 2.0 * factor

@@ -54,7 +54,7 @@ def test_all_coordinates_of_small_meshes_and_other_manifolds():
 
 
 def test_distances_need_a_solver_of_ones_own():
-    with pytest.raises(NotDefinedError, match="no closed form for distances; .*BasisPath"):
+    with pytest.raises(NotDefinedError, match="no closed form for squared_dist; .*BasisPath"):
         CASES["half-plane, inner product"].metric.dist(np.ones(2), np.ones(2))
 
 
