@@ -332,8 +332,8 @@ class RiemannianMetric:
         """
         if self.geodesic_solver is None:
             raise NotDefinedError(
-                f"{type(self).__name__} has no closed form for squared_dist; pass the strategy whose "
-                "paths it shall measure, such as "
+                f"{type(self).__name__} has no closed form for squared_dist; pass the strategy "
+                "whose paths it shall measure, such as "
                 "geodesic_solver=riemhuman.solvers.BasisPath(basis)"
             )
         return self._solve(self.geodesic_solver, "squared_dist", point_a, point_b).energy
