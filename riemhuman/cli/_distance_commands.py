@@ -34,7 +34,6 @@ from riemhuman.cli._inputs import (
     metric_options,
     metric_record,
     read_surfaces,
-    same_file,
     save_figure,
 )
 from riemhuman.cli._terminal import csv_text, matrix_rows, note
@@ -392,19 +391,21 @@ def _retrieve(options: argparse.Namespace) -> Answer:
 
     if options.k < 1:
         raise ArgumentError(f"-k must be at least 1; found {options.k}")
-    files = [f for f in rh.datasets.find_meshes(options.folder) if not same_file(f, options.query)]
+    query = options.query
+    meshes = rh.datasets.find_meshes(options.folder)
+    files = [file for file in meshes if not (query.exists() and query.samefile(file))]
     if not files:
         raise ArgumentError(f"{options.folder} holds no mesh other than the query")
-    options.template = options.template or options.query
-    query = read_surfaces(options, [options.query])
-    meshes: Any = read_surfaces(options, files)
-    metric = chosen_metric(options, query.template)
+    options.template = options.template or query
+    asked: Any = read_surfaces(options, [query])
+    others: Any = read_surfaces(options, files)
+    metric = chosen_metric(options, asked.template)
     with options.task(f"{len(files):,} distances, {metric_name(metric)}"):
-        (distances,) = metric.cdist(query[:], meshes, -1, precision="double", progress=options.bars)
+        (distances,) = metric.cdist(asked[:], others, -1, precision="double", progress=options.bars)
     nearest = np.argsort(distances, kind="stable")[: options.k]
     results = [{"file": files[i], "distance": distances[i]} for i in nearest]
     said = [f"{rank:>3}  {distances[i]:.6f}  {files[i]}" for rank, i in enumerate(nearest, start=1)]
-    record = {"query": options.query, "metric": metric_record(metric), "results": results}
+    record = {"query": query, "metric": metric_record(metric), "results": results}
     return Answer("\n".join(said), record)
 
 

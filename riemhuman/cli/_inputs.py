@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -113,11 +112,6 @@ def list_meshes(paths: Sequence[Path]) -> list[Path]:
 def advice(scan: Path) -> str:
     """Return what to do with a scan, for messages."""
     return f"register it first: riemhuman register {scan} -o body.ply"
-
-
-def same_file(a: Path, b: Path) -> bool:
-    """Return whether two paths lead to the same file."""
-    return a.exists() and b.exists() and os.path.samefile(a, b)
 
 
 def metric_options(default: tuple[float, float, float] = _PRESETS["shape"]) -> Argument:

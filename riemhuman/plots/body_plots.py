@@ -227,8 +227,8 @@ def _scale(largest: float) -> Any:
 
 
 def plot_measurement_lines(
-    surface: ArrayLike,
-    faces: ArrayLike,
+    surface: Any,
+    faces: ArrayLike | None,
     lines: Mapping[str, Sequence[ArrayLike]],
     *,
     height: int = 700,
@@ -239,10 +239,10 @@ def plot_measurement_lines(
 
     Parameters
     ----------
-    surface : array_like, shape (V, 3)
+    surface : array_like, shape (V, 3), or mesh
         The body, metres, y up.
-    faces : array_like, shape (F, 3)
-        Triangles.
+    faces : array_like, shape (F, 3), or None
+        Triangles; None for a mesh.
     lines : mapping of str to sequence of array, shape (k, 3)
         Curves by name, as `rh.measurements.Measurements.lines` returns them.
     height : int
@@ -255,6 +255,7 @@ def plot_measurement_lines(
     >>> lines = rh.measurements.Measurements(bodies.model).lines(bodies[0])
     >>> figure = rh.plots.plot_measurement_lines(bodies[0], bodies.template.faces, lines)
     """
+    surface, faces = as_surfaces(surface, faces)
     curves = {name: parts for name, parts in lines.items() if len(parts)}
     n_rows = -(-len(curves) // _LEGEND_COLUMNS)
     figure = new_figure(9.6, _BODY_INCHES + _LEGEND_ROW_INCHES * n_rows)

@@ -417,24 +417,19 @@ def timed_distances(
     return distances, seconds / n_bodies, (time.perf_counter() - start) / n_pairs
 
 
-def format_benchmark(
-    records: Sequence[BenchmarkRecord], ours: Mapping[str, str] | None = None
-) -> str:
-    """Format a benchmark as text tables, with the representations that score higher than ours.
+def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
+    """Format a benchmark as text tables, with what scores higher than the paper's metrics.
 
     Parameters
     ----------
     records : sequence of BenchmarkRecord
         Records of `riemhuman.report.benchmark`.
-    ours : mapping of str to str, optional
-        Representation by task that the others are compared with; by default the paper's shape
-        metric and pose metric.
 
     Returns
     -------
     str
-        One table per task, with an asterisk at the best of each column. Sentences below say which
-        representations are better than ours, which failed, and what columns and rows are.
+        One table per task, with an asterisk at the best of each column. Sentences below say what is
+        better than the paper's metric, what failed, and what columns and rows are.
 
     Examples
     --------
@@ -445,17 +440,16 @@ def format_benchmark(
     >>> "ours" in text
     True
     """
-    ours = _OURS if ours is None else ours
     tasks = dict.fromkeys(record.task for record in records)
     tables = [
-        _task_table(task, [record for record in records if record.task == task], ours.get(task))
+        _task_table(task, [record for record in records if record.task == task], _OURS[task])
         for task in tasks
     ]
     return "\n\n".join([*tables, *_notes(records)])
 
 
-def _task_table(task: str, records: list[BenchmarkRecord], ours: str | None) -> str:
-    title = _TITLES.get(task, task)
+def _task_table(task: str, records: list[BenchmarkRecord], ours: str) -> str:
+    title = _TITLES[task]
     width = max(len(title), *(len(record.representation) for record in records))
     columns = {
         name: {
@@ -489,9 +483,9 @@ def _task_table(task: str, records: list[BenchmarkRecord], ours: str | None) -> 
     return "\n".join(lines)
 
 
-def _verdict(columns: Mapping[str, Mapping[str, float]], ours: str | None) -> list[str]:
+def _verdict(columns: Mapping[str, Mapping[str, float]], ours: str) -> list[str]:
     """Return sentences that say what is better than ours."""
-    if ours is None or ours not in columns["NN"]:
+    if ours not in columns["NN"]:
         return []
     lines = []
     for name, column in columns.items():
