@@ -63,7 +63,6 @@ GROUPS = {
 def command(
     name: str, summary: str, description: str, examples: str, *arguments: Argument
 ) -> Callable[[Run], Run]:
-    """Declare the command that a function runs."""
 
     def declare(run: Run) -> Run:
         COMMANDS.append(Command(name, summary, description, examples, arguments, run))
@@ -83,7 +82,6 @@ def option(flags: str, text: str, **settings: Any) -> Argument:
 
 
 def flag(flags: str, text: str) -> Argument:
-    """Return the declaration of an option without a value."""
     return option(flags, text, action="store_true")
 
 
@@ -117,7 +115,6 @@ def path(text: str) -> Path:
 
 
 def path_option(flags: str, metavar: str, text: str, **settings: Any) -> Argument:
-    """Return the declaration of an argument that names a file or a folder."""
     return option(flags, text, type=path, metavar=metavar, **settings)
 
 
@@ -166,7 +163,6 @@ def output(
 
 
 def mesh(dest: str, metavar: str, text: str = "mesh file") -> Argument:
-    """Return the declaration of one mesh."""
     return path_option(dest, metavar, text)
 
 
@@ -235,7 +231,6 @@ def _suggestion(names: Sequence[str]) -> str:
 
 
 def make_parser(version: str, description: str, epilog: str) -> Parser:
-    """Return the parser of all declared commands."""
     style: dict[str, Any] = {
         "formatter_class": argparse.RawDescriptionHelpFormatter,
         "allow_abbrev": False,

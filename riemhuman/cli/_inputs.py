@@ -74,7 +74,6 @@ class Surfaces:
 
     @property
     def faces(self) -> ndarray:
-        """The triangles."""
         return self.template.faces
 
 
@@ -115,7 +114,6 @@ def advice(scan: Path) -> str:
 
 
 def metric_options(default: tuple[float, float, float] = _PRESETS["shape"]) -> Argument:
-    """Return the declarations of the options that choose a metric."""
     a, lam, c = default
     name = "--shape" if default == _PRESETS["shape"] else f"-a {a:g} -l {lam:g} -c {c:g}"
 
@@ -162,7 +160,6 @@ def _check_metric(options: argparse.Namespace) -> None:
 
 
 def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
-    """Return the metric that the options ask for."""
     # Surfaces share a unit: this is checked when they are read.
     space = rh.AlignedSurfaces(template, equip=False, scale=None)
     if options.extension:

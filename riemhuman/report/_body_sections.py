@@ -59,7 +59,6 @@ _SHOWN_MEASUREMENTS = {
 
 
 def retrieval_section(report: Report) -> Section | None:
-    """Return the section with retrieval tables, precision–recall curves and mistakes."""
     tasks = [task for task in report.tasks if task.has_pairs]
     if not tasks:
         return None
@@ -222,7 +221,6 @@ def _cost_table(distances: Mapping[str, Step]) -> Table:
 
 
 def map_section(report: Report) -> Section:
-    """Return the section with the maps."""
     bodies, output = report.bodies, report.output
     parts = [
         paragraph(
@@ -286,7 +284,6 @@ def kept_neighbours(positions: ndarray, labels: ndarray) -> float:
 
 
 def sweep_section(report: Report) -> Section | None:
-    """Return the section with the sweep over the weights."""
     tasks, plan = [task for task in report.tasks if task.has_pairs], report.plan
     if not tasks:
         return None
@@ -505,6 +502,5 @@ def _draw_sweep(panels: Mapping[str, ndarray], lams: Sequence[float], weights: l
 
 
 def _draw_lines(surface: ndarray, faces: ndarray) -> Figure:
-    """Draw a body in the standard pose with all measurement lines."""
     lines = Measurements(Template(surface, faces)).lines(surface, axes="space")
     return plot_measurement_lines(surface, faces, lines)

@@ -72,12 +72,10 @@ def page(
 
 
 def paragraph(html: str) -> str:
-    """Return a paragraph."""
     return f"<p>{html}</p>"
 
 
 def heading(text: str) -> str:
-    """Return a heading within a section."""
     return f"<h3>{escape(text)}</h3>"
 
 
@@ -118,7 +116,6 @@ class Column:
     is_whole: bool = False
 
     def attribute(self) -> Any:
-        """Return the attribute of its cells."""
         kind = "number" if self.form else "whole" if self.is_whole else ""
         return Markup(f' class="{kind}"' if kind else "")
 
@@ -147,7 +144,6 @@ class Table:
         return fill("table", self)
 
     def link(self) -> str:
-        """Return a link to the file."""
         return fill("link", self)
 
     def number(self, row: int, key: str) -> str:
@@ -164,7 +160,6 @@ class Table:
         ]
 
     def is_missing(self, row: int, column: Column) -> bool:
-        """Return whether a cell has no value."""
         return _is_missing(self.rows[row][column.key])
 
     def is_best(self, row: int, column: Column) -> bool:

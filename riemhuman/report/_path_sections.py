@@ -75,7 +75,6 @@ _COUNTS = {4: "Four", 5: "Five"}
 
 
 def difference_section(report: Report) -> Section | None:
-    """Return the section that shows where two bodies differ."""
     if not report.pairs:
         return None
     step, bodies, template = _differences(report), report.bodies, report.bodies.template
@@ -145,7 +144,6 @@ def _differences(report: Report) -> Step:
 
 
 def normal_shares(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a sentence on the share of the normal part in squared distances."""
     shares = [
         f"{100 * row['normal_part'] / row['squared_distance']:.0f} % for {row['pair']}"
         for row in rows
@@ -155,7 +153,6 @@ def normal_shares(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def geodesic_section(report: Report) -> Section | None:
-    """Return the section with the geodesics."""
     bodies, output = report.bodies, report.output
     geodesics = {
         name: _geodesic(report, *_GEODESICS[name], pair, name)
@@ -305,7 +302,6 @@ def _energy_table(steps: Mapping[str, Step]) -> Table:
 
 
 def comparison_section(report: Report) -> Section | None:
-    """Return the section that compares the paths of several methods."""
     bodies = report.bodies
     pair = pair_within(report.matrix(POSE_METRIC), bodies.subject, bodies.pose, 0.9)
     if pair is None:
@@ -417,7 +413,6 @@ def _comparison_table(step: Step) -> Table:
 
 
 def mean_section(report: Report) -> Section | None:
-    """Return the section with the Karcher mean."""
     bodies = report.bodies
     group = group_within(bodies.pose, bodies.subject, report.plan.n_averaged)
     if len(group) < 2:

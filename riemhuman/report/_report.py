@@ -71,7 +71,6 @@ def readable(name: str) -> str:
 
 
 def name_of(bodies: Bodies, index: int) -> str:
-    """Return the names of the person and the pose of a body."""
     subject = bodies.subject_names[bodies.subject[index]]
     return f"{readable(subject)}, {readable(bodies.pose_names[bodies.pose[index]])}"
 
@@ -128,7 +127,6 @@ class Task:
 
     @property
     def has_pairs(self) -> bool:
-        """Whether any two bodies share a class."""
         return len(np.unique(self.labels)) < len(self.labels)
 
 
@@ -150,7 +148,6 @@ class Report:
         return self.store.step(name, {"bodies": self.digest, **inputs}, compute, title)
 
     def metric(self, weights: Weights) -> ElasticMetric:
-        """Return a metric of the paper's family."""
         a, lam, c = weights
         space = AlignedSurfaces(self.bodies.template, equip=False)
         return ElasticMetric(space, a=a, lam=lam, c=c)
@@ -208,12 +205,10 @@ class Report:
 
     @property
     def distances(self) -> dict[str, Step]:
-        """All distances by representation."""
         steps = self.all_distances.items()
         return {name: step for name, step in steps if "problem" not in step.record}
 
     def matrix(self, name: str) -> ndarray:
-        """Return the distances of a representation."""
         return self.distances[name].arrays["distances"]
 
     @cached_property
@@ -228,7 +223,6 @@ class Report:
 
     @cached_property
     def basis(self) -> tuple[DeformationBasis, str]:
-        """The basis of deformations and its origin."""
         if self.given_basis is not None:
             return self.given_basis, f"{len(self.given_basis)} deformations, given"
         template, plan = self.bodies.template, self.plan
@@ -262,7 +256,6 @@ class Report:
         return made, f"{len(made)} {kind}"
 
     def path_solver(self) -> BasisPath:
-        """Return the solver of the report's geodesics."""
         return BasisPath(self.basis[0], self.plan.n_nodes, tolerance=self.plan.tolerance)
 
     def path_step(
