@@ -83,7 +83,7 @@ def _view(options: argparse.Namespace) -> Answer:
     "Describes what other commands read: a mesh (PLY, OBJ, OFF, STL, GLB), a scan (also XYZ,\n"
     "NPY), a folder of meshes or of motions, an .npz file (basis, body model, distances, path\n"
     "or other arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle\n"
-    "(without running it) or an HDF5 file of Dynamic FAUST.",
+    "(without running it), an HDF5 file of Dynamic FAUST or a recording (BVH).",
     "  riemhuman info scan.ply            # closed? degenerate triangles? which unit?\n"
     "  riemhuman info scans/              # do they share one triangulation?\n"
     "  riemhuman info basis.npz --json\n",
@@ -125,6 +125,7 @@ def _facts(file: Path) -> dict[str, Any]:
         ".json": _measurement_facts,
         ".csv": _table_facts,
         **dict.fromkeys(_HDF5_ENDINGS, _hdf5_facts),
+        ".bvh": _recording_facts,
         **dict.fromkeys(_PICKLE_ENDINGS, _model_facts),
     }
     read = readers.get(file.suffix.lower())
@@ -323,4 +324,16 @@ def _hdf5_facts(file: Path) -> dict[str, Any]:
         "vertices": int(motions[0].faces.max()) + 1,
         "triangles": len(motions[0].faces),
         "sequences": [f"{m.subject}_{m.sequence}: {len(m):,} frames" for m in motions],
+    }
+
+
+def _recording_facts(file: Path) -> dict[str, Any]:
+    motion = rh.datasets.load_bvh(file)
+    return {
+        "kind": "motion capture recording",
+        "joints": len(motion.joint_names),
+        "frames": len(motion),
+        "frames_per_second": motion.frames_per_second,
+        "seconds": len(motion) / motion.frames_per_second,
+        "joint_names": ", ".join(motion.joint_names),
     }

@@ -1,6 +1,7 @@
 """The commands info and view."""
 
 import json
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -114,6 +115,12 @@ def test_scans_measurements_and_labels(facts, scans, bodies, tmp_path):
     assert facts(tmp_path / "own.json")["measurements"] == ["stature"]
     assert facts(scans / "labels.csv")["kind"] == "table of labels"
     assert facts(scans / "labels.csv")["rows"] == 6
+
+
+def test_recordings(facts):
+    found = facts(Path(__file__).parents[1] / "datasets" / "recordings" / "cmu_01_01.bvh")
+    assert (found["kind"], found["joints"]) == ("motion capture recording", 31)
+    assert found["seconds"] == found["frames"] / found["frames_per_second"]
 
 
 def test_hdf5(facts, bodies, tmp_path):
