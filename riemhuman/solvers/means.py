@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 from numpy import ndarray
@@ -58,8 +58,8 @@ class BasisMean(Solver, MeanSolver):
 
     Algorithm 2 of the paper: minimisation by L-BFGS, preconditioned by the metric's matrix. With
     a basis the result is the mean over the span of the basis and of the points' differences, and
-    its message says so. Without a basis the search goes on from there in all coordinates, and
-    `converged` speaks of the mean among all points of the space.
+    its message says so. Without a basis all coordinates are free, and `converged` speaks of the
+    mean among all points of the space.
 
     Parameters
     ----------
@@ -112,8 +112,6 @@ class BasisMean(Solver, MeanSolver):
     progress: bool = False
 
     def __post_init__(self) -> None:
-        if self.basis is None and not self.with_differences:
-            raise ArgumentError("with_differences must be True where there is no basis")
         one_of(self.start, "start", STARTS)
         super().__post_init__()
 
@@ -165,19 +163,17 @@ class BasisMean(Solver, MeanSolver):
         if in_batches or exponent == 1:
             tolerance = max(self.tolerance or 0.0, _ROUGH_TOLERANCE)
             rough = replace(self, tolerance=tolerance, callback=None, progress=False)
-            start = rough._over_basis(dispersion.sample, point)
+            start = rough._search(dispersion.sample, point)
             is_finished = start.status is not Status.INTERRUPTED
             if exponent == 1 and start.value > 0.0 and is_finished:
                 dispersion = dispersion.changed(smoothing=_SMOOTHING * np.sqrt(start.value))
                 if in_batches:
-                    start = rough._over_basis(dispersion.sample, start.x)
+                    start = rough._search(dispersion.sample, start.x)
             point = start.x
             if start.status is Status.INTERRUPTED:
                 variance = dispersion.sample.changed(metric).value(point)
                 return finish(self, MeanResult(point, variance, start.values, **start.outcome))
-        minimum = self._over_basis(dispersion, point)
-        if self.basis is None and minimum.status is not Status.INTERRUPTED:
-            minimum = self._over_all(dispersion, minimum)
+        minimum = self._search(dispersion, point)
         variance = minimum.value
         if of_search is not metric or dispersion.smoothing is not None:
             variance = dispersion.changed(metric).value(minimum.x)
@@ -200,7 +196,7 @@ class BasisMean(Solver, MeanSolver):
 
     def _directions(self, points: ndarray, origin: ndarray) -> ndarray:
         """Return the basis and, across it, the differences of points, as rows."""
-        flat = np.zeros((0, origin.size)) if self.basis is None else self.basis.flat
+        flat = cast("DeformationBasis", self.basis).flat
         if flat.shape[1] != origin.size:
             raise ArgumentError(
                 f"basis must hold vectors of {origin.size} numbers, those of a point; "
@@ -216,76 +212,46 @@ class BasisMean(Solver, MeanSolver):
         rows = axes[:, is_known].T @ outside / np.sqrt(squares[is_known, None])
         return np.concatenate([flat, rows])
 
-    def _over_basis(self, dispersion: Dispersion, origin: ndarray) -> Minimum:
-        """Return the best point over the basis and the differences of the points."""
-        directions = self._directions(dispersion.points, origin)
-        vectors = directions.reshape(-1, *origin.shape)
-        minimizer = LBFGS(self.tolerance or _TOLERANCE, self.max_iter, refresh=_REFRESH)
-        minimum = self._minimize(
-            dispersion,
-            Coordinates(dispersion.metric.space, origin, directions),
-            lambda point, scale: CholeskyFactor(
-                scale * dispersion.metric.gram_matrix(vectors, point)
-            ),
-            minimizer,
-        )
-        if self.basis is None:
-            return minimum
-        message = f"{minimum.message}, over the span of {len(directions)} deformations"
-        return replace(minimum, message=message)
-
-    def _over_all(self, dispersion: Dispersion, earlier: Minimum) -> Minimum:
-        """Return the best point in all coordinates, with the iterations of an earlier search."""
-        minimizer = LBFGS(
-            self.tolerance or _TOLERANCE_OF_ALL,
-            self.max_iter - earlier.n_iterations,
-            np.inf if self.tolerance else _RECENT_DECREASE,
-            refresh=_REFRESH_OF_ALL,
-        )
-        minimum = self._minimize(
-            dispersion,
-            Coordinates(dispersion.metric.space, earlier.x),
-            lambda point, scale: metric_factor(dispersion.metric, point[None], 1.0 / scale),
-            minimizer,
-            earlier.n_iterations,
-        )
-        return replace(
-            minimum,
-            values=np.concatenate([earlier.values[:-1], minimum.values]),
-            n_iterations=earlier.n_iterations + minimum.n_iterations,
-            n_evaluations=earlier.n_evaluations + minimum.n_evaluations,
-        )
-
-    def _minimize(
-        self,
-        dispersion: Dispersion,
-        coordinates: Coordinates,
-        factor_at: Callable[[ndarray, float], CholeskyFactor],
-        minimizer: LBFGS,
-        n_earlier: int = 0,
-    ) -> Minimum:
-        """Return the best point; the factor is that of the metric's matrix times a number."""
-        origin, space = coordinates.origin, dispersion.metric.space
-        variance = dispersion.value(origin)
-        check_areas = AreaCheck(space, dispersion.points)
-
-        def report(iteration: int, value: float, point: ndarray) -> None:
-            check_areas(point)
-            if self.callback is not None:
-                self.callback(n_earlier + iteration, value, point)
+    def _search(self, dispersion: Dispersion, origin: ndarray) -> Minimum:
+        """Return the best point over the basis and the differences of the points, or over all."""
+        metric, space = dispersion.metric, dispersion.metric.space
+        variance, check_areas = dispersion.value(origin), AreaCheck(space, dispersion.points)
+        directions = None if self.basis is None else self._directions(dispersion.points, origin)
 
         def function(point: ndarray) -> tuple[float, ndarray]:
             if not np.all(space.belongs(point)):
                 return np.inf, np.zeros_like(point)
             return dispersion.value_and_gradient(point)
 
-        return coordinates.minimize(
-            replace(minimizer, callback=report, progress="mean" if self.progress else ""),
-            function,
-            lambda point: factor_at(point, dispersion.curvature(variance)),
-            # Distances of points that coincide to rounding error have no gradient to follow.
-            floor=dispersion.floor(origin),
+        def factor_at(point: ndarray) -> CholeskyFactor:
+            scale = dispersion.curvature(variance)
+            if directions is None:
+                return metric_factor(metric, point[None], 1.0 / scale)
+            vectors = directions.reshape(-1, *origin.shape)
+            return CholeskyFactor(scale * metric.gram_matrix(vectors, point))
+
+        def report(iteration: int, value: float, point: ndarray) -> None:
+            check_areas(point)
+            if self.callback is not None:
+                self.callback(iteration, value, point)
+
+        over_all = directions is None
+        minimizer = LBFGS(
+            self.tolerance or (_TOLERANCE_OF_ALL if over_all else _TOLERANCE),
+            self.max_iter,
+            _RECENT_DECREASE if over_all and self.tolerance is None else np.inf,
+            _REFRESH_OF_ALL if over_all else _REFRESH,
+            report,
+            "mean" if self.progress else "",
         )
+        # Distances of points that coincide to rounding error have no gradient to follow.
+        floor = dispersion.floor(origin)
+        coordinates = Coordinates(space, origin, directions)
+        minimum = coordinates.minimize(minimizer, function, factor_at, floor=floor)
+        if directions is None:
+            return minimum
+        message = f"{minimum.message}, over the span of {len(directions)} deformations"
+        return replace(minimum, message=message)
 
 
 @dataclass(frozen=True)

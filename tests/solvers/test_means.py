@@ -371,7 +371,6 @@ def test_wrong_points_and_settings():
         FrechetMean(space, BasisMean(basis_of(np.eye(12)))).fit(points)
     for settings, message in (
         ({"start": "median"}, "start.*'median'"),
-        ({"with_differences": False}, "with_differences must be True"),
         ({"companion_weight": -1.0}, "companion_weight must be"),
         ({"sample_size": 0}, "sample_size"),
         ({"tolerance": 0.0}, "tolerance"),
