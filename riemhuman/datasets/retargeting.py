@@ -50,7 +50,7 @@ from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import ArgumentTypeError
 from riemhuman.representation import Record
 
-# Metres: soles of still feet so near to the floor stand on it, and so near they touch it.
+# Metres: still feet so near to the floor in the recording stand on it, and soles so near touch it.
 _NEAR_FLOOR, _TOUCHING = 0.03, 0.005
 # Still feet are moved by at most so much to stay in place, metres.
 _MOST_SHIFT = 0.05
@@ -69,8 +69,8 @@ _HINGE_SHARE = 0.1
 # Cosine of the largest angle between bones at rest that counts as the same posture.
 _LIKE = 0.5
 # Standard deviation of the lengths of bones about those of a person of the model, in lengths of the
-# leg; and the largest shape coefficient.
-_LENGTH_DEVIATION, _MOST_BETA = 0.006, 2.5
+# leg; of these lengths about the mean, as their unit is unknown; and the largest coefficient.
+_LENGTH_DEVIATION, _LEG_DEVIATION, _MOST_BETA = 0.006, 0.03, 2.5
 _SHOULDERS = ("left_shoulder", "right_shoulder")
 
 
@@ -371,12 +371,13 @@ class _Performer(Skeleton):
     def _set_positions(self) -> None:
         """Place the joints, the middle of the hips where it was recorded."""
         for joint in self.order:
-            parent = max(self.parents[joint], 0)
-            bone = self.rotations[:, parent] @ (self.rest[joint] - self.rest[parent])
-            self.positions[:, joint] = bone if parent == joint else self.positions[:, parent] + bone
-        self.positions += (self.scale * self.source.hips - self.middle(self.positions, "hip"))[
-            :, None
-        ]
+            parent = self.parents[joint]
+            self.positions[:, joint] = 0.0
+            if parent >= 0:
+                bone = self.rotations[:, parent] @ (self.rest[joint] - self.rest[parent])
+                self.positions[:, joint] = self.positions[:, parent] + bone
+        hips = self.middle(self.positions, "hip")
+        self.positions += (self.scale * self.source.hips - hips)[:, None]
 
     def _straighten_trunk(self) -> None:
         """Rotate the spine until shoulders are above hips as recorded."""
@@ -462,12 +463,13 @@ class _Performer(Skeleton):
         names = [f"{side}_{part}" for part in ("ankle", "toes")]
         foot = [self.joints[name] for name in names if name in self.joints]
         weights = self.model.weights[:, foot]
-        vertices = np.flatnonzero(weights.sum(axis=1) > 0.5)
+        total = weights.sum(axis=1)
+        vertices = np.flatnonzero(total >= 0.5 * total.max())
         vertices = vertices[np.argsort(surface[vertices] @ self.frame[:, 0])[:_SOLE_VERTICES]]
         ball = self.rotations[:, foot[0]] @ (self.rest[foot[-1]] - self.rest[foot[0]])
         heights = np.zeros((len(ball), len(vertices)))
         for k, joint in enumerate(foot):
-            share = weights[vertices, k] / weights[vertices].sum(axis=1)
+            share = weights[vertices, k] / total[vertices]
             moved = self.rotations[:, joint, 1] @ (surface[vertices] - self.rest[joint]).T
             heights += share * (moved + (ball[:, 1:2] if k else 0.0))
         return heights.min(axis=1), ball
@@ -478,27 +480,39 @@ class _Performer(Skeleton):
         `lows` are the heights of soles, and `balls` positions, relative to the ankles.
         """
         heights = ankles[..., 1] + lows
-        still = np.stack([ball for ball, _ in self.source.still], axis=1)
-        standing = heights[still] if still.any() else heights.min(keepdims=True)
-        floor = np.median(standing[standing <= np.percentile(standing, 10.0) + _NEAR_FLOOR])
+        grounded = self._grounded()
+        standing = heights[grounded] if grounded.any() else heights.min(keepdims=True)
+        floor = np.median(standing)
         targets, above = ankles - [0.0, floor, 0.0], heights - floor
         apart = np.sign(above) * np.maximum(np.abs(above) - _TOUCHING, 0.0)
         frames = np.arange(len(ankles))
-        for k in range(len(SIDES)):
+        for k, (still, _) in enumerate(self.source.still):
             shift = np.zeros_like(balls[:, k])
-            shift[:, 1] = np.where(np.abs(above[:, k]) < _NEAR_FLOOR, -apart[:, k], 0.0)
-            for stand in np.ma.clump_unmasked(np.ma.masked_array(frames, ~still[:, k])):
+            shift[:, 1] = np.where(grounded[:, k], -apart[:, k], 0.0)
+            for stand in np.ma.clump_unmasked(np.ma.masked_array(frames, ~still)):
                 drift = (ankles[stand, k] + balls[stand, k])[:, [0, 2]]
                 shift[stand, ::2] = drift.mean(axis=0) - drift
             size = np.linalg.norm(shift[:, ::2], axis=1, keepdims=True)
             shift[:, ::2] *= _MOST_SHIFT / np.maximum(size, _MOST_SHIFT)
             # In between, feet move from one place to the next.
-            known = np.flatnonzero(still[:, k])
+            known = np.flatnonzero(still)
             for column in shift.T:
                 column[:] = np.interp(frames, known, column[known]) if len(known) else 0.0
             shift[:, 1] += np.maximum(0.0, -(above[:, k] + shift[:, 1] + _TOUCHING))
             targets[:, k] += shift
         return targets
+
+    def _grounded(self) -> ndarray:
+        """Return whether each foot stands still, and not above the floor, in each frame."""
+        source, names = self.source, [f"{side}_{{}}" for side in SIDES]
+        parts = ["toes" if name.format("toes") in source.joints else "ankle" for name in names]
+        joints = [source.joints[name.format(part)] for name, part in zip(names, parts, strict=True)]
+        heights = self.scale * source.positions[:, joints, 1]
+        still = np.stack([ball for ball, _ in source.still], axis=1)
+        known = [
+            np.percentile(h[s], 10.0) for h, s in zip(heights.T, still.T, strict=True) if s.any()
+        ]
+        return still & (heights < min(known, default=0.0) + _NEAR_FLOOR)
 
     def parameters(self) -> tuple[ndarray, ndarray]:
         """Return the pose vectors and the translations."""
@@ -562,9 +576,10 @@ def _similar_person(source: RecordedSkeleton, model: BodyModel) -> ndarray:
         trunk = body.middle(body.rest, "shoulder") - body.middle(body.rest, "hip")
         bones = [*(body.bone(*bone) for bone in (*BONES, _SHOULDERS)), trunk]
         apart = np.linalg.norm(bones, axis=1) / body.leg - recorded
-        return np.concatenate([apart / _LENGTH_DEVIATION, betas])
+        taller = body.leg / leg - 1.0
+        return np.concatenate([apart / _LENGTH_DEVIATION, [taller / _LEG_DEVIATION], betas])
 
-    start = np.zeros(model.n_betas)
+    leg, start = Skeleton(model.parents, mean, joints).leg, np.zeros(model.n_betas)
     return np.asarray(least_squares(residuals, start, bounds=(-_MOST_BETA, _MOST_BETA)).x)
 
 
