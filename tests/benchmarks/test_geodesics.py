@@ -9,8 +9,7 @@ search gives up before, it starts again from where it was, as long as that gains
 half an hour; with `-k turn0` every pair comes under one metric, which takes a third of that. With
 `-k straightening` it prints the energy and the seconds of paths straightened in all coordinates,
 for the same pairs; with `-k gaps` what results say of their distance to the minimum; with
-`-k "warm or many"` the time of warm starts under other weights, and of a table of distances by the
-lengths of paths.
+`-k many` the time of a table of distances by the lengths of paths.
 """
 
 import resource
@@ -227,28 +226,6 @@ def test_gaps(benchmark, weights, variant):
             "most"
         )
         assert shown.max() < most
-
-
-def test_warm_start_under_other_weights(benchmark):
-    """A geodesic between the same coarse bodies, when the weights have changed a little."""
-    space, deformations = AlignedSurfaces(bodies("coarse").template), basis("coarse")
-    solver, cold, warm = BasisPath(deformations), [], []
-    for start, end, _ in pairs():
-        ends = bodies("coarse").points[[start, end]]
-        path = solver.solve(ElasticMetric(space, 1.0, 1.0, 0.0), *ends).path
-        for c in (0.1, 0.2, 0.4):
-            metric = ElasticMetric(space, 1.0, 1.0, c)
-            for times, initial_path in ((cold, None), (warm, path)):
-                result, _, seconds = clocked(
-                    lambda: solver.solve(metric, *ends, initial_path),  # noqa: B023
-                    benchmark=benchmark,
-                )
-                times.append(1e3 * seconds)
-            path = result.path
-    print(
-        f"\nwarm solve under other weights: {np.median(warm):.0f} ms of processor time in the "
-        f"median, {max(warm):.0f} at most; cold {np.median(cold):.0f} and {max(cold):.0f}"
-    )
 
 
 def test_many_geodesics(benchmark):

@@ -152,26 +152,6 @@ def test_metric_learned_from_labels(benchmark, what):
 
 
 @each_set
-def test_surfaces_of_coordinates_at_full_resolution(benchmark, name):
-    """Processor seconds a body of what three components leave of ten bodies, and of drawn ones."""
-    points = bodies("full").points[SETS[name]]
-    space = equipped(1.0, 1.0, 1.0, "full")
-    pca = TangentPCA(space, n_components=3, mean=points[0]).fit(points)
-    noise = np.random.default_rng(0).standard_normal((10, 3))
-    drawn = noise * np.sqrt(pca.explained_variance_)
-    pca.inverse_transform(drawn[:1])
-    for what, coordinates in (("known", pca.transform(points[:10])), ("drawn", drawn)):
-        seconds = [
-            clocked(lambda: pca.inverse_transform(one[None]), benchmark=benchmark)[2]  # noqa: B023
-            for one in coordinates
-        ]
-        print(
-            f"\n{name}, {what} bodies: {np.median(seconds):.2f} s of the processor a body in the "
-            f"median, {max(seconds):.2f} s at most"
-        )
-
-
-@each_set
 def test_mean_over_all_vertices(benchmark, name):
     """Processor seconds of the Karcher mean of ten bodies with no basis."""
     points, space = bodies("full").points[SETS[name]], equipped(1.0, 1.0, 1.0, "full")
@@ -202,19 +182,3 @@ def test_components_of_a_thousand_people(benchmark):
         f"{100 * pca.explained_variance_ratio_[:8].sum():.2f} %"
     )
     assert pca.explained_variance_ratio_[:8].sum() > 0.95
-
-
-@pytest.mark.parametrize("name", ["24 people in one pose", "24 bodies in five poses"])
-def test_regression_on_height_at_full_resolution(benchmark, name):
-    """Processor seconds of a whole fit, with the Karcher mean."""
-    known = bodies("full")
-    if "people" in name:
-        betas = np.zeros((24, known.model.n_betas))
-        betas[:, :8] = np.random.default_rng(5).standard_normal((24, 8))
-        points = known.model(betas)
-    else:
-        points = known.points[::4][:24]
-    heights = np.ptp(points[..., 1], axis=1)
-    regression = GeodesicRegression(equipped(1.0, 1.0, 1.0, "full"))
-    _, _, seconds = clocked(lambda: regression.fit(heights, points), benchmark=benchmark)
-    print(f"\n{name}: {seconds:.1f} s of the processor, {regression.n_iter_} iterations")
