@@ -1,8 +1,8 @@
 """Runs readers on damaged files in a process with bounded memory and time, and watches them.
 
 Called by the tests, or by hand: ``PYTHONPATH=tests:. python tests/trust/fuzz.py "ply text" --first
-17 --count 1`` repeats one case, ``all --count 2000`` in place of the rest looks for more. Prints
-each case before it runs, and in the last line a report in JSON.
+17 --count 1`` repeats one case, ``all --count 2000`` in place of the rest looks for more. The last
+line printed is a report in JSON.
 """
 
 import argparse
@@ -128,6 +128,7 @@ def main():
     parser.add_argument("readers", nargs="+", choices=[*READERS, "all"])
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--verbose", action="store_true", help="print each case before it runs")
     options = parser.parse_args()
     names = [name for name in READERS if name != "careless"]
     names = names if options.readers == ["all"] else options.readers
@@ -148,8 +149,9 @@ def main():
         ends, problems = {name: {"read": 0, "refused": 0} for name in names}, []
         for name in names:
             for seed in range(options.first, options.first + options.count):
-                sys.stdout.write(f"{name!r} --first {seed}\n")
-                sys.stdout.flush()
+                if options.verbose:
+                    sys.stdout.write(f"{name!r} --first {seed}\n")
+                    sys.stdout.flush()
                 rng = np.random.default_rng([seed, *name.encode()])
                 end, done, problem = run_case(READERS[name], files[name], rng, folder, watchman)
                 ends[name][end] += 1

@@ -33,7 +33,8 @@ def fuzz(tmp_path, names, count):
         "OPENBLAS_NUM_THREADS": "1",
         "OMP_NUM_THREADS": "1",
     }
-    command = [sys.executable, str(TESTS / "trust" / "fuzz.py"), *names, "--count", str(count)]
+    command = [sys.executable, str(TESTS / "trust" / "fuzz.py"), *names, "--verbose"]
+    command += ["--count", str(count)]
     options = {"env": environment, "cwd": tmp_path, "timeout": 600, "check": False}
     done = subprocess.run(command, capture_output=True, text=True, **options)
     at_work = done.stdout.splitlines()[-1:]
