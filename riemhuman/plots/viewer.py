@@ -138,10 +138,8 @@ class Viewer(_Page):
         Triangles of all bodies.
     choices : mapping of str to list of ViewedBody
         Bodies side by side, for each choice by name.
-    legend : str
-        Label of the choices.
-    title : str
-        Title of the view.
+    legend, title : str
+        Label of the choices, and title of the view.
     view : View
         Initial direction from which the bodies are seen.
     max_vertices : int
@@ -238,12 +236,8 @@ def view_path(
         Triangles; none for mesh objects.
     side_by_side : bool
         Whether to play several paths beside each other instead.
-    legend : str
-        Label of the choices.
-    title : str
-        Title of the view.
-    description : str
-        Text below the title of the page.
+    legend, title, description : str
+        Label of the choices, title of the view, and text below the title of the page.
     view : View, optional
         Initial direction from which the bodies are seen.
     seconds : float, optional
@@ -299,10 +293,8 @@ def view_bodies(
         colour scale, whose end 1 % of the values exceed.
     value_label : str
         Label of the colour scale, such as the unit of the values.
-    title : str
-        Title of the view.
-    description : str
-        Text below the title of the page.
+    title, description : str
+        Title of the view, and text below the title of the page.
     view : View, optional
         Initial direction from which the bodies are seen.
 

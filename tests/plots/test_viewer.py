@@ -5,6 +5,7 @@ import json
 import re
 import zlib
 from html import unescape
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from riemhuman.plots.rendering import View, render, window_around
 from riemhuman.surfaces.measures import is_closed, signed_volume, triangle_areas
 
 TEMPLATE = sphere_template()
+KIND = "application/vnd.riemhuman.viewer+html"  # of outputs in notebooks
 PATH = surfaces(TEMPLATE, 4)
 
 
@@ -72,6 +74,20 @@ def test_values_become_colours_of_vertices():
     far = np.ones(TEMPLATE.n_vertices, bool)
     far[TEMPLATE.faces[(TEMPLATE.faces == 5).any(axis=1)]] = False
     assert (colors[far] == [0xD4, 0xC8, 0xBB]).all()
+
+
+def test_viewers_stored_with_tutorials_have_what_the_scripts_read():
+    current = payload_of(view_path(PATH, TEMPLATE.faces))
+    stored = []
+    for path in (Path(__file__).parents[2] / "tutorials").glob("*.ipynb"):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        shown = [output.get("data", {}) for cell in cells for output in cell.get("outputs", [])]
+        stored += ["".join(data[KIND]) for data in shown if KIND in data]
+    assert len(stored) >= 3
+    for fragment in stored:
+        data = json.loads(re.search(r'data-part="data">(.*?)</script>', fragment, re.DOTALL)[1])
+        assert data.keys() >= current.keys() - {"n_vertices_whole"}
+        assert data["choices"][0].keys() == current["choices"][0].keys()
 
 
 def test_large_bodies_are_thinned_and_the_page_says_so():
