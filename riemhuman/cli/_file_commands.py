@@ -19,7 +19,7 @@ from riemhuman.cli._commands import (
 )
 from riemhuman.cli._inputs import advice, read_recording, read_surfaces
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.meshes import MESH_SUFFIXES
+from riemhuman.io.meshes import MESH_SUFFIXES, check_not_point_cloud
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -130,6 +130,7 @@ def _facts(file: Path) -> dict[str, Any]:
     }
     read = readers.get(file.suffix.lower())
     if read is None:
+        check_not_point_cloud(file)
         known = ", ".join(readers)
         raise FileFormatError(f"{file}: the ending must be one of {known}, or a folder")
     return read(file)

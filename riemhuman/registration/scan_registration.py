@@ -134,6 +134,8 @@ _LEAST_LEVEL = 0.3
 _LIMB = 0.01
 # Unseen parts are named if they are more than this share of the surface together.
 _LEAST_UNSEEN = 0.1
+# With a larger unseen share, the direction up is a guess.
+_GUESSED_UP = 0.25
 # A joint farther from its landmark is wrong, metres.
 _FARTHEST_MISS = 0.12
 # What the likelihood gains where another search leads to another body.
@@ -149,9 +151,12 @@ class ScanRegistration:
     """Registers scans by a body model: meshes or point clouds of any heading, with holes and noise.
 
     Many starts with different headings and poses are fitted by soft assignment, and the likeliest
-    is kept; each of its arms is then tried in the positions of all start poses. Closest points
-    then determine its parameters, with forearms rotated where that is likelier, and finally the
-    surface may leave the model as far as the elastic metric (a, λ, c) = (1, 1, 1) allows.
+    is kept; each of its arms is then tried in the positions of all start poses. Closest points and
+    finer soft assignment then determine its parameters, with forearms rotated so that they come
+    nearest to the scan. The surface leaves the model as far as the elastic metric (a, λ, c) =
+    (1, 1, 1) allows, the farther the less noise the scan has, and the model is fitted to it again,
+    twice. If the result is not trusted, other starts are tried, and bodies without legs and without
+    all above the waist.
 
     Parameters
     ----------
@@ -384,7 +389,7 @@ class ScanRegistration:
             joints += arm[1:].tolist() if joint in arm[1:] else []
         return np.isin(self._owners, joints_below(self.model, joints))
 
-    def _unseen_parts(self, seen: np.ndarray) -> list[str]:
+    def _unseen_parts(self, seen: np.ndarray, scan: PreparedScan) -> list[str]:
         """Return what to say about the parts that a scan does not show."""
         areas = self.model.template.vertex_areas
         share = 1.0 - areas @ seen / areas.sum()
@@ -392,10 +397,11 @@ class ScanRegistration:
             return []
         names = joint_names(self.model)
         parts = [names[k] for k in np.flatnonzero(self._shares(seen) < 0.5)]
-        most = f", most of {', '.join(parts)}" if parts else ""
-        return [
-            f"{100 * share:.0f} % of the body{most}, is not in the scan and not in trusted_vertices"
-        ]
+        most = f", most of {', '.join(parts)}," if parts else ""
+        said = f"{100 * share:.0f} % of the body{most} is not in the scan and not trusted"
+        if share > _GUESSED_UP and self.up is None and scan.up is None:
+            said += "; which way is up was guessed from the rest: the argument up, or --up, decides"
+        return [said]
 
     def _landmark_doubts(self, pose: Pose, landmarks: dict[int, np.ndarray]) -> list[str]:
         body = self._search.samples(1000)
@@ -462,7 +468,7 @@ class ScanRegistration:
             points=points,
             trusted=not doubts and not limb_doubts,
             trusted_vertices=trusted_vertices,
-            message="; ".join([*doubts, *limb_doubts, *self._unseen_parts(seen)]),
+            message="; ".join([*doubts, *limb_doubts, *self._unseen_parts(seen, scan)]),
             likelihood=likelihood,
             fit=ModelFit(
                 betas=pose.betas,

@@ -16,7 +16,7 @@ from riemhuman.registration._start_poses import (
     rotate_forearm,
     start_poses,
 )
-from riemhuman.registration._start_search import StartSearch
+from riemhuman.registration._start_search import StartSearch, _landmark_cost
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +70,15 @@ def test_rotating_a_forearm_moves_no_joint(model):
         np.testing.assert_allclose(
             np.linalg.svd(np.stack(turns) - np.eye(3))[1][:, 2], 0.0, atol=1e-12
         )
+
+
+def test_landmarks_far_from_their_joints_lower_the_likelihood():
+    joints = np.zeros((2, 3))
+    costs = [_landmark_cost(joints, {1: np.array([0.0, x, 0.0])}) for x in (0.0, 0.1, 0.3, 2.0, 9.0)]
+    assert costs[0] == 0.0
+    assert costs[1] > 0.05  # more than likelihoods of neighbouring starts differ
+    assert costs[2] > 0.5  # more than those of a flipped body
+    assert costs[3] == costs[4]  # a mistaken landmark does not outweigh the scan
 
 
 def test_smpls_tree_is_recognised(model):
