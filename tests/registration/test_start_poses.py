@@ -74,7 +74,9 @@ def test_rotating_a_forearm_moves_no_joint(model):
 
 def test_landmarks_far_from_their_joints_lower_the_likelihood():
     joints = np.zeros((2, 3))
-    costs = [_landmark_cost(joints, {1: np.array([0.0, x, 0.0])}) for x in (0.0, 0.1, 0.3, 2.0, 9.0)]
+    costs = [
+        _landmark_cost(joints, {1: np.array([0.0, x, 0.0])}) for x in (0.0, 0.1, 0.3, 2.0, 9.0)
+    ]
     assert costs[0] == 0.0
     assert costs[1] > 0.05  # more than likelihoods of neighbouring starts differ
     assert costs[2] > 0.5  # more than those of a flipped body
