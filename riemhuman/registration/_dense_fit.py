@@ -101,7 +101,10 @@ class DenseFitter:
             return hair
         low, high = head.min(axis=0) - _FARTHEST_HAIR, head.max(axis=0) + _FARTHEST_HAIR
         around = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-        gaps, near = cKDTree(surface).query(points[around])
+        if not len(around):
+            return hair
+        places, gaps = nearest_points(points[around], surface, self.model.faces)
+        near = self.model.faces[places.triangles, places.barycentric.argmax(axis=1)]
         normals = vertex_normals(surface, self.model.faces)[near]
         heights = np.einsum("nx,nx->n", points[around] - surface[near], normals)
         far = (gaps > _HAIR_METRES) & (gaps < _FARTHEST_HAIR) & (heights > 0.0)
