@@ -8,20 +8,17 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import one_of, real_array
-from riemhuman.errors import ArgumentError, OutsideManifoldError
+from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import metric_of
-from riemhuman.solvers.means import GradientDescentMean
+from riemhuman.solvers.means import BasisMean, GradientDescentMean
 from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
 
 KINDS = ("auto", "fields", "points")
 
 if TYPE_CHECKING:
     from riemhuman.geometry import AlignedSurfaces
-
-# Points that are enough to find where the search for a mean starts.
-_SAMPLE = 64
 
 
 class Points:
@@ -76,23 +73,10 @@ class Fields:
         return not inverted_triangles(point, reference, space.template.faces).any()
 
     def mean(self, points: ndarray) -> ndarray:
-        r"""Return the Karcher mean over all vertices, searched from near a mean of the fields."""
-        spaced = np.linspace(0, len(points) - 1, min(_SAMPLE, len(points)))
-        sample = points[spaced.astype(int)]
-        distances = self._pullback.dist_pairwise(sample, n_jobs=-1, precision="double")
-        medoid = sample[np.argmin(np.sum(distances**2, axis=0))]
-        start = self._near_mean(self.embed(sample), medoid)
-        images = self.embed(points)
-        return self._nearest.solve(self._pullback, images, start).point
-
-    def _near_mean(self, images: ndarray, medoid: ndarray) -> ndarray:
-        """Return the surface of a mean of fields, by one target in place of all, or the medoid."""
-        base = self.embed(medoid[np.newaxis])[0]
-        try:
-            middle = self.metric.exp(self.metric.log(images, base).mean(axis=0), base)
-        except OutsideManifoldError:
-            return medoid
-        return self.restore(middle[np.newaxis], medoid)[0]
+        r"""Return the Karcher mean over all vertices by `BasisMean`."""
+        nearest = self._nearest
+        solver = BasisMean(companion_weight=nearest.companion_weight, progress=nearest.progress)
+        return solver.solve(self._pullback, points).point
 
 
 def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> Points | Fields:

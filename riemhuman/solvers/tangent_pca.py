@@ -46,7 +46,7 @@ class TangentPCA(ImageEstimator):
         Number of directions; by default the dimension that the logarithms span.
     mean : array, shape (\*shape,), or object, optional
         The point of tangency, or a solver for it, such as `BasisMean`. By default the Karcher mean
-        by `GradientDescentMean`, of surfaces by `NearestSurface`.
+        by `GradientDescentMean`, of surfaces by `BasisMean`.
     image : {"auto", "fields", "points"}
         Where logarithms are taken: "fields" as above, or "points" with the metric's own `exp` and
         `log`. By default "fields" for metrics that are pulled back.

@@ -288,5 +288,5 @@ def test_refusals():
     surface_space = AlignedSurfaces(sphere_template(), equip=False)
     surface_space.equip_with_metric(ElasticMetric, a=1.0, lam=1e-4, c=0.0)
     few = surfaces(sphere_template(), 3, size=0.5)
-    with pytest.raises(OutsideManifoldError, match="θ < π"):
+    with pytest.raises(OutsideManifoldError, match="angle ψ < π"):
         TangentPCA(surface_space, mean=few[0]).fit(few)
