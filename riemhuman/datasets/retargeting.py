@@ -90,6 +90,13 @@ class RetargetingErrors(Record):
     positions : array, shape (n_frames, K)
         Distances from the recorded joints, metres. The recording is scaled by the length of the
         legs; both are relative to the middle of the hips.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> jump = rh.datasets.retarget(rh.datasets.load_bvh("jump.bvh"))  # doctest: +SKIP
+    >>> jump.errors.directions.max() < 4.6  # doctest: +SKIP
+    True
     """
 
     bones: tuple[tuple[str, str], ...]
