@@ -168,14 +168,10 @@ def load_amass(
 
     Raises
     ------
-    FileError
-        If no file is found, or a file cannot be read.
     FileFormatError
         If files lack fields or fields are malformed; the message names every such file.
     ArgumentError
         If the model lacks joints, a gender has no model, or the frame rate exceeds that of a file.
-    ArgumentTypeError
-        If an argument has the wrong type.
 
     References
     ----------
@@ -214,11 +210,6 @@ def load_amass(
                 f"model must have one for {header.gender!r}, as in {file}; has {known}"
             )
         rate = header.frames_per_second if wanted is None else wanted
-        if rate > header.frames_per_second:
-            raise ArgumentError(
-                f"frames_per_second must be at most that of the files; {file} has "
-                f"{header.frames_per_second:g}, found {rate:g}"
-            )
         if _is_smpl(own):
             motions.append(AmassMotion(file, own, header, rate, up))
         elif up == "z":

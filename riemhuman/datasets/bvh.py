@@ -135,10 +135,6 @@ def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
 
     Raises
     ------
-    ArgumentTypeError
-        If `path` is not a path.
-    FileError
-        If the file is missing or cannot be read.
     FileFormatError
         If the file is damaged; the message gives the line.
 

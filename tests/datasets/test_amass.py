@@ -114,7 +114,7 @@ def test_frame_rates(tmp_path, model):
         assert (motion.frames_per_second, motion.recorded_frames_per_second) == (rate, 120)
         assert len(motion) == int(0.5 * rate + 1e-9) + 1
         np.testing.assert_allclose(motion[: len(numbers)], whole[:][list(numbers)], atol=1e-12)
-    with pytest.raises(ArgumentError, match=r"frames_per_second must be at most .*120, found 121"):
+    with pytest.raises(ArgumentError, match="frames_per_second must be at most .*120; found 121"):
         load_amass(path, model, frames_per_second=121)
 
 
