@@ -61,12 +61,6 @@ class BodyModel:
         Precision of surfaces and joints, float64 or float32, which halves their memory. The model
         itself is kept in double precision.
 
-    Raises
-    ------
-    ArgumentError
-        If shapes disagree, entries are not finite, weights do not sum to one, the joints do not
-        form one tree, or `dtype` is neither float64 nor float32.
-
     Examples
     --------
     >>> import numpy as np
@@ -151,11 +145,6 @@ class BodyModel:
 
         Raises
         ------
-        ArgumentTypeError
-            If `path` is not a path or `n_betas` not a whole number.
-        ArgumentError
-            If `n_betas` is negative or more than the file has, or `dtype` is neither float64 nor
-            float32.
         FileError
             If the file is missing or cannot be read.
         FileFormatError
@@ -183,8 +172,6 @@ class BodyModel:
 
         Raises
         ------
-        ArgumentTypeError
-            If `path` is not a path.
         FileError
             If the file cannot be written.
         """
@@ -279,25 +266,6 @@ class BodyModel:
 
         Leading axes of the arguments broadcast, and autograd can differentiate with respect to all
         three. See Loper et al. 2015, equations 2 to 10.
-
-        Parameters
-        ----------
-        betas : array_like, shape (..., B), optional
-            Shape coefficients; zero by default.
-        pose : array_like, shape (..., J, 3) or (..., 3 J), optional
-            Axis-angle rotation of each joint, radians; zero by default.
-        trans : array_like, shape (..., 3), optional
-            Translation in metres; zero by default.
-
-        Returns
-        -------
-        points : array, shape (..., V, 3)
-            Surfaces, metres.
-
-        Raises
-        ------
-        ArgumentError
-            If an argument has the wrong shape or is not finite.
         """
         surface = self._shaped(betas)
         joints = np.matmul(self._regressor, surface)
@@ -327,11 +295,6 @@ class BodyModel:
         -------
         joints : array, shape (..., J, 3)
             Joint positions, metres.
-
-        Raises
-        ------
-        ArgumentError
-            If an argument has the wrong shape or is not finite.
         """
         joints = np.matmul(self._regressor, self._shaped(betas))
         if pose is not None:
@@ -429,10 +392,6 @@ def convert_model(
 
     Raises
     ------
-    ArgumentTypeError
-        If a path is not a path or `n_betas` not a whole number.
-    ArgumentError
-        If `n_betas` is negative or more than the file has.
     FileError
         If a file is missing or cannot be read or written.
     FileFormatError

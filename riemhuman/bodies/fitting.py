@@ -154,15 +154,6 @@ def fit_model(
     -------
     fit : ModelFit
 
-    Raises
-    ------
-    ArgumentTypeError
-        If an argument does not hold numbers of the right kind.
-    ArgumentError
-        If a shape is wrong, an entry is not finite, `correspondence` refers to vertices or
-        triangles that do not exist, weights are negative or all zero, another argument is out of
-        its range, or the points are evidently in another unit than the model.
-
     Warns
     -----
     ConvergenceWarning
@@ -254,11 +245,6 @@ def convert_fit(
         Parameters of the other model, and the distance of each vertex of the first model from its
         place on the other.
 
-    Raises
-    ------
-    ArgumentError
-        If the correspondence does not match the models.
-
     Examples
     --------
     >>> import numpy as np
@@ -289,14 +275,6 @@ def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_
     Returns
     -------
     matrix : scipy.sparse.csr_array, shape (n_points, V)
-
-    Raises
-    ------
-    ArgumentTypeError
-        If it does not hold numbers of the right kind.
-    ArgumentError
-        If it has another shape, refers to vertices or triangles that do not exist, or has rows that
-        do not sum to one.
 
     Examples
     --------

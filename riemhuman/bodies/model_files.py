@@ -88,8 +88,6 @@ def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> 
 
     Raises
     ------
-    ArgumentTypeError
-        If `path` is not a path or `n_betas` not a whole number.
     FileError
         If the file is missing or cannot be read.
     FileFormatError

@@ -56,12 +56,6 @@ class Bodies:
     ids : tuple of str
         Name of each surface, for instance of its file; by default its number, from 0.
 
-    Raises
-    ------
-    ArgumentError
-        If the lengths disagree, an index has no name, two surfaces have the same name, or an entry
-        is not finite.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -151,11 +145,6 @@ class Bodies:
         -------
         Bodies
             In the same order, with the names of all people and poses.
-
-        Raises
-        ------
-        ArgumentError
-            If a person or pose is unknown.
 
         Examples
         --------

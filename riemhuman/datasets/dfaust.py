@@ -111,11 +111,6 @@ def load_dfaust(
     FileFormatError
         If a file is not HDF5, has no sequences, no triangles or different triangles, or sequences
         to load do not hold numbers of shape (V, 3, n_frames); the message names them all.
-    ArgumentError
-        If a person or motion is not in the files, or the frame rate is another; the message names
-        what there is.
-    ArgumentTypeError
-        If an argument has the wrong type.
     MissingDependencyError
         If h5py is not installed.
 

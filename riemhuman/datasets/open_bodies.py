@@ -51,11 +51,6 @@ def load_open_model(resolution: str = "full") -> BodyModel:
     model : BodyModel
         The same object in every call.
 
-    Raises
-    ------
-    ArgumentError
-        If the resolution is unknown.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -99,13 +94,6 @@ def load_open_bodies(
         Surfaces with labels, model, betas, pose vectors and translations. Surfaces are
         ``model(betas, pose_vectors, translations)`` with noise and, in the natural variant, with
         individual detail and soft tissue.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If `people` is not a whole number.
-    ArgumentError
-        If the resolution or the variant is unknown, or `people` is negative.
 
     Examples
     --------

@@ -98,13 +98,6 @@ def load_open_motions(
         All motions of the first person, then of the second, and so on. Frames are computed on
         access.
 
-    Raises
-    ------
-    ArgumentTypeError
-        If names or the frame rate have the wrong type.
-    ArgumentError
-        If the resolution, a person or a motion is unknown, or the frame rate is not positive.
-
     Examples
     --------
     >>> import riemhuman as rh

@@ -56,11 +56,6 @@ def joint_rotations(angles: Mapping[str, Sequence[Any]], model: BodyModel) -> np
     rotations : array, shape (J, 3, 3)
         Rotation of each joint in the body's axes, which its parent rotates.
 
-    Raises
-    ------
-    ArgumentError
-        If the model has no joint of a name.
-
     Examples
     --------
     >>> import riemhuman as rh

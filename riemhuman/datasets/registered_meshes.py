@@ -70,8 +70,6 @@ class RegisteredMeshes:
 
     Raises
     ------
-    ArgumentError
-        If there is no file.
     FileError
         If the reference is missing or cannot be read.
     FileFormatError
@@ -159,8 +157,6 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
     ------
     FileError
         If the folder does not exist, cannot be read, or has no mesh files.
-    ArgumentTypeError
-        If `folder` is not a path.
 
     Examples
     --------
@@ -219,10 +215,6 @@ def load_faust(
         If a file is damaged, or has other triangles or another number of vertices than the first.
     DegenerateSurfaceError
         If a triangle of the template has no area.
-    ArgumentError
-        If the template has other triangles or another number of vertices than the registrations.
-    ArgumentTypeError
-        If the folder or the template has the wrong type.
 
     References
     ----------
@@ -315,11 +307,6 @@ def load_bodies(
         unit.
     DegenerateSurfaceError
         If a triangle of the template has no area.
-    ArgumentError
-        If the template has other triangles, another number of vertices or another unit than the
-        meshes.
-    ArgumentTypeError
-        If an argument has the wrong type.
 
     Examples
     --------

@@ -131,10 +131,6 @@ def load_shrec14(
 
     Raises
     ------
-    ArgumentTypeError
-        If a path argument is not a path.
-    ArgumentError
-        If the scale is not a positive number.
     FileError
         If the folder does not exist, has no meshes, not exactly one class file, or lacks meshes
         that the class file lists.

@@ -1,109 +1,161 @@
-"""Building the open model, as far as it goes without the packages it is built from."""
+"""Building the open model, as far as it goes without the packages and tables it is built from."""
 
-from types import SimpleNamespace
-
+import adult_people
 import build_open_model
 import numpy as np
 import pytest
+from body_generator import BodyGenerator, largest_component
 
 from riemhuman.datasets import load_open_model
-from riemhuman.errors import FileFormatError
+from riemhuman.errors import FileError, FileFormatError
 
-
-def decimated(vertices, faces):
-    """Return a stand-in for the package fast-simplification with this answer."""
-    return SimpleNamespace(simplify=lambda *_, **__: (vertices, faces))
+LEVELS = ("muscle", "weight", "height", "proportions", "cupsize", "firmness")
 
 
 @pytest.fixture(scope="module")
-def source():
-    """Return bodies of the coarse model, on the bones the builder expects and a finger."""
-    model = load_open_model("coarse")
-    joints = build_open_model._joints()
-    bones = [bone for joint in joints for bone in joint.bones]
-    owner = [j for j, joint in enumerate(joints) for _ in joint.bones]
-    finger, wrist = len(bones), model.joint_names.index("left_wrist")
-    parents = [-1] * finger + [bones.index("wrist.L")]
-    betas = np.random.default_rng(0).standard_normal((40, model.n_betas))
-    weights = np.zeros((model.n_vertices, finger + 1))
-    heads = np.zeros((40, finger + 1, 3))
-    heads[:, :finger] = model.joints(betas)[:, owner]
-    for bone, joint in enumerate(owner):
-        weights[:, bone] = model.weights[:, joint] / owner.count(joint)
-    weights[:, bones.index("wrist.L")] *= 0.25
-    weights[:, finger] = 0.75 * model.weights[:, wrist]
-    return build_open_model._Source(
-        model(betas), heads, model.faces, weights, (*bones, "finger.L"), tuple(parents)
-    )
+def generator():
+    """Return a generator of three shapes and one local change, all at random."""
+    products = np.zeros((3, 26))
+    products[0, [3, 12, 14]] = 1  # men of most muscle and average weight
+    products[1, 0] = 1  # all of the first ancestry
+    products[2, [4, 16]] = 1  # short women
+    rng = np.random.default_rng(0)
+    shapes = rng.standard_normal((5, 27)).astype(np.float32)
+    template = rng.standard_normal((9, 3))
+    return BodyGenerator(template, shapes, products, ("neck-fat-incr",), np.zeros((0, 3), int))
 
 
-def test_full_model_from_made_up_bodies(source, monkeypatch):
-    monkeypatch.setattr(build_open_model, "_N_CANDIDATES_FULL", 60)
-    shipped = load_open_model("coarse")
-    model = build_open_model.build_full(source)
-    assert model.joint_names == shipped.joint_names
-    np.testing.assert_array_equal(model.parents, shipped.parents)
-    np.testing.assert_allclose(model.weights, shipped.weights, rtol=0, atol=1e-3)
-    np.testing.assert_allclose(model.template.vertices, source.vertices.mean(axis=0), atol=1e-6)
-    # The components span the samples, and each has the samples' standard deviation.
-    offsets = (source.vertices - model.template.vertices).reshape(40, -1)
-    directions = model.shapedirs.reshape(-1, model.n_betas)
-    betas, *_ = np.linalg.lstsq(directions, offsets.T, rcond=None)
-    np.testing.assert_allclose(directions @ betas, offsets.T, rtol=0, atol=1e-4)
-    np.testing.assert_allclose(np.cov(betas), np.eye(model.n_betas), rtol=0, atol=1e-2)
-    joints = model.joints(betas.T)
-    assert np.linalg.norm(joints - shipped.joints()[None], axis=-1).max() < 0.5
-    own = source.heads[:, [source.bones.index(joint.head) for joint in build_open_model._joints()]]
-    assert np.linalg.norm(joints - own, axis=-1).max() < 0.02
+def weights(generator, gender, change=0.0, **levels):
+    """Return the weights of the shapes in a body."""
+    parameters = [[*(dict.fromkeys(LEVELS, 0.5) | levels).values(), change]]
+    given = np.array([[gender, 0.8, 1.0, 2.0, 1.0]])
+    offsets = generator.bodies(np.array(parameters), given)[0] - generator.template
+    return np.linalg.lstsq(generator.shapes.T.astype(float), offsets.ravel(), rcond=None)[0]
 
 
-def test_rig_without_a_bone(source):
-    bones = tuple("nose" if bone == "foot.R" else bone for bone in source.bones)
-    spoilt = build_open_model._Source(
-        source.vertices, source.heads, source.faces, source.weights, bones, source.parents
-    )
-    with pytest.raises(FileFormatError, match=r"rig lacks the bones .*foot\.R"):
-        build_open_model.build_full(spoilt)
+@pytest.mark.parametrize(
+    ("gender", "change", "levels", "expected"),
+    [
+        (0.0, 0.0, {"muscle": 1.0}, [1.0, 0.25, 0.0, 0.0, 0.0]),
+        (0.0, 0.0, {"muscle": 0.5}, [0.0, 0.25, 0.0, 0.0, 0.0]),
+        (0.25, 0.0, {"muscle": 0.75, "weight": 0.75}, [0.1875, 0.25, 0.125, 0.0, 0.0]),
+        (1.0, 0.4, {"height": 0.2}, [0.0, 0.25, 0.8, 0.4, 0.0]),
+        (1.0, -0.3, {"height": -0.2}, [0.0, 0.25, 1.2, 0.0, 0.3]),  # beyond the end
+    ],
+)
+def test_shapes_of_phenotypes_multiply(generator, gender, change, levels, expected):
+    found = weights(generator, gender, change, **levels)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5)
 
 
-def test_coarse_model_that_ships_comes_from_the_full_one(monkeypatch):
-    monkeypatch.setattr(build_open_model, "N_SAMPLES", 20)
+def test_largest_component():
+    faces = np.array([[0, 5, 6], [2, 3, 4], [3, 4, 1]])
+    vertices, faces = largest_component(faces, 7)
+    assert vertices.tolist() == [1, 2, 3, 4]
+    assert faces.tolist() == [[1, 2, 3], [2, 3, 0]]
+
+
+def people(n, names, rng):
+    """Return a table of people whose girth follows their mass."""
+    stature = rng.normal(1.7, 0.07, n)
+    mass = 25.0 * stature**2 * np.exp(rng.normal(0.0, 0.13, n))
+    girth = 0.9 * (mass / 70.0) ** 0.6 * np.exp(rng.normal(0.0, 0.02, n))
+    return np.stack([{"stature": stature, "weightkg": mass}.get(k, girth) for k in names], axis=1)
+
+
+@pytest.mark.parametrize("sex", adult_people.SEXES)
+def test_body_mass_is_spread_as_published(sex):
+    names = ("stature", "weightkg", "waistcircumference")
+    table = people(4000, names, np.random.default_rng(1))
+    wide, shares = adult_people.widened(table, names, sex)
+    np.testing.assert_array_equal(wide[:, 0], table[:, 0])
+    own, index = (rows[:, 1] / rows[:, 0] ** 2 for rows in (table, wide))
+    published = np.array(adult_people._BODY_MASS_INDEX[sex])
+    expected = np.median(own) * published / published[4]
+    np.testing.assert_allclose(np.quantile(index, adult_people._PERCENTILES), expected, rtol=0.01)
+    # Everyone stays in order, and girths follow mass as before.
+    np.testing.assert_array_equal(np.argsort(own), np.argsort(index))
+    exponent = np.polyfit(np.log(index), np.log(wide[:, 2]), 1)[0]
+    assert abs(exponent - 0.6) < 0.05
+    # The shares lead back to the people.
+    mean = np.average(np.log(index), weights=shares)
+    spread = np.sqrt(np.average((np.log(index) - mean) ** 2, weights=shares))
+    assert abs(mean - np.log(own).mean()) < 0.01
+    assert abs(spread / np.log(own).std() - 1.0) < 0.05
+
+
+class LinearFitter(adult_people.PeopleFitter):
+    """A fitter whose bodies have measurements that are linear in the parameters."""
+
+    names = ("stature", "weightkg", "waistcircumference")
+
+    def __init__(self, generator):
+        self._generator = generator
+        self._slopes_of_all = np.random.default_rng(2).standard_normal((7, 3)) * [0.5, 150.0, 1.5]
+
+    def measure(self, parameters, given):
+        return [1.7, 72.0, 0.9] + parameters @ self._slopes_of_all
+
+
+def test_people_get_bodies_with_their_measurements(generator, monkeypatch):
+    monkeypatch.setattr(adult_people, "_N_PEOPLE", 60)
+    rng = np.random.default_rng(3)
+    tables = {}
+    for sex in adult_people.SEXES:
+        rows = people(80, LinearFitter.names, rng) * [1000.0, 10.0, 1000.0]
+        tables[sex] = dict(zip(LinearFitter.names, rows.T, strict=True))
+    adults = LinearFitter(generator).fit(tables, seed=4)
+    assert 110 < len(adults.is_woman) <= 120
+    assert 50 < adults.is_woman.sum() <= 60
+    np.testing.assert_array_less(np.abs(adults.given[:, 0] - adults.is_woman), 0.15)
+    for measured, wanted in zip(adults.measured.T, adults.wanted.T, strict=True):
+        assert np.corrcoef(measured, wanted)[0, 1] > 0.98
+    # What the measurements leave open differs between people.
+    assert adults.parameters.std(axis=0).min() > 0.05
+
+
+def test_tables_of_something_else(tmp_path):
+    for name in ("women.csv", "men.csv"):
+        (tmp_path / name).write_text("height,weight\n1,2\n", encoding="utf-8")
+    with pytest.raises(FileFormatError, match=r"women\.csv lacks the column stature of ANSUR II"):
+        adult_people.read_people(tmp_path)
+
+
+def test_folder_that_does_not_exist(tmp_path):
+    with pytest.raises(FileError, match="must exist to receive the model"):
+        build_open_model.main([str(tmp_path), str(tmp_path / "nowhere")])
+
+
+def test_coefficients_are_standard_deviations_of_both_sexes_alike(monkeypatch):
+    coarse = load_open_model("coarse")
+    monkeypatch.setattr(build_open_model, "load_open_model", lambda _: coarse)
+    monkeypatch.setattr(build_open_model, "N_BETAS", 6)
+    rng = np.random.default_rng(5)
+    is_woman = np.arange(90) < 30
+    true = rng.standard_normal((90, 6)) * [3, 2, 1.5, 1, 0.7, 0.5]
+    true[is_woman] += [1.0, -1.0, 1.0, 0.0, 0.0, 0.0]
+    skins = coarse.template.vertices + np.einsum("vxb,nb->nvx", coarse.shapedirs[..., :6], true)
+    share = build_open_model.balanced(is_woman)
+    np.testing.assert_allclose([share[is_woman].sum(), share.sum()], [0.5, 1.0])
+    model = build_open_model.build_full(skins.astype(np.float32), share)
+    np.testing.assert_allclose(model.template.vertices, np.tensordot(share, skins, 1), atol=1e-6)
+    adults = adult_people.Adults(*[None] * 2, is_woman, *[None] * 3, rng.uniform(0.5, 2.0, 90))
+    records = build_open_model.statistics(model, skins.astype(np.float32), share, adults)
+    unbiased = 1.0 - np.sum(share**2)
+    found = np.array(records["adult"]["covariance"]) * unbiased
+    np.testing.assert_allclose(found, np.eye(6), rtol=0, atol=2e-2)
+    np.testing.assert_allclose(records["adult"]["mean"], np.zeros(6), rtol=0, atol=1e-2)
+    middle = 0.5 * (np.array(records["woman"]["mean"]) + records["man"]["mean"])
+    np.testing.assert_allclose(middle, np.zeros(6), rtol=0, atol=1e-2)
+
+
+def test_coarse_model_that_ships_comes_from_the_full_one():
     full, coarse = load_open_model("full"), load_open_model("coarse")
-    model = build_open_model.build_coarse(full, decimated(coarse.template.vertices, coarse.faces))
+    model = build_open_model.build_coarse(full)
     np.testing.assert_array_equal(model.template.vertices, coarse.template.vertices)
     np.testing.assert_array_equal(model.faces, coarse.faces)
     np.testing.assert_array_equal(model.shapedirs, coarse.shapedirs)
     np.testing.assert_array_equal(model.weights, coarse.weights)
     betas = np.random.default_rng(1).standard_normal((10, full.n_betas))
-    for built in (model, coarse):
-        gaps = np.linalg.norm(built.joints(betas) - full.joints(betas), axis=-1)
-        assert gaps.max() < 0.02
-
-
-def test_decimation_that_spoils_the_surface(monkeypatch):
-    monkeypatch.setattr(build_open_model, "N_SAMPLES", 2)
-    coarse = load_open_model("coarse")
-    vertices, faces = coarse.template.vertices, coarse.faces
-    with pytest.raises(FileFormatError, match="not a closed, consistently oriented surface"):
-        build_open_model.build_coarse(coarse, decimated(vertices, faces[1:]))
-    flipped = faces.copy()
-    flipped[0] = flipped[0, ::-1]
-    with pytest.raises(FileFormatError, match="not a closed, consistently oriented surface"):
-        build_open_model.build_coarse(coarse, decimated(vertices, flipped))
-    doubled = vertices.copy()
-    doubled[1] = doubled[0]
-    with pytest.raises(FileFormatError, match="two vertices beside the same vertex"):
-        build_open_model.build_coarse(coarse, decimated(doubled, faces))
-
-
-def test_sampled_people():
-    with pytest.raises(FileFormatError, match="anny offers the phenotypes .*'tail'"):
-        build_open_model.adult_phenotypes(["gender", "tail"])
-    labels = ["gender", "age", "muscle", "weight", "height", "proportions", "cupsize", "firmness"]
-    labels += ["african", "asian", "caucasian"]
-    values = build_open_model.adult_phenotypes(labels)
-    assert values.shape == (build_open_model.N_SAMPLES, 11)
-    assert values.min() >= 0
-    assert values.max() <= 1
-    np.testing.assert_allclose(values[:, -3:].sum(axis=1), 1.0)
-    assert np.mean(values[:, 0] > 0.5) == 0.5
+    gaps = np.linalg.norm(coarse.joints(betas) - full.joints(betas), axis=-1)
+    assert gaps.max() < 0.02
