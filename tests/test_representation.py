@@ -47,7 +47,7 @@ def test_parameters_are_seen():
     assert repr(rh.ElasticMetric(space, 2.0, 0.5, 0.1)) == "ElasticMetric(a=2.0, lam=0.5, c=0.1)"
     assert repr(2 * space.metric).startswith("ScalarProductMetric(")
     assert repr(rh.terms.EbinTerm(1.0, lam=0.5)) == "EbinTerm(weight=1.0, lam=0.5)"
-    assert repr(bodies.model) == ("<BodyModel: 23 joints, 16 shape coefficients, 1,202 vertices>")
+    assert repr(bodies.model) == ("<BodyModel: 23 joints, 32 shape coefficients, 1,202 vertices>")
     assert repr(rh.NearestNeighbors(space.metric)).startswith("NearestNeighbors(metric=Elastic")
     assert repr(rh.TangentPCA(space, n_components=3)).endswith("n_components=3)")
     for solver in (rh.solvers.LinearPath(), rh.solvers.Disentangling()):

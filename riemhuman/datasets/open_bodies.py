@@ -56,7 +56,7 @@ def load_open_model(resolution: str = "full") -> BodyModel:
     >>> import riemhuman as rh
     >>> model = rh.datasets.load_open_model("coarse")
     >>> model.n_betas, model.n_joints
-    (16, 23)
+    (32, 23)
     """
     return _read_model(one_of(resolution, "resolution", _RESOLUTIONS))
 

@@ -673,7 +673,7 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     >>> body = rh.Template(bodies[0], bodies.template.faces)
     >>> model = rh.registration.transfer_model(bodies.model, body)  # doctest: +SKIP
     >>> model  # doctest: +SKIP
-    <BodyModel: 23 joints, 16 shape coefficients, 1,202 vertices>
+    <BodyModel: 23 joints, 32 shape coefficients, 1,202 vertices>
     """
     vertices, faces = body.vertices, body.faces
     registered = ScanRegistration(model, unit="metres").solve((vertices, faces))

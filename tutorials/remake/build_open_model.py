@@ -37,7 +37,7 @@ N_BETAS = 32
 _COUNTS = (0, 8, 16, 24, 32, 40, 48, 64)
 # Steps to which numbers are rounded, metres: invisible, and shorter when compressed.
 _MEAN_STEP, _DIRECTION_STEP = 2.0**-20, 2.0**-18
-_DIGITS = 5
+_DIGITS = 4
 _BATCH = 50
 
 
@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         report_held_out(skins, weights)
         return 0
     full = build_full(skins, weights)
-    records = statistics(full, skins, weights, adults)
+    records = statistics(full, skins, adults)
     for name, model in (("full", full), ("coarse", build_coarse(full))):
         path = (options.folder or _FOLDER) / f"open_body_{name}.npz"
         model.save(path, single_precision=True)
@@ -122,10 +122,8 @@ def principal_components(
     return mean, directions.reshape(*mean.shape, count)
 
 
-def statistics(
-    model: BodyModel, skins: np.ndarray, weights: np.ndarray, adults: Adults
-) -> dict[str, dict[str, list]]:
-    """Return mean and covariance of the coefficients of women, men and all, and of ANSUR's."""
+def statistics(model: BodyModel, skins: np.ndarray, adults: Adults) -> dict[str, dict[str, list]]:
+    """Return mean and covariance of the coefficients of women and men, the public and ANSUR's."""
     directions = model.shapedirs.reshape(-1, model.n_betas)
     offsets = (skins - model.template.vertices.astype(np.float32)).reshape(len(skins), -1)
     normal = directions.T @ directions
@@ -134,7 +132,6 @@ def statistics(
     groups = {
         "woman": woman,
         "man": 1.0 - woman,
-        "adult": weights,
         "woman of ANSUR II": woman * adults.unwidened,
         "man of ANSUR II": (1.0 - woman) * adults.unwidened,
     }
