@@ -19,7 +19,7 @@ _LEG_DEGREES = {"hip": 1.5, "knee": 2.0, "ankle": 2.0, "toes": 1.0}
 _DEGREES = _TRUNK_DEGREES | _ARM_DEGREES | _LEG_DEGREES
 # The share of this variance that is a habit, the same in all poses of a person.
 _HABIT = 0.5
-_TOUCHED_POINT_METRES = 0.024
+_TOUCHED_POINT_METRES = 0.019
 
 # Direction of the left palm in the model's rest pose, and half the thickness of a hand.
 _PALM = np.array([-0.669, -0.691, -0.274])

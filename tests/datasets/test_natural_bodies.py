@@ -11,7 +11,7 @@ from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import scores
 from riemhuman.surfaces.procrustes import procrustes
 
-PLAIN_37_100 = (-0.1710522162805, 1.2219891409031, 0.0681078660244)
+PLAIN_37_100 = (-0.1708051480503, 1.2210649201136, 0.0678733744205)
 TRUNK = ("pelvis", "chest", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
 
 

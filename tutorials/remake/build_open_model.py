@@ -113,21 +113,30 @@ def build_coarse(full: BodyModel) -> BodyModel:
 def principal_components(
     skins: np.ndarray, weights: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean body (V, 3) and one standard deviation of the components (V, 3, count)."""
+    """Return the mean body (V, 3) and one standard deviation of the components (V, 3, count).
+
+    Components are principal for displacements by area, not by vertex: most vertices are of the
+    face, the hands and the feet.
+    """
     mean = np.einsum("n,nvc->vc", weights, skins, dtype=float)
-    centred = (skins - mean.astype(np.float32)).reshape(len(skins), -1)
-    centred *= np.sqrt(weights)[:, None].astype(np.float32)
-    _, scores = np.linalg.eigh((centred @ centred.T).astype(float))
-    directions = centred.T.astype(float) @ scores[:, ::-1][:, :count]
+    centred = skins - mean.astype(np.float32)
+    centred *= np.sqrt(weights)[:, None, None].astype(np.float32)
+    by_area = centred * np.sqrt(areas())[:, None].astype(np.float32)
+    by_area = by_area.reshape(len(skins), -1)
+    _, scores = np.linalg.eigh((by_area @ by_area.T).astype(float))
+    directions = centred.reshape(len(skins), -1).T.astype(float) @ scores[:, ::-1][:, :count]
     return mean, directions.reshape(*mean.shape, count)
+
+
+def areas() -> np.ndarray:
+    """Return the share of each vertex in the area of the shipped full model, (V,)."""
+    shares = load_open_model("full").template.vertex_areas
+    return shares / shares.sum()
 
 
 def statistics(model: BodyModel, skins: np.ndarray, adults: Adults) -> dict[str, dict[str, list]]:
     """Return mean and covariance of the coefficients of women and men, the public and ANSUR's."""
-    directions = model.shapedirs.reshape(-1, model.n_betas)
-    offsets = (skins - model.template.vertices.astype(np.float32)).reshape(len(skins), -1)
-    normal = directions.T @ directions
-    betas = np.linalg.solve(normal, (offsets @ directions).T.astype(float)).T
+    betas = coefficients(model, skins)
     woman = adults.is_woman.astype(float)
     groups = {
         "woman": woman,
@@ -143,6 +152,15 @@ def statistics(model: BodyModel, skins: np.ndarray, adults: Adults) -> dict[str,
             "covariance": covariance.round(_DIGITS).tolist(),
         }
     return records
+
+
+def coefficients(model: BodyModel, skins: np.ndarray) -> np.ndarray:
+    """Return the coefficients of bodies, by area, (n, B)."""
+    directions = model.shapedirs.reshape(-1, model.n_betas)
+    by_area = directions * np.repeat(areas(), 3)[:, None]
+    offsets = (skins - model.template.vertices.astype(np.float32)).reshape(len(skins), -1)
+    right = (offsets @ by_area.astype(np.float32)).astype(float)
+    return np.linalg.solve(directions.T @ by_area, right.T).T
 
 
 def report_measurements(adults: Adults) -> None:
@@ -163,19 +181,19 @@ def report_measurements(adults: Adults) -> None:
 
 
 def report_held_out(skins: np.ndarray, weights: np.ndarray) -> None:
-    """Print how near a tenth of the bodies come to a model of the others."""
+    """Print how near a tenth of the bodies come to a model of the others, mean over the surface."""
     held_out = np.random.default_rng(SEED).permutation(len(skins))[: len(skins) // 10]
     others = np.setdiff1d(np.arange(len(skins)), held_out)
     shares = weights[others] / weights[others].sum()
     mean, directions = principal_components(skins[others], shares, max(_COUNTS))
-    directions = directions.reshape(-1, max(_COUNTS))
+    by_area = np.sqrt(areas())[:, None]
+    directions = (directions * by_area[..., None]).reshape(-1, max(_COUNTS))
     directions /= np.linalg.norm(directions, axis=0)
-    offsets = (skins[held_out] - mean).reshape(len(held_out), -1)
+    offsets = ((skins[held_out] - mean) * by_area).reshape(len(held_out), -1)
     scores = offsets @ directions
     for count in _COUNTS:
         rest = np.sum(offsets**2, axis=1) - np.sum(scores[:, :count] ** 2, axis=1)
-        error = 1e3 * np.sqrt(rest / len(mean)).mean()
-        sys.stdout.write(f"{count:3d} coefficients: {error:.1f} mm\n")
+        sys.stdout.write(f"{count:3d} coefficients: {1e3 * np.sqrt(rest).mean():.1f} mm\n")
 
 
 def _reshaped(model: BodyModel, mean: np.ndarray, directions: np.ndarray) -> BodyModel:
