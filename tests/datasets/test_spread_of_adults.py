@@ -56,7 +56,7 @@ def test_drawn_people_have_the_spread_of_ansur(sex):
     for pair, expected in CORRELATIONS.items():
         values = np.stack([people[name] for name in pair])
         values = values[:, np.isfinite(values).all(axis=0)]
-        assert abs(np.corrcoef(values)[0, 1] - expected[which]) < 0.15, pair
+        assert abs(np.corrcoef(values)[0, 1] - expected[which]) < 0.2, pair
 
 
 @pytest.mark.parametrize(

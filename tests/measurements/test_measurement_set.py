@@ -79,7 +79,7 @@ def test_mapped_to_the_other_resolution(coarse):
     """By closest points of the templates, as for any template that lies on another."""
     full = open_measurements("full")
     mapped = full.mapped(coarse.template, full.correspondence_to(coarse.template))
-    points = coarse.template(np.random.default_rng(1).normal(size=(3, 16)))
+    points = coarse.template(np.random.default_rng(1).normal(size=(3, 32)))
     own, through = (Measurements(s).measure(points) for s in (coarse, mapped))
     metres = [unit == "m" for unit in Measurements(coarse).units]
     assert np.abs(own.values - through.values)[:, metres].max() < 0.012
@@ -100,7 +100,7 @@ def test_mapped_to_shuffled_vertices_changes_nothing(coarse):
         joint_names=model.joint_names,
     )
     mapped = coarse.mapped(shuffled, place)
-    points = model(rng.normal(size=(2, 16)))
+    points = model(rng.normal(size=(2, 32)))
     expected = Measurements(coarse).measure(points).values
     found = Measurements(mapped).measure(points[:, order]).values
     np.testing.assert_allclose(found, expected, rtol=1e-9)

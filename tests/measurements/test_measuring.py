@@ -54,7 +54,7 @@ def test_all_in_one_pass_as_one_by_one(bodies, own, values):
 
 def test_remeshing_changes_little(own):
     """Both resolutions of the model show the same people."""
-    betas = np.random.default_rng(0).normal(size=(4, 16))
+    betas = np.random.default_rng(0).normal(size=(4, 32))
     full, pose = load_open_model("full"), own.definitions.standard_pose_vector
     fine = Measurements(full).measure(full(betas, pose))
     coarse = own.measure(load_open_model("coarse")(betas, pose))
@@ -102,7 +102,7 @@ def test_sizes_of_people(own):
 def test_thigh_is_measured_where_the_line_crosses_the_trunk(own):
     """A crotch that is eight centimetres lower takes the place of a part of the line."""
     model = load_open_model("coarse")
-    point = model(np.zeros(16), own.definitions.standard_pose_vector)
+    point = model(np.zeros(32), own.definitions.standard_pose_vector)
     crotch = own.definitions.landmarks["crotch"]
     middle = crotch[1] @ point[crotch[0]]
     lowered = point - 0.08 * np.exp(-(((point - middle) / 0.06) ** 2).sum(1))[:, None] * [0, 1, 0]
@@ -140,7 +140,7 @@ def test_spread_over_poses():
 
 def test_bodies_of_the_model_come_back_to_the_standard_pose(bodies, own):
     model, rng = bodies.model, np.random.default_rng(0)
-    betas = rng.normal(size=(2, 16))
+    betas = rng.normal(size=(2, 32))
     posed = model(betas, bodies.pose_vectors[[3, 9]], rng.normal(size=(2, 3)))
     straight = in_standard_pose(own.definitions, posed)
     expected = model(betas, own.definitions.standard_pose_vector)
