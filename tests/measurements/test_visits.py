@@ -65,7 +65,7 @@ def test_noise_is_known_of_all_measurements():
 @pytest.fixture(scope="module")
 def people():
     model = load_open_model("coarse")
-    betas = np.random.default_rng(2).normal(size=(12, 32))
+    betas = np.clip(np.random.default_rng(2).normal(size=(12, 32)), -1.0, 1.0)
     space = AlignedSurfaces(model.template)
     space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=0.1)
     return space, model(betas), Measurements(model)
