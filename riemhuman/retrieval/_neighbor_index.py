@@ -39,109 +39,51 @@ _BLUR = 1e-4
 _FEW, _LEAST_EXCLUDED, _TRIALS = 1000, 0.5, 8
 
 
-class GrowingRows:
-    """A table to which rows are added in time proportional to their number."""
-
-    def __init__(self) -> None:
-        self._table: ndarray | None = None
-        self._n_rows = 0
-
-    @property
-    def array(self) -> ndarray:
-        """The rows, shape (n, ...)."""
-        return np.empty((0, 0)) if self._table is None else self._table[: self._n_rows]
-
-    def truncate(self, n_rows: int) -> None:
-        """Remove all but the first rows."""
-        self._n_rows = min(self._n_rows, n_rows)
-
-    def append(self, rows: ndarray) -> None:
-        """Add rows of the shape of the others."""
-        if self._table is None:
-            self._table = np.empty_like(rows, order="C")
-        end = self._n_rows + len(rows)
-        if end > len(self._table):
-            # Double the size: on average, each row is then moved only a few times.
-            table = np.empty((max(end, 2 * len(self._table)), *rows.shape[1:]), rows.dtype)
-            table[: self._n_rows] = self.array
-            self._table = table
-        self._table[self._n_rows : end] = rows
-        self._n_rows = end
-
-
 class NeighborIndex:
     """Points, their features in single precision, and coordinates that bound their distances.
 
     Without a projection, queries are compared with all points.
     """
 
-    def __init__(self, metric: RiemannianMetric, n_jobs: int | None) -> None:
+    def __init__(self, metric: RiemannianMetric, X: Any, n_jobs: int | None) -> None:
         self.metric, self.n_jobs = metric, n_jobs
+        tables: tuple[ndarray, ...] = ()
+        for part in slices(len(X), _BLOCK):
+            points = self.checked(X, part.start, part.stop)
+            features = features_in_threads(metric, points, "single", thread_count(n_jobs))
+            block = (points, metric.bulk.rounding(features), *features)
+            tables = tables or tuple(np.empty((len(X), *b.shape[1:]), b.dtype) for b in block)
+            for table, rows in zip(tables, block, strict=True):
+                table[part] = rows
+        self.points, self._rounding, *self._features = tables
         self.projection: Projection | None = None
-        # Number of points at which bounds were last tried and found useless.
-        self.n_tried = 0
-        self._points = GrowingRows()
-        self._features = tuple(GrowingRows() for _ in range(metric.bulk.n_arrays))
-        self._rounding = GrowingRows()
-        self._coordinates = GrowingRows()
+        self._coordinates: ndarray = np.empty((0, 0))
 
     def __len__(self) -> int:
         """Return the number of points."""
-        return self._rounding._n_rows
-
-    @property
-    def points(self) -> ndarray:
-        r"""The points, shape (n, \*shape)."""
-        return self._points.array
-
-    def append(self, X: Any) -> None:
-        """Add points; if one is wrong, add none."""
-        n_before = len(self)
-        try:
-            for part in slices(len(X), _BLOCK):
-                points = self.checked(X, part.start, part.stop)
-                features = features_in_threads(
-                    self.metric, points, "single", thread_count(self.n_jobs)
-                )
-                self._points.append(points)
-                for rows, feature in zip(self._features, features, strict=True):
-                    rows.append(feature)
-                if self.projection is not None:
-                    self._coordinates.append(
-                        self.projection(self.metric.lower_bound_coordinates(points))
-                    )
-                # Last, since it counts the points.
-                self._rounding.append(self.metric.bulk.rounding(features))
-        except BaseException:
-            for rows in (self._points, self._rounding, self._coordinates, *self._features):
-                rows.truncate(n_before)
-            raise
+        return len(self.points)
 
     def fit_projection(self, n_components: int, *, always: bool) -> None:
         """Find coordinates that bound distances, unless they would save too little work."""
-        if not self.metric.has_lower_bound_coordinates or n_components == 0 or not len(self):
+        coordinates = self.metric.lower_bound_coordinates
+        if not self.metric.has_lower_bound_coordinates or n_components == 0:
             return
-        if not always and len(self) < max(_FEW, 2 * self.n_tried):
+        if not always and len(self) < _FEW:
             return
-        first = self.metric.lower_bound_coordinates(self.points[:1])
-        n_sample = min(_SAMPLE, max(1, _SAMPLE_SIZE // first.size), len(self))
+        n_sample = min(
+            _SAMPLE, max(1, _SAMPLE_SIZE // coordinates(self.points[:1]).size), len(self)
+        )
         sample = np.linspace(0, len(self) - 1, n_sample).astype(int)
-        rows = [self.metric.lower_bound_coordinates(self.points[i : i + 1]) for i in sample]
-        self.set_projection(Projection.fit(np.concatenate(rows), n_components))
+        rows = [coordinates(self.points[i : i + 1]) for i in sample]
+        self.projection = Projection.fit(np.concatenate(rows), n_components)
+        self._coordinates = np.concatenate(
+            [self.projection(coordinates(self.points[p])) for p in slices(len(self), _BLOCK)]
+        )
         if not always:
             trials = sample[np.linspace(0, n_sample - 1, _TRIALS).astype(int)]
             compared = [self._search(*self._query(int(i)), 2, None)[1] for i in trials]
             if np.mean(compared) > (1.0 - _LEAST_EXCLUDED) * len(self):
-                self.projection, self._coordinates = None, GrowingRows()
-                self.n_tried = len(self)
-
-    def set_projection(self, projection: Projection) -> None:
-        """Use a projection, and compute the coordinates of all points."""
-        self.projection, self._coordinates = projection, GrowingRows()
-        for part in slices(len(self), _BLOCK):
-            self._coordinates.append(
-                projection(self.metric.lower_bound_coordinates(self.points[part]))
-            )
+                self.projection, self._coordinates = None, np.empty((0, 0))
 
     def checked(self, X: Any, start: int, stop: int) -> ndarray:
         """Return a range of points after checking them."""
@@ -173,7 +115,7 @@ class NeighborIndex:
             else:
                 rounding = self.metric.bulk.rounding(features)
                 rows = self.projection(self.metric.lower_bound_coordinates(points))
-                bounds, slack = _squared_distances(rows, self._coordinates.array)
+                bounds, slack = _squared_distances(rows, self._coordinates)
 
                 def search(i: int) -> tuple[ndarray, int]:
                     one = tuple(feature[i : i + 1] for feature in features)  # noqa: B023
@@ -192,7 +134,7 @@ class NeighborIndex:
         self, features: tuple[ndarray, ...], numbers: list[int | None], k: int
     ) -> list[tuple[ndarray, int]]:
         """Return the points that may be among the nearest, by all distances of some queries."""
-        own = tuple(rows.array for rows in self._features)
+        own = tuple(self._features)
         squared = self.metric.bulk.squared_distances(features, own, thread_count(self.n_jobs))
         rounding = self.metric.bulk.rounding(features)
         everyone = np.arange(len(self))
@@ -205,11 +147,11 @@ class NeighborIndex:
 
     def _query(self, number: int) -> tuple[tuple[ndarray, ...], float, ndarray, float]:
         """Return features, rounding, bounds and their slack of a point of the index."""
-        coordinates = self._coordinates.array
+        coordinates = self._coordinates
         bounds, slack = _squared_distances(coordinates[number : number + 1], coordinates)
         bounds[0, number] = np.inf
-        features = tuple(rows.array[number : number + 1] for rows in self._features)
-        return features, float(self._rounding.array[number]), bounds[0], slack
+        features = tuple(rows[number : number + 1] for rows in self._features)
+        return features, float(self._rounding[number]), bounds[0], slack
 
     def _search(
         self,
@@ -225,7 +167,7 @@ class NeighborIndex:
 
         def compare(batch: ndarray) -> None:
             nonlocal numbers, low, high
-            own = tuple(rows.array[batch] for rows in self._features)
+            own = tuple(rows[batch] for rows in self._features)
             squared = self.metric.bulk.squared_distances(features, own)
             more_low, more_high = self._interval(np.sqrt(squared[0]), batch, rounding)
             numbers = np.concatenate([numbers, batch])
@@ -251,7 +193,7 @@ class NeighborIndex:
         self, distances: ndarray, numbers: ndarray, rounding: float
     ) -> tuple[ndarray, ndarray]:
         """Return lower and upper bounds of exact distances from those in single precision."""
-        error = _BLUR * distances + 2.0 * (rounding + self._rounding.array[numbers])
+        error = _BLUR * distances + 2.0 * (rounding + self._rounding[numbers])
         # NaN, from an overflow in single precision, gives no bound.
         low = np.nan_to_num(distances - error, nan=0.0)
         return low, np.nan_to_num(distances + error, nan=np.inf, posinf=np.inf)

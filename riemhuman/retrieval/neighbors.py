@@ -84,7 +84,7 @@ class NearestNeighbors(Estimator):
         self.n_jobs = n_jobs
 
     def fit(self, X: Sequence[Any] | ndarray) -> Self:
-        r"""Index points, and forget points indexed before.
+        r"""Index points.
 
         Parameters
         ----------
@@ -102,36 +102,9 @@ class NearestNeighbors(Estimator):
             raise ArgumentError("X must hold at least one point; found none")
         one_of(self.algorithm, "algorithm", ALGORITHMS)
         whole_number(self.n_components, "n_components", minimum=0)
-        index = NeighborIndex(self.metric, self.n_jobs)
-        index.append(X)
-        self._index = index
-        self._fit_projection()
-        self.n_samples_fit_ = len(self._index)
-        return self
-
-    def partial_fit(self, X: Sequence[Any] | ndarray) -> Self:
-        r"""Add points to the index.
-
-        The principal components of an index remain those of the first points. Neighbours stay
-        exact, but if many points differ from the first ones, `fit` to all points makes a faster
-        index.
-
-        Parameters
-        ----------
-        X : array or sequence, shape (n, \*shape)
-            Points.
-
-        Returns
-        -------
-        NearestNeighbors
-            The estimator itself.
-        """
-        if not hasattr(self, "_index"):
-            return self.fit(X)
-        _length(X)
-        self._index.append(X)
-        if self._index.projection is None:
-            self._fit_projection()
+        self._index = NeighborIndex(self.metric, X, self.n_jobs)
+        if self.algorithm != "brute":
+            self._index.fit_projection(self.n_components, always=self.algorithm == "index")
         self.n_samples_fit_ = len(self._index)
         return self
 
@@ -192,10 +165,6 @@ class NearestNeighbors(Estimator):
         self.n_exact_ = n_exact
         self.exact_share_ = n_exact / max(1, n_queries * len(index))
         return (distances, indices) if return_distance else indices
-
-    def _fit_projection(self) -> None:
-        if self.algorithm != "brute":
-            self._index.fit_projection(self.n_components, always=self.algorithm == "index")
 
 
 def _length(X: Any) -> int:

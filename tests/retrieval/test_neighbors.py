@@ -101,18 +101,6 @@ def test_a_set_of_one_body_many_times():
     np.testing.assert_array_equal(indices[5], [*range(5), *range(6, 40)])
 
 
-@pytest.mark.parametrize("name", ["pose", "shape"])
-def test_added_piece_by_piece_or_at_once(name):
-    points = groups(sphere_template())
-    at_once = NearestNeighbors(METRICS[name]).fit(points)
-    in_pieces = NearestNeighbors(METRICS[name])
-    for start, stop in [(0, 1), (1, 2), (2, 40), (40, 40), (40, len(points))]:
-        assert in_pieces.partial_fit(points[start:stop]) is in_pieces
-        assert in_pieces.n_samples_fit_ == stop
-    assert_same(in_pieces.kneighbors(), at_once.kneighbors())
-    assert_same(in_pieces.kneighbors(points[:9]), at_once.kneighbors(points[:9]))
-
-
 @pytest.mark.parametrize("name", METRICS)
 def test_points_with_neighbors_are_compared_with_few(name):
     # Under the metric of shapes, all but the smallest changes are as far as can be.
@@ -132,7 +120,7 @@ def test_bounds_are_used_where_they_save_work(name, monkeypatch):
     neighbors = NearestNeighbors(METRICS[name], 3).fit(points[:99])
     neighbors.kneighbors(points[:2])
     assert neighbors.exact_share_ == 1.0
-    neighbors.partial_fit(points[99:])
+    neighbors.fit(points)
     assert_same(neighbors.kneighbors(), by_all_distances(METRICS[name], None, points, 3))
     assert (neighbors.exact_share_ < 0.5) == (name == "pose")
 
@@ -160,18 +148,11 @@ def test_points_made_on_the_fly():
     assert_same(neighbors.kneighbors(OnTheFly(points[:9]), 1)[:1] * 2, (np.zeros((9, 1)),) * 2)
 
 
-def test_a_wrong_point_leaves_the_index_as_it_was():
+def test_a_wrong_point_is_named():
     points = groups(sphere_template())
-    neighbors = NearestNeighbors(POSE).fit(points[:100])
-    before = neighbors.kneighbors()
-    added = np.concatenate([points] * 2)
-    added[-1, 0, 0] = np.nan
+    points[100, 0, 0] = np.nan
     with pytest.raises(ArgumentError, match=r"X\[\d+:\d+\] holds 1 NaN"):
-        neighbors.partial_fit(added)
-    assert neighbors.n_samples_fit_ == 100
-    assert_same(neighbors.kneighbors(), before)
-    neighbors.partial_fit(points[100:])
-    assert_same(neighbors.kneighbors(), by_all_distances(POSE, None, points, 5))
+        NearestNeighbors(POSE).fit(points)
 
 
 @pytest.mark.parametrize(
@@ -240,8 +221,7 @@ NEAR_CLOSE = np.concatenate([surfaces(sphere_template(), 6, rng=6), CLOSE[[5, 38
 def test_blocks(metric, size, algorithm, monkeypatch):
     for name in ("_BLOCK", "_FIRST", "_BATCH", "_DOUBLE"):
         monkeypatch.setattr(riemhuman.retrieval._neighbor_index, name, size)
-    neighbors = NearestNeighbors(metric, 4, algorithm=algorithm).fit(CLOSE[:30])
-    neighbors.partial_fit(CLOSE[30:])
+    neighbors = NearestNeighbors(metric, 4, algorithm=algorithm).fit(CLOSE)
     assert_same(neighbors.kneighbors(), by_all_distances(metric, None, CLOSE, 4))
     assert_same(neighbors.kneighbors(NEAR_CLOSE), by_all_distances(metric, NEAR_CLOSE, CLOSE, 4))
     everyone = neighbors.kneighbors(NEAR_CLOSE, len(CLOSE))
