@@ -818,28 +818,12 @@ class RiemannianMetric:
 
 
 class ScalarProductMetric(RiemannianMetric):
-    """A metric times a number: ``2.0 * metric``.
-
-    Inner products, energies and squared distances are multiplied; geodesics, exponential, logarithm
-    and parallel transport stay.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric.
-    scale : float
-        The number, above 0.
-    """
+    """A metric times a number above 0: ``2.0 * metric``; geodesics stay the same."""
 
     def __init__(self, metric: RiemannianMetric, scale: float) -> None:
         super().__init__(metric.space, **metric.solvers)
         self.underlying_metric = metric
-        self._scale = metric_weight(scale, "scale", strict=True)
-
-    @property
-    def scale(self) -> float:
-        """The number."""
-        return self._scale
+        self.scale = metric_weight(scale, "scale", strict=True)
 
     @property
     def target_metric(self) -> RiemannianMetric:

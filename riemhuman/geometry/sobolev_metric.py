@@ -30,15 +30,6 @@ class MidpointMetric(MetricOfTerms):
 
     The energy of a path is :math:`n \sum_i G_{(f_i + f_{i+1})/2}(f_{i+1} - f_i, f_{i+1} - f_i)`, of
     second order in the time step.
-
-    Parameters
-    ----------
-    space : AlignedSurfaces
-        Surfaces over a template.
-    terms : sequence of QuadraticTerm
-        The terms, see `riemhuman.terms._quadratic`.
-    **solvers
-        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
     """
 
     driver = SumOfQuadraticTerms

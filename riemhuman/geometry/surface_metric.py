@@ -40,24 +40,7 @@ if TYPE_CHECKING:
 
 
 class MetricOfTerms(RiemannianMetric):
-    r"""A metric on aligned surfaces that is a sum of terms.
-
-    Its `driver` runs them: by definition, as a sparse matrix, and in compiled path energies.
-
-    Parameters
-    ----------
-    space : AlignedSurfaces
-        Surfaces over a template.
-    terms : sequence of Term or QuadraticTerm
-        The terms, at least one; see `riemhuman.terms`.
-    **solvers
-        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If something else is found in place of a term.
-    """
+    """A metric on aligned surfaces that is a sum of terms, which its `driver` runs."""
 
     driver: type[SumOfTerms] | type[SumOfQuadraticTerms]
     _sum: Any

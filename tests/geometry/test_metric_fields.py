@@ -23,12 +23,9 @@ def _strict_floats():
 def test_against_single_matrices(lam):
     case = CASES[f"ebin {lam:g} sphere"]
     areas = SPACE.template.face_areas
-    for g1, g2 in (case.points[:2], SPACE.random_point(2, rng=1)):
-        exact = [float(oracles.exact_squared_dist(a, b, lam)) for a, b in zip(g1, g2, strict=True)]
-        np.testing.assert_allclose(case.metric.squared_dist(g1, g2), areas @ exact, rtol=1e-12)
-        by_scipy = [oracles.matrix_squared_dist(a, b, lam) for a, b in zip(g1, g2, strict=True)]
-        np.testing.assert_allclose(case.metric.squared_dist(g1, g2), areas @ by_scipy, rtol=1e-10)
     g1, g2 = case.points[:2]
+    exact = [float(oracles.exact_squared_dist(a, b, lam)) for a, b in zip(g1, g2, strict=True)]
+    np.testing.assert_allclose(case.metric.squared_dist(g1, g2), areas @ exact, rtol=1e-12)
     velocity = case.metric.log(g2, g1)
     exact = [oracles.exact_log(a, b, lam) for a, b in zip(g1, g2, strict=True)]
     np.testing.assert_allclose(velocity, exact, atol=1e-10)
