@@ -29,7 +29,8 @@ class AlignedSurfaces(Manifold):
 
     A point holds the vertices of a surface in the template's order: an open subset of the vector
     space of all (V, 3) arrays, so any such array is a tangent vector. Surfaces with triangles of
-    no area lie on its boundary.
+    no area lie on its boundary. Wherever points are taken, meshes of trimesh, PyVista and
+    meshio with the template's triangles are, too.
 
     Parameters
     ----------
