@@ -143,7 +143,7 @@ class ConeMetric(FieldMetric):
         velocity, psi = cones.log(*ends, self._term)
         refuse_triangles(
             values_of(psi) >= np.pi,
-            "point must be within an angle ψ < π of base_point, or the minimal path runs through "
+            "point must be within an angle θ < π of base_point, or the minimal path runs through "
             "g = 0 and there is no logarithm",
             OutsideManifoldError,
         )
