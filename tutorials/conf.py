@@ -17,7 +17,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
 ]
-exclude_patterns = ["_build", "notebooks"]
+exclude_patterns = ["_build", "notebooks", "recordings"]
 
 # Notebooks are stored with their outputs, and a test runs them again: nothing runs here.
 nb_execution_mode = "off"

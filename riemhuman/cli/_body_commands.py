@@ -42,7 +42,7 @@ from riemhuman.cli._inputs import (
     save_figure,
     write_motion,
 )
-from riemhuman.cli._terminal import as_json, convergence, outcome
+from riemhuman.cli._terminal import as_json, solved
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -128,14 +128,19 @@ def _geodesic(options: argparse.Namespace) -> Answer:
         "length": float(metric.length(result.path)),
         "distance": float(metric.dist(result.path[0], result.path[-1])),
         "energies": result.energies,
-        **outcome(result),
         "seconds": time.perf_counter() - start,
     }
+    text = {
+        "energy": f"{result.energy:.8g}",
+        "length": f"{record['length']:.8g}",
+        "distance": f"{record['distance']:.8g}  (a lower bound of the length)",
+    }
+    answer: Any = solved(result, text, record)
     description = (
         f"From {options.a_file.name} to {options.b_file.name} in {len(result.path)} surfaces: "
         f"a path of least energy under the metric {metric_name(metric)}. Energy "
         f"{result.energy:.4g}, length {record['length']:.4g}\u00a0m; no path is shorter than "
-        f"{record['distance']:.4g}\u00a0m. Converged: {convergence(result)}."
+        f"{record['distance']:.4g}\u00a0m. Converged: {answer.text['converged']}."
     )
     faces = surfaces.faces
     if options.ending:
@@ -149,14 +154,8 @@ def _geodesic(options: argparse.Namespace) -> Answer:
             for kind, name in ((".glb", "Animation"), (".png", "Filmstrip"), (".html", "Page")):
                 with options.task(name):
                     _WRITERS[kind](folder / f"path{kind}", result.path, faces, description)
-            (folder / _SUMMARY).write_text(as_json(record) + "\n", encoding="utf-8")
-    text = {
-        "energy": f"{result.energy:.8g}",
-        "length": f"{record['length']:.8g}",
-        "distance": f"{record['distance']:.8g}  (a lower bound of the length)",
-        "converged": convergence(result),
-    }
-    return Answer(text, record, trusted=bool(result.converged))
+            (folder / _SUMMARY).write_text(as_json(answer.record) + "\n", encoding="utf-8")
+    return answer
 
 
 @command(
@@ -196,14 +195,12 @@ def _mean(options: argparse.Namespace) -> Answer:
         "metric": metric_record(metric),
         "variance": result.variance,
         "variances": result.variances,
-        **outcome(result),
     }
     text = {
         "variance": f"{result.variance:.8g}  (mean squared distance)",
-        "converged": convergence(result),
         "picture": shown,
     }
-    return Answer(text, record, trusted=bool(result.converged))
+    return solved(result, text, record)
 
 
 @command(
@@ -384,14 +381,12 @@ def _disentangle(options: argparse.Namespace) -> Answer:
         "pose_weight": options.pose_weight,
         "shape_distance": result.shape_dist,
         "pose_distance": result.pose_dist,
-        **outcome(result),
     }
     text = {
         "distance in shape": f"{result.shape_dist:.8g}",
         "distance in pose": f"{result.pose_dist:.8g}",
-        "converged": convergence(result),
     }
-    return Answer(text, record, trusted=bool(result.converged))
+    return solved(result, text, record)
 
 
 @command(

@@ -19,7 +19,6 @@ from riemhuman.cli._commands import (
 )
 from riemhuman.cli._inputs import advice, read_recording, read_surfaces
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.meshes import MESH_SUFFIXES, check_not_point_cloud
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -114,6 +113,8 @@ def _readable(value: Any) -> str:
 
 
 def _facts(file: Path) -> dict[str, Any]:
+    from riemhuman.io.meshes import MESH_SUFFIXES, check_not_point_cloud
+
     if not file.exists():
         raise FileError(f"there is no file or folder {file}")
     if file.is_dir():

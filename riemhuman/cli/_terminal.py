@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
+from riemhuman.cli._commands import Answer
 from riemhuman.errors import ConvergenceWarning, FileError
 
 if TYPE_CHECKING:
@@ -83,16 +84,12 @@ def lines(values: Mapping[str, object]) -> str:
     return "\n".join(f"{name:<{width}}  {value}" for name, value in given.items())
 
 
-def outcome(result: Result) -> dict[str, Any]:
-    """Return whether and how a solver has converged, for JSON."""
-    names = ("n_iterations", "converged", "message")
-    return {name: getattr(result, name) for name in names}
-
-
-def convergence(result: Result) -> str:
-    """Return a phrase that says whether a solver has converged."""
+def solved(result: Result, text: Mapping[str, object], record: Mapping[str, object]) -> Answer:
+    """Return the answer of a solver, with whether and how it has converged."""
     iterations = "iteration" if result.n_iterations == 1 else "iterations"
-    return f"{'yes' if result.converged else 'no'}, after {result.n_iterations} {iterations}"
+    said = f"{'yes' if result.converged else 'no'}, after {result.n_iterations} {iterations}"
+    how = {name: getattr(result, name) for name in ("n_iterations", "converged", "message")}
+    return Answer({**text, "converged": said}, {**record, **how}, trusted=bool(result.converged))
 
 
 def note(text: str) -> None:

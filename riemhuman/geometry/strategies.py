@@ -116,7 +116,7 @@ class PathEnergy(Protocol):
     """An energy of discrete paths, with its gradient."""
 
     def value(self, metric: Any, path: ndarray) -> float:
-        """Return the energy of a path, shape (n_nodes, *shape)."""
+        """Return the energy of a path, shape (n_nodes, ...)."""
 
     def value_and_gradient(self, metric: Any, path: ndarray) -> tuple[float, ndarray]:
         """Return the energy of a path, and its gradient with respect to all points.
