@@ -18,6 +18,7 @@ from riemhuman.solvers._coordinates import Coordinates
 from riemhuman.solvers._dispersion import check_weights
 from riemhuman.solvers._lbfgs import LBFGS
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
+from riemhuman.solvers.paths import rounding_energy
 from riemhuman.solvers.results import MeanResult, Solver, finish
 from riemhuman.surfaces import Template
 from riemhuman.terms._sum import SumOfTerms
@@ -143,7 +144,7 @@ class NearestSurface(Solver):
             ),
             function,
             half_inverse_hessian_at,
-            floor=min(_ROUNDING, self.tolerance) * first_value,
+            floor=max(min(_ROUNDING, self.tolerance) * first_value, rounding_energy(metric, start)),
         )
         variance, _ = distances.value_and_gradient(minimum.x)
         return finish(self, MeanResult(minimum.x, variance, minimum.values, **minimum.outcome))

@@ -32,6 +32,17 @@ def test_fields_of_a_surface_give_the_surface():
     np.testing.assert_allclose(found.point + shift, POINTS[0], atol=1e-5)
 
 
+@pytest.mark.parametrize("abc", [(1.0, 1.0, 1.0), (1.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_a_surface_among_its_own_fields_stays(abc):
+    """Seen to stall among rounding errors."""
+    metric = metric_of(*abc)
+    for start in (POINTS[0], POINTS[0] * (1.0 + 1e-15), POINTS[0] + 1e-9 * POINTS[1]):
+        found = NearestSurface().solve(metric, metric.map(POINTS[[0, 0, 0]]), start)
+        assert found.converged
+        assert found.variance < 1e-15
+        np.testing.assert_allclose(found.point, POINTS[0], atol=1e-8)
+
+
 def test_mean_has_no_slope_and_agrees_with_the_mean_over_all_deformations():
     metric = metric_of(1.0, 1.0, 1.0)
     weights = np.array([1.0, 2.0, 0.0, 1.0, 0.5])
