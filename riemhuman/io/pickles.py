@@ -279,7 +279,8 @@ def _dtype(record: Any) -> np.dtype[Any]:
         raise FileFormatError(
             f"holds an array of type {_describe(code)}; arrays must hold numbers or text"
         )
-    _, byte_order, *parts = record.state or (3, "=", None, None, None)
+    state: Any = record.state or (3, "=", None, None, None)
+    _, byte_order, *parts = state
     if byte_order not in ("<", ">", "|", "=") or any(part is not None for part in parts[:3]):
         raise FileFormatError("holds a malformed NumPy data type")
     return np.dtype(code).newbyteorder(byte_order)
@@ -334,7 +335,7 @@ def _sparse(state: dict[str, Any], layout: str) -> sparse.coo_array:
             raise FileFormatError(f"holds a {layout} matrix whose {name} is missing or malformed")
         return found.astype(np.int64) if kinds == "iu" else found
 
-    shape = state.get("_shape", state.get("shape"))
+    shape: Any = state.get("_shape", state.get("shape"))
     if not _is_shape(shape) or len(shape) != 2:
         raise FileFormatError(f"holds a sparse matrix of shape {_describe(shape)}")
     data = vector(state.get("data"), "data", "fiub")
