@@ -114,14 +114,15 @@ class DenseFitter:
     def fit(self, best: Candidate, scan: PreparedScan) -> DenseFit:
         tree = ScanTree(scan.points, scan.normals)
         dense = self.search.samples(_N_DENSE)
-        pose = fit_closest(dense, best.pose, best.prior, tree)
+        # Where surfaces curve, soft assignment moves them inward; closest points do not.
+        pose = self.search.anneal_finely(best.pose, best.prior, scan.points, scan.normals)
+        pose = fit_closest(dense, pose, best.prior, tree)
         hair = self.find_hair(self.surface(pose), scan.points)
         if hair.any():
             scan = replace(scan, points=scan.points[~hair], normals=scan.normals[~hair])
             tree = ScanTree(scan.points, scan.normals)
             pose = fit_closest(dense, pose, best.prior, tree)
         pose = self._rotate_forearms(best, pose, scan, tree)
-        pose = self.search.anneal_finely(pose, best.prior, scan.points, scan.normals)
         model_points = self.surface(pose)
         last = _LAST_STIFFNESS * max(1.0, tree.noise / _NOISE_METRES) ** 2
         softer = np.geomspace(_FIRST_STIFFNESS, min(last, _FIRST_STIFFNESS), _N_STEPS)

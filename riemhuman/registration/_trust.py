@@ -86,7 +86,8 @@ def find_overlaps(template: Template, points: np.ndarray, matched: np.ndarray) -
 
 def find_doubts(evidence: Evidence) -> tuple[list[str], list[str]]:
     """Return the reasons to distrust a registration, and those to distrust one limb of it."""
-    reasons, of_limb = [], []
+    reasons: list[str] = []
+    of_limb: list[str] = []
     if evidence.near < LEAST_NEAR:
         reasons.append(
             f"only {100 * evidence.near:.0f} % of the scan lies within "

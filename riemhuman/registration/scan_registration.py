@@ -138,6 +138,8 @@ _LEAST_UNSEEN = 0.1
 _GUESSED_UP = 0.25
 # A joint farther from its landmark is wrong, metres.
 _FARTHEST_MISS = 0.12
+# A whole body fitted to half a one is near this share of it.
+_NEAR_OF_HALF = 0.9
 # What the likelihood gains where another search leads to another body.
 _RETRY_GAIN = 0.05
 # A frame whose likelihood falls by more than this below the one before is searched from scratch.
@@ -151,8 +153,8 @@ class ScanRegistration:
     """Registers scans by a body model: meshes or point clouds of any heading, with holes and noise.
 
     Many starts with different headings and poses are fitted by soft assignment, and the likeliest
-    is kept; each of its arms is then tried in the positions of all start poses. Closest points and
-    finer soft assignment then determine its parameters, with forearms rotated so that they come
+    is kept; each of its arms is then tried in the positions of all start poses. Finer soft
+    assignment and closest points then determine its parameters, with forearms rotated so that they come
     nearest to the scan. The surface leaves the model as far as the elastic metric (a, λ, c) =
     (1, 1, 1) allows, the farther the less noise the scan has, and the model is fitted to it again,
     twice. If the result is not trusted, other starts are tried, and bodies without legs and without
@@ -226,7 +228,8 @@ class ScanRegistration:
             result = self._solve(self._fitter, whole, prepared, known, start)
             if not result.trusted:
                 others = [self._solve(self._fitter, whole, prepared, known, again=start is None)]
-                if not others[0].trusted and start is None:
+                near = np.mean(result.distances[~result.background] < NEAR_METRES)
+                if not others[0].trusted and near > _NEAR_OF_HALF:
                     others += [
                         self._solve(fitter, whole, prepared, known)
                         for fitter in self._partial_fitters

@@ -7,7 +7,9 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
+from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._trust import Evidence, find_doubts
+from riemhuman.registration.scans import as_scan
 
 GOOD = Evidence(
     likelihood=3.2,
@@ -64,13 +66,14 @@ def test_a_body_the_wrong_way_round_is_refused():
     search = registration._search
     everything = search._starts
 
-    def backwards(names, up, centre):
-        starts = everything(names, up, centre)
+    def backwards(*options):
+        starts = everything(*options)
         facing = [start.pose.local[0] @ [0.0, 0.0, 1.0] for start in starts]
         return [start for start, way in zip(starts, facing, strict=True) if way[2] < -0.9]
 
     search._starts = backwards
-    result = registration.solve(scan.points)
+    points = as_scan(scan.points)
+    result = registration._solve(registration._fitter, points, prepare_scan(points), {})
     assert np.linalg.norm(result.points - scan.body, axis=1).mean() > 0.2
     assert not result.trusted
 
