@@ -154,8 +154,8 @@ class ScanRegistration:
 
     Many starts with different headings and poses are fitted by soft assignment, and the likeliest
     is kept; each of its arms is then tried in the positions of all start poses. Finer soft
-    assignment and closest points then determine its parameters, with forearms rotated so that they come
-    nearest to the scan. The surface leaves the model as far as the elastic metric (a, λ, c) =
+    assignment and closest points then determine its parameters, with forearms rotated so that they
+    come nearest to the scan. The surface leaves the model as far as the elastic metric (a, λ, c) =
     (1, 1, 1) allows, the farther the less noise the scan has, and the model is fitted to it again,
     twice. If the result is not trusted, other starts are tried, and bodies without legs and without
     all above the waist.
