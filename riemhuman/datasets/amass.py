@@ -201,7 +201,7 @@ def load_amass(
             problems.append(str(error))
     if problems:
         raise FileFormatError("; ".join(problems))
-    motions = []
+    motions: list[AmassMotion | RetargetedMotion] = []
     for file, header in headers.items():
         own = models.get(header.gender, models.get(None))
         if own is None:
