@@ -201,59 +201,50 @@ def _fill_points(f: Any, ends: Any, places: Any, count: int, points: Any) -> Non
 
 @compiled
 def _hull(points: Any, numbers: Any, normal: Any) -> Any:
-    """Return the numbers of the points on the convex hull, in order around it."""
-    least = 0
-    for x in range(1, 3):
-        if abs(normal[x]) < abs(normal[least]):
-            least = x
-    # Two axes of the plane; products and sorting are written in loops, which compile fast.
-    u, v = np.zeros(3), np.zeros(3)
-    before, after = (least + 2) % 3, (least + 1) % 3
-    u[after], u[before] = normal[before], -normal[after]
-    length = np.sqrt(u[after] ** 2 + u[before] ** 2)
-    for x in range(3):
-        u[x] /= length
-    for x in range(3):
-        y, z = (x + 1) % 3, (x + 2) % 3
-        v[x] = normal[y] * u[z] - normal[z] * u[y]
-    flat = np.empty((len(numbers), 2))
-    for k in range(len(numbers)):
-        point = points[numbers[k]]
-        flat[k, 0] = point[0] * u[0] + point[1] * u[1] + point[2] * u[2]
-        flat[k, 1] = point[0] * v[0] + point[1] * v[1] + point[2] * v[2]
-    order = np.arange(len(numbers))
-    for k in range(1, len(order)):  # from left to right, then from below
-        j = k
-        while j > 0 and (
-            flat[order[j - 1], 0] > flat[order[j], 0]
-            or (
-                flat[order[j - 1], 0] == flat[order[j], 0]
-                and flat[order[j - 1], 1] > flat[order[j], 1]
-            )
+    """Return the numbers of the points on the convex hull, in order, by wrapping a line around."""
+    first = numbers[0]
+    for k in numbers:
+        if points[k, 0] < points[first, 0] or (
+            points[k, 0] == points[first, 0]
+            and (points[k, 1], points[k, 2]) < (points[first, 1], points[first, 2])
         ):
-            order[j - 1], order[j] = order[j], order[j - 1]
-            j -= 1
-    chain = np.empty(2 * len(order) + 2, np.int64)
-    size = 0
-    for half in range(2):
-        start = size
-        for step in range(len(order)):
-            k = order[step] if half == 0 else order[len(order) - 1 - step]
-            while size >= start + 2:
-                p, q = chain[size - 2], chain[size - 1]
-                bend = (flat[q, 0] - flat[p, 0]) * (flat[k, 1] - flat[p, 1]) - (
-                    flat[q, 1] - flat[p, 1]
-                ) * (flat[k, 0] - flat[p, 0])
-                if bend > 0.0:
-                    break
-                size -= 1
-            chain[size] = k
-            size += 1
-        size -= 1  # each half ends where the other starts
-    hull = np.empty(size, np.int64)
-    for k in range(size):
-        hull[k] = numbers[chain[k]]
-    return hull
+            first = k
+    hull = np.empty(len(numbers), np.int64)
+    size, here = 0, first
+    while size < len(numbers):
+        hull[size] = here
+        size += 1
+        goal = -1
+        for k in numbers:
+            squared = _squared(points, here, k)
+            if squared == 0.0:
+                continue
+            if goal >= 0:
+                # Above zero where point k lies left of the line to the goal, seen along the normal.
+                side = 0.0
+                for x in range(3):
+                    y, z = (x + 1) % 3, (x + 2) % 3
+                    a, b = points[goal, y] - points[here, y], points[goal, z] - points[here, z]
+                    c, d = points[k, y] - points[here, y], points[k, z] - points[here, z]
+                    side += normal[x] * (a * d - b * c)
+                if side < 0.0 or (side == 0.0 and squared <= _squared(points, here, goal)):
+                    continue
+            goal = k
+        if goal < 0:
+            break
+        for k in hull[:size]:  # rounding may pass over the first point on a straight side
+            if _squared(points, goal, k) == 0.0:
+                return hull[:size]
+        here = goal
+    return hull[:size]
+
+
+@compiled
+def _squared(points: Any, a: int, b: int) -> float:
+    total = 0.0
+    for x in range(3):
+        total += (points[a, x] - points[b, x]) ** 2
+    return total
 
 
 @compiled
