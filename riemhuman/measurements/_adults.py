@@ -52,8 +52,7 @@ class Prediction:
 def adults() -> dict[str, Any]:
     """Return names, and by sex means, standard deviations, correlations and offsets of the model.
 
-    The offset of a measurement is what the open body model measures less what ANSUR II does, for
-    the mean person.
+    The offset of a measurement is that of the model's mean adult less the mean of ANSUR II.
     """
     record = json.loads((DATA / "measurements_of_adults.json").read_text(encoding="utf-8"))
     size = len(record["names"])

@@ -44,9 +44,11 @@ Where the standards differ, there is a measurement for each:
 
 Numbers of ISO 8559-1 are of 2017, those of ISO 7250-1 of 2008. *Level* is the height of the plane
 or place on the mean body, in per cent of its stature. *Women* and *men* say by how many
-millimetres (kilograms) the body nearest to the mean woman or man of ANSUR II measures more than
-they do; {agree} of {count} agree to half a standard deviation among adults for both. `python
-tutorials/remake/build_statistics.py ANSUR --check` prints how well they predict each other.
+millimetres (kilograms) the mean woman and man of the open body model measure more than those of
+ANSUR II; {agree} of {count} agree to half a standard deviation among adults for both. The seated
+body is bent at the joints of the model, so that its thighs are short and thick. `python
+tutorials/remake/build_statistics.py ANSUR --check` prints how well measurements predict each
+other.
 
 | name | ISO | ANSUR II | CAESAR | SMPL-Anthropometry | level | women | men | remark |
 |---|---|---|---|---|---:|---:|---:|---|

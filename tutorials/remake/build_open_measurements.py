@@ -138,6 +138,7 @@ def find_landmarks(model: BodyModel) -> tuple[dict[str, ndarray], dict[str, floa
     skull = 0.5 * (points["glabella"] + points["opisthocranion"])
     points["skull_top"] = body.hits(skull, _UP)[0]
     points["cervicale"] = body.hits(joints["neck"], -_FORWARD)[0]
+    points["right_neck"] = body.hits(0.7 * joints["neck"] + 0.3 * joints["head"], _RIGHT)[0]
     breasts = trunk[(trunk[:, 1] > joints["upper_spine"][1]) & (trunk[:, 1] < joints["neck"][1])]
     for side, sign in (("left", 1.0), ("right", -1.0)):
         half = breasts[(sign * breasts[:, 0] > 0.03) & (sign * breasts[:, 0] < 0.14)]

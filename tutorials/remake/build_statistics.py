@@ -5,8 +5,8 @@
 
 ANSUR is a folder with men.csv and women.csv, tables of the survey of the US Army of 2012 (Hotzman
 et al., Natick/TR-11/017, 2011; data of the US government, free to use), or of any people measured
-like them. The first command writes measurements_of_adults.json. ANSUR's mean person is found in the
-open body model; what that body measures differently is stored as offset. The measurements that
+like them. The first command writes measurements_of_adults.json. What the
+mean adult of the open body model measures more than ANSUR's is stored as offset. The measurements that
 ANSUR lacks, such as the natural waist, are regressed on the others among bodies of the model.
 
 The second command predicts the people of the tables with the statistics that ship and with those
@@ -108,7 +108,8 @@ def read_people(folder: Path) -> tuple[list[str], dict[str, ndarray]]:
 def build(names: list[str], people: dict[str, ndarray]) -> dict[str, object]:
     """Return the record of the file."""
     standing = open_measurements("full")
-    own = Measurements(standing)
+    seated = open_measurements("full", pose="seated")
+    own, sitting = Measurements(standing), Measurements(seated)
     lacking = [name for name in own.names if name not in names]
     model = standing.model
     record = {"source": _SOURCE, "names": [*names, *lacking]}
@@ -120,7 +121,7 @@ def build(names: list[str], people: dict[str, ndarray]) -> dict[str, object]:
     for sex, values in people.items():
         mean, covariance = values.mean(axis=0), np.cov(values.T)
         std = np.sqrt(np.diag(covariance))
-        entry = bodies_of.get(f"{sex} of ANSUR II", bodies_of[sex])
+        entry = bodies_of[f"{sex} of ANSUR II"]
         rng = np.random.default_rng(_SEED)
         betas = rng.multivariate_normal(entry["mean"], entry["covariance"], _N_BODIES)
         points = model(betas, standing.standard_pose_vector)
@@ -131,8 +132,9 @@ def build(names: list[str], people: dict[str, ndarray]) -> dict[str, object]:
         y = measured[:, of_lacking] - measured[:, of_lacking].mean(axis=0)
         ridge = 0.05 * len(x) * np.eye(len(shared))
         slopes = np.linalg.solve(x.T @ x + ridge, x.T @ y) / std[in_names, np.newaxis]
-        mean_body = _body_with(own, shared, mean[in_names], std[in_names], entry)
-        of_mean = own.measure(mean_body, axes="space").values
+        typical = np.array(entry["mean"])
+        of_mean = own.measure(model(typical, standing.standard_pose_vector), axes="space").values
+        on_chair = sitting.measure(model(typical, seated.standard_pose_vector), axes="space")
         rest = np.cov((y - x @ (slopes * std[in_names, np.newaxis])).T)
         rest += np.diag((_LEAST_SPREAD * of_mean[of_lacking]) ** 2)
         cross = slopes.T @ covariance[in_names]
@@ -140,6 +142,7 @@ def build(names: list[str], people: dict[str, ndarray]) -> dict[str, object]:
         spread = np.sqrt(np.diag(both))
         correlations = (both / np.outer(spread, spread))[np.tril_indices(len(both), -1)]
         offsets = dict(zip(shared, of_mean[of_shared] - mean[in_names], strict=True))
+        offsets |= {n: value - mean[names.index(n)] for n, value in on_chair.to_dict().items()}
         record[sex] = {
             "people": len(values),
             "mean": _rounded([*mean, *of_mean[of_lacking]]),
@@ -152,25 +155,6 @@ def build(names: list[str], people: dict[str, ndarray]) -> dict[str, object]:
 
 def _rounded(values: Sequence[float] | ndarray) -> list[float]:
     return [round(float(value), 5) for value in values]
-
-
-def _body_with(
-    own: Measurements, names: list[str], goal: ndarray, std: ndarray, adults: dict[str, object]
-) -> ndarray:
-    """Return the body of the model whose measurements are nearest to some."""
-    chosen = Measurements(own.definitions, names)
-    model, pose = own.definitions.model, own.definitions.standard_pose_vector
-    bodies = model(np.concatenate([np.zeros((1, model.n_betas)), np.eye(model.n_betas)]), pose)
-    directions = bodies[1:] - bodies[0]
-    precision = 1e-2 * np.linalg.inv(adults["covariance"])
-    mean = betas = np.array(adults["mean"])
-    for _ in range(6):
-        body = bodies[0] + np.tensordot(betas, directions, axes=1)
-        measured = chosen.measure(body, axes="space", gradient=True)
-        slopes = np.einsum("mvx,bvx->mb", measured.gradient, directions) / std[:, np.newaxis]
-        right = slopes.T @ ((goal - measured.values) / std) - precision @ (betas - mean)
-        betas = betas + np.linalg.solve(slopes.T @ slopes + precision, right)
-    return bodies[0] + np.tensordot(betas, directions, axes=1)
 
 
 def check(names: list[str], people: dict[str, ndarray], given: list[str], n_people: int) -> None:

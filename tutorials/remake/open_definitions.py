@@ -207,7 +207,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
         ),
         Girth(
             name="neck girth",
-            at={"neck": 0.7, "head": 0.3},
+            at="right_neck",
             normal=("neck", "head"),
             **neck,
             **_named(
