@@ -79,7 +79,7 @@ class MeasurementSet:
     >>> import riemhuman as rh
     >>> model = rh.datasets.load_open_model("coarse")
     >>> rh.measurements.open_measurements(model)
-    <MeasurementSet: 85 measurements, 166 landmarks, 1,202 vertices>
+    <MeasurementSet: 85 measurements, 171 landmarks, 1,202 vertices>
     """
 
     template: Template | BodyModel

@@ -48,7 +48,7 @@ def test_the_rest_is_the_most_probable(own):
     measured = own.measure(np.stack([woman.points, man.points]))
     breadths = measured["shoulder (biacromial) breadth"] / measured["hip breadth"]
     assert breadths[0] < breadths[1]
-    short = model_from_measurements({"stature": 1.64}, "woman", resolution="coarse")
+    short = model_from_measurements({"stature": 1.50}, "woman", resolution="coarse")
     assert short.improbability > woman.improbability
     loose, tight = (
         model_from_measurements({"stature": 1.95}, "woman", tolerances=t, resolution="coarse")

@@ -708,7 +708,7 @@ def seated_definitions() -> tuple[Measurement, ...]:
             name="abdominal depth, sitting",
             at="abdomen",
             parts=TRUNK,
-            leave_out=ARMS,
+            leave_out=(*ARMS, *LEGS),
             **_named(f"{_DESIGN}, 4.2.14", "abdominalextensiondepthsitting"),
         ),
         Girth(
