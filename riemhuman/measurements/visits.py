@@ -156,8 +156,9 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
 def noise_of_poses() -> tuple[dict[str, float], dict[str, float]]:
     """Return standard deviations over poses of one person, measured in the standard pose.
 
-    They are medians over ten people who played no part in tuning:
-    `load_open_bodies("coarse", "natural", people=1)`.
+    They are medians over five people who played no part in tuning, in ten poses each, registered
+    from simulated scans, see `tutorials/remake/build_noise_of_poses.py`. Scans of real people,
+    who breathe and stand differently, vary more.
 
     Returns
     -------

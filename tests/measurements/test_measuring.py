@@ -54,7 +54,7 @@ def test_all_in_one_pass_as_one_by_one(bodies, own, values):
 
 def test_remeshing_changes_little(own):
     """Both resolutions of the model show the same people."""
-    betas = np.clip(np.random.default_rng(0).normal(size=(4, 32)), -0.5, 0.5)
+    betas = np.clip(np.random.default_rng(0).normal(size=(4, 32)), -0.3, 0.3)
     full, pose = load_open_model("full"), own.definitions.standard_pose_vector
     fine = Measurements(full).measure(full(betas, pose))
     coarse = own.measure(load_open_model("coarse")(betas, pose))

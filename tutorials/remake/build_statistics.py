@@ -5,9 +5,9 @@
 
 ANSUR is a folder with men.csv and women.csv, tables of the survey of the US Army of 2012 (Hotzman
 et al., Natick/TR-11/017, 2011; data of the US government, free to use), or of any people measured
-like them. The first command writes measurements_of_adults.json. What the
-mean adult of the open body model measures more than ANSUR's is stored as offset. The measurements that
-ANSUR lacks, such as the natural waist, are regressed on the others among bodies of the model.
+like them. The first command writes measurements_of_adults.json. What the mean adult of the open
+body model measures more than ANSUR's is stored as offset. The measurements that ANSUR lacks, such
+as the natural waist, are regressed on the others among bodies of the model.
 
 The second command predicts the people of the tables with the statistics that ship and with those
 of four fifths of the tables for the other fifth, and prints for each measurement the standard
