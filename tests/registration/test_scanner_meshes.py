@@ -68,6 +68,9 @@ def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
     points = scan.points[(scan.points[:, 1] > hip) == upper]
     result = registration.solve(points)
     above = (scan.body[:, 1] - hip) * (1.0 if upper else -1.0)
+    if not (upper or result.trusted):  # legs alone may be ambiguous; then nothing is trusted
+        assert not result.trusted_vertices.any()
+        return
     assert result.trusted, result.message
     assert result.trusted_vertices[above < -0.15].mean() < 0.05
     assert result.trusted_vertices[above > 0.0].mean() > 0.9
