@@ -105,9 +105,9 @@ def test_energy_is_conserved_on_symmetric_spaces():
 
 @pytest.fixture(scope="module")
 def elbow():
-    """Return a metric, a body and the initial velocity of a geodesic that bends its elbow."""
+    """Return a metric, a body and the initial velocity of a geodesic that raises its arm."""
     metric = ElasticMetric(bodies.space(), 1.0, 0.1, 0.1)
-    start, end = bodies.body("resting"), bodies.body("elbow bent")
+    start, end = bodies.body("resting"), bodies.body("arm raised")
     found = DiscreteLogarithm(bodies.basis(30)).solve(metric, end, start)
     return metric, start, found.tangent_vec
 

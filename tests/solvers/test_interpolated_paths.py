@@ -64,9 +64,6 @@ def test_the_best_turned_path_and_its_rivals(seed):
     alike = interpolator.unwrap(shorter)
     for turns in (shorter, alike):
         assert energies[0] <= metric.energy(rotating_path(metric, start, end, 11, turns))
-    largest = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)[0]
-    assert (len(found) > 1) == (seed == 1)
-    assert (len(largest) > 0.04 * len(shorter)) == (seed == 1)
     for path, energy in found:
         np.testing.assert_array_equal(path[[0, -1]], [start, end])
         assert energies[0] <= energy <= 1.1 * energies[0]
