@@ -119,7 +119,7 @@ class ConeMetric(FieldMetric):
         return *cones.coordinates(g), *n
 
     def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
-        return cones.inner_product(*map(self._split, (a, b, point)), self._term)
+        return cones.inner_product(self._split(a), self._split(b), self._split(point), self._term)
 
     def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -151,8 +151,10 @@ class ConeMetric(FieldMetric):
 
     def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
         self._exp(velocity, point)  # where the geodesic exists
-        parts = map(self._split, (vector, point, velocity))
-        return self._join(cones.parallel_transport(*parts, self._term))
+        carried = cones.parallel_transport(
+            self._split(vector), self._split(point), self._split(velocity), self._term
+        )
+        return self._join(carried)
 
     def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
         # With κ = ψ/ℓ and ρ = ψ/φ the link has curvature −1/κ² across hyperbolic planes and 1/ρ²

@@ -197,7 +197,7 @@ class SurfaceMetric(MetricOfTerms):
         return self._sum.squared_dists(point, others, weights)
 
     @cached_property
-    def bulk(self) -> SumOfTerms:  # type: ignore[override]
+    def bulk(self) -> SumOfTerms:
         return self._sum
 
     def remove_drift(self, path: ndarray) -> ndarray:

@@ -150,7 +150,7 @@ def model_from_measurements(
     whole_number(max_iter, "max_iter", minimum=1)
     standing = open_measurements(resolution)
     assert standing is not None, "the open model has measurements"
-    given = as_mapping(values, dict.fromkeys((*standing.names, *adults()["names"])))
+    given = as_mapping(values, list(dict.fromkeys((*standing.names, *adults()["names"]))))
     for name, value in given.items():
         real_number(value, name, minimum=0.0, strict=True)
     errors = {}
@@ -204,10 +204,11 @@ def _adult_shapes() -> dict[str, tuple[ndarray, ndarray]]:
 def _shapes(prediction: Prediction) -> tuple[ndarray, ndarray]:
     """Return mean and covariance of the shape coefficients in the mixture of both sexes."""
     parts = [(share, *_adult_shapes()[sex]) for sex, share in prediction.sexes.items()]
-    mean = sum(share * own for share, own, _ in parts)
-    return mean, sum(
+    mean = np.sum([share * own for share, own, _ in parts], axis=0)
+    covariances = [
         share * (covariance + np.outer(own - mean, own - mean)) for share, own, covariance in parts
-    )
+    ]
+    return mean, np.sum(covariances, axis=0)
 
 
 def _message(given: Mapping[str, float], sex: str, prediction: Prediction, converged: bool) -> str:
