@@ -75,7 +75,8 @@ def _columns(data: Any, names: tuple[str, ...]) -> np.ndarray | None:
         rows[n].dtype == object for n in names
     ):
         return None
-    return np.stack([rows[name] for name in names], axis=1).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # of signalling NaNs
+        return np.stack([rows[name] for name in names], axis=1).astype(np.float64)
 
 
 def _faces(data: Any) -> np.ndarray | None:

@@ -60,7 +60,7 @@ class MeasuredBodies:
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> measured = rh.measurements.Measurements(bodies.model).measure(bodies[0])
     >>> round(float(measured["stature"]), 2)
-    1.85
+    1.72
     """
 
     names: tuple[str, ...]
@@ -133,7 +133,7 @@ class Measurements:
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> measured = rh.measurements.Measurements(bodies.model).measure(bodies.points[:3])
     >>> measured["stature"].round(2)
-    array([1.85, 1.84, 1.83])
+    array([1.72, 1.71, 1.7 ])
     """
 
     def __init__(
