@@ -29,8 +29,8 @@ def test_sums_are_the_least_of_all_beginnings():
 
 def test_another_person_is_found_at_another_speed(pose, open_motions):
     """One person's punch, slowed down, among another person's three motions."""
-    long = np.concatenate([motion[:60:4] for motion in open_motions[3:]])
-    parts = rh.motions.MotionSearch(pose).find(open_motions[1][4:50:3], long, n_occurrences=3)
+    long = np.concatenate([motion[:60:4] for motion in open_motions[:3]])
+    parts = rh.motions.MotionSearch(pose).find(open_motions[4][4:50:2], long, n_occurrences=3)
     assert len(parts) > 1
     assert 14 <= parts[0].start < parts[0].stop <= 31
     assert parts[0].dist < 0.7 * parts[1].dist
