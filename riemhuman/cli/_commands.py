@@ -55,7 +55,8 @@ GROUPS = {
     "motions": (
         "compare, align, average and search motions",
         """A motion is a folder of registered meshes, one per frame (frame_0001.ply,
-...), or an .npz file with an array path, as `riemhuman transfer` writes it.""",
+...), a recording of a skeleton (walk.bvh), or an .npz file with an array path,
+as `riemhuman transfer` writes it.""",
     )
 }
 
