@@ -96,7 +96,7 @@ class ModelShapeVectors(_ModelVectors):
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> descriptor = rh.descriptors.ModelShapeVectors(bodies.model)
     >>> descriptor.describe_all(bodies[:2]).shape
-    (2, 16)
+    (2, 32)
     """
 
     def _vectors(self, fit: Any) -> np.ndarray:

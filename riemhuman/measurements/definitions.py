@@ -335,7 +335,7 @@ class Height(Measurement):
     >>> crown = rh.measurements.Height(name="stature", at="crown")
     >>> own = rh.measurements.Measurements(bodies.model, [crown])
     >>> round(float(own.measure(bodies[0])["stature"]), 2)
-    1.85
+    1.72
     """
 
     at: Place

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from autograd import grad, value_and_grad
 from cases import open_template, sphere_template, surfaces
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from riemhuman.errors import ArgumentError
@@ -212,10 +210,12 @@ def test_transport_keeps_inner_products_and_velocities():
 CHARTED = [*WEIGHTS, (1.0, 0.01, 0.0)]
 
 
-@given(st.integers(0, 2**32 - 1), st.floats(-5.0, 0.0), st.sampled_from(CHARTED))
-def test_the_chart_never_lengthens(seed, log_size, weights):
-    term = ConeTerm(1.0, *weights)
-    first, second = np.random.default_rng(seed).uniform(-3.0, 3.0, (2, 6))
+@pytest.mark.parametrize("weights", CHARTED)
+@pytest.mark.parametrize("seed", range(50))
+def test_the_chart_never_lengthens(seed, weights):
+    term, rng = ConeTerm(1.0, *weights), np.random.default_rng(seed)
+    log_size = rng.uniform(-5.0, 0.0)
+    first, second = rng.uniform(-3.0, 3.0, (2, 6))
 
     def fields(numbers):
         x, log_y, log_s, *n = (np.array([value]) for value in numbers)
