@@ -4,8 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import riemhuman as rh
 from riemhuman.motions._velocity_curves import TransportedVelocities, best_gain, trace_gain
@@ -27,8 +25,7 @@ def squared_dist(segments_a, segments_b, n_steps=8):
     return length - 2.0 * gain, path[:count][::-1], products, gain
 
 
-@settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1))
+@pytest.mark.parametrize("seed", range(25))
 def test_polygons(seed):
     """A finer polygon of one image is at 0, gains are those of the path, distances are a metric."""
     rng = np.random.default_rng(seed)
