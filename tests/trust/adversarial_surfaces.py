@@ -116,20 +116,16 @@ def make(family: str, mesh: str, severity: float, seed: int) -> Surfaces:
     return Surfaces(f"{family}, {mesh}", rh.Template(template, faces), points)
 
 
-def surfaces(rng: np.random.Generator) -> Surfaces:
-    """Draw surfaces whose triangles have areas that double precision can tell from none."""
-    family, mesh = rng.choice(FAMILIES), rng.choice(list(MESHES))
-    severity = np.clip(rng.uniform(-0.2, 1.2), 0.0, 1.0)  # both ends are likely
-    found = make(family, mesh, severity, int(rng.integers(2**16)))
-    return found if found.legal else make("plain", "open", 0.0, 0)
-
-
-def weights(rng: np.random.Generator) -> tuple[float, float, float]:
-    """Draw (a, λ, c)."""
-    a = rng.choice([0.0, 1.0, 1e-3, 1e3])
-    lam = 10 ** np.clip(rng.uniform(-10.0, 6.0), -8.0, 4.0)
-    c = rng.choice([0.0, 1.0, 1e-2, 1e2]) if a else 1.0
-    return float(a), float(lam), float(c)
+def draw(rng: np.random.Generator) -> tuple[Surfaces, tuple[float, float, float]]:
+    """Return surfaces whose triangles have areas, and weights (a, λ, c)."""
+    found = make(
+        str(rng.choice(FAMILIES)),
+        str(rng.choice(list(MESHES))),
+        rng.uniform(),
+        int(rng.integers(2**16)),
+    )
+    abc = rng.choice([1e-3, 1.0, 1e3]), 10 ** rng.uniform(-8.0, 4.0), rng.choice([1e-2, 1.0, 1e2])
+    return found if found.legal else make("plain", "open", 0.0, 0), abc
 
 
 def exact_elastic(found: Surfaces, i: int, j: int, a: float, lam: float, c: float) -> mp.mpf:
