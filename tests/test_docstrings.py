@@ -112,14 +112,13 @@ def undecorated(member):
     return inspect.unwrap(member) if callable(member) and not inspect.isclass(member) else member
 
 
-@pytest.mark.parametrize("name", PUBLIC)
-def test_public_names_are_documented(name):
-    assert problems_of(name, PUBLIC[name]) == []
+def test_public_names_are_documented():
+    assert [fault for name, value in PUBLIC.items() for fault in problems_of(name, value)] == []
 
 
-@pytest.mark.parametrize("name", MODULES)
-def test_modules_say_what_they_hold(name):
-    assert problems_of_summary(name, importlib.import_module(name).__doc__) == []
+def test_modules_say_what_they_hold():
+    docs = {name: importlib.import_module(name).__doc__ for name in MODULES}
+    assert [fault for name, doc in docs.items() for fault in problems_of_summary(name, doc)] == []
 
 
 class Base:
