@@ -14,7 +14,7 @@ from setuptools.build_meta import *  # noqa: F403, the functions of a build back
 
 # Folders that tests need beside the package: they run from the archive as from the repository.
 _MORE = ("tests", "tutorials", ".ci")
-_PASSED_OVER = ("__pycache__", ".ipynb_checkpoints", ".hypothesis", ".benchmarks")
+_PASSED_OVER = ("__pycache__", ".ipynb_checkpoints", ".benchmarks")
 # 1980-01-01: zip files, such as wheels, cannot store earlier times.
 _EARLIEST = 315532800
 

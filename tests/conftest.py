@@ -13,13 +13,9 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 import numpy as np
 import pytest
 from headless_browser import opened_browser
-from hypothesis import settings
 from lengths import deselected
 
 from riemhuman.datasets import Bodies, load_open_bodies
-
-settings.register_profile("repeatable", derandomize=True, database=None, deadline=None)
-settings.load_profile("repeatable")
 
 # While thousands of tests are collected, next to nothing becomes garbage; what is there then stays
 # to the end, and is not looked at again.

@@ -38,7 +38,7 @@ def test_the_main_job_needs_no_network(capsys):
 
 def built(folder, *kinds):
     """Copy the sources into a folder, and return the packages built there."""
-    ignored = shutil.ignore_patterns("__pycache__", ".*_cache", ".hypothesis")
+    ignored = shutil.ignore_patterns("__pycache__", ".*_cache")
     for name in ("riemhuman", "tests", "tutorials", ".ci"):
         shutil.copytree(ROOT / name, folder / name, ignore=ignored, copy_function=shutil.copy)
     for name in SOURCES:
