@@ -1,4 +1,4 @@
-"""Operations that write, run in processes that die, lack disk space or race at a chosen moment.
+"""Operations that write, run in processes that die or race at a chosen moment.
 
 A server imports the library once and runs every operation in a child of its own, so that hundreds
 of deaths take seconds. A child counts its changes of files, as Python's audit events tell: every
@@ -10,7 +10,6 @@ import contextlib
 import io
 import json
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -94,10 +93,6 @@ def _child(task, err, changed):
     sys.addaudithook(changes)
     write = JobFolder.write
     JobFolder.write = lambda *arguments: (changes.add(), write(*arguments))
-    if task["space"] is not None:
-        signal.signal(signal.SIGXFSZ, signal.SIG_DFL if task["dies"] else signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        resource.setrlimit(resource.RLIMIT_FSIZE, (task["space"], task["space"]))
     code = 99
     try:
         code = OPERATIONS[task["operation"]](Path(task["inputs"]), Path(task["outputs"]))
@@ -175,11 +170,10 @@ class Server:
         """Run an operation in some processes at once, and return how they ended.
 
         Options: `inputs`, folder to read; `kill_at`, change of a file before which the process
-        dies; `space`, bytes that a file may have at most; `dies`, whether the process dies in the
-        middle of a larger write; `pause`, seconds before each change of a file. The answers are
-        the exit `code` or minus the signal, `err`, and the number of `changes`.
+        dies; `pause`, seconds before each change of a file. The answers are the exit `code` or
+        minus the signal, `err`, and the number of `changes`.
         """
-        task = {"kill_at": None, "space": None, "dies": False, "pause": 0}
+        task = {"kill_at": None, "pause": 0}
         task |= {"operation": operation, "inputs": self.inputs, "outputs": outputs} | options
         outputs.mkdir(parents=True, exist_ok=True)
         self._process.stdin.write(json.dumps([task] * n_processes, default=str) + "\n")

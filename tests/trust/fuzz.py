@@ -1,4 +1,4 @@
-"""Runs readers on damaged files in a process with bounded memory and time, and watches them.
+"""Runs readers on damaged files in a process with bounded memory, and watches them.
 
 Called by the tests, or by hand: ``PYTHONPATH=tests:. python tests/trust/fuzz.py "ply text" --first
 17 --count 1`` repeats one case, ``all --count 2000`` in place of the rest looks for more. The last
@@ -9,22 +9,19 @@ import argparse
 import json
 import os
 import resource
-import signal
 import sys
 import tempfile
-import time
 import traceback
 import warnings
 from pathlib import Path
 
 import numpy as np
 from trust.fuzzed_readers import READERS
-from trust.fuzzing import CANARY, damage
+from trust.fuzzing import CANARY, one_of
 
 from riemhuman.errors import RiemhumanError
 
 MEMORY = 2**30  # bytes of address space beyond what the process has before the first case
-SECONDS, WALL_SECONDS = 2.0, 10  # processor time of a case, and when it is taken to hang
 
 # Nothing of this is any reader's business.
 _FORBIDDEN = (
@@ -65,14 +62,6 @@ def _compiler_at_work():
     return frame is not None
 
 
-class HangError(BaseException):
-    """A case waits for something that does not come."""
-
-
-def _hang(signum, frame):
-    raise HangError(f"no end after {WALL_SECONDS} s")
-
-
 def chain(error):
     """Return the names of an error and of those it came from."""
     names = []
@@ -85,33 +74,29 @@ def chain(error):
 def run_case(reader, files, rng, folder, watchman):
     """Return how a case ended, "read" or "refused", what was done, and what is wrong, if any."""
     target = reader.targets[int(rng.integers(len(reader.targets)))]
-    damaged, done = damage(rng, files[target], reader.mutations)
-    put(folder, files | {target: damaged})
+    mutation = one_of(rng, reader.mutations)
+    put(folder, files | {target: mutation(rng, files[target])})
     end, problem = "refused", None
-    began, watchman.awake = time.process_time(), True
-    signal.alarm(WALL_SECONDS)
+    watchman.awake = True
     try:
         reader.read(folder)
         end = "read"
     except RiemhumanError as error:
-        if {"MemoryError", "RecursionError"} & set(chain(error)) or len(str(error)) > 2000:
+        if {"MemoryError", "RecursionError"} & set(chain(error)):
             problem = f"{' from '.join(chain(error))}: {error}"
-    except (Exception, HangError) as error:  # noqa: BLE001
+    except Exception as error:  # noqa: BLE001
         where = traceback.extract_tb(error.__traceback__)
         place = "; ".join(f"{Path(f.filename).name}:{f.lineno}" for f in where[-4:])
         problem = f"{' from '.join(chain(error))}: {error} at {place}"
     finally:
-        signal.alarm(0)
         watchman.awake = False
-    if problem is None and time.process_time() - began > SECONDS:
-        problem = f"took {time.process_time() - began:.2f} s"
     if watchman.seen:
         problem = f"did what it should not: {'; '.join(watchman.seen)}"
     if Path(CANARY).exists() or (folder / CANARY).exists():
         Path(CANARY).unlink(missing_ok=True)
         problem = f"ran what the file says; {problem}"
     watchman.seen.clear()
-    return end, f"{target}: {done}", problem and problem[:600]
+    return end, f"{target}: {mutation.__name__}", problem and problem[:600]
 
 
 def put(folder, files):
@@ -133,7 +118,6 @@ def main():
     names = [name for name in READERS if name != "careless"]
     names = names if options.readers == ["all"] else options.readers
     warnings.simplefilter("error")
-    signal.signal(signal.SIGALRM, _hang)
     with tempfile.TemporaryDirectory(prefix="fuzz") as home:
         os.chdir(home)
         folder = Path(home) / "folder"

@@ -21,8 +21,6 @@ from trust.fuzzing import ARCHIVES, BYTES, HDF5, PICKLES, Mutation, archive
 import riemhuman as rh
 from riemhuman.bodies import BodyModel, convert_model
 from riemhuman.datasets import load_amass, load_bodies, load_dfaust
-from riemhuman.datasets.shrec import load_shrec14
-from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import DamagedFileWarning
 from riemhuman.io.job_folder import JobFolder
 from riemhuman.io.meshes import load_mesh, save_mesh
@@ -237,20 +235,6 @@ def read_labelled(folder: Path) -> None:
     assert bodies.subject.max() < len(bodies.subject_names)
 
 
-def shrec_files() -> Files:
-    classes = "PSB 1\n3 3\n\nAnn 0 2\n0\n1\n\nMen 0 0\n\nBob Men 1\n2\n"
-    meshes = {f"{i}.off": mesh_file("a.off")["a.off"] for i in range(3)}
-    return meshes | {"test.cla": classes.encode()}
-
-
-def read_shrec(folder: Path) -> None:
-    meshes = load_shrec14(folder)
-    assert len(meshes) == len(meshes.ids) == len(meshes.subject)
-    finite(meshes.subject, (len(meshes),))
-    for mesh in meshes:
-        check_mesh(*mesh)
-
-
 def stl_file() -> Files:
     template().to_trimesh().export("a.stl")
     return _content_of("a.stl")
@@ -277,26 +261,6 @@ def read_points(folder: Path) -> None:
     finite(points, (None, 3))
     assert faces is None
     assert normals is None or normals.shape == points.shape
-
-
-def latent(ending: str) -> Files:
-    vectors = np.random.default_rng(4).normal(size=(5, 3)).round(6)
-    ids = ["a", "b", "c", "d", "e"]
-    if ending == "npz":
-        return {"v.npz": archive({"ids": np.array(ids), "vectors": vectors}, compressed=True)}
-    rows = ["id,x,y,z"] + [
-        f'"{name}",' + ",".join(map(str, row)) for name, row in zip(ids, vectors, strict=True)
-    ]
-    return {"v.csv": "\n".join(rows).encode()}
-
-
-def read_latent(ending: str) -> Callable[[Path], None]:
-    def read(folder: Path) -> None:
-        found = LatentVectors.from_file(folder / f"v.{ending}")
-        finite(found.vectors, (len(found.ids), None))
-        assert len(set(found.ids)) == len(found.ids)
-
-    return read
 
 
 class _StoppedError(Exception):
@@ -344,12 +308,6 @@ READERS: dict[str, Reader] = {
     "glb": Reader(glb_file, ("a.glb",), read_mesh("a.glb")),
     "points": Reader(points_file, ("a.xyz",), read_points),
     "basis": Reader(basis_file, ("basis.npz",), read_basis, ARCHIVES),
-    "model archive": Reader(
-        lambda: {"m.npz": archive(model_fields(), compressed=True)},
-        ("m.npz",),
-        read_model("m.npz"),
-        ARCHIVES,
-    ),
     "model pickle": Reader(
         lambda: {"model.pkl": smpl_pickle(model_fields())},
         ("model.pkl",),
@@ -359,9 +317,6 @@ READERS: dict[str, Reader] = {
     "dynamic faust": Reader(hdf5_file, ("a.hdf5",), read_hdf5, HDF5),
     "amass": Reader(amass_file, ("a/b_poses.npz",), read_amass, ARCHIVES),
     "labels": Reader(labelled_files, ("labels.csv", "labels.csv", "b_1.off"), read_labelled),
-    "classes": Reader(shrec_files, ("test.cla", "test.cla", "1.off"), read_shrec),
-    "latent npz": Reader(lambda: latent("npz"), ("v.npz",), read_latent("npz"), ARCHIVES),
-    "latent csv": Reader(lambda: latent("csv"), ("v.csv",), read_latent("csv")),
     "job": Reader(
         job_files,
         (

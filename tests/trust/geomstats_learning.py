@@ -8,18 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 from cases import deformations, surfaces
-from geomstats.learning.agglomerative_hierarchical_clustering import (
-    AgglomerativeHierarchicalClustering,
-)
 from geomstats.learning.frechet_mean import FrechetMean
 from geomstats.learning.geodesic_regression import GeodesicRegression
-from geomstats.learning.geometric_median import GeometricMedian
-from geomstats.learning.knn import KNearestNeighborsClassifier
 from geomstats.learning.pca import TangentPCA
 
 import riemhuman as rh
-
-LABELS = np.repeat([0, 1, 2], 4)
 
 
 @pytest.fixture(scope="module")
@@ -52,29 +45,12 @@ def test_means(space, points):
     assert space.metric.norm(logs.mean(axis=0), theirs) < 1e-2 * sizes.min()
 
 
-def test_medians(space, points):
-    theirs = GeometricMedian(space, max_iter=5, epsilon=1e-6).fit(points[:4]).estimate_
-    sums = [float(np.sum(space.metric.dist(points[:4], x))) for x in (theirs, *points[:4])]
-    assert sums[0] <= min(sums[1:])
-
-
 def test_principal_components(space, points):
     """Theirs are of the logarithms' coordinates."""
     found = TangentPCA(space, 2).fit(points[:4], base_point=points[0])
     logs = space.metric.log(points[:4], points[0]).reshape(4, -1)
     values = np.linalg.svd(logs - logs.mean(axis=0), compute_uv=False) ** 2 / 3.0
     np.testing.assert_allclose(found.explained_variance_, values[:2], rtol=1e-9)
-
-
-def test_scikit_learns_own_take_surfaces_as_rows(space, points):
-    """They refuse arrays of more axes before any space is asked; ours takes the rows."""
-    rows = points.reshape(len(points), -1)
-    with pytest.raises(ValueError, match="dim 3"):
-        KNearestNeighborsClassifier(space, 3).fit(points, LABELS)
-    predicted = KNearestNeighborsClassifier(space, 3).fit(rows, LABELS).predict(rows)
-    np.testing.assert_array_equal(predicted, LABELS)
-    found = AgglomerativeHierarchicalClustering(space, 3).fit(rows).labels_
-    assert len(set(zip(found, LABELS, strict=True))) == 3
 
 
 @pytest.mark.parametrize("method", ["extrinsic", "riemannian"])

@@ -1,7 +1,7 @@
 """Thousands of damaged and hostile files: each is refused by a typed error, or read as it should.
 
-Every case runs with a gigabyte of memory, two seconds of processor time and a watchman: no other
-error, no warning, nothing run, nothing written elsewhere, no array that is not finite.
+Every case runs with a gigabyte of memory and a watchman: no other error, no warning, nothing run,
+nothing written elsewhere, no array that is not finite.
 """
 
 import json
@@ -17,8 +17,8 @@ TESTS = Path(__file__).parents[1]
 CASES_A_READER = 300 if FULL else 100
 GROUPS = {
     "meshes": ["ply text", "ply binary", "obj", "off", "stl", "glb", "points"],
-    "archives": ["basis", "latent npz", "latent csv", "model archive", "amass"],
-    "pickles and folders": ["model pickle", "dynamic faust", "labels", "classes", "job"],
+    "archives": ["basis", "amass", "dynamic faust"],
+    "pickles and folders": ["model pickle", "labels", "job"],
 }
 
 pytestmark = pytest.mark.skipif(

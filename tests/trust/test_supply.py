@@ -1,18 +1,15 @@
 """What a user gets: packages with all data in them, and a main job that needs no network."""
 
-import os
 import shutil
 import socket
 import subprocess
 import sys
 import tarfile
-import time
 import zipfile
 from configparser import ConfigParser
 from pathlib import Path
 
 import pytest
-from lengths import FULL
 
 from riemhuman.cli import main
 
@@ -67,35 +64,6 @@ def packages(archives):
         sources = {name.partition("/")[2] for name in archive.getnames()}
     with zipfile.ZipFile(wheel) as archive:
         return set(archive.namelist()), sources
-
-
-@pytest.mark.skipif(not FULL, reason="builds a second archive, or runs tests in a third process")
-def test_the_source_archive_is_the_same_every_time(archives, tmp_path):
-    time.sleep(1.1)  # so that the times of the copied files are others
-    (again,) = built(tmp_path, "sdist")
-    assert again.read_bytes() == archives[0].read_bytes()
-
-
-@pytest.mark.skipif(not FULL, reason="builds a second archive, or runs tests in a third process")
-def test_the_tests_run_from_the_source_archive(archives, tmp_path):
-    with tarfile.open(archives[0]) as archive:
-        # Python knows filters since 3.11.4, and warns without one since 3.12.
-        known = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
-        archive.extractall(tmp_path, **known)
-        assert {member.mtime for member in archive.getmembers()} == {315532800}
-    (folder,) = tmp_path.iterdir()
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    environment = os.environ | {"PYTHONPATH": str(folder)}
-    for arguments in (["tests/test_errors.py", "tests/io/test_arrays.py"], ["--collect-only"]):
-        done = subprocess.run(
-            [*command, *arguments],
-            cwd=folder,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stdout[-2000:] + done.stderr
 
 
 @pytest.mark.slow
