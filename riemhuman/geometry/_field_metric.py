@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -11,6 +10,7 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array
+from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.terms._sum import SumOfTerms
@@ -20,29 +20,22 @@ from riemhuman.terms.term import Fields, Term
 class FieldMetric(RiemannianMetric):
     """An integral over the triangles of a template, with closed forms on each.
 
-    Subclasses define the quantities of single triangles, of arguments that have been checked.
+    Subclasses define the quantities of single triangles, of arguments that have been checked:
+    `_products(a, b, point)`, `_exp(velocity, point)`, `_log(point, start)`, `_transport(vector,
+    point, velocity)`, `_curvatures(a, b, point)`, and `_fields(point, name)`, the fields of the
+    term after checking points of the completion.
     """
 
     _term: Term
+    _fields: Callable[..., Fields]
+    _products: Callable[[ndarray, ndarray, ndarray], ndarray]
+    _exp: Callable[[ndarray, ndarray], ndarray]
+    _log: Callable[[ndarray, ndarray], ndarray]
+    _transport: Callable[[ndarray, ndarray, ndarray], ndarray]
+    _curvatures: Callable[[ndarray, ndarray, ndarray], ndarray]
 
-    @abstractmethod
-    def _fields(self, point: Any, name: str) -> Fields:
-        """Return the fields of the term, after checking points of the completion."""
-
-    @abstractmethod
-    def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray: ...
-
-    @abstractmethod
-    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray: ...
-
-    @abstractmethod
-    def _log(self, point: ndarray, start: ndarray) -> ndarray: ...
-
-    @abstractmethod
-    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray: ...
-
-    @abstractmethod
-    def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray: ...
+    def __init__(self, space: Manifold) -> None:
+        super().__init__(space)
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None

@@ -35,7 +35,6 @@ class AlignedSurfaces(Manifold):
     Parameters
     ----------
     template : Template
-        The template T.
     equip : bool
         Whether to equip the manifold with `ElasticMetric`.
     scale : {"template"} or None
@@ -89,48 +88,34 @@ class AlignedSurfaces(Manifold):
         return self.template.faces
 
     def face_areas(self, point: ndarray) -> ndarray:
-        """Return the areas of the triangles of surfaces.
+        """Return the areas of the triangles of surfaces, square metres, shape (..., F).
+
+        Gradients are 0 where a triangle has no area.
 
         Parameters
         ----------
         point : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (..., F)
-            In square metres; gradients are 0 where a triangle has no area.
         """
         normals = self.normals(point)
         return surface.square_root(surface.dot(normals, normals))
 
     def normals(self, point: ndarray) -> ndarray:
-        """Return the normal of every triangle, with the triangle's area as its length.
+        """Return the normals of triangles, as long as their areas, shape (..., F, 3).
 
         Parameters
         ----------
         point : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (..., F, 3)
-            Half the cross products of the edges from the first corner.
         """
         area_vectors = np.cross(*self.partial_derivatives(self.check_point(point)))
         return self.template.face_areas[:, None] * area_vectors
 
     def partial_derivatives(self, f: ndarray) -> tuple[ndarray, ndarray]:
-        """Return f_u and f_v in the orthonormal frames of the template's triangles.
+        """Return f_u and f_v in orthonormal frames of the template, each of shape (..., F, 3).
 
         Parameters
         ----------
         f : array, shape (..., V, 3)
             Surfaces, or deformations.
-
-        Returns
-        -------
-        f_u, f_v : array, shape (..., F, 3)
         """
         return surface.partial_derivatives(
             self.check_tangent_vec(f, "f"), self.template.differential_operator
@@ -139,10 +124,12 @@ class AlignedSurfaces(Manifold):
     def to_fields(self, f: ndarray) -> tuple[ndarray, ndarray]:
         """Return Φ(f) = (g, n), the metric field and the normal field (equation 1).
 
+        Surfaces with triangles of no area raise DegenerateSurfaceError here and wherever normals
+        are needed.
+
         Parameters
         ----------
         f : array, shape (..., V, 3)
-            Surfaces.
 
         Returns
         -------
@@ -150,11 +137,6 @@ class AlignedSurfaces(Manifold):
             First fundamental forms in the orthonormal frames of the template's triangles.
         n : array, shape (..., F, 3)
             Unit normals.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle has no area, so that it has no normal.
         """
         derivatives = self.partial_derivatives(f)
         return surface.first_fundamental_form(*derivatives), self._normals(*derivatives)
@@ -165,7 +147,6 @@ class AlignedSurfaces(Manifold):
         Parameters
         ----------
         f : array, shape (..., V, 3)
-            Surfaces.
         """
         return surface.first_fundamental_form(*self.partial_derivatives(f))
 
@@ -175,50 +156,26 @@ class AlignedSurfaces(Manifold):
         Parameters
         ----------
         f : array, shape (..., V, 3)
-            Surfaces.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle has no area, so that it has no normal.
         """
         return self._normals(*self.partial_derivatives(f))
 
     def square_root_normals(self, f: ndarray) -> ndarray:
-        """Return the square root normal field q = √A n, 0 on triangles without area.
+        """Return the square root normal field q = √A n, 0 without area, shape (..., F, 3).
 
         Parameters
         ----------
         f : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (..., F, 3)
         """
         return RootNormalTerm().field(surface.follow_up(*self.partial_derivatives(f)))
 
     def to_fields_differential(
         self, tangent_vec: ndarray, base_point: ndarray
     ) -> tuple[ndarray, ndarray]:
-        """Return dΦ(h), the derivatives of the metric and the normal field along h.
+        """Return dΦ(h) = (δg, δn), shapes (..., F, 2, 2) and (..., F, 3).
 
         Parameters
         ----------
         tangent_vec, base_point : array, shape (..., V, 3)
-            Deformations h; surfaces.
-
-        Returns
-        -------
-        delta_g : array, shape (..., F, 2, 2)
-            Derivative of g.
-        delta_n : array, shape (..., F, 3)
-            Derivative of n.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle of a surface has no area.
         """
         derivatives = self.partial_derivatives(self.check_point(base_point, "base_point"))
         surface.refuse_degenerate(self._is_degenerate(*derivatives))
@@ -260,8 +217,7 @@ class AlignedSurfaces(Manifold):
         ----------
         tangent_vec : array_like, shape (..., V, 3)
             Deformations, of any size.
-        name : str
-            Name of the argument, for messages.
+        name : str, for messages
         """
         return real_array(self.as_array(tangent_vec, name), name, self.shape, lengths=True)
 
@@ -275,14 +231,7 @@ class AlignedSurfaces(Manifold):
         Parameters
         ----------
         f : array_like, shape (..., V, 3)
-            Surfaces.
-        name : str
-            Name of the argument, for messages.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle has no area, so that g is not invertible there and has no normal.
+        name : str, for messages
         """
         f = self.check_tangent_vec(f, name)
         surface.refuse_degenerate(self._is_degenerate(*self.partial_derivatives(f)), name)

@@ -23,7 +23,6 @@ class Manifold(ABC):
     Parameters
     ----------
     dim : int
-        Dimension.
     shape : tuple of int
         Shape of one point.
     equip : bool
@@ -89,30 +88,15 @@ class Manifold(ABC):
         return None
 
     def equip_with_metric(self, Metric: type[Any] | None = None, **metric_kwargs: Any) -> Self:
-        """Equip the manifold with a metric, `Metric(self, **metric_kwargs)`.
+        """Equip the manifold with a metric, `Metric(self, **metric_kwargs)`, and return it.
 
         Parameters
         ----------
         Metric : type, optional
             Subclass of `RiemannianMetric`; by default the manifold's own.
         **metric_kwargs
-            Parameters of the metric.
-
-        Returns
-        -------
-        Manifold
-            The manifold itself.
-
-        Raises
-        ------
-        ArgumentTypeError
-            If `Metric` is no class, or not given where the manifold has no default metric.
         """
         Metric = self.default_metric() if Metric is None else Metric
-        if Metric is None:
-            raise ArgumentTypeError(
-                f"Metric must be given: {type(self).__name__} has no default metric"
-            )
         if not callable(Metric):
             raise ArgumentTypeError(
                 "Metric must be a class of metrics, whose parameters follow by name as in "
@@ -127,7 +111,6 @@ class Manifold(ABC):
         Parameters
         ----------
         equip : bool
-            Whether to equip it with its default metric.
         """
         other = copy(self)
         vars(other).pop("metric", None)
@@ -137,20 +120,14 @@ class Manifold(ABC):
 
     @abstractmethod
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        r"""Return whether arrays are points of the manifold.
+        r"""Return whether arrays are points of the manifold, shape (...).
+
+        Arrays of another shape are not points.
 
         Parameters
         ----------
         point : array, shape (..., \*shape)
-            Candidate points.
         atol : float
-            Absolute tolerance.
-
-        Returns
-        -------
-        array of bool, shape (...)
-            Arrays of another shape are not points; there is one answer for each index of their
-            leading axes.
         """
 
     @abstractmethod
@@ -160,32 +137,21 @@ class Manifold(ABC):
         Parameters
         ----------
         vector : array, shape (..., \*shape)
-            Arrays.
         base_point : array, shape (..., \*shape), optional
             Points; needed unless the tangent space is the same at all of them.
-
-        Raises
-        ------
-        ArgumentTypeError
-            If no point is given where one is needed.
         """
 
     @abstractmethod
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        r"""Draw random points, from no distribution in particular.
+        r"""Draw random points, shape (n_samples, \*shape), or (\*shape,) for one sample.
 
         Parameters
         ----------
         n_samples : int
-            Number of points.
         bound : float
             How far they spread, where the manifold is not compact.
         rng : int or numpy.random.Generator, optional
             Seed, or the generator to draw from; by default every call draws anew.
-
-        Returns
-        -------
-        array, shape (n_samples, \*shape), or (\*shape,) for one sample
         """
 
     def is_tangent(
@@ -196,11 +162,9 @@ class Manifold(ABC):
         Parameters
         ----------
         vector : array, shape (..., \*shape)
-            Candidate tangent vectors.
         base_point : array, shape (..., \*shape), optional
             Points; needed unless the tangent space is the same at all of them.
         atol : float
-            Absolute tolerance.
         """
         vector, finite = self._candidates(vector, "vector")
         if base_point is not None:
@@ -221,16 +185,6 @@ class Manifold(ABC):
         n_samples : int
             Number of tangent vectors; for n > 1 points it may be 1 or n, with the same effect.
         rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default every call draws anew.
-
-        Returns
-        -------
-        array, shape (n_samples, \*shape), or that of `base_point` for one sample
-
-        Raises
-        ------
-        ArgumentError
-            If there are several samples and another number of several points.
         """
         n_samples = whole_number(n_samples, "n_samples", minimum=1)
         shape = self.shape
@@ -252,7 +206,6 @@ class Manifold(ABC):
         Parameters
         ----------
         point : array, shape (..., \*shape)
-            Arrays near the manifold.
         """
         return point
 
@@ -263,8 +216,7 @@ class Manifold(ABC):
         ----------
         point : array_like, shape (..., \*shape)
             Points, or rows of as many numbers as a point has, shape (..., n).
-        name : str
-            Name of the argument, for messages.
+        name : str, for messages
         """
         return real_array(self.as_array(point, name), name, self.shape, rows=True)
 
@@ -274,9 +226,7 @@ class Manifold(ABC):
         Parameters
         ----------
         point : array, shape (..., \*shape)
-            Points.
-        name : str
-            Name of the argument, for messages.
+        name : str, for messages
         """
         return
 
@@ -286,14 +236,7 @@ class Manifold(ABC):
         Parameters
         ----------
         points : object
-            Points.
-        name : str
-            Name of the argument, for messages.
-
-        Returns
-        -------
-        object
-            Here, what was given.
+        name : str, for messages
         """
         return points
 

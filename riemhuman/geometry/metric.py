@@ -67,7 +67,6 @@ class RiemannianMetric:
     Parameters
     ----------
     space : Manifold
-        The manifold.
     geodesic_solver, exp_solver, log_solver, transport_solver : object, optional
         Strategies for what has no closed form, see `riemhuman.solvers` and
         `riemhuman.geometry.strategies`. Distances without a closed form need a `geodesic_solver`;
@@ -198,7 +197,6 @@ class RiemannianMetric:
         Parameters
         ----------
         tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
-            Tangent vectors.
         base_point : array, shape (..., \*shape), optional
             Base point; needed unless the inner product is the same at every point.
         """
@@ -220,7 +218,6 @@ class RiemannianMetric:
         Parameters
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
-            Tangent vectors; base point.
         """
         if self.has_inner_product:
             zero = np.zeros(np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point)))
@@ -243,7 +240,6 @@ class RiemannianMetric:
         Parameters
         ----------
         vectors : array, shape (K, \*shape)
-            Tangent vectors.
         base_point : array, shape (\*shape,) or (n, \*shape)
             One base point, or several to average over.
         """
@@ -273,7 +269,6 @@ class RiemannianMetric:
         Parameters
         ----------
         vector, base_point : array, shape (..., \*shape)
-            Tangent vectors; base point.
         """
         return self.inner_product(vector, vector, base_point)
 
@@ -283,7 +278,6 @@ class RiemannianMetric:
         Parameters
         ----------
         vector, base_point : array, shape (..., \*shape)
-            Tangent vectors; base point.
         """
         return square_root(self.squared_norm(vector, base_point))
 
@@ -293,9 +287,7 @@ class RiemannianMetric:
         Parameters
         ----------
         vector : array, shape (..., \*shape)
-            Tangent vectors.
         base_point : array, shape (..., \*shape), optional
-            Base point.
         """
         norm = self.norm(vector, base_point)
         scale = 1.0 / np.where(norm == 0.0, 1.0, norm)
@@ -328,7 +320,6 @@ class RiemannianMetric:
         Parameters
         ----------
         point_a, point_b : array, shape (..., \*shape)
-            Points.
         """
         if self.geodesic_solver is None:
             raise NotDefinedError(
@@ -344,7 +335,6 @@ class RiemannianMetric:
         Parameters
         ----------
         point_a, point_b : array, shape (..., \*shape)
-            Points.
         """
         return square_root(self.squared_dist(point_a, point_b))
 
@@ -381,7 +371,6 @@ class RiemannianMetric:
             Bytes of features in memory at once. If those of all points need more, they are
             recomputed for every block of rows.
         progress : bool
-            Whether to show a progress bar.
         """
         return table_of_distances(self, points, None, n_jobs, precision, memory, progress)
 
@@ -400,7 +389,6 @@ class RiemannianMetric:
         Parameters
         ----------
         points_a, points_b : array or sequence, shape (n_a, \*shape) and (n_b, \*shape)
-            Points of both sets.
         n_jobs, precision, memory, progress : optional
             As for `dist_pairwise`.
         """
@@ -412,7 +400,6 @@ class RiemannianMetric:
         Parameters
         ----------
         point : array, shape (..., \*shape)
-            Points.
         neighbors : array, shape (n, \*shape)
             Points to choose from, at least one.
         """
@@ -429,7 +416,6 @@ class RiemannianMetric:
         Parameters
         ----------
         points : array, shape (n, \*shape)
-            Points.
         """
         return float(np.max(self.dist_pairwise(points, precision="double")))
 
@@ -449,11 +435,9 @@ class RiemannianMetric:
         Parameters
         ----------
         points : array or sequence, shape (n, \*shape)
-            Points.
         precision, n_jobs : optional
             As for `dist_pairwise`.
-        name : str
-            Name of the points, for messages.
+        name : str, for messages
         """
         one_of(precision, "precision", PRECISIONS)
         if n_jobs is not None:
@@ -466,16 +450,11 @@ class RiemannianMetric:
         return self.bulk.features(checked, precision)
 
     def lower_bound_coordinates(self, points: ndarray) -> ndarray:
-        r"""Return coordinates whose Euclidean distances are at most those of the metric.
+        r"""Return coordinates, shape (..., m), at most as far apart as their points.
 
         Parameters
         ----------
         points : array, shape (..., \*shape)
-            Points.
-
-        Returns
-        -------
-        array, shape (..., m)
         """
         raise self._not_defined_at_all("lower_bound_coordinates")
 
@@ -485,9 +464,7 @@ class RiemannianMetric:
         Parameters
         ----------
         points : array_like, shape (n, \*shape)
-            Points.
-        name : str
-            Name of the argument, for messages.
+        name : str, for messages
         """
         if not isinstance(points, ndarray):
             points = self.space.as_array(points, name)
@@ -507,7 +484,6 @@ class RiemannianMetric:
         Parameters
         ----------
         path : array, shape (..., n_times, \*shape)
-            Paths.
         """
         path = path_array(path, self.space)
         n_segments = path.shape[-len(self.space.shape) - 1] - 1
@@ -519,23 +495,17 @@ class RiemannianMetric:
         Parameters
         ----------
         path : array, shape (n_times, \*shape)
-            Path.
         """
         path = self.check_points(path, "path")
         energy, gradient = value_and_grad(self.energy)(path)
         return float(energy), gradient
 
     def length(self, path: ndarray) -> ndarray:
-        r"""Return the length of discrete paths, the sum of the lengths of their segments.
+        r"""Return the length of discrete paths, summed over their segments, shape (...).
 
         Parameters
         ----------
         path : array, shape (..., n_times, \*shape)
-            Paths.
-
-        Returns
-        -------
-        array, shape (...)
         """
         path = path_array(path, self.space)
         self.space.check_scale(path, "path")
@@ -552,11 +522,8 @@ class RiemannianMetric:
         Parameters
         ----------
         point : array, shape (\*shape,)
-            Point x.
         others : array, shape (n, \*shape)
-            Points x_i.
-        weights : array, shape (n,)
-            Weights w_i > 0.
+        weights : array, shape (n,), above 0
         """
         squared, gradient = np.empty(len(others)), np.zeros(np.shape(point))
         for i, (weight, other) in enumerate(zip(weights, others, strict=True)):
@@ -570,7 +537,6 @@ class RiemannianMetric:
         Parameters
         ----------
         path : array, shape (n_times, \*shape)
-            Path.
         """
         return path
 
@@ -596,12 +562,11 @@ class RiemannianMetric:
         Parameters
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
-            Initial velocities; initial points.
 
         Raises
         ------
         OutsideManifoldError
-            If the solver stops where the geodesic leaves the manifold.
+            If the geodesic leaves the manifold.
         """
         solver = self._solver("exp_solver")
         base_point = self.space.check_point(base_point, "base_point")
@@ -622,7 +587,6 @@ class RiemannianMetric:
         Parameters
         ----------
         point, base_point : array, shape (..., \*shape)
-            End points; initial points.
 
         Raises
         ------
@@ -653,7 +617,6 @@ class RiemannianMetric:
         Parameters
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
-            Tangent vectors at `base_point`; points.
         direction : array, shape (..., \*shape), optional
             Initial velocity of the geodesic, followed for unit time.
         end_point : array, shape (..., \*shape), optional
@@ -688,7 +651,6 @@ class RiemannianMetric:
         Parameters
         ----------
         initial_point : array, shape (..., \*shape)
-            Initial point.
         end_point : array, shape (..., \*shape), optional
             End point.
         initial_tangent_vec : array, shape (..., \*shape), optional
@@ -770,7 +732,6 @@ class RiemannianMetric:
         Parameters
         ----------
         base_point : array, shape (..., \*shape), optional
-            Points.
         """
         raise NotDefinedError(f"{type(self).__name__} has no closed form for injectivity_radius")
 
@@ -782,7 +743,6 @@ class RiemannianMetric:
         Parameters
         ----------
         tangent_vec_a, tangent_vec_b, base_point : array, shape (..., \*shape)
-            Tangent vectors a and b; base point.
         """
         raise NotDefinedError(f"{type(self).__name__} has no closed form for curvature")
 
@@ -799,9 +759,7 @@ class RiemannianMetric:
         Parameters
         ----------
         tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
-            Tangent vectors a and b.
         base_point : array, shape (..., \*shape), optional
-            Base point.
         """
         point: Any = base_point
         form = self.curvature_form(tangent_vec_a, tangent_vec_b, point)

@@ -30,7 +30,6 @@ class MetricFields(Manifold):
     Parameters
     ----------
     template : Template
-        The template T.
     equip : bool
         Whether to equip the manifold with `EbinMetric`.
 
@@ -220,7 +219,6 @@ class EbinMetric(ConeMetric):
     Parameters
     ----------
     space : MetricFields
-        The manifold.
     lam : float
         λ > 0. The default ½ is the metric :math:`\int\operatorname{tr}((g^{-1}\delta g)^2)\mu_g`.
 

@@ -27,7 +27,6 @@ class NormalFields(Manifold):
     Parameters
     ----------
     template : Template
-        The template T.
     equip : bool
         Whether to equip the manifold with `NormalFieldMetric`.
 
@@ -81,9 +80,6 @@ class NormalFieldMetric(FieldMetric):
     Parameters
     ----------
     space : NormalFields
-        The manifold.
-    geodesic_solver, exp_solver, log_solver, transport_solver : optional
-        Not needed: all have closed forms.
 
     Examples
     --------

@@ -58,7 +58,6 @@ class ProductManifold(Manifold):
         Parameters
         ----------
         points : sequence of array, the k-th with the shape of the k-th factor
-            Points of the factors.
         """
         if len(points) != len(self.factors):
             raise ArgumentError(
@@ -81,11 +80,6 @@ class ProductManifold(Manifold):
         Parameters
         ----------
         point : array, shape (..., size)
-            Points of the product.
-
-        Returns
-        -------
-        tuple of array, the k-th with the shape of the k-th factor
         """
         return tuple(self.component(point, k) for k in range(len(self.factors)))
 
@@ -95,13 +89,7 @@ class ProductManifold(Manifold):
         Parameters
         ----------
         point : array, shape (..., size)
-            Points of the product.
         index : int
-            Index of the factor.
-
-        Returns
-        -------
-        array, with the shape of the factor
         """
         point = real_array(point, "point", self.shape, finite=False)
         start = self._ends[index - 1] if index else 0
@@ -152,7 +140,6 @@ class ProductMetric(RiemannianMetric):
     Parameters
     ----------
     space : ProductManifold
-        The product of equipped manifolds.
     weights : sequence of float, optional
         A weight w_k ≥ 0 for each factor, not all 0; by default all are 1.
     **solvers

@@ -28,9 +28,7 @@ class PullbackMetric(RiemannianMetric):
     Parameters
     ----------
     space : Manifold
-        The manifold the metric is pulled back to.
     target_metric : RiemannianMetric
-        Metric on the image.
     map : callable
         φ, from arrays (..., \*space.shape) to (..., \*target_metric.space.shape), acting on each
         point of a batch by itself, written with `autograd.numpy`.
@@ -77,7 +75,6 @@ class PullbackMetric(RiemannianMetric):
         Parameters
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
-            Tangent vectors; base points.
         """
         shape = np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point))
         # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.

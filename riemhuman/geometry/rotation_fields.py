@@ -54,7 +54,6 @@ class RotationFields(Manifold):
     Parameters
     ----------
     template : Template
-        The template T.
     equip : bool
         Whether to equip the manifold with `RotationFieldMetric`.
 
@@ -108,9 +107,6 @@ class RotationFieldMetric(FieldMetric):
     Parameters
     ----------
     space : RotationFields
-        The manifold.
-    geodesic_solver, exp_solver, log_solver, transport_solver : optional
-        Not needed: all have closed forms.
 
     Examples
     --------
@@ -179,7 +175,6 @@ class RotationMetric(PullbackMetric):
     Parameters
     ----------
     space : AlignedSurfaces
-        The space of surfaces.
     time : float, optional
         Duration of the heat flow, in squared units of the template, such as m²: heat spreads by √(4
         time). By default a 720th of the template's area. On an adult, √(4 time) is then the
@@ -221,12 +216,6 @@ class RotationMetric(PullbackMetric):
         Parameters
         ----------
         f : array, shape (..., V, 3)
-            Surfaces.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle has no area, so that it has no normal.
         """
         f_u, f_v = self.space.partial_derivatives(f)
         refuse_degenerate(is_degenerate(values_of(f_u), values_of(f_v)))

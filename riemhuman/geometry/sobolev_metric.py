@@ -63,8 +63,7 @@ class SobolevMetric(MidpointMetric):
               + d_1 |dh_0|^2 + a_2 |\Delta h|^2 \, dA
 
     The first-order parts are the change of angles, of area, of the normal, and the rotation within
-    the tangent plane, see `riemhuman.terms._quadratic`; Δ is the cotangent Laplacian, see
-    `riemhuman.terms._quadratic`. The weights are those of Hartman, Sukurdeep, Klassen, Charon and
+    the tangent plane; Δ is the cotangent Laplacian, see `riemhuman.terms._quadratic`. The weights are those of Hartman, Sukurdeep, Klassen, Charon and
     Bauer, "Elastic shape analysis of surfaces with second-order Sobolev metrics", International
     Journal of Computer Vision 131, 2023. There is no closed-form distance: squared distances are
     energies of the paths that `geodesic_solver` finds.
@@ -177,13 +176,6 @@ class GaugeInvariantMetric(MidpointMetric):
         `SobolevMetric` with a0 = a2 = 0, or any sum of isotropic terms.
     **solvers
         Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
-
-    Raises
-    ------
-    ArgumentError
-        If the triangles of the template are not consistently oriented.
-    ArgumentTypeError
-        If the metric is not a first-order metric on surfaces.
 
     Notes
     -----

@@ -155,7 +155,6 @@ class SurfaceMetric(MetricOfTerms):
     Parameters
     ----------
     space : AlignedSurfaces
-        Surfaces over a template.
     terms : sequence of Term
         The terms, at least one; see `riemhuman.terms`.
     **solvers
@@ -230,11 +229,6 @@ class SurfaceMetric(MetricOfTerms):
         Parameters
         ----------
         f : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (..., \*target_shape)
         """
         return self._images.of(self._derivatives(self.space.check_point(f, "f")))
 
@@ -244,11 +238,6 @@ class SurfaceMetric(MetricOfTerms):
         Parameters
         ----------
         tangent_vec, base_point : array, shape (..., V, 3)
-            Deformations h; surfaces.
-
-        Returns
-        -------
-        array, shape (..., \*target_shape)
         """
         operator = self.space.template.differential_operator
         tangent_vec = self.space.check_tangent_vec(tangent_vec)
@@ -361,7 +350,6 @@ class ElasticMetric(SurfaceMetric):
     Parameters
     ----------
     space : AlignedSurfaces
-        Surfaces over a template.
     a : float
         Weight of the change of the first fundamental form, at least 0.
     lam : float
@@ -453,7 +441,6 @@ class GeneralElasticMetric(SurfaceMetric):
     Parameters
     ----------
     space : AlignedSurfaces
-        Surfaces over a template.
     a : float
         Weight of stretching without change of area, at least 0.
     b : float
@@ -517,7 +504,6 @@ class SRNFMetric(SurfaceMetric):
     Parameters
     ----------
     space : AlignedSurfaces
-        Surfaces over a template.
     **solvers
         Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
 

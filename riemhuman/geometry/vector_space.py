@@ -22,7 +22,6 @@ class VectorSpace(Manifold):
     Parameters
     ----------
     shape : tuple of int
-        Shape of the arrays.
     equip : bool
         Whether to equip the space with `FlatMetric`.
 
@@ -60,7 +59,6 @@ class FlatMetric(RiemannianMetric):
     Parameters
     ----------
     space : VectorSpace
-        The space.
     weights : array, shape (shape[0],), optional
         A weight w_t ≥ 0 for each index of the first axis of a point; by default all are 1.
 

@@ -37,7 +37,6 @@ class DeformationBasis:
     Parameters
     ----------
     vectors : array_like, shape (K, V, 3)
-        The deformations; they are copied.
     orthonormalize : bool
         Whether to make them orthonormal by the Gram–Schmidt process. By default they are checked
         to be orthonormal within 1e-8.
@@ -111,7 +110,6 @@ class DeformationBasis:
             frames (n, V, 3). Both may be generators. Of a motion that has a length and can be
             indexed, but is not an array, list or tuple, only every τ-th frame is read.
         n_components : int
-            Number of components K.
         step : int
             Number of frames τ from the first to the second frame of a deformation.
         remove_mean : bool
@@ -119,9 +117,6 @@ class DeformationBasis:
         vertex_weights : array_like, shape (V,), optional
             Weights of the inner product, as in the constructor.
         progress : bool
-            Whether to show a progress bar over motions.
-
-
         """
         n_components = whole_number(n_components, "n_components", minimum=1)
         pairs = frames_apart(motions, step, progress=progress)
@@ -191,11 +186,6 @@ class DeformationBasis:
         ----------
         path : path_like
             The .npz file. Pickled objects in it are refused.
-
-        Raises
-        ------
-        FileFormatError
-            If it is not such a file, or comes from a later version.
         """
         fields = load_arrays(path, ("format_version", "vectors"))
         version = fields["format_version"].tolist()
@@ -274,7 +264,6 @@ class DeformationBasis:
         Parameters
         ----------
         coefficients : array_like, shape (..., K)
-            Coefficients α.
         """
         coefficients = real_array(coefficients, "coefficients", (len(self),))
         rows = anp.matmul(coefficients, self.flat)
@@ -286,7 +275,6 @@ class DeformationBasis:
         Parameters
         ----------
         deformation : array_like, shape (..., V, 3)
-            Deformations.
         """
         return self.combine(self.coefficients(deformation))
 
@@ -350,7 +338,6 @@ class DeformationBasis:
         Parameters
         ----------
         n_components : int
-            Number of vectors to keep.
         """
         kept = whole_number(n_components, "n_components", minimum=1)
         if kept > len(self):

@@ -9,19 +9,12 @@ from riemhuman.checks import real_array
 
 
 def triangle_areas(points: ndarray, faces: ndarray) -> ndarray:
-    """Return the areas of triangles.
+    """Return the areas of triangles, square metres, shape (..., F).
 
     Parameters
     ----------
-    points : array, shape (..., V, 3)
-        Surfaces, metres.
+    points : array, shape (..., V, 3), in metres
     faces : array of int, shape (F, 3)
-        Triangles.
-
-    Returns
-    -------
-    array, shape (..., F)
-        Square metres.
 
     Examples
     --------
@@ -36,19 +29,13 @@ def triangle_areas(points: ndarray, faces: ndarray) -> ndarray:
 
 
 def edge_lengths(points: ndarray, edges: ndarray) -> ndarray:
-    """Return the lengths of edges.
+    """Return the lengths of edges, metres, shape (..., E).
 
     Parameters
     ----------
-    points : array, shape (..., V, 3)
-        Surfaces, metres.
+    points : array, shape (..., V, 3), in metres
     edges : array of int, shape (E, 2)
         Edges, such as `Template.edges`.
-
-    Returns
-    -------
-    array, shape (..., E)
-        Metres.
 
     Examples
     --------
@@ -62,19 +49,14 @@ def edge_lengths(points: ndarray, edges: ndarray) -> ndarray:
 
 
 def signed_volume(points: ndarray, faces: ndarray) -> ndarray:
-    """Return the volumes that closed surfaces enclose, Σ_t det(q₁, q₂, q₃)/6.
+    """Return the volumes of closed surfaces, Σ_t det(q₁, q₂, q₃)/6, cubic metres, shape (...).
+
+    They are positive if normals point outward, and NaN if the mesh is not closed.
 
     Parameters
     ----------
-    points : array, shape (..., V, 3)
-        Surfaces, metres.
+    points : array, shape (..., V, 3), in metres
     faces : array of int, shape (F, 3)
-        Triangles.
-
-    Returns
-    -------
-    array, shape (...)
-        Cubic metres, positive if normals point outward; NaN if the mesh is not closed.
 
     Examples
     --------
@@ -98,7 +80,6 @@ def is_closed(faces: ndarray) -> bool:
     Parameters
     ----------
     faces : array of int, shape (F, 3)
-        Triangles.
 
     Examples
     --------
@@ -120,7 +101,6 @@ def adjacent_triangles(faces: ndarray) -> tuple[ndarray, ndarray]:
     Parameters
     ----------
     faces : array of int, shape (F, 3)
-        Triangles.
 
     Returns
     -------

@@ -52,12 +52,9 @@ def nearest_points(
 
     Parameters
     ----------
-    queries : array, shape (N, 3)
-        Points, metres.
-    points : array, shape (V, 3)
-        Vertices of the surface, metres.
+    queries : array, shape (N, 3), in metres
+    points : array, shape (V, 3), in metres
     faces : array of int, shape (F, 3)
-        Its triangles.
 
     Returns
     -------

@@ -30,8 +30,7 @@ def procrustes(
 
     Parameters
     ----------
-    points : array_like, shape (..., V, 3)
-        Surfaces, in metres.
+    points : array_like, shape (..., V, 3), in metres
     to : array_like, shape (V, 3), optional
         The reference y. By default the surfaces are aligned with each other by
         `generalized_procrustes` with its default tolerance.
@@ -229,7 +228,6 @@ def make_upright(points: ndarray, unit: str | None = None, up: str | None = None
     Parameters
     ----------
     points : array, shape (..., 3)
-        Surfaces.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
         Unit of the coordinates; by default surfaces are not scaled.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional

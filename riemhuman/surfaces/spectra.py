@@ -57,7 +57,6 @@ class Spectrum(Record):
         Parameters
         ----------
         n_eigenvalues : int
-            Number of eigenvalues to keep.
         """
         return replace(
             self,
@@ -83,28 +82,15 @@ def spectrum(
 
     Parameters
     ----------
-    vertices : array_like, shape (V, 3)
-        Vertex positions, in metres.
+    vertices : array_like, shape (V, 3), in metres
     faces : array_like, shape (F, 3)
         Vertex indices of each triangle, counted from 0. The mesh may be open.
     n_eigenvalues : int
-        Number of eigenvalues.
     laplacian : {"cotangent", "robust"}
         The cotangent Laplacian, see `riemhuman.kernels.surface.cotangent_laplacian`, or the
         intrinsic Delaunay Laplacian of Sharp and Crane, "A Laplacian for Nonmanifold Triangle
         Meshes", SGP 2020, which also works for slivers, triangles without area and edges with more
         than two triangles. The second needs the package robust_laplacian.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If an array does not hold numbers of the right kind.
-    ArgumentError
-        If the arrays are no mesh, or the mesh has fewer eigenvalues.
-    DegenerateSurfaceError
-        If a triangle has no area, with the cotangent Laplacian.
-    MissingDependencyError
-        If robust_laplacian is requested and not installed.
 
     Examples
     --------

@@ -49,8 +49,6 @@ class Template:
 
     Raises
     ------
-    ArgumentTypeError
-        If an array does not hold numbers of the right kind.
     DegenerateSurfaceError
         If a triangle has no area. Slivers are allowed, collinear corners are not.
 
@@ -95,14 +93,6 @@ class Template:
         Parameters
         ----------
         path : path_like
-            The mesh file.
-
-        Raises
-        ------
-        ArgumentError
-            If a triangle refers twice to the same vertex.
-        DegenerateSurfaceError
-            If a triangle has no area.
         """
         vertices, faces = load_mesh(path)
         try:
@@ -235,8 +225,7 @@ class Template:
         ----------
         points : array_like, shape (..., V, 3)
             Surfaces registered to the template; arrays traced by autograd pass unchanged.
-        name : str
-            Name of the argument, for messages.
+        name : str, for messages
         """
         points = real_array(points, name, ("n_vertices", 3))
         if points.shape[-2] != self.n_vertices:
@@ -252,14 +241,7 @@ class Template:
         Parameters
         ----------
         faces : array_like, shape (F, 3)
-            Vertex indices of each triangle.
-        name : str
-            Name of the argument, for messages.
-
-        Raises
-        ------
-        ArgumentError
-            If the triangles or their order differ from the template's.
+        name : str, for messages
         """
         difference = face_difference(integer_array(faces, name, ("n_faces", 3)), self.faces)
         if difference:

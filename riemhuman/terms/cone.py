@@ -60,8 +60,7 @@ class ConeTerm(Term):
 
     Parameters
     ----------
-    weight : float
-        w > 0.
+    weight : float above 0
     a : float
         Weight of stretching without change of area, at least 0.
     b : float
@@ -206,8 +205,7 @@ class EbinTerm(ConeTerm):
 
     Parameters
     ----------
-    weight : float
-        w > 0.
+    weight : float above 0
     lam : float
         λ > 0, the weight of changes of area.
 

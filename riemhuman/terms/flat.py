@@ -24,8 +24,7 @@ class FlatTerm(Term):
 
     Parameters
     ----------
-    weight : float
-        w > 0.
+    weight : float above 0
 
     Examples
     --------
@@ -170,8 +169,7 @@ class RootNormalTerm(FlatTerm):
 
     Parameters
     ----------
-    weight : float
-        w > 0.
+    weight : float above 0
 
     Examples
     --------

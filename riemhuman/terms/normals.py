@@ -25,8 +25,7 @@ class NormalTerm(Term):
 
     Parameters
     ----------
-    weight : float
-        w > 0.
+    weight : float above 0
 
     Examples
     --------

@@ -22,8 +22,7 @@ class RotationTerm(Term):
 
     Parameters
     ----------
-    weight : float
-        w > 0.
+    weight : float above 0
 
     Examples
     --------

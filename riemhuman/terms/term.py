@@ -36,8 +36,7 @@ class Term(ABC):
 
     Parameters
     ----------
-    weight : float
-        w > 0.
+    weight : float above 0
 
     Attributes
     ----------
@@ -88,30 +87,21 @@ class Term(ABC):
 
     @abstractmethod
     def fields(self, first: Derivatives) -> Fields:
-        """Return the fields of surfaces.
+        """Return the fields of surfaces, arrays of shape (..., F) or (..., F, n).
 
         Parameters
         ----------
         first : Derivatives
             First derivatives of surfaces, arrays of shape (..., F) and (..., F, 3).
-
-        Returns
-        -------
-        tuple of array, each of shape (..., F) or (..., F, n)
         """
 
     @abstractmethod
     def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
-        """Return the squared distances of fields, triangle by triangle, without the weight.
+        """Return the squared distances on every triangle, without the weight, shape (..., F).
 
         Parameters
         ----------
         fields_a, fields_b : tuple of array
-            Fields of surfaces.
-
-        Returns
-        -------
-        array, shape (..., F)
         """
 
     @abstractmethod
@@ -123,7 +113,6 @@ class Term(ABC):
         changes_a, changes_b : tuple of array
             Derivatives of the fields along deformations.
         fields : tuple of array
-            Fields of the surfaces.
         """
 
     def changes(self, first: Derivatives, h_u: ndarray, h_v: ndarray) -> Fields:
@@ -132,13 +121,7 @@ class Term(ABC):
         Parameters
         ----------
         first : Derivatives
-            First derivatives of surfaces.
         h_u, h_v : array, shape (..., F, 3)
-            Partial derivatives of deformations.
-
-        Returns
-        -------
-        tuple of array
         """
         shape = np.broadcast_shapes(np.shape(first.f_u), np.shape(h_u))
         both = np.stack([first.f_u + np.zeros(shape), first.f_v + np.zeros(shape)])
@@ -153,16 +136,13 @@ class Term(ABC):
     def form(self, first: Derivatives) -> ndarray:
         """Return the metric as quadratic forms of `surface.frame_components` of deformations.
 
-        A term that treats all directions alike has one constant form, times A to `area_power`.
+        Their shape is (..., F, 6, 6). A term that treats all directions alike has one constant
+        form, shape (6, 6), times A to `area_power`.
 
         Parameters
         ----------
         first : Derivatives
             First derivatives of surfaces whose triangles have an area.
-
-        Returns
-        -------
-        array, shape (..., F, 6, 6) or (6, 6)
         """
         p = np.sqrt(first.e)[..., None]
         q, r = first.m[..., None] / p, first.areas[..., None] / p
@@ -185,21 +165,19 @@ class Term(ABC):
     def chart(self, fields: Fields) -> ndarray | None:
         """Return coordinates whose Euclidean distances are at most those of the fields.
 
-        They find nearest neighbours without computing all distances. By default there are none.
+        They find nearest neighbours without computing all distances, and have shape (..., F, n).
+        By default there are none.
 
         Parameters
         ----------
         fields : tuple of array
-            Fields of surfaces.
-
-        Returns
-        -------
-        array, shape (..., F, n), or None
         """
         return None
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
         """Return the sum of w d² over the segments of a path, and add its slopes.
+
+        The sum is infinite where the fields do not exist.
 
         Parameters
         ----------
@@ -208,12 +186,6 @@ class Term(ABC):
         slopes : array, shape (n_times, 12, n)
             Added to: slopes by the numbers of the records.
         areas : array, shape (n,)
-            Template areas of the triangles.
-
-        Returns
-        -------
-        float
-            Infinite where the fields do not exist.
         """
         if self.needs_area and not records[:, 9].all():
             return np.inf
@@ -237,19 +209,14 @@ class Term(ABC):
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
         """Write features; return a bound on the square of their rounding error.
 
+        By default it is infinite: distances from single precision are then computed again.
+
         Parameters
         ----------
         fields : tuple of array, each of shape (F,) or (F, n)
-            Fields of one surface.
         areas : array, shape (F,)
-            Template areas.
         kept : array of float32 or float64, shape (n_features, F⁺)
             Features, with F⁺ ≥ F triangles in a row.
-
-        Returns
-        -------
-        float
-            By default infinite, no bound: distances from single precision are then computed again.
         """
         rows = [field.reshape(len(field), -1).T for field in fields]
         kept[:, : len(areas)] = np.concatenate(rows)
@@ -263,14 +230,12 @@ class Term(ABC):
         record : array, shape (12, F)
             Records of its triangles, see `riemhuman.terms._sum`.
         areas : array, shape (F,)
-            Template areas.
         kept : array of float32 or float64, shape (n_features, F⁺)
-            Features.
         """
         return self.pack(self.fields(follow_up(record[:3].T, record[3:6].T)), areas, kept)
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
-        """Return the squared distances between some surfaces and others, without the weight.
+        """Return the squared distances between surfaces, without the weight, shape (n_a, n_b).
 
         Parameters
         ----------
@@ -278,11 +243,6 @@ class Term(ABC):
             Features of n_a and of n_b surfaces; for those within one set, one array twice, and
             what is above the diagonal counts.
         areas : array, shape (F,)
-            Template areas.
-
-        Returns
-        -------
-        array, shape (n_a, n_b)
         """
         ours, others = self._unpack(a, len(areas)), self._unpack(b, len(areas))
         rows = (tuple(field[i] for field in ours) for i in range(len(a)))
