@@ -63,10 +63,11 @@ class SobolevMetric(MidpointMetric):
               + d_1 |dh_0|^2 + a_2 |\Delta h|^2 \, dA
 
     The first-order parts are the change of angles, of area, of the normal, and the rotation within
-    the tangent plane; Δ is the cotangent Laplacian, see `riemhuman.terms._quadratic`. The weights are those of Hartman, Sukurdeep, Klassen, Charon and
-    Bauer, "Elastic shape analysis of surfaces with second-order Sobolev metrics", International
-    Journal of Computer Vision 131, 2023. There is no closed-form distance: squared distances are
-    energies of the paths that `geodesic_solver` finds.
+    the tangent plane; Δ is the cotangent Laplacian, see `riemhuman.terms._quadratic`. The weights
+    are those of Hartman, Sukurdeep, Klassen, Charon and Bauer, "Elastic shape analysis of surfaces
+    with second-order Sobolev metrics", International Journal of Computer Vision 131, 2023. There is
+    no closed-form distance: squared distances are energies of the paths that `geodesic_solver`
+    finds.
 
     Parameters
     ----------
