@@ -500,11 +500,10 @@ def _plot(options: argparse.Namespace) -> Answer:
             f"as well as a plane allows (stress {stress:.2f}; 0 would preserve all distances)."
         )
     with rh.plots.figure_style():
-        figure = rh.plots.new_figure(6.0, 4.9)
-        ax, unit = figure.subplots(), None if stress is None else "m"
-        rh.plots.plot_embedding(positions, items, classes, item_names=item_names, unit=unit, ax=ax)
+        unit = None if stress is None else "m"
+        ax = rh.plots.plot_embedding(positions, items, classes, item_names=item_names, unit=unit)
         ax.set_xlabel(scale)
-        save_figure(figure, options.output)
+        save_figure(ax.figure, options.output)
     text = {
         "meshes": f"{len(items)}, {options.method}",
         "stress": stress and f"{stress:.3f}  (0 would preserve all distances)",

@@ -172,7 +172,7 @@ def _align(options: argparse.Namespace) -> Answer:
         arrays |= {"first_times": warp.first, "second_times": warp.second}
         rh.io.save_arrays(options.output, arrays)
     else:
-        rh.plots.AlignedMotions(first, second, read.faces, warp, names).save(options.output)
+        rh.plots.view_alignment(first, second, read.faces, warp, names).save(options.output)
     record = {"a": names[0], "b": names[1], "by": options.by, "distance": warp.dist}
     return Answer({"distance": f"{warp.dist:.8g}"}, record)
 

@@ -1,9 +1,9 @@
 """Pictures and interactive views of bodies, paths, motions and results."""
 
-from riemhuman.plots._figures import figure_files, figure_style, new_figure
 from riemhuman.plots._viewer_data import ViewedBody
 from riemhuman.plots.body_plots import per_area, plot_body, plot_measurement_lines, plot_path
 from riemhuman.plots.contributions import Contributions, contributions
+from riemhuman.plots.figures import figure_style
 from riemhuman.plots.maps import embed, plot_embedding, stress
 from riemhuman.plots.rendering import View, render, surfaces_html
 from riemhuman.plots.result_plots import (
@@ -13,28 +13,21 @@ from riemhuman.plots.result_plots import (
     plot_sweep,
 )
 from riemhuman.plots.viewer import (
-    AlignedMotions,
     Viewer,
-    page_scripts,
-    page_styles,
     save_picture,
+    view_alignment,
     view_bodies,
     view_path,
 )
 
 __all__ = [
-    "AlignedMotions",
     "Contributions",
     "View",
     "ViewedBody",
     "Viewer",
     "contributions",
     "embed",
-    "figure_files",
     "figure_style",
-    "new_figure",
-    "page_scripts",
-    "page_styles",
     "per_area",
     "plot_body",
     "plot_confusion",
@@ -48,6 +41,7 @@ __all__ = [
     "save_picture",
     "stress",
     "surfaces_html",
+    "view_alignment",
     "view_bodies",
     "view_path",
 ]

@@ -31,12 +31,8 @@ class Contributions(Record):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> metric = rh.ElasticMetric(space, 1.0, 1.0, 1.0)
-    >>> parts = rh.plots.contributions(metric, bodies[0], bodies[1])
-    >>> parts.metric.shape, parts.normal.shape
-    ((2400,), (2400,))
+    >>> float(rh.plots.Contributions([1.0], [0.5]).total[0])
+    1.5
     """
 
     metric: ndarray
@@ -45,7 +41,7 @@ class Contributions(Record):
     @property
     def total(self) -> ndarray:
         """Their sum m_t + n_t, shape (..., F); summed over triangles, the squared distance."""
-        return self.metric + self.normal
+        return np.add(self.metric, self.normal)
 
 
 def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> Contributions:
@@ -57,11 +53,6 @@ def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> 
         The metric.
     point_a, point_b : array, shape (..., V, 3)
         Surfaces.
-
-    Raises
-    ------
-    DegenerateSurfaceError
-        If c > 0 and a triangle has no area, so that it has no normal.
 
     Examples
     --------

@@ -15,8 +15,8 @@ from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.optional import import_optional
 from riemhuman.plots._colors import class_colors
-from riemhuman.plots._figures import new_axes
-from riemhuman.plots.rendering import View, render, window_around
+from riemhuman.plots.figures import new_axes
+from riemhuman.plots.rendering import View, render
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,17 +26,12 @@ METHODS = ("t-sne", "mds")
 # Perplexity of t-SNE: about the number of bodies in a class.
 _PERPLEXITY = 10.0
 _MARKERS = ("o", "s", "D", "^", "v")
-_THUMBNAIL_INCHES = 0.62
-_THUMBNAIL_PIXELS = 200
 _NAME_POINTS = 9.5
-_NAME_BELOW = 0.34  # inches from the middle of the body to its name
 _NAME_LETTERS = 14  # in a line
-_LETTER_WIDTH = 0.62 * _NAME_POINTS / 72  # inches, at most in the mean of a line
-# Inches: half the width and height of a body; half the height and the middle of a body with its
-# name in two lines, and of the name alone.
-_BODY = np.array([0.31, 0.31])
-_WHOLE_HEIGHT, _WHOLE_MIDDLE = 0.49, np.array([0.0, -0.16])
-_NAME_HEIGHT, _NAME_MIDDLE = 0.15, np.array([0.0, -0.49])
+# Inches: the columns left and right of a map with its bodies, a body, and its name in two lines.
+_COLUMN_WIDTH, _BODY_HEIGHT, _NAME_HEIGHT = 1.1, 0.62, 0.32
+_BODY_PIXELS = 200
+_MOST_IN_COLUMN = 6
 
 
 def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
@@ -52,10 +47,6 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
     rng : int or numpy.random.Generator
         Seed of t-SNE.
 
-    Returns
-    -------
-    array, shape (n, 2)
-
     References
     ----------
     .. [1] van der Maaten, Hinton, "Visualizing data using t-SNE", JMLR 2008.
@@ -63,11 +54,8 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> D = space.metric.dist_pairwise(bodies.points[:30])
-    >>> rh.plots.embed(D, method="mds").shape
-    (30, 2)
+    >>> rh.plots.embed([[0, 3, 4], [3, 0, 5], [4, 5, 0]], method="mds").shape
+    (3, 2)
     """
     matrix = real_array(distances, "distances", ("n", "n"), batched=False)
     one_of(method, "method", METHODS)
@@ -121,18 +109,12 @@ def stress(distances: ndarray, positions: ndarray) -> float:
     positions : array, shape (n, 2)
         Embedded items, with distances δ.
 
-    Returns
-    -------
-    float
-        0 if the embedding preserves all distances.
-
     Examples
     --------
     >>> import numpy as np
     >>> import riemhuman as rh
-    >>> corners = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 4.0]])
-    >>> rh.plots.stress(np.array([[0.0, 3, 4], [3, 0, 5], [4, 5, 0]]), corners)
-    0.0
+    >>> rh.plots.stress(np.array([[0.0, 2.0], [2.0, 0.0]]), np.array([[0.0, 0.0], [1.0, 0.0]]))
+    0.5
     """
     on_map = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
     return float(np.sqrt(((distances - on_map) ** 2).sum() / (distances**2).sum()))
@@ -163,7 +145,7 @@ def plot_embedding(
     item_names : sequence of str, length n, optional
         Names of the items, written beside them instead of a legend of the classes.
     points : array_like, shape (n, V, 3), optional
-        Bodies of the items; the body nearest to the middle of each class is drawn.
+        Bodies of the items; the middle one of each class, of at most twelve, is drawn.
     faces : array_like, shape (F, 3), optional
         Triangles of the bodies.
     view : View, optional
@@ -199,7 +181,10 @@ def plot_embedding(
     for spine in ax.spines.values():
         spine.set_visible(False)
     low, high = places.min(axis=0), places.max(axis=0)
-    margin = (0.16 if points is not None else 0.05) * np.maximum(high - low, 1e-9)
+    margin = 0.05 * np.maximum(high - low, 1e-9)
+    if points is not None:
+        columns = min(2 * _COLUMN_WIDTH / _inches(ax)[0], 0.8)
+        margin[0] += (high - low)[0] * columns / (1 - columns) / 2
     ax.set_xlim(low[0] - margin[0], high[0] + margin[0])
     ax.set_ylim(low[1] - margin[1], high[1] + margin[1])
     if item_names is None and points is None:
@@ -211,7 +196,7 @@ def plot_embedding(
     if points is None or faces is None:
         return ax
     surfaces = real_array(points, "points", (len(places), "n_vertices", 3), batched=False)
-    _add_thumbnails(ax, places, items, colors, names, surfaces, faces, view or View())
+    _add_bodies(ax, places, items, colors, names, surfaces, faces, view or View())
     return ax
 
 
@@ -247,14 +232,16 @@ def _add_length_bar(ax: Axes, unit: str) -> None:
     most = 0.25 * (right - left)
     power = 10.0 ** np.floor(np.log10(most))
     length = max(times * power for times in (1, 2, 5) if times * power <= most)
-    ax.plot([left, left + length], [bottom, bottom], color="#8a8f96", linewidth=2, clip_on=False)
+    middle = (left + right) / 2
+    ends = [middle - length / 2, middle + length / 2]
+    ax.plot(ends, [bottom, bottom], color="#8a8f96", linewidth=2, clip_on=False)
     ax.annotate(
-        f"{length:g} {unit}", (left, bottom), xytext=(0, 3), textcoords="offset points",
-        ha="left", va="bottom", fontsize=_NAME_POINTS,
+        f"{length:g} {unit}", (middle, bottom), xytext=(0, 3), textcoords="offset points",
+        ha="center", va="bottom", fontsize=_NAME_POINTS,
     )  # fmt: skip
 
 
-def _add_thumbnails(
+def _add_bodies(
     ax: Axes,
     positions: ndarray,
     labels: ndarray,
@@ -264,45 +251,41 @@ def _add_thumbnails(
     faces: ArrayLike,
     view: View,
 ) -> None:
-    """Draw the middle body of each class beside its points, with its name and a line to them."""
+    """Draw the middle body of each class left or right of the map, with a line to its points.
+
+    Of many classes, the largest are drawn.
+    """
     offsetbox = import_optional("matplotlib.offsetbox", "plot")
-    classes = np.unique(labels)
-    centres = np.stack([np.median(positions[labels == label], axis=0) for label in classes])
-    extent = _inches(ax)
-    low = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
-    size = np.array([ax.get_xlim()[1], ax.get_ylim()[1]]) - low
-    inches = size / extent
-    starts = (centres - low) / inches
-    titles = [str(k) if names is None else fill(names[k], _NAME_LETTERS) for k in classes]
-    letters = np.array([max(map(len, title.split("\n"))) for title in titles])
-    widths = 0.5 * _LETTER_WIDTH * letters
-    places = free_places((positions - low) / inches, starts, extent, widths)
-    for label, title, start, place, width in zip(
-        classes, titles, starts, places, widths, strict=True
-    ):
-        own = np.flatnonzero(labels == label)
-        to_centre = np.linalg.norm(
-            (positions[own] - np.median(positions[own], axis=0)) / size, axis=1
-        )
-        body = points[own[to_centre.argmin()]]
-        window = window_around(body, view)
-        tint = 0.25 + 0.75 * colors[label]
-        picture = render(
-            body, faces, height=_THUMBNAIL_PIXELS, view=view, window=window, color=tint
-        )
-        zoom = _THUMBNAIL_INCHES * 72 / _THUMBNAIL_PIXELS
-        line = low + np.stack([start, leader_end(start, place, width)]) * inches
-        ax.plot(*line.T, color=colors[label], linewidth=0.6, alpha=0.7, zorder=1)
-        at = low + place * inches
-        ax.add_artist(
-            offsetbox.AnnotationBbox(
-                offsetbox.OffsetImage(picture, zoom=zoom), at, frameon=False, pad=0, zorder=2
-            )
-        )
-        ax.annotate(
-            title, at, xytext=(0, -72 * _NAME_BELOW), textcoords="offset points",
-            ha="center", va="top", fontsize=_NAME_POINTS, linespacing=1.0, zorder=4,
-        )  # fmt: skip
+    classes, counts = np.unique(labels, return_counts=True)
+    classes = classes[np.argsort(-counts, kind="stable")][: 2 * _MOST_IN_COLUMN]
+    centres = np.stack([np.median(positions[labels == k], axis=0) for k in classes])
+    width, height = _inches(ax)
+    by_x = np.argsort(centres[:, 0], kind="stable")
+    half = len(classes) // 2
+    for side, column in ((0, by_x[:half]), (1, by_x[half:])):
+        column = column[np.argsort(centres[column, 1], kind="stable")]
+        slot = height / len(column)
+        zoom = 72 * min(_BODY_HEIGHT, slot - _NAME_HEIGHT) / _BODY_PIXELS
+        for number, k in enumerate(column):
+            own = np.flatnonzero(labels == classes[k])
+            gaps = np.linalg.norm((positions[own] - centres[k]) / np.ptp(positions, axis=0), axis=1)
+            body, color = points[own[gaps.argmin()]], colors[classes[k]]
+            picture = render(body, faces, height=_BODY_PIXELS, view=view, color=0.25 + 0.75 * color)
+            x = abs(side - _COLUMN_WIDTH / 2 / width)
+            top = ((number + 1) * slot - (slot - _NAME_HEIGHT) / 2) / height
+            inner = abs(side - 0.8 * _COLUMN_WIDTH / width)
+            ax.annotate(
+                "", centres[k], xytext=(inner, top), textcoords="axes fraction", zorder=1,
+                arrowprops={"arrowstyle": "-", "color": color, "linewidth": 0.7, "alpha": 0.8},
+            )  # fmt: skip
+            image = offsetbox.OffsetImage(picture, zoom=zoom)
+            place = {"xycoords": "axes fraction", "frameon": False, "pad": 0}
+            ax.add_artist(offsetbox.AnnotationBbox(image, (x, top), **place))
+            name = str(classes[k]) if names is None else fill(names[classes[k]], _NAME_LETTERS)
+            ax.annotate(
+                name, (x, (number * slot + _NAME_HEIGHT) / height), xycoords="axes fraction",
+                ha="center", va="top", fontsize=_NAME_POINTS, linespacing=1.0,
+            )  # fmt: skip
 
 
 def _inches(ax: Axes) -> ndarray:
@@ -310,61 +293,3 @@ def _inches(ax: Axes) -> ndarray:
     if ax.figure.get_layout_engine() is not None:
         ax.figure.draw_without_rendering()  # finds them
     return np.asarray(ax.figure.get_size_inches() * ax.get_position().size)
-
-
-def free_places(items: ndarray, centres: ndarray, size: ndarray, widths: ndarray) -> list[ndarray]:
-    """Return a place for each label: near its class, over few items, with its line off names.
-
-    Lengths are inches: `items` has shape (n, 2), `centres` (n_classes, 2), `size` is that of the
-    map, `widths` are half the widths of the names.
-    """
-    angles = np.linspace(0, 2 * np.pi, 32, endpoint=False)
-    spokes = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    steps = np.concatenate([radius * spokes for radius in (0.5, 0.65, 0.8, 1.05, 1.35, 1.7, 2.1)])
-    wholes = np.stack([np.maximum(widths, _BODY[0]), np.full(len(widths), _WHOLE_HEIGHT)], axis=1)
-    alone = np.stack([widths, np.full(len(widths), _NAME_HEIGHT)], axis=1)
-    places: dict[int, ndarray] = {}
-    # Each class in turn takes the best place that the others leave, and does so again.
-    for index in [*range(len(centres))] * 6:
-        candidates = centres[index] + steps
-        boxes = candidates + _WHOLE_MIDDLE
-        whole, width = wholes[index], widths[index]
-        cost = 1.0 * covered(items, boxes, whole) + 4.0 * np.linalg.norm(steps, axis=1)
-        cost += 4.0 * covered(items, candidates + _NAME_MIDDLE, alone[index])
-        cost += 50.0 * ((boxes < whole) | (boxes > size - whole)).any(axis=1)
-        ends = np.stack([leader_end(centres[index], place, width) for place in candidates])
-        for other, place in places.items():
-            if other == index:
-                continue
-            gap = np.abs(candidates - place) / (whole + wholes[other])
-            cost += 40.0 * np.clip(1.0 - gap, 0, None).prod(axis=1) ** 0.5
-            cost += 10.0 * (gap < 1.0).all(axis=1)
-            cost += 30.0 * crosses(centres[index], ends, place + _NAME_MIDDLE, alone[other])
-            cost += 10.0 * crosses(centres[index], ends, place, _BODY)
-            end = leader_end(centres[other], place, widths[other])
-            cost += 30.0 * crosses(centres[other], end, candidates + _NAME_MIDDLE, alone[index])
-            cost += 10.0 * crosses(centres[other], end, candidates, _BODY)
-        places[index] = candidates[cost.argmin()]
-    return [places[index] for index in range(len(centres))]
-
-
-def covered(items: ndarray, middles: ndarray, reach: ndarray) -> ndarray:
-    """Return how many items lie within boxes, given by their middles and half their size."""
-    return (np.abs(items[None] - middles[:, None]) < reach).all(axis=-1).sum(axis=1)
-
-
-def leader_end(start: ndarray, place: ndarray, width: float) -> ndarray:
-    """Return where the line to a body ends: at the edge of the body with its name."""
-    middle = place + _WHOLE_MIDDLE
-    whole = np.array([max(width, _BODY[0]), _WHOLE_HEIGHT])
-    away = start - middle
-    return middle + away * min(1.0, float((whole / np.maximum(np.abs(away), 1e-9)).min()))
-
-
-def crosses(start: ndarray, end: ndarray, middle: ndarray, reach: ndarray) -> ndarray:
-    """Return whether lines cross boxes, given by their middles and half their size."""
-    way = np.where(end == start, 1e-12, end - start)
-    low, high = (middle - reach - start) / way, (middle + reach - start) / way
-    enters = np.minimum(low, high).max(axis=-1)
-    leaves = np.maximum(low, high).min(axis=-1)
-    return (enters <= leaves) & (leaves >= 0) & (enters <= 1)

@@ -47,11 +47,8 @@ class View:
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> side = rh.plots.View(azimuth=90.0)
-    >>> picture = rh.plots.render(bodies[0], bodies.template.faces, view=side)
-    >>> picture.shape[0]
-    400
+    >>> rh.plots.View(azimuth=90.0)
+    View(azimuth=90.0, elevation=8.0)
     """
 
     azimuth: float = 20.0
@@ -68,10 +65,6 @@ class View:
         ----------
         points : array, shape (..., 3)
             Points or vectors.
-
-        Returns
-        -------
-        array, shape (..., 3)
         """
         about, above = np.radians([self.azimuth, self.elevation])
         towards = np.array(
@@ -129,12 +122,11 @@ def render(
     faces : array_like, shape (F, 3), optional
         Triangles, counterclockwise when seen from outside; none for a mesh.
     height : int
-        Height of the picture in pixels; its width follows from the window.
+        Height of the picture in pixels.
     view : View, optional
-        View direction; by default from the front, a little from the body's left and from above.
+        By default from the front, a little from the body's left and from above.
     window : Window, optional
-        The part that is shown; by default `window_around` the surface. Pictures with the same
-        window have the same scale.
+        The part that is shown; by default the surface with a margin.
     color : array_like, shape (3,) or (F, 3)
         Red, green and blue between 0 and 1, of the surface or of each triangle.
     samples : int
@@ -303,21 +295,14 @@ def surfaces_html(
 ) -> str:
     """Return HTML with a picture of at most eight surfaces side by side, and a caption.
 
-    Notebooks show it for objects of the library that hold surfaces.
-
     Parameters
     ----------
     surfaces : sequence of array, each of shape (V, 3)
-        Surfaces in metres, y up; of more than eight, eight evenly spaced ones are shown.
+        Surfaces, metres, y up; of more than eight, eight evenly spaced ones are shown.
     faces : array of int, shape (F, 3), or None
         Triangles; without them, vertices are drawn.
     caption : str
         Plain text below the picture.
-
-    Returns
-    -------
-    str
-        An HTML fragment that needs no other file.
 
     Examples
     --------

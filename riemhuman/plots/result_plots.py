@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import integer_array, real_array
 from riemhuman.optional import import_optional
 from riemhuman.plots._colors import class_colors
-from riemhuman.plots._figures import new_axes
+from riemhuman.plots.figures import new_axes
 from riemhuman.retrieval import confusion, precision_recall
 
 if TYPE_CHECKING:
@@ -92,8 +92,7 @@ def plot_precision_recall(
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> D = space.metric.dist_pairwise(bodies.points[:30])
+    >>> D = rh.AlignedSurfaces(bodies.template).metric.dist_pairwise(bodies[:30])
     >>> ax = rh.plots.plot_precision_recall({"shape": D}, bodies.subject[:30])
     """
     ax = new_axes(ax, 4.2, 3.2)
@@ -140,8 +139,7 @@ def plot_confusion(
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> D = space.metric.dist_pairwise(bodies.points[:30])
+    >>> D = rh.AlignedSurfaces(bodies.template).metric.dist_pairwise(bodies[:30])
     >>> ax = rh.plots.plot_confusion(D, bodies.subject[:30])
     """
     items = integer_array(labels, "labels", ("n_items",))
@@ -176,10 +174,8 @@ def plot_sweep(
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> scores = np.array([[90.0, 95.0], [80.0, 99.0]])
-    >>> ax = rh.plots.plot_sweep(scores, [1e-4, 1.0], ["c = 0", "c = 1"])
+    >>> ax = rh.plots.plot_sweep([[90, 95], [80, 99]], [1e-4, 1], ["c = 0", "c = 1"])
     """
     cells = real_array(scores, "scores", (len(lams), len(weights)), batched=False)
     ax = new_axes(ax, 5.2, 3.0)

@@ -6,7 +6,6 @@ A page contains the surfaces, and three.js draws them; pictures replace them wit
 from __future__ import annotations
 
 import os
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -27,8 +26,8 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.plots._colors import MEAN, SKIN, colour_limit, value_colors
-from riemhuman.plots._figures import new_figure
 from riemhuman.plots._viewer_data import MAX_VERTICES, ViewedBody, payload
+from riemhuman.plots.figures import new_figure
 from riemhuman.plots.rendering import View, as_surfaces, image_source, png_bytes, strip_picture
 
 if TYPE_CHECKING:
@@ -64,72 +63,21 @@ def _web_file(name: str) -> str:
 
 
 def page_styles() -> str:
-    """Return the styles of viewers, as an element for the head of a page.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> rh.plots.page_styles()[:7]
-    '<style>'
-    """
+    """Return the styles of viewers, as an element for the head of a page."""
     return f"<style>{_web_file('viewer.css')}</style>"
 
 
-def page_scripts(library: bool = True) -> str:
-    """Return the scripts of viewers, as elements for the end of a page.
-
-    Parameters
-    ----------
-    library : bool
-        Whether three.js is included, which the viewers need.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> "class Viewer" in rh.plots.page_scripts(library=False)
-    True
-    """
+def page_scripts() -> str:
+    """Return three.js and the scripts of viewers, as elements for the end of a page."""
     own = "".join(_web_file(f"viewer{part}.js") for part in ("_body", "_gestures", ""))
-    script = f"<script>(() => {{\n{own}}})();\n</script>"
-    if not library:
-        return script
     return (
         "<script>/* three.js 0.187.0, MIT licence, Copyright 2010-2026 three.js authors */\n"
-        f"{_web_file('three.min.js')}</script>\n{script}"
+        f"{_web_file('three.min.js')}</script>\n<script>(() => {{\n{own}}})();\n</script>"
     )
 
 
-class _Page(ABC):
-    """What is shown as a complete page."""
-
-    @abstractmethod
-    def _content(self) -> tuple[str, dict[str, Any]]:
-        """Return the template of the page and what is filled in."""
-
-    def page(self) -> str:
-        """Return the self-contained HTML page."""
-        template, values = self._content()
-        scripts, styles = Markup(page_scripts()), Markup(page_styles())
-        return str(_fill(template, scripts=scripts, styles=styles, **values))
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the page to a file for any browser, without a network connection.
-
-        Parameters
-        ----------
-        path : path_like
-            The file; an existing file is replaced.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
-        """
-        write_text(path, self.page())
-
-
 @dataclass(frozen=True)
-class Viewer(_Page):
+class Viewer:
     """An interactive view of bodies or paths, shown in notebooks or saved as a page.
 
     Parameters
@@ -148,6 +96,8 @@ class Viewer(_Page):
         Text below the title of the page.
     seconds : float
         Duration of paths at speed 1.
+    below : str
+        HTML below the bodies on the page.
 
     Examples
     --------
@@ -165,6 +115,7 @@ class Viewer(_Page):
     max_vertices: int = MAX_VERTICES
     description: str = ""
     seconds: float = _SECONDS
+    below: str = ""
 
     def __repr__(self) -> str:
         return f"Viewer({self.title!r}, choices={list(self.choices)})"
@@ -189,9 +140,28 @@ class Viewer(_Page):
             | {"seconds": self.seconds},
         )
 
-    def _content(self) -> tuple[str, dict[str, Any]]:
-        values = {"title": self.title, "description": self.description}
-        return "viewer_page.html", values | {"viewer": self.fragment("viewer")}
+    def page(self) -> str:
+        """Return the self-contained HTML page."""
+        page = _fill(
+            "viewer_page.html",
+            title=self.title,
+            description=self.description,
+            viewer=self.fragment("viewer"),
+            below=Markup(self.below),
+            scripts=Markup(page_scripts()),
+            styles=Markup(page_styles()),
+        )
+        return str(page)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the page to a file for any browser, without a network connection.
+
+        Parameters
+        ----------
+        path : path_like
+            The file; an existing file is replaced.
+        """
+        write_text(path, self.page())
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, which separates it from the notebook."""
@@ -378,11 +348,6 @@ def save_picture(
     str
         A sentence on the bodies that the picture shows: a PNG shows at most eight.
 
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -425,15 +390,16 @@ def _with_names(picture: ndarray, names: Sequence[str]) -> bytes:
     return content.getvalue()
 
 
-@dataclass(frozen=True)
-class AlignedMotions(_Page):
-    """Two motions, the second aligned in time with the first.
+def view_alignment(
+    first: ArrayLike, second: ArrayLike, faces: ArrayLike, warp: Warp, names: Sequence[str]
+) -> Viewer:
+    """Return a view of two motions, the second aligned in time with the first.
 
     Parameters
     ----------
-    first, second : array, shape (n_times, V, 3)
+    first, second : array_like, shape (n_times, V, 3)
         The motions at corresponding times, metres, y up.
-    faces : array of int, shape (F, 3)
+    faces : array_like, shape (F, 3)
         Triangles.
     warp : Warp
         The matched times of both motions.
@@ -444,47 +410,45 @@ class AlignedMotions(_Page):
     --------
     >>> import riemhuman as rh
     >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
-    >>> space = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template), 12)
-    >>> pose = rh.ElasticMetric(space.frames, a=0.0, lam=0.0, c=1.0)
-    >>> measure = rh.motions.DynamicTimeWarping(pose)
-    >>> first, second, warp = rh.motions.align_motions(space, knees[:40], other[:40], measure)
-    >>> rh.plots.AlignedMotions(first, second, knees.faces, warp).save("aligned.html")
+    >>> space = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template), 5)
+    >>> measure = rh.motions.DynamicTimeWarping(space.frames.metric)
+    >>> aligned = rh.motions.align_motions(space, knees[:20:4], other[:20:4], measure)
+    >>> page = rh.plots.view_alignment(*aligned[:2], knees.faces, aligned[2], ["Anna", "Ben"])
     """
-
-    first: ndarray
-    second: ndarray
-    faces: ndarray
-    warp: Warp
-    names: Sequence[str] = ("first", "second")
-
-    def __post_init__(self) -> None:
-        for name in ("first", "second"):
-            real_array(getattr(self, name), name, ("n_times", "n_vertices", 3), batched=False)
-        if self.first.shape != self.second.shape:
-            raise ArgumentError(
-                f"second must have the shape of first, {self.first.shape}; found "
-                f"{self.second.shape}"
-            )
-
-    def _content(self) -> tuple[str, dict[str, Any]]:
-        # Both first frames stand at the same place.
-        motions = [m - m[0].mean(axis=0) * [1.0, 0.0, 1.0] for m in (self.first, self.second)]
-        paths, title = dict(zip(self.names, motions, strict=True)), " and ".join(self.names)
-        viewer = view_path(paths, self.faces, side_by_side=True, title=title)
-        # The re-timing as a line in a square of side 100.
-        x, y = (100 * t / max(float(t[-1]), 1.0) for t in (self.warp.first, self.warp.second))
-        last = len(self.first) - 1
-        pictures = {
-            f"{100 * k / max(last, 1):.0f} %": image_source(
-                strip_picture([motion[k] for motion in motions], self.faces, height=_MATCH_HEIGHT)
-            )
-            for k in np.linspace(0, last, min(_N_MATCHES, last + 1)).round().astype(int)
-        }
-        return "motion_page.html", {
-            "first": self.names[0],
-            "second": self.names[1],
-            "viewer": viewer.fragment("motions"),
-            "distance": f"{self.warp.dist:.4g}",
-            "curve": " ".join(f"{a:.2f},{100 - b:.2f}" for a, b in zip(x, y, strict=True)),
-            "pictures": pictures,
-        }
+    shape = ("n_times", "n_vertices", 3)
+    motions = [
+        real_array(first, "first", shape, batched=False),
+        real_array(second, "second", shape, batched=False),
+    ]
+    if len(motions[0]) != len(motions[1]):
+        raise ArgumentError(
+            f"first and second must have the same times; found {len(motions[0])} and "
+            f"{len(motions[1])}"
+        )
+    # Both first frames stand at the same place.
+    motions = [m - m[0].mean(axis=0) * [1.0, 0.0, 1.0] for m in motions]
+    # The re-timing as a line in a square of side 100.
+    x, y = (100 * t / max(float(t[-1]), 1.0) for t in (warp.first, warp.second))
+    last = len(motions[0]) - 1
+    pictures = {
+        f"{100 * k / max(last, 1):.0f} %": image_source(
+            strip_picture([m[k] for m in motions], np.asarray(faces), height=_MATCH_HEIGHT)
+        )
+        for k in np.linspace(0, last, min(_N_MATCHES, last + 1)).round().astype(int)
+    }
+    below = _fill(
+        "alignment.html",
+        first=names[0],
+        second=names[1],
+        curve=" ".join(f"{a:.2f},{100 - b:.2f}" for a, b in zip(x, y, strict=True)),
+        pictures=pictures,
+    )
+    viewer = view_path(
+        dict(zip(names, motions, strict=True)),
+        faces,
+        side_by_side=True,
+        title=f"{names[0]} and {names[1]} aligned in time",
+        description=f"{names[1]} is re-timed to {names[0]}. Distance after the best re-timing: "
+        f"{warp.dist:.4g}.",
+    )
+    return replace(viewer, below=below)

@@ -19,7 +19,6 @@ from riemhuman.measurements import (
 )
 from riemhuman.plots import (
     embed,
-    new_figure,
     plot_confusion,
     plot_embedding,
     plot_measurement_lines,
@@ -28,6 +27,7 @@ from riemhuman.plots import (
     plot_sweep,
     stress,
 )
+from riemhuman.plots.figures import new_figure
 from riemhuman.report._page import Column, Section, Table, heading, paragraph, side_by_side
 from riemhuman.report._report import POSE_WEIGHTS, Report, Task, readable
 from riemhuman.report._storage import Computed, Step

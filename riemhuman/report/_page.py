@@ -20,7 +20,8 @@ from markupsafe import Markup
 
 from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.text_tables import csv_cell
-from riemhuman.plots import figure_files, new_figure, page_scripts, page_styles
+from riemhuman.plots.figures import figure_files, new_figure
+from riemhuman.plots.viewer import page_scripts, page_styles
 from riemhuman.report._storage import Computed, ResultStore
 
 

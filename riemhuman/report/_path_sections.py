@@ -18,13 +18,13 @@ from riemhuman.plots import (
     ViewedBody,
     Viewer,
     contributions,
-    new_figure,
     per_area,
     plot_body,
     plot_energy,
     plot_path,
 )
 from riemhuman.plots._colors import MEAN, SKIN
+from riemhuman.plots.figures import new_figure
 from riemhuman.report._page import Column, Section, Table, heading, paragraph, viewer_figure
 from riemhuman.report._report import (
     PATH_WEIGHTS,

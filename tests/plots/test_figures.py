@@ -8,7 +8,7 @@ import pytest
 from matplotlib.image import imread
 
 from riemhuman.plots._colors import class_colors, rgb, value_colors
-from riemhuman.plots._figures import figure_files, figure_style, new_figure
+from riemhuman.plots.figures import figure_files, figure_style, new_figure
 
 
 def small_figure():

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.distance import pdist, squareform
 
 from riemhuman.errors import ArgumentError, MissingDependencyError
-from riemhuman.plots._figures import new_figure
-from riemhuman.plots.maps import crosses, embed, plot_embedding, stress
+from riemhuman.plots.figures import new_figure
+from riemhuman.plots.maps import embed, plot_embedding, stress
 
 POINTS = np.random.default_rng(0).normal(size=(12, 2))
 DISTANCES = squareform(pdist(POINTS))
@@ -66,21 +66,6 @@ def test_maps_show_every_item_in_the_colour_of_its_class():
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["one", "two", "three"]
 
 
-def test_maps_have_a_body_for_every_class(nine_bodies):
-    labels = np.unique(nine_bodies.pose, return_inverse=True)[1]
-    ax = plot_embedding(
-        PLACES[:9], labels, list("abc"), points=nine_bodies.points,
-        faces=nine_bodies.template.faces,
-    )  # fmt: skip
-    boxes = [artist for artist in ax.artists if hasattr(artist, "offsetbox")]
-    assert len(boxes) == 3
-    x, y = ax.get_xlim(), ax.get_ylim()
-    for box in boxes:
-        assert x[0] < box.xy[0] < x[1]
-        assert y[0] < box.xy[1] < y[1]
-    assert [text.get_text() for text in ax.texts] == ["a", "b", "c"]
-
-
 def clusters(seed):
     rng = np.random.default_rng(seed)
     centres = rng.uniform(0.6, [4.1, 3.7], (10, 2))
@@ -88,7 +73,7 @@ def clusters(seed):
     return centres[labels] + 0.1 * rng.normal(size=(60, 2)), labels
 
 
-def test_lines_cross_no_name_as_drawn(nine_bodies):
+def test_bodies_of_classes_hide_no_point_and_no_name(nine_bodies):
     positions, labels = clusters(1)
     names = [f"person number {label} of the set" for label in range(10)]
     figure = new_figure(4.5, 4.8)
@@ -99,15 +84,19 @@ def test_lines_cross_no_name_as_drawn(nine_bodies):
     )
     figure.draw_without_rendering()
     renderer = figure._get_renderer()
-    boxes = [text.get_window_extent(renderer) for text in ax.texts]
-    lines = [ax.transData.transform(line.get_xydata()) for line in ax.lines]
-    assert len(boxes) == len(lines) == 10
-    for start, end in lines:
-        for box in boxes:
-            middle = np.array([(box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2])
-            assert not crosses(start, end, middle, np.array([box.width, box.height]) / 2)
+    named = [text for text in ax.texts if text.get_text()]
+    drawn = [artist for artist in ax.artists if hasattr(artist, "offsetbox")]
+    boxes = [one.get_window_extent(renderer) for one in [*named, *drawn]]
+    assert len(named) == len(drawn) == 10
     for index, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[index + 1 :])
+        assert not any(box.contains(*place) for place in ax.transData.transform(positions))
+        assert figure.bbox.fully_containsx(box.x0)
+        assert figure.bbox.fully_containsx(box.x1)
+    # Each body has a line to the middle of its class.
+    ends = sorted(text.xy[0] for text in ax.texts if text.arrow_patch)
+    middles = [np.median(positions[labels == label], axis=0)[0] for label in range(10)]
+    np.testing.assert_allclose(ends, sorted(middles))
 
 
 def test_the_bar_is_as_long_as_it_says_in_both_directions(nine_bodies):

@@ -15,9 +15,10 @@ from cases import sphere_template, surfaces
 import riemhuman as rh
 from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, FileError
-from riemhuman.plots import ViewedBody, Viewer, page_scripts, view_bodies, view_path
+from riemhuman.plots import ViewedBody, Viewer, view_bodies, view_path
 from riemhuman.plots._viewer_data import decimate, quantize
 from riemhuman.plots.rendering import View, render, window_around
+from riemhuman.plots.viewer import page_scripts
 from riemhuman.surfaces.measures import is_closed, signed_volume, triangle_areas
 
 TEMPLATE = sphere_template()
@@ -108,7 +109,7 @@ def test_the_page_asks_for_nothing():
     assert "<title>A &lt;path&gt; &amp; more</title>" in page
     without_scripts = re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
     assert not re.findall(r'(?:src|href)="(?!data:)|url\(|@import|https?:', without_scripts)
-    own = page_scripts(library=False)
+    own = page_scripts().split("<script>")[-1]
     assert not re.findall(r"fetch|XMLHttpRequest|import\(|https?:", own)
     identifiers = re.findall(r'\bid="([^"]+)"', without_scripts)
     assert len(identifiers) == len(set(identifiers)) > 1
@@ -169,7 +170,7 @@ def aligned():
     motions = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
     m1, m2 = (motion[:30:10] for motion in motions)
     warp = rh.motions.Warp(0.125, np.array([0.0, 1.0, 2.0]), np.array([0.0, 4.0, 8.0]))
-    return rh.plots.AlignedMotions(m1, m2, motions[0].faces, warp, ("Anna & co", "Ben"))
+    return rh.plots.view_alignment(m1, m2, motions[0].faces, warp, ("Anna & co", "Ben"))
 
 
 def test_page_shows_both_the_curve_and_matched_frames(aligned, tmp_path):

@@ -51,7 +51,7 @@ def figure_style() -> Iterator[None]:
     --------
     >>> import riemhuman as rh
     >>> with rh.plots.figure_style():
-    ...     figure = rh.plots.new_figure(3.0, 2.0)
+    ...     ax = rh.plots.plot_energy([3.0, 2.0, 1.9])
     """
     matplotlib = import_optional("matplotlib", "plot")
     with matplotlib.rc_context(_STYLE):
@@ -59,18 +59,7 @@ def figure_style() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty matplotlib figure that opens no window.
-
-    Parameters
-    ----------
-    width, height : float
-        Size, inches.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> ax = rh.plots.new_figure(3.0, 2.0).subplots()
-    """
+    """Return an empty figure of a size in inches that opens no window."""
     module: Any = import_optional("matplotlib.figure", "plot")
     return module.Figure(figsize=(width, height), layout="constrained")
 
@@ -84,42 +73,16 @@ def new_axes(ax: Axes | None, width: float, height: float) -> Axes:
 
 
 def figure_files(figure: Figure) -> tuple[str, bytes]:
-    """Return a figure drawn in `figure_style` as the contents of an SVG and of a PNG file.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-
-    Returns
-    -------
-    svg : str
-        Without background; its ink follows the theme of the reader, light or dark.
-    png : bytes
-        On a white background.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> with rh.plots.figure_style():
-    ...     svg, png = rh.plots.figure_files(rh.plots.new_figure(3.0, 2.0))
-    >>> svg[:4]
-    '<svg'
-    """
+    """Return a figure as an SVG file without background, in the ink of the theme, and as a PNG."""
     content = io.BytesIO()
     nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
     figure.savefig(content, format="svg", dpi=_DPI, metadata=nothing)
     figure.set_layout_engine("none")  # the layout is done; doing it again would take long
-    svg = _themed(content.getvalue().decode("utf-8"))
+    svg = content.getvalue().decode("utf-8")
+    end = svg.index(">", svg.index("<svg")) + 1
+    # Ink has the colour of the theme; text without a colour would stay black.
+    head = svg[svg.index("<svg") : end].replace("<svg", '<svg fill="currentColor"', 1)
+    svg = head + _THEME + svg[end:].replace(_INK, "currentColor")
     content = io.BytesIO()
     figure.savefig(content, format="png", dpi=_DPI, facecolor="white", metadata={"Software": None})
     return svg, content.getvalue()
-
-
-def _themed(svg: str) -> str:
-    """Return an SVG figure whose ink has the colour of the theme."""
-    end = svg.index(">", svg.index("<svg")) + 1
-    inked = svg[end:].replace(_INK, "currentColor")
-    # Text without a colour would stay black.
-    head = svg[:end].replace("<svg", '<svg fill="currentColor"', 1)
-    return head[head.index("<svg") :] + _THEME + inked
