@@ -102,11 +102,11 @@ def _checked_frames(space: Manifold, frames: Any, first: int, name: str) -> ndar
 
 
 class FrameDistances:
-    """Squared distances of frames by a metric, or by principal components that never exceed it.
+    """Squared distances of frames, by a metric or by its lower-bound coordinates.
 
-    With `n_components`, frames become their principal components in the metric's lower-bound
-    coordinates, and the norm of the remainder; the components are those of `motions`. Unless
-    `heading` counts, all frames face forward.
+    If `flat`, frames are compared by these coordinates where the metric has them. With
+    `n_components`, they are replaced by their principal components among `motions` and the norm of
+    the remainder. Unless `heading` counts, all frames face forward.
     """
 
     def __init__(
@@ -116,9 +116,11 @@ class FrameDistances:
         motions: Sequence[Motion] = (),
         *,
         heading: bool = False,
+        flat: bool = False,
     ) -> None:
         self._metric: Any = metric
         self._heading = heading
+        self._flat = n_components is not None or (flat and metric.has_lower_bound_coordinates)
         self._projection = None
         if n_components is None:
             return
@@ -142,15 +144,17 @@ class FrameDistances:
     def features(self, motion: Motion, name: str) -> tuple[ndarray, ...]:
         """Return arrays of features of the frames, each of shape (n_frames, ...)."""
         runs = self._runs(motion, name)
-        if self._projection is not None:
-            rows = [self._projection(self._metric.lower_bound_coordinates(run)) for run in runs]
+        if self._flat:
+            rows = [self._metric.lower_bound_coordinates(run) for run in runs]
+            if self._projection is not None:
+                rows = [self._projection(run) for run in rows]
             return (np.concatenate(rows),)
         parts = [self._metric.features(run) for run in runs]
         return tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
 
     def squared(self, a: tuple[ndarray, ...], b: tuple[ndarray, ...]) -> ndarray:
         """Return the squared distances between n and m frames, shape (n, m)."""
-        if self._projection is None:
+        if not self._flat:
             return np.asarray(self._metric.bulk.squared_distances(a, b))
         x, y = a[0], b[0]
         squares = np.einsum("ij,ij->i", x, x)[:, None] + np.einsum("ij,ij->i", y, y)

@@ -214,8 +214,9 @@ class DynamicTimeWarping(MotionDistance):
         the vertical axis, y, to its best fit with the template: an action is the same wherever on
         the floor, and whichever way, it is performed.
     n_components : int, optional
-        Number of principal components that `dist_pairwise` compares in place of frames; no distance
-        exceeds the exact one. By default distances are exact.
+        Number of principal components of `metric.lower_bound_coordinates` that `dist_pairwise`
+        compares in place of frames; no distance exceeds the exact one. By default distances are
+        exact.
     n_jobs : int, optional
         Number of threads, -1 for one per core; by default one.
 
@@ -334,8 +335,9 @@ class VelocityTimeWarping(MotionDistance):
               \Big| \frac{v_k}{\sqrt{|v_k|}} - \frac{w_k}{\sqrt{|w_k|}} \Big|^2
 
     over positions that do not decrease, from the first frame to the last; negative products of v
-    and w count as 0. The distance is the smaller of the two directions, mostly the one from the
-    motion of fewer frames. It is 0 between motions that stand still, and 1 between a motion that
+    and w count as 0. Frames are points of the Euclidean space of the metric's
+    `lower_bound_coordinates`, if it has them (normals and rotations count by chords, not arcs). The
+    distance is the smaller of the two directions, mostly the one from the motion of fewer frames. It is 0 between motions that stand still, and 1 between a motion that
     moves and one that stands still.
 
     A motion is near all of its samplings, however few frames they have, and near a longer motion
@@ -345,8 +347,8 @@ class VelocityTimeWarping(MotionDistance):
     Parameters
     ----------
     metric : RiemannianMetric
-        Metric on frames, with a closed form. Inner products of steps and chords come from its
-        squared distances.
+        Metric on frames. Without `lower_bound_coordinates`, it needs a closed form, and inner
+        products of steps and chords come from squared distances.
     n_steps : int
         Largest number of steps of a motion; frames in excess are skipped. More steps distinguish
         finer movements. Fewer steps are longer, so that noise counts less.
@@ -383,8 +385,12 @@ class VelocityTimeWarping(MotionDistance):
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
         """Return the best re-timing, in the direction of the smaller distance."""
-        basis = FrameDistances(self.metric, heading=self.heading)
+        basis = FrameDistances(self.metric, heading=self.heading, flat=True)
         return self._match(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
+
+    def _basis(self, motions: Sequence[Motion]) -> FrameDistances:
+        options: Any = {"heading": self.heading, "flat": True}
+        return FrameDistances(self.metric, self.n_components, motions, **options)
 
     def _prepare(self, basis: FrameDistances, motion: Motion, name: str) -> _Steps:
         n_frames = frame_count(motion, name, 2)

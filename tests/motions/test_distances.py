@@ -51,11 +51,17 @@ def test_components_lower_distances_a_little(space, motions, name, most):
     assert (projected >= (1 - most) * exact).all()
 
 
-def test_components_change_distances_of_velocities_little(space, motions):
-    """By 0.054 of at most 1 for one punch of two people, by less than 0.05 for all other pairs."""
+def test_distances_of_velocities_come_nearer_with_more_components(space, motions):
+    """Sixty frames span 59 components, which leave nothing out."""
     exact = DISTANCES["velocities"](space).dist_pairwise(motions)
-    projected = DISTANCES["velocities"](space, n_components=30).dist_pairwise(motions)
-    np.testing.assert_allclose(projected, exact, atol=0.06)
+    gaps = []
+    for n_components in (20, 30, 40, 59):
+        projected = DISTANCES["velocities"](space, n_components=n_components)
+        gaps.append(np.abs(projected.dist_pairwise(motions) - exact).max())
+    assert gaps[0] > gaps[1] > gaps[2] > gaps[3]
+    assert gaps[1] < 0.05
+    assert gaps[2] < 0.015
+    assert gaps[3] < 1e-6
 
 
 def test_repeated_frames_change_nothing(distance, motions):
