@@ -336,9 +336,10 @@ class VelocityTimeWarping(MotionDistance):
 
     over positions that do not decrease, from the first frame to the last; negative products of v
     and w count as 0. Frames are points of the Euclidean space of the metric's
-    `lower_bound_coordinates`, if it has them (normals and rotations count by chords, not arcs). The
-    distance is the smaller of the two directions, mostly the one from the motion of fewer frames. It is 0 between motions that stand still, and 1 between a motion that
-    moves and one that stands still.
+    `lower_bound_coordinates`, if it has them: normals and rotations count by chords, not arcs. The
+    distance is the smaller of the two directions, mostly the one from the motion of fewer frames.
+    It is 0 between motions that stand still, and 1 between a motion that moves and one that stands
+    still.
 
     A motion is near all of its samplings, however few frames they have, and near a longer motion
     that differs only in movements that one step can skip. The triangle inequality does not hold.

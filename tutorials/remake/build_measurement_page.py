@@ -42,13 +42,15 @@ Where the standards differ, there is a measurement for each:
 - **Arm.** Girths are of the hanging arm, as in ISO 8559-1; those of ANSUR II are of the flexed
   arm.
 
-Numbers of ISO 8559-1 are of 2017, those of ISO 7250-1 of 2008. *Level* is the height of the plane
-or place on the mean body, in per cent of its stature. *Women* and *men* say by how many
-millimetres (kilograms) the mean woman and man of the open body model measure more than those of
-ANSUR II; {agree} of {count} agree to half a standard deviation among adults for both. The seated
-body is bent at the joints of the model, so that its thighs are short and thick. `python
-tutorials/remake/build_statistics.py ANSUR --check` prints how well measurements predict each
-other.
+*ISO* names the standard, ISO 8559-1 of 2017 or ISO 7250-1 of 2008, without its numbers of clauses.
+*Level* is the height of the plane or place on the mean body, in per cent of its stature. *Women*
+and *men* say by how many millimetres (kilograms) the mean woman and man of the open body model
+measure more than those of ANSUR II; {agree} of {count} agree to half a standard deviation among
+adults for both. The coarse model is a polyhedron inside the full one, so that girths of its limbs
+are some centimetres less. The seated body is bent at the joints of the model, whose hips lie below
+those of people, so that its thighs are short and thick: for seated measurements of a person,
+`model_from_measurements(...).predicted` is nearer. `python tutorials/remake/build_statistics.py
+ANSUR --check` prints how well measurements predict each other.
 
 | name | ISO | ANSUR II | CAESAR | SMPL-Anthropometry | level | women | men | remark |
 |---|---|---|---|---|---:|---:|---:|---|

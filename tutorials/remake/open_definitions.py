@@ -125,6 +125,7 @@ _BUTTOCKS = {"left_buttock": 0.5, "right_buttock": 0.5}
 _UPPER_ARM, _FOREARM = ("right_elbow", "right_shoulder"), ("right_wrist", "right_elbow")
 _THIGH, _SHIN = ("right_knee", "right_hip"), ("right_ankle", "right_knee")
 _CLOTHING, _DESIGN = "ISO 8559-1", "ISO 7250-1"
+_BOTH = f"{_CLOTHING}; {_DESIGN}"
 _OVER_SKIN = "over the skin, where a calliper presses to the bone"
 
 
@@ -156,14 +157,14 @@ def _named(standard: str = "", ansur: str = "", caesar: str = "", smpl: str = ""
 
 def _heights() -> tuple[Measurement, ...]:
     rows = (
-        ("stature", "crown", f"{_DESIGN}, 4.1.2", "stature", "Stature", "height"),
+        ("stature", "crown", _DESIGN, "stature", "Stature", "height"),
         ("cervical height", "cervicale", _CLOTHING, "cervicaleheight"),
         ("waist height", "right_waist", _CLOTHING, "", "≈ Waist Height, Preferred"),
         ("waist height (omphalion)", "omphalion", "", "waistheightomphalion"),
         ("hip height", _BUTTOCKS, _CLOTHING, "buttockheight", "≈ Hip Circ Max Height"),
-        ("inside leg height", "crotch", f"{_DESIGN}, 4.1.7", "crotchheight", "Crotch Height")
+        ("inside leg height", "crotch", _DESIGN, "crotchheight", "Crotch Height")
         + ("inside leg height",),
-        ("shoulder height", "right_acromion", f"{_DESIGN}, 4.1.4", "acromialheight"),
+        ("shoulder height", "right_acromion", _DESIGN, "acromialheight"),
         ("armpit height", "right_axilla", "", "axillaheight"),
         ("chest height", "right_nipple", "", "chestheight"),
         ("suprasternale height", "suprasternale", "", "suprasternaleheight"),
@@ -173,7 +174,7 @@ def _heights() -> tuple[Measurement, ...]:
         ("knee height (midpatella)", "right_midpatella", "", "kneeheightmidpatella"),
         ("lateral epicondyle height", "right_lateral_epicondyle", "")
         + ("lateralfemoralepicondyleheight",),
-        ("tibial height", "right_tibiale", f"{_DESIGN}, 4.1.8", "tibialheight"),
+        ("tibial height", "right_tibiale", _DESIGN, "tibialheight"),
         ("ankle height", "right_lateral_malleolus", _CLOTHING, "lateralmalleolusheight"),
     )
     above = Height(
@@ -199,7 +200,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             parts=("head",),
             hull=True,
             **_named(
-                "ISO 8559-1, 5.3.1; ISO 7250-1, 4.3.12",
+                _BOTH,
                 "headcircumference",
                 "Head Circumference",
                 "head circumference",
@@ -211,7 +212,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             normal=("neck", "head"),
             **neck,
             **_named(
-                f"{_CLOTHING}, 5.3.2; ISO 7250-1, 4.4.9",
+                _BOTH,
                 "neckcircumference",
                 smpl="neck circumference",
             ),
@@ -221,7 +222,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             at={"left_neck_base": 0.5, "right_neck_base": 0.5},
             normal=("cervicale", "left_clavicle", "right_clavicle"),
             **neck,
-            **_named(f"{_CLOTHING}, 5.3.3", "neckcircumferencebase", "Neck Base Circumference"),
+            **_named(_CLOTHING, "neckcircumferencebase", "Neck Base Circumference"),
         ),
         Girth(
             name="chest girth",
@@ -229,7 +230,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             note="at the bust points, of women: bust; CAESAR's chest girth at the scye is higher",
             **trunk,
             **_named(
-                f"{_CLOTHING}, 5.3.4; ISO 7250-1, 4.4.10",
+                _BOTH,
                 "chestcircumference",
                 "Bust/Chest Circumference",
                 "chest circumference",
@@ -239,7 +240,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             name="under-bust girth",
             at="under_bust",
             **trunk,
-            **_named(f"{_CLOTHING}, 5.3.8", caesar="Bust/Chest Circ Under Bust"),
+            **_named(_CLOTHING, caesar="Bust/Chest Circ Under Bust"),
         ),
         Girth(
             name="waist girth",
@@ -248,7 +249,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             "iliac crest; not the navel's",
             **trunk,
             **_named(
-                f"{_CLOTHING}, 5.3.10; ISO 7250-1, 4.4.11",
+                _BOTH,
                 caesar="≈ Waist Circumference, Preferred",
             ),
         ),
@@ -265,7 +266,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             note="level where the buttocks protrude most",
             **hips,
             **_named(
-                f"{_CLOTHING}, 5.3.13",
+                _CLOTHING,
                 "buttockcircumference",
                 "≈ Hip Circumference, Maximum",
                 "hip circumference",
@@ -278,7 +279,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             note="relaxed, at the middle of the bone; ANSUR's is flexed, at the thickest place",
             **arm,
             **_named(
-                f"{_CLOTHING}, 5.3.16",
+                _CLOTHING,
                 "≈ bicepscircumferenceflexed",
                 smpl="bicep right circumference",
             ),
@@ -290,7 +291,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             note="relaxed, at the thickest place; ANSUR's is flexed with a fist",
             **arm,
             **_named(
-                f"{_CLOTHING}, 5.3.18",
+                _CLOTHING,
                 "≈ forearmcircumferenceflexed",
                 smpl="forearm right circumference",
             ),
@@ -301,7 +302,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             normal=_FOREARM,
             **arm,
             **_named(
-                f"{_CLOTHING}, 5.3.19; ISO 7250-1, 4.4.12",
+                _BOTH,
                 "wristcircumference",
                 smpl="wrist right circumference",
             ),
@@ -324,7 +325,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             "the buttock",
             **leg,
             **_named(
-                f"{_CLOTHING}, 5.3.20; ISO 7250-1, 4.4.13",
+                _BOTH,
                 "thighcircumference",
                 "Thigh Circumference",
                 "thigh left circumference",
@@ -335,7 +336,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             at=on(_THIGH, 0.5),
             normal=_THIGH,
             **leg,
-            **_named(f"{_CLOTHING}, 5.3.21"),
+            **_named(_CLOTHING),
         ),
         Girth(
             name="lower thigh girth",
@@ -350,7 +351,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             at="right_knee",
             normal=("right_ankle", "right_hip"),
             **leg,
-            **_named(f"{_CLOTHING}, 5.3.22"),
+            **_named(_CLOTHING),
         ),
         Girth(
             name="calf girth",
@@ -359,7 +360,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             note="where it is the largest on the mean body",
             **leg,
             **_named(
-                f"{_CLOTHING}, 5.3.24; ISO 7250-1, 4.4.14",
+                _BOTH,
                 "calfcircumference",
                 smpl="calf left circumference",
             ),
@@ -417,16 +418,14 @@ def _lengths() -> tuple[Measurement, ...]:
         Length(
             name="shoulder (biacromial) breadth",
             along=("left_acromion", "right_acromion"),
-            **_named(
-                f"{_DESIGN}, 4.2.7", "biacromialbreadth", "Biacromial Breadth", "shoulder breadth"
-            ),
+            **_named(_DESIGN, "biacromialbreadth", "Biacromial Breadth", "shoulder breadth"),
         ),
         Length(
             name="back length",
             along=("cervicale", "waist_back"),
             path="surface",
             note="from the cervicale to the natural waist, along the surface",
-            **_named(f"{_CLOTHING}, 5.4.5"),
+            **_named(_CLOTHING),
         ),
         Length(
             name="back length (omphalion)",
@@ -488,7 +487,7 @@ def _lengths() -> tuple[Measurement, ...]:
         Length(
             name="forearm length",
             along=("right_radiale", "right_stylion"),
-            **_named(f"{_DESIGN}, 4.4.3", "radialestylionlength"),
+            **_named(_DESIGN, "radialestylionlength"),
         ),
         Length(
             name="spine to wrist length",
@@ -505,17 +504,17 @@ def _lengths() -> tuple[Measurement, ...]:
         Length(
             name="hand length",
             along=("right_stylion", "right_dactylion"),
-            **_named(f"{_DESIGN}, 4.3.1", "handlength", "Hand Length"),
+            **_named(_DESIGN, "handlength", "Hand Length"),
         ),
         Length(
             name="palm length",
             along=("right_palm_base", "right_finger_base"),
-            **_named(f"{_DESIGN}, 4.3.2", "palmlength"),
+            **_named(_DESIGN, "palmlength"),
         ),
         Length(
             name="foot length",
             along=("right_heel", "right_toe"),
-            **_named(f"{_DESIGN}, 4.3.7", "footlength", "Foot Length"),
+            **_named(_DESIGN, "footlength", "Foot Length"),
         ),
         Length(
             name="ball of foot length",
@@ -526,12 +525,12 @@ def _lengths() -> tuple[Measurement, ...]:
         Length(
             name="head length",
             along=("glabella", "opisthocranion"),
-            **_named(f"{_DESIGN}, 4.3.9", "headlength", "Head Length"),
+            **_named(_DESIGN, "headlength", "Head Length"),
         ),
         Length(
             name="face length",
             along=("sellion", "menton"),
-            **_named(f"{_DESIGN}, 4.3.11", "mentonsellionlength", "Face Length"),
+            **_named(_DESIGN, "mentonsellionlength", "Face Length"),
         ),
         Length(
             name="bitragion-chin arc",
@@ -581,7 +580,7 @@ def _breadths() -> tuple[Measurement, ...]:
             name="chest depth",
             at=_BUST,
             **trunk,
-            **_named(f"{_DESIGN}, 4.2.15", "chestdepth"),
+            **_named(_DESIGN, "chestdepth"),
         ),
         Breadth(name="waist breadth", at="right_waist", note="at the natural waist", **trunk),
         Depth(name="waist depth", at="right_waist", note="at the natural waist", **trunk),
@@ -594,14 +593,12 @@ def _breadths() -> tuple[Measurement, ...]:
         Depth(
             name="waist depth (omphalion)", at="omphalion", **trunk, **_named(ansur="waistdepth")
         ),
-        Breadth(
-            name="hip breadth", at=_BUTTOCKS, **hips, **_named(f"{_DESIGN}, 4.1.12", "hipbreadth")
-        ),
+        Breadth(name="hip breadth", at=_BUTTOCKS, **hips, **_named(_DESIGN, "hipbreadth")),
         Depth(name="buttock depth", at=_BUTTOCKS, **hips, **_named(ansur="buttockdepth")),
         replace(
             across("iliac crest breadth", "iliocristale", "", "≈ bicristalbreadth"), note=_OVER_SKIN
         ),
-        across("head breadth", "euryon", f"{_DESIGN}, 4.3.10", "headbreadth", "Head Breadth"),
+        across("head breadth", "euryon", _DESIGN, "headbreadth", "Head Breadth"),
         across("face breadth", "zygion", "", "bizygomaticbreadth"),
         across("interpupillary breadth", "pupil", "", "interpupillarybreadth"),
         between("hand breadth", "right_second_metacarpal", "right_fifth_metacarpal", "handbreadth"),
@@ -623,7 +620,7 @@ def _wholes() -> tuple[Measurement, ...]:
         Mass(
             name="body mass",
             note="an estimate: the volume at 1000 kg a cubic metre",
-            **_named(f"{_DESIGN}, 4.1.1", "weightkg", "Weight"),
+            **_named(_DESIGN, "weightkg", "Weight"),
         ),
     )
 
@@ -639,37 +636,37 @@ def seated_definitions() -> tuple[Measurement, ...]:
         return Length(name=name, along=along, axis="forward", **_named(**names))
 
     return (
-        height("sitting height", "crown", f"{_DESIGN}, 4.2.1", "sittingheight", "Sitting Height"),
+        height("sitting height", "crown", _DESIGN, "sittingheight", "Sitting Height"),
         height(
             "eye height, sitting",
             "right_ectocanthus",
-            f"{_DESIGN}, 4.2.2",
+            _DESIGN,
             "eyeheightsitting",
             "Eye Height, Sitting",
         ),
         height(
             "elbow rest height",
             "right_olecranon_below",
-            f"{_DESIGN}, 4.2.5",
+            _DESIGN,
             "elbowrestheight",
             "Elbow Height, Sitting",
         ),
         Height(
             name="knee height, sitting",
             at="right_knee_top",
-            **_named(f"{_DESIGN}, 4.2.13", "kneeheightsitting", "Knee Height, Sitting"),
+            **_named(_DESIGN, "kneeheightsitting", "Knee Height, Sitting"),
         ),
         Height(
             name="popliteal height",
             at="right_popliteal",
-            **_named(f"{_DESIGN}, 4.2.11", "poplitealheight"),
+            **_named(_DESIGN, "poplitealheight"),
         ),
-        height("thigh clearance", "right_thigh_top", f"{_DESIGN}, 4.2.12", "thighclearance"),
+        height("thigh clearance", "right_thigh_top", _DESIGN, "thighclearance"),
         reach(
             "buttock-knee length",
             "right_buttock_seated",
             "right_knee_front",
-            standard=f"{_DESIGN}, 4.4.8",
+            standard=_DESIGN,
             ansur="buttockkneelength",
             caesar="Buttock-Knee Length",
         ),
@@ -677,39 +674,39 @@ def seated_definitions() -> tuple[Measurement, ...]:
             "buttock-popliteal length",
             "right_buttock_seated",
             "right_calf_back",
-            standard=f"{_DESIGN}, 4.4.7",
+            standard=_DESIGN,
             ansur="buttockpopliteallength",
         ),
         reach(
             "forearm-hand length",
             "right_olecranon_back",
             "right_dactylion",
-            standard=f"{_DESIGN}, 4.4.6",
+            standard=_DESIGN,
             ansur="forearmhandlength",
         ),
         Length(
             name="shoulder-elbow length",
             along=("right_acromion", "right_olecranon_below"),
             axis="up",
-            **_named(f"{_DESIGN}, 4.2.6", "shoulderelbowlength"),
+            **_named(_DESIGN, "shoulderelbowlength"),
         ),
         Length(
             name="shoulder (bideltoid) breadth",
             along=("left_deltoid", "right_deltoid"),
-            **_named(f"{_DESIGN}, 4.2.8", "bideltoidbreadth", "Shoulder Breadth"),
+            **_named(_DESIGN, "bideltoidbreadth", "Shoulder Breadth"),
         ),
         Length(
             name="hip breadth, sitting",
             along=("left_hip_seated", "right_hip_seated"),
             axis="left",
-            **_named(f"{_DESIGN}, 4.2.10", "hipbreadthsitting", "Hip Breadth, Sitting"),
+            **_named(_DESIGN, "hipbreadthsitting", "Hip Breadth, Sitting"),
         ),
         Depth(
             name="abdominal depth, sitting",
             at="abdomen",
             parts=TRUNK,
             leave_out=(*ARMS, *LEGS),
-            **_named(f"{_DESIGN}, 4.2.14", "abdominalextensiondepthsitting"),
+            **_named(_DESIGN, "abdominalextensiondepthsitting"),
         ),
         Girth(
             name="shoulder girth",
