@@ -4,23 +4,20 @@
 
 prints, for the metrics of pose, shape, both and SRNF, microseconds a pair of the compiled loops on
 one thread and on two, of the definitions on fields computed before and on raw vertices, and their
-ratios; of SRNF also those of a product of matrices of the same features; then all 4,950 pairs from
-raw vertices, the growth with triangles and bodies, and the memory held. Times are the shortest of
-several runs, in turns.
+ratios; then all 4,950 pairs from raw vertices, and the first calls of a fresh process. Times are
+the shortest of several runs, in turns.
 """
 
 import subprocess
 import sys
 import time
-import tracemalloc
 
 import numpy as np
 import pytest
-from performances import bodies, growth
+from performances import bodies
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.kernels.surface import derivatives
-from riemhuman.kernels.threads import single_threaded_libraries
 
 WEIGHTS = {
     "pose": (0.0, 0.0, 1.0),
@@ -95,66 +92,9 @@ def test_against_the_definition(benchmark, name):
         f"{fields / two:.0f} and {vertices / two:.0f}; {n_pairs:,} pairs from raw vertices "
         f"{times[5]:.3f} s, with two threads {times[6]:.3f} s"
     )
-    if name == "srnf":
-        half = 50
-        rows = tuple(feature[:half] for feature in all_features)
-        columns = tuple(feature[half:] for feature in all_features)
-        with single_threaded_libraries():
-            times_of_halves = shortest(
-                lambda: metric.bulk.squared_distances(rows, columns),
-                lambda: rows[0] @ columns[0].T,
-                rounds=15,
-            )
-        loops, product = 1e6 * times_of_halves / (half * half)
-        print(
-            f"        between two halves of them {loops:.2f} us a pair on one thread; a product of "
-            f"matrices, which is not as exact, {product:.2f}: ratio {loops / product:.2f}"
-        )
     benchmark.pedantic(lambda: metric.dist_pairwise(points, n_jobs=2), rounds=3)
     assert name not in ("pose", "shape") or fields >= 40 * one
     assert times[6] <= 0.5
-
-
-@each_metric
-def test_growth(benchmark, name):
-    features = {r: metric_of(name, r).features(bodies(r).points) for r in ("coarse", "full")}
-
-    def all_pairs(resolution, count):
-        part = tuple(feature[:count] for feature in features[resolution])
-        bulk = metric_of(name, resolution).bulk
-        return lambda: bulk.squared_distances(part, part)
-
-    counts, triangles = (25, 50, 100), [bodies(r).template.n_faces for r in features]
-    with_bodies = growth(counts, shortest(*(all_pairs("full", count) for count in counts)))
-    with_triangles = growth(triangles, shortest(*(all_pairs(r, 100) for r in features)))
-    print(
-        f"\n{name:7} time grows as n^{with_bodies:.2f} with bodies, as F^{with_triangles:.2f} with "
-        "triangles"
-    )
-    benchmark.pedantic(all_pairs("full", 100), rounds=3)
-
-
-def test_memory(benchmark):
-    points, metric = bodies("full").points, metric_of("mixed", "full")
-    n_bodies = len(points)
-    a_body = sum(array.nbytes for array in metric.features(points[:1], "single"))
-    metric.dist_pairwise(points[:2])
-    whole = None
-    for share in (1.0, 0.5, 0.1):
-        tracemalloc.start()
-        matrix = metric.dist_pairwise(points, memory=int(share * n_bodies * a_body))
-        _, peak = tracemalloc.get_traced_memory()
-        tracemalloc.stop()
-        print(
-            f"\n{n_bodies} bodies, budget {share * n_bodies * a_body / 2**20:.1f} MiB:"
-            f" peak {peak / 2**20:.1f} MiB",
-            end="",
-        )
-        whole = matrix if whole is None else whole
-        np.testing.assert_array_equal(matrix, whole)
-        # Beside the features: the surfaces of the slice being read, and the table.
-        assert peak <= share * n_bodies * (a_body + 2 * points[0].nbytes) + 2 * 2**20
-    benchmark.pedantic(lambda: metric.dist_pairwise(points), rounds=1)
 
 
 FIRST_CALL = """

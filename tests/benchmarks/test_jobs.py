@@ -4,21 +4,15 @@
 
 prints, for the metrics of poses and of shapes, the time of the job, its disk space and the peak of
 its resident memory at coarse resolution; the same for 600 bodies at full resolution; and what that
-makes for larger sets; and what a cluster costs that runs on the same machine.
+makes for larger sets.
 """
 
 import subprocess
 import sys
 from pathlib import Path
 
-import distributed
 import numpy as np
 import pytest
-from people_in_motion import PeopleInMotion
-from performances import clocked
-
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.retrieval import pairwise_job
 
 TESTS = Path(__file__).parents[1]
 METRICS = {"pose": (0.0, 0.0, 1.0), "shape": (1.0, 1e-4, 0.0)}
@@ -93,29 +87,3 @@ def test_all_pairs_on_disk(benchmark, metric, resolution, tmp_path):
     )
     assert distances.shape == (n_bodies, n_bodies)
     assert memory < 2 * 2**30
-
-
-def test_on_a_cluster(benchmark, tmp_path):
-    """Two workers of a cluster against two threads of one process, the same points in memory."""
-    bodies = PeopleInMotion(3_000)
-    points = bodies[:]
-    metric = ElasticMetric(AlignedSurfaces(bodies.model.template), *METRICS["pose"])
-    metric.dist_pairwise(points[:2])  # compiles, where nothing is cached yet
-    here, seconds, _ = clocked(
-        lambda: pairwise_job(metric, points, tmp_path / "here", n_jobs=2), benchmark=benchmark
-    )
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=":0"
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        pairwise_job(metric, points[:50], tmp_path / "warm-up", client=client)
-        there, seconds_there, _ = clocked(
-            lambda: pairwise_job(metric, points, tmp_path / "there", client=client)
-        )
-    print(
-        f"\n{len(points)} coarse bodies: {seconds:.1f} s with two threads, {seconds_there:.1f} s "
-        f"on two workers, {seconds_there / seconds:.2f} times as long"
-    )
-    np.testing.assert_array_equal(here, there)

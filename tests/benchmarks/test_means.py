@@ -1,4 +1,4 @@
-"""Means of five people, of one person's poses, and of thousands from a file; medians of these.
+"""Means of one person's poses and of thousands of bodies from a file; medians of these.
 
 pytest tests/benchmarks/test_means.py --benchmark-enable -s
 
@@ -20,23 +20,6 @@ from riemhuman.surfaces import DeformationBasis
 from riemhuman.surfaces.measures import triangle_areas
 
 OTHER_PEOPLE = 81  # on whom no setting was compared
-
-
-def test_mean_of_five_people(benchmark):
-    points = bodies("full").points[0:50:10]
-    metric = ElasticMetric(AlignedSurfaces(bodies("full").template), 0.0, 0.0, 1.0)
-    solver = BasisMean(basis("full"))
-    result, seconds, _ = clocked(
-        lambda: solver.solve(metric, points), rounds=3, benchmark=benchmark
-    )
-    dispersion = Dispersion(metric, points)
-    print(
-        f"\n{seconds:.2f} s: variance {result.variance:.6g} after {result.n_iterations} "
-        f"iterations; of the Euclidean mean {dispersion.value(points.mean(axis=0)):.6g}, "
-        f"of the best sample {min(map(dispersion.value, points)):.6g}"
-    )
-    assert result.converged
-    assert result.variance < dispersion.value(points.mean(axis=0))
 
 
 def test_mean_of_poses(benchmark):

@@ -6,7 +6,7 @@ pytest tests/benchmarks/test_measurements.py --benchmark-enable -s
 import numpy as np
 from performances import bodies, clocked
 
-from riemhuman.measurements import Measurements, in_standard_pose, model_from_measurements
+from riemhuman.measurements import Measurements, model_from_measurements
 
 
 def test_measure(benchmark):
@@ -22,17 +22,6 @@ def test_measure(benchmark):
     body = bodies("full").points[0]
     _, seconds, _ = clocked(lambda: own.measure(body, gradient=True), rounds=2)
     print(f"a full body with derivatives: {seconds:.2f} s")
-
-
-def test_standard_pose(benchmark):
-    """Bodies in ten poses brought to the standard pose."""
-    definitions = Measurements(bodies("full").model).definitions
-    points = bodies("full").points[:10]
-    straight, seconds, _ = clocked(
-        lambda: in_standard_pose(definitions, points), benchmark=benchmark
-    )
-    print(f"\nto the standard pose: {seconds / len(points):.2f} s a body")
-    assert straight.shape == points.shape
 
 
 def test_inverse(benchmark):

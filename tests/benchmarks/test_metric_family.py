@@ -1,16 +1,13 @@
-"""What the metrics of the family cost: energies, geodesics, matrices, and a term of one's own.
+"""What the metrics of the family cost: energies and geodesics.
 
     pytest tests/benchmarks/test_metric_family.py --benchmark-enable -s
 
 prints the time of an energy with its gradient and of a geodesic between two poses over 100
-deformations at full resolution, by wall clock and by the processor's time of all threads, and the
-time of a distance with a term that a user wrote beside those of the library.
+deformations at full resolution, by wall clock and by the processor's time of all threads.
 """
 
-import autograd.numpy as np
-import numpy
 import pytest
-from performances import basis, bodies, clocked, pose_pair, timed
+from performances import basis, bodies, clocked, pose_pair
 
 from riemhuman.geometry import (
     AlignedSurfaces,
@@ -19,11 +16,8 @@ from riemhuman.geometry import (
     GeneralElasticMetric,
     SobolevMetric,
     SRNFMetric,
-    SurfaceMetric,
 )
 from riemhuman.solvers import BasisPath, LinearPath
-from riemhuman.surfaces import DeformationBasis
-from riemhuman.terms import FlatTerm
 
 METRICS = {
     "elastic (1, 0.1, 0.1)": lambda space: ElasticMetric(space, 1.0, 0.1, 0.1),
@@ -64,50 +58,3 @@ def test_geodesic(benchmark, name, poses):
         f"{result.energy:.5g}"
     )
     assert result.converged
-
-
-@pytest.mark.parametrize("people", [(20, 40), (30, 50)], ids=str)
-def test_geodesic_along_normals(benchmark, people):
-    """Between two people in one pose, over mesh harmonics."""
-    data = bodies("full")
-    metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(data.template, equip=False)))
-    harmonics = DeformationBasis.from_laplacian(data.template, n_components=100)
-    solver, ends = BasisPath(harmonics, n_nodes=6), data.points[list(people)]
-    result, wall = timed(solver, metric, *ends, benchmark=benchmark)
-    straight = metric.energy(np.linspace(*ends, 6))
-    print(
-        f"\ngauge-invariant SRNF over 100 harmonics: {wall:.1f} s, "
-        f"{result.n_evaluations} evaluations, energy {straight:.3g} to {result.energy:.3g}"
-    )
-    assert result.converged
-
-
-class LogAreas(FlatTerm):
-    """The term of the README."""
-
-    is_rotation_invariant = True
-    needs_area = True
-
-    def field(self, first):
-        return np.log(first.areas)[..., None]
-
-
-def test_distances_with_a_term_of_ones_own(benchmark):
-    space, points = AlignedSurfaces(bodies("full").template, equip=False), bodies("full").points
-    n_pairs = 4950
-    own, srnf = SurfaceMetric(space, [LogAreas(0.1)]), SRNFMetric(space)
-    times = {}
-    for name, metric in (("own term", own), ("SRNF", srnf)):
-        features = metric.bulk.features(points, "single")
-        metric.bulk.squared_distances(features, features, 1)
-        _, times[name], _ = clocked(
-            lambda: metric.bulk.squared_distances(features, features, 1),  # noqa: B023
-            5,
-            benchmark=benchmark,
-        )
-    _, one, _ = clocked(lambda: own.dist(points[0], points[1]), 3)
-    shown = ", ".join(f"{name} {1e6 * t / n_pairs:.1f} µs a pair" for name, t in times.items())
-    print(f"\n{n_pairs} pairs: {shown}; by the definition {1e6 * one:.0f} µs")
-    numpy.testing.assert_allclose(
-        own.dist_pairwise(points[:2])[0, 1], own.dist(points[0], points[1]), rtol=1e-5
-    )

@@ -89,72 +89,10 @@ def test_all_pairs(name, seconds):
         assert scores.first_tier >= 92.0
 
 
-def test_growth_is_linear_in_pairs():
-    for name, measure in (
-        ("time warping", warping(n_components=COMPONENTS)),
-        ("time warping of velocities", velocities(n_components=COMPONENTS)),
-        ("rate-invariant", rate_invariant()),
-    ):
-        counts = (35, 70, 140)
-        times = [timed_pairs(measure, performances()[:n])[2] for n in counts]
-        pairs = [n * (n - 1) // 2 for n in counts]
-        rates = [1e3 * t / p for t, p in zip(times, pairs, strict=True)]
-        print(f"\n{name}: " + ", ".join(f"{r:.2f} ms" for r in rates) + " a pair, of", pairs)
-        assert rates[2] <= 1.5 * rates[0]
-
-
 def at_places(motion, places):
     """Return an open motion between its frames too: its curves are known at all times."""
     rotations = motion._performance.joint_rotations(places / motion.frames_per_second)
     return motion.model(motion.betas, pose_vectors(rotations, motion.model))
-
-
-def pairs_of_motions():
-    """Return pairs of one motion by two people, other than those whom settings were chosen on.
-
-    Chords and smoothing were chosen on the lean runner and the average woman.
-    """
-    people = "older heavy man", "slim young woman"
-    one, other = (rh.datasets.load_open_motions("coarse", person) for person in people)
-    return list(zip(one, other, strict=True))
-
-
-@pytest.mark.parametrize("n_times", [None, 60, 40, 24])
-def test_known_re_timings(n_times):
-    """A motion and its own re-timing, both in so many frames: warps, and distances."""
-    finer = {"n_times": 100} if n_times else {}
-    measures = {
-        "time warping, between frames": warping(between_frames=True, **finer),
-        "time warping of velocities": velocities(),
-        "rate-invariant": rh.motions.RateInvariantMetric(rh.motions.MotionSpace(space())),
-    }
-    rng = np.random.default_rng(23)
-    results = {name: ([], [], []) for name in measures}
-    for one, other in pairs_of_motions():
-        count = n_times or len(one)
-        places = random_places(len(one), count, rng)
-        even = np.linspace(0, len(one) - 1, count)
-        motion, own = at_places(one, even), at_places(one, places)
-        stranger = at_places(other, np.linspace(0, len(other) - 1, count))
-        known = np.interp(even, places, np.arange(count))
-        for name, measure in measures.items():
-            warp = measure.warp(motion, own)
-            errors = np.abs(warp(np.arange(count)) - known)
-            values = np.median(errors), warp.dist, measure.dist(motion, stranger)
-            for kept, value in zip(results[name], values, strict=True):
-                kept.append(float(value))
-    for name, (errors, own, others) in results.items():
-        shares = 100 * np.array(own) / np.median(others)
-        share = np.median(shares)
-        print(
-            f"\n{name}, {n_times or 'all'} frames: warps are {np.median(errors):.2f} frames off in "
-            f"the median, {max(errors):.2f} at most; own re-timing at {share:.1f} % of another's, "
-            f"at most 2 % in {np.sum(shares <= 2)} of {len(shares)} motions, at worst "
-            f"{max(shares):.0f} %"
-        )
-        assert np.median(errors) <= 1.0
-        if n_times is None:
-            assert share <= 2.0
 
 
 def shares_of_others(measure, motions, counts):
@@ -216,26 +154,6 @@ def test_motions_and_their_own_samplings(name, frames):
         assert np.median(shares[unseen]) <= 2.0
 
 
-@pytest.mark.parametrize("name", ["rate-invariant", "time warping of velocities"])
-def test_triangle_inequality(name):
-    """Proven of the rate-invariant metric; of time warping of velocities, observed."""
-    distances, *_ = measured(name)
-    rng = np.random.default_rng(5)
-    worst = max(
-        distances[i, k] / (distances[i, j] + distances[j, k])
-        for i, j, k in (rng.choice(len(distances), 3, replace=False) for _ in range(1000))
-    )
-    # Those nearest to equality.
-    tight = max(
-        distances[i, k] / (distances[i, j] + distances[j, k])
-        for i, j, k in itertools.permutations(range(40), 3)
-    )
-    print(
-        f"\n{name}, 1,000 triples: at most {worst:.3f} of the way round; of 40 motions, {tight:.3f}"
-    )
-    assert max(worst, tight) <= 1.0
-
-
 def test_mean_of_ten_performances():
     knees = [m for m in open_motions() if m.sequence == "knees"]
     motions = rh.motions.MotionSpace(space(), n_times=24)
@@ -256,31 +174,17 @@ def test_mean_of_ten_performances():
 
 
 def test_people_unlike_those_of_the_model():
-    """Noise of 2 mm, frame rates, and poses held otherwise: which motion is it?"""
+    """Noise of 2 mm in every frame: which motion is it?"""
     rng = np.random.default_rng(2)
     some = [k for k in range(140) if k // 14 < 5]
     names = labels()[some]
     plain = [performances()[k] for k in some]
     noisy = [m + rng.normal(0.0, 2e-3, m.shape) for m in plain]
-    few = [m[:: 1 + int(rng.integers(2))] for m in plain]
-    habits = []
-    for k in some:
-        motion = open_motions()[k]
-        frames = random_places(len(motion), len(performances()[k]), rng).round().astype(int)
-        # Every joint is held up to 12 degrees otherwise, throughout.
-        held = np.radians(rng.normal(0.0, 6.0, motion.pose_vectors.shape[1:]))
-        habits.append(motion.model(motion.betas, motion.pose_vectors[frames] + held))
-    for kind, motions in (
-        ("plain", plain),
-        ("noise of 2 mm", noisy),
-        ("12 to 60 frames", few),
-        ("poses held 6 degrees otherwise", habits),
+    for name, measure in (
+        ("poses", warping(n_components=COMPONENTS)),
+        ("changes", warping(n_components=COMPONENTS, centered=True)),
+        ("velocities", velocities(n_components=COMPONENTS)),
+        ("rate-invariant", rate_invariant()),
     ):
-        for name, measure in (
-            ("poses", warping(n_components=COMPONENTS)),
-            ("changes", warping(n_components=COMPONENTS, centered=True)),
-            ("velocities", velocities(n_components=COMPONENTS)),
-            ("rate-invariant", rate_invariant()),
-        ):
-            scores = rh.retrieval.scores(timed_pairs(measure, motions)[0], names)
-            print(f"\n{kind}, {name}: NN {scores.nn:.1f}, FT {scores.first_tier:.1f}")
+        scores = rh.retrieval.scores(timed_pairs(measure, noisy)[0], names)
+        print(f"\nnoise of 2 mm, {name}: NN {scores.nn:.1f}, FT {scores.first_tier:.1f}")

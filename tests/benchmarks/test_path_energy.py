@@ -1,16 +1,16 @@
-"""What a path energy with its gradient and a Gram matrix cost, and how that grows.
+"""What a path energy with its gradient costs.
 
     pytest tests/benchmarks/test_path_energy.py --benchmark-enable -s
 
-prints times of the compiled loops beside the definitions that autograd differentiates, the gain of
-threads, and exponents of growth fitted to the logarithms.
+prints times of the compiled loops beside the definition that autograd differentiates, and the gain
+of threads.
 """
 
 from functools import partial
 
 import numpy as np
 from autograd import value_and_grad
-from performances import basis, bodies, clocked, growth, pose_pair
+from performances import bodies, clocked, pose_pair
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric
 from riemhuman.solvers import LinearPath
@@ -47,26 +47,3 @@ def test_energy_and_gradient(benchmark, monkeypatch):
     )
     benchmark.pedantic(lambda: elastic.energy_and_gradient(path), rounds=20)
     assert ours < theirs
-
-
-def test_growth(benchmark):
-    elastic, vectors = metric("full"), basis("full").vectors
-    f = bodies("full").template.vertices
-    calls = {
-        "triangles": {
-            bodies(r).template.n_faces: partial(metric(r).energy_and_gradient, path_of(r, 11))
-            for r in ("coarse", "full")
-        },
-        "path length": {
-            n - 1: partial(elastic.energy_and_gradient, path_of("full", n)) for n in (6, 11, 21, 41)
-        },
-        "basis vectors, Gram matrix": {
-            k: partial(elastic.gram_matrix, vectors[:k], f) for k in (25, 50, 100)
-        },
-    }
-    for name, of_size in calls.items():
-        times = {size: seconds(call) for size, call in of_size.items()}
-        values = ", ".join(f"{size}: {1e3 * t:.1f} ms" for size, t in times.items())
-        exponent = growth(list(times), list(times.values()))
-        print(f"\n{name}: {values}; exponent {exponent:.2f}", end="")
-    benchmark.pedantic(calls["path length"][10], rounds=3)

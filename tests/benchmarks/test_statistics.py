@@ -1,4 +1,4 @@
-"""Principal components, generated bodies, regression and fitted weights on the open bodies.
+"""Principal components and metrics learned from labels on the open bodies.
 
 pytest tests/benchmarks/test_statistics.py --benchmark-enable -s
 """
@@ -8,17 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 from performances import bodies, clocked
-from self_intersections import count_self_intersections
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import scores
 from riemhuman.solvers.path_comparison import Distortion, summarize
 from riemhuman.statistics import (
-    GeodesicRegression,
     LearnedMetric,
     TangentPCA,
-    inverted_triangles,
 )
 from riemhuman.surfaces import edge_lengths, generalized_procrustes, triangle_areas
 
@@ -82,58 +79,6 @@ def test_components_against_euclidean_ones(benchmark, name):
         if k < 9:
             assert squared[0] < squared[1]
             assert measured[0][0].mean < measured[1][0].mean
-
-
-@each_set
-def test_generated_bodies(benchmark, name):
-    points, faces = aligned(name), bodies("coarse").template.faces
-    pca = TangentPCA(equipped(1.0, 1.0, 1.0)).fit(points)
-    n_samples = 40
-    samples = benchmark.pedantic(pca.sample, (n_samples,), {"rng": 0}, rounds=1)
-    samples = samples.reshape(-1, *points[0].shape)
-    drawn = pca.sample(n_samples, rng=0, accept=lambda surface: True).reshape(samples.shape)
-    mean, directions, flat = euclidean(points)
-    noise = np.random.default_rng(0).standard_normal((n_samples, 9)) * flat[:, :9].std(
-        axis=0, ddof=1
-    )
-    theirs = mean + (noise @ directions[:9]).reshape(-1, *mean.shape)
-
-    def count_inverted(surface):
-        return int(inverted_triangles(surface, pca.mean_, faces).sum())
-
-    shown = {"training": points, "ours": samples, "all drawn": drawn, "flat": theirs}
-    print(f"\n{name}: {n_samples} generated bodies")
-    for kind, some in shown.items():
-        inverted = [count_inverted(surface) for surface in some]
-        crossing = [count_self_intersections(surface, faces) for surface in some]
-        print(
-            f"  {kind:9s} inverted triangles: {sum(inverted)} in {np.count_nonzero(inverted)} of "
-            f"{len(some)} bodies; self-intersections: mean {np.mean(crossing):.1f}, most "
-            f"{max(crossing)}"
-        )
-
-
-def test_height_against_shape(benchmark):
-    model = bodies("coarse").model
-    rng = np.random.default_rng(5)
-    n_people = 24
-    betas = np.zeros((2 * n_people, model.n_betas))
-    betas[:, :8] = rng.standard_normal((2 * n_people, 8))
-    points = model(betas)
-    heights = np.ptp(points[..., 1], axis=1)
-    space = equipped(1.0, 1.0, 1.0)
-    regression = GeodesicRegression(space)
-    half = slice(0, n_people)
-    benchmark.pedantic(regression.fit, (heights[half], points[half]), rounds=1)
-    asked = np.linspace(heights.min(), heights.max(), 5)
-    predicted = np.ptp(regression.predict(asked)[..., 1], axis=1)
-    rest = slice(n_people, None)
-    print(
-        f"\nheight of {n_people} people: {regression.n_iter_} iterations, "
-        f"R² {regression.score(heights[half], points[half]):.3f}, of others "
-        f"{regression.score(heights[rest], points[rest]):.3f}; predicted bodies are off by "
-        f"{np.round(1000 * (predicted - asked), 1)} mm at {np.round(asked, 2)} m"
-    )
 
 
 @pytest.mark.parametrize("what", ["subject", "pose"])
