@@ -74,11 +74,6 @@ class Descriptor(ABC):
         Returns
         -------
         array, shape (n, d)
-
-        Raises
-        ------
-        RiemhumanError
-            If a surface cannot be described; the message gives its number.
         """
         count, mesh = meshes_of(bodies)
 

@@ -137,18 +137,6 @@ class ModelPoseVectors(_ModelVectors):
         one_of(self.distance, "distance", ("axis-angle", "rotation"))
 
     def distances(self, vectors: ArrayLike) -> np.ndarray:
-        """Return all distances within a set of pose vectors.
-
-        Parameters
-        ----------
-        vectors : array_like, shape (n, 3 * n_joints)
-            Vectors of `describe`, one per row.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal; in radians.
-        """
         if self.distance == "axis-angle":
             return pairwise(vectors, "euclidean")
         rows = real_array(vectors, "vectors", ("n_vectors", "3 n_joints"), batched=False)

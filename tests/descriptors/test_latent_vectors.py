@@ -108,8 +108,8 @@ def test_wrong_csv(tmp_path, text, message):
         ({"ids": np.array(["a", "b", "a"]), "vectors": VECTORS}, "repeated ids: a"),
         ({"ids": np.array(["a", "", "c"]), "vectors": VECTORS}, r"ids\[1\] is missing"),
         ({"ids": np.array(["a", "b"]), "vectors": VECTORS}, "2 ids found for 3 vectors"),
-        ({"ids": np.array([0.5, 1, 2]), "vectors": VECTORS}, "must be text or whole"),
-        ({"ids": np.array([IDS]), "vectors": VECTORS}, r"ids must have shape \(n_vectors\)"),
+        ({"ids": np.array([0.5, 1, 2]), "vectors": VECTORS}, r"ids\[0\] must be text or a whole"),
+        ({"ids": np.array([IDS]), "vectors": VECTORS}, r"ids\[0\] must be text or a whole"),
         ({"ids": np.array(IDS), "vectors": VECTORS[0]}, r"vectors must have shape"),
         (
             {"ids": np.array(IDS), "vectors": VECTORS.astype(str)},
