@@ -18,7 +18,7 @@ class Manifold(ABC):
     r"""A manifold whose points and tangent vectors are arrays of one shape.
 
     Subclasses define which arrays are points (`belongs`), projections to the tangent spaces
-    (`to_tangent`) and examples (`random_point`).
+    (`to_tangent`) and examples (`random_point`). `metric` is what it was equipped with last.
 
     Parameters
     ----------
@@ -27,11 +27,6 @@ class Manifold(ABC):
         Shape of one point.
     equip : bool
         Whether to equip the manifold with its default metric.
-
-    Attributes
-    ----------
-    metric : RiemannianMetric
-        The metric the manifold was equipped with last.
 
     Examples
     --------

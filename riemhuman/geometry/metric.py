@@ -61,8 +61,9 @@ class RiemannianMetric:
 
     A subclass defines `inner_product`, or `squared_dist` where there is a closed form, or both;
     norm, distance, energy, length and their gradients by autograd follow. With `squared_dist`
-    alone the inner product is half its second derivative on the diagonal. Properties say what a
-    metric has and what leaves its distances unchanged; solvers read them.
+    alone the inner product is half its second derivative on the diagonal. What cannot be derived
+    raises NotDefinedError. Properties say what a metric has and what leaves its distances
+    unchanged; solvers read them. The parameters of a metric never change.
 
     Parameters
     ----------
@@ -71,11 +72,6 @@ class RiemannianMetric:
         Strategies for what has no closed form, see `riemhuman.solvers` and
         `riemhuman.geometry.strategies`. Distances without a closed form need a `geodesic_solver`;
         the others have defaults.
-
-    Notes
-    -----
-    The parameters of a metric are set at construction and never change. What a class does not
-    define, and cannot be derived from what it does, raises NotDefinedError.
 
     Examples
     --------
@@ -166,7 +162,7 @@ class RiemannianMetric:
     @property
     def target_metric(self) -> RiemannianMetric:
         """The metric on the image of `map`, for metrics that are pulled back."""
-        raise self._not_defined_at_all("target_metric")
+        raise self._not_defined("target_metric")
 
     @property
     def complementary_metric(self) -> RiemannianMetric | None:
@@ -201,10 +197,7 @@ class RiemannianMetric:
             Base point; needed unless the inner product is the same at every point.
         """
         if not self.has_closed_form_dist:
-            raise NotDefinedError(
-                f"{type(self).__name__} defines neither inner_product nor squared_dist; "
-                "one of the two is needed"
-            )
+            raise self._not_defined("inner_product nor squared_dist")
         base_point = self.space.check_point(base_point, "base_point")
         covector = self.covector(tangent_vec_a, base_point)
         return np.sum(covector * tangent_vec_b, axis=self.space._point_axes)
@@ -261,7 +254,7 @@ class RiemannianMetric:
         base_point : array, shape (\*shape,) or (n, \*shape)
             One base point, or several to average over.
         """
-        raise self._not_defined_at_all("metric_matrix")
+        raise self._not_defined("metric_matrix")
 
     def squared_norm(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         r"""Return the squared norm of tangent vectors, shape (...).
@@ -305,7 +298,6 @@ class RiemannianMetric:
         n_vectors : int
             Number of vectors; at several points, one at each.
         rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default every call draws anew.
         """
         n_vectors = whole_number(n_vectors, "n_vectors", minimum=1)
         vector = self.space.random_tangent_vec(base_point, n_vectors, rng)
@@ -364,12 +356,10 @@ class RiemannianMetric:
             Number of threads, -1 for one per core; by default one. The result does not depend on
             it.
         precision : {"single", "double"}
-            Precision in which metrics with compiled loops compare features of the points: relative
-            errors stay below 1e-5 in single precision, and at rounding errors in double. Pairs too
-            close for single precision are detected and computed in double.
+            Precision of features in compiled loops: relative errors stay below 1e-5 in single
+            precision, where pairs too close for it are computed in double.
         memory : int
-            Bytes of features in memory at once. If those of all points need more, they are
-            recomputed for every block of rows.
+            Bytes of features in memory at once; where all need more, they are recomputed.
         progress : bool
         """
         return table_of_distances(self, points, None, n_jobs, precision, memory, progress)
@@ -456,7 +446,7 @@ class RiemannianMetric:
         ----------
         points : array, shape (..., \*shape)
         """
-        raise self._not_defined_at_all("lower_bound_coordinates")
+        raise self._not_defined("lower_bound_coordinates")
 
     def check_points(self, points: Points, name: str = "points") -> ndarray:
         r"""Return a set of points as a float64 array after checking it, shape (n, \*shape).
@@ -553,53 +543,42 @@ class RiemannianMetric:
     # strategy given, the default strategies of `riemhuman.solvers` find them.
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        r"""Return the end point of the geodesic with this initial velocity after unit time.
+        r"""Return the end of the geodesic with this initial velocity after unit time.
+
+        OutsideManifoldError says where it leaves the manifold.
 
         Where the class has no closed form, `exp_solver` computes the geodesics one by one, by
-        default in ten steps over 60 harmonics of the template: some tenths of a second each on a
-        coarse body. Autograd differentiates through solvers that have derivatives.
+        default in ten steps over 60 harmonics of the template. Autograd differentiates through
+        solvers that have derivatives.
 
         Parameters
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
-
-        Raises
-        ------
-        OutsideManifoldError
-            If the geodesic leaves the manifold.
         """
         solver = self._solver("exp_solver")
-        base_point = self.space.check_point(base_point, "base_point")
-        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         return self._one_by_one(
             lambda point, velocity: solve_geodesic(velocity, point, self, solver)[-1],
-            base_point,
-            tangent_vec,
+            self.space.check_point(base_point, "base_point"),
+            real_array(tangent_vec, "tangent_vec", self.space.shape),
         )
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the initial velocity of the minimal geodesic from `base_point` to `point`.
 
+        OutsideManifoldError says where none, or more than one, exists.
+
         Where the class has no closed form, `log_solver` computes the logarithms one by one. By
-        default it makes as many steps as `exp`, which undoes it: a second each on a coarse body,
-        and a warning where the exponential does not come back.
+        default it makes as many steps as `exp`, which undoes it, and warns where it does not.
 
         Parameters
         ----------
         point, base_point : array, shape (..., \*shape)
-
-        Raises
-        ------
-        OutsideManifoldError
-            If no unique minimal geodesic inside the manifold exists.
         """
         solver = self._solver("log_solver")
-        base_point = self.space.check_point(base_point, "base_point")
-        point = self.space.check_point(point, "point")
         return self._one_by_one(
             lambda start, end: solver.solve(self, end, start).tangent_vec,
-            base_point,
-            point,
+            self.space.check_point(base_point, "base_point"),
+            self.space.check_point(point, "point"),
         )
 
     def parallel_transport(
@@ -612,7 +591,7 @@ class RiemannianMetric:
         r"""Transport tangent vectors in parallel along geodesics, shape (..., \*shape).
 
         Where the class has no closed form, `transport_solver` transports the vectors one by one, by
-        default by pole ladders along paths over 60 harmonics of the template: seconds each.
+        default by pole ladders along paths over 60 harmonics of the template.
 
         Parameters
         ----------
@@ -664,13 +643,10 @@ class RiemannianMetric:
             return self._geodesic_between(initial_point, end_point)
         velocity = real_array(initial_tangent_vec, "initial_tangent_vec", self.space.shape)
 
-        def follow(t: Any) -> ndarray:
-            times = self._times(t)
-            return self.exp(
-                times * self._with_time_axis(velocity), self._with_time_axis(initial_point)
-            )
-
-        return follow
+        point, velocity = (
+            np.expand_dims(array, -self.space.point_ndim - 1) for array in (initial_point, velocity)
+        )
+        return lambda t: self.exp(self._times(t) * velocity, point)
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         solver = self._solver("geodesic_solver")
@@ -686,12 +662,11 @@ class RiemannianMetric:
 
     def _solve(self, solver: GeodesicSolver, name: str, start: ndarray, end: ndarray) -> Any:
         """Return the result of a solver for one pair of points."""
-        start, end = (
-            real_array(point, "point", self.space.shape, rows=True) for point in (start, end)
-        )
-        if np.shape(start) != self.space.shape or np.shape(end) != self.space.shape:
+        shape = self.space.shape
+        start, end = (real_array(point, "point", shape, rows=True) for point in (start, end))
+        if np.shape(start) != shape or np.shape(end) != shape:
             raise ArgumentError(
-                f"{name} by a solver takes one pair of points of shape {self.space.shape}; "
+                f"{name} by a solver takes one pair of points of shape {shape}; "
                 f"found {np.shape(start)} and {np.shape(end)}"
             )
         return solver.solve(self, start, end)
@@ -714,9 +689,6 @@ class RiemannianMetric:
         results = [solve(*(array[index] for array in arrays)) for index in np.ndindex(leading)]
         return np.reshape(np.array(results), shape)
 
-    def _with_time_axis(self, point: ndarray) -> ndarray:
-        return np.expand_dims(point, -self.space.point_ndim - 1)
-
     def _times(self, t: Any) -> ndarray:
         """Return times followed by the axes of a point."""
         times = np.atleast_1d(real_array(t, "t"))
@@ -733,7 +705,7 @@ class RiemannianMetric:
         ----------
         base_point : array, shape (..., \*shape), optional
         """
-        raise NotDefinedError(f"{type(self).__name__} has no closed form for injectivity_radius")
+        raise self._not_defined("injectivity_radius")
 
     def curvature_form(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
@@ -744,7 +716,7 @@ class RiemannianMetric:
         ----------
         tangent_vec_a, tangent_vec_b, base_point : array, shape (..., \*shape)
         """
-        raise NotDefinedError(f"{type(self).__name__} has no closed form for curvature")
+        raise self._not_defined("curvature_form")
 
     def sectional_curvature(
         self,
@@ -761,17 +733,14 @@ class RiemannianMetric:
         tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
         base_point : array, shape (..., \*shape), optional
         """
-        point: Any = base_point
-        form = self.curvature_form(tangent_vec_a, tangent_vec_b, point)
-        product = self.inner_product(tangent_vec_a, tangent_vec_b, base_point)
-        squares = self.squared_norm(tangent_vec_a, base_point) * self.squared_norm(
-            tangent_vec_b, base_point
-        )
-        area = squares - product**2
+        a, b, point = tangent_vec_a, tangent_vec_b, cast(ndarray, base_point)
+        form = self.curvature_form(a, b, point)
+        squares = self.squared_norm(a, point) * self.squared_norm(b, point)
+        area = squares - self.inner_product(a, b, point) ** 2
         flat = area <= 1e-14 * squares
         return np.where(flat, np.nan, form / np.where(flat, 1.0, area))
 
-    def _not_defined_at_all(self, name: str) -> NotDefinedError:
+    def _not_defined(self, name: str) -> NotDefinedError:
         return NotDefinedError(f"{type(self).__name__} does not define {name}")
 
 
@@ -820,20 +789,9 @@ for _power, _names in {
 }.items():
     for _name in _names.split():
         setattr(ScalarProductMetric, _name, _scaled(_name, _power))
-for _name in [
-    "has_closed_form_dist",
-    "has_inner_product",
-    "has_closed_form_geodesic",
-    "has_closed_form_transport",
-    "has_metric_matrix",
-    "has_lower_bound_coordinates",
-    "has_target_metric",
-    "is_translation_invariant",
-    "is_rotation_invariant",
-    "is_stretch_invariant",
-    "is_reparametrization_invariant",
-]:
-    setattr(ScalarProductMetric, _name, property(attrgetter(f"underlying_metric.{_name}")))
+for _name in dir(RiemannianMetric):
+    if _name.startswith(("has_", "is_")):
+        setattr(ScalarProductMetric, _name, property(attrgetter(f"underlying_metric.{_name}")))
 
 
 def metric_of(space: Any) -> RiemannianMetric:

@@ -261,8 +261,7 @@ class GeneralElasticFieldMetric(ConeMetric):
               a \operatorname{tr}(A_0^2) + b \operatorname{tr}(A)^2 + c\, |\delta n|^2\right) \mu_g,
               \qquad A = g^{-1} \delta g
 
-    At every point it is a cone over H² × S²; geodesics have a closed form. `GeneralElasticMetric`
-    is its pull-back to surfaces.
+    It is a cone over H² × S², with geodesics in closed form; `GeneralElasticMetric` pulls it back.
 
     Parameters
     ----------

@@ -99,10 +99,8 @@ class RotationFields(Manifold):
 class RotationFieldMetric(FieldMetric):
     r"""The metric :math:`\tfrac12 \int_T \mathrm{tr}(\delta R^T \delta R)\, dx`.
 
-    On every triangle the distance is the angle θ of the rotation R₁ᵀ R₂, in [0, π], and
-    exponential, logarithm, geodesics and parallel transport are those of the rotation group with
-    its two-sided invariant metric. The cut locus of a rotation are the rotations at the angle π
-    from it: there are two shortest geodesics to them, and no logarithm.
+    On every triangle it is the two-sided invariant metric of the rotation group, whose distance is
+    the angle θ of R₁ᵀ R₂, in [0, π]. There is no logarithm of rotations at the angle π.
 
     Parameters
     ----------
@@ -162,15 +160,13 @@ class RotationFieldMetric(FieldMetric):
 class RotationMetric(PullbackMetric):
     r"""The pull-back of `RotationFieldMetric` by the rotations of triangles, diffused.
 
-    The differential of a surface f on a triangle is :math:`df = R \sqrt g` with R an isometry of
-    the template's plane into R³ (polar decomposition); R takes the template's normal to the
-    surface's as well and so is a rotation. Heat flows between the rotations of all triangles for
-    `time`, as between matrices, and the nearest rotations are compared. Together, g and R before
-    diffusion determine the surface up to a translation, which g and the normals do not.
-
-    Like normals, it distinguishes poses, and more reliably: a person's build rotates normals back
-    and forth within the thickness of a limb, and diffusion averages over that length. Translation
-    and scale of one of two surfaces leave the distance unchanged; rotation does not.
+    The differential of a surface f on a triangle is :math:`df = R \sqrt g` (polar decomposition),
+    where R takes the template's plane and normal to the surface's and so is a rotation. Heat flows
+    between the rotations of all triangles for `time`, as between matrices, and the nearest
+    rotations are compared. Together, g and R before diffusion determine the surface up to a
+    translation, which g and the normals do not. Like normals, it distinguishes poses, and more
+    reliably: diffusion averages over the thickness of a limb, within which a person's build rotates
+    triangles back and forth. Translation and scale of one surface leave the distance unchanged.
 
     Parameters
     ----------

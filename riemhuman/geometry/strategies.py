@@ -48,10 +48,7 @@ class GeodesicSolver(Protocol):
     """A strategy for paths of least energy between two points."""
 
     def solve(self, metric: Any, start: ndarray, end: ndarray) -> Any:
-        """Return an object with `path`, shape (n_nodes, *shape), both ends included, and `energy`.
-
-        It may have all else that `riemhuman.solvers.PathResult` has.
-        """
+        """Return an object with `path`, shape (n_nodes, *shape), with both ends, and `energy`."""
 
 
 class ExpSolver(Protocol):
@@ -64,8 +61,7 @@ class ExpSolver(Protocol):
     def solve(self, metric: Any, tangent_vec: ndarray, base_point: ndarray) -> Any:
         """Return an object with `end`, the point reached.
 
-        It may also have `complete`, False where the geodesic could not be followed to its end, and
-        `message`, the reason.
+        It may have `complete`, False where the geodesic was not followed to its end, and `message`.
         """
 
 
@@ -87,11 +83,7 @@ class TransportSolver(Protocol):
         direction: ndarray | None = None,
         end_point: ndarray | None = None,
     ) -> Any:
-        """Return an object with `tangent_vec`, the vector at the end of the geodesic.
-
-        Exactly one of its initial velocity `direction`, followed for unit time, and its `end_point`
-        is given.
-        """
+        """Return an object with `tangent_vec`, at the end; one of the last two is given."""
 
 
 class MeanSolver(Protocol):
@@ -105,11 +97,7 @@ class MeanSolver(Protocol):
         initial_point: ndarray | None = None,
         exponent: int = 2,
     ) -> Any:
-        """Return an object with `point`, the mean, and `variance`.
-
-        It may have all else that `riemhuman.solvers.MeanResult` has. `riemhuman.FrechetMean` passes
-        `metric`, `points` and `weights` alone, `riemhuman.GeometricMedian` also ``exponent=1``.
-        """
+        """Return an object with `point`, the mean, and `variance`; medians have exponent 1."""
 
 
 class PathEnergy(Protocol):
@@ -119,10 +107,7 @@ class PathEnergy(Protocol):
         """Return the energy of a path, shape (n_nodes, ...)."""
 
     def value_and_gradient(self, metric: Any, path: ndarray) -> tuple[float, ndarray]:
-        """Return the energy of a path, and its gradient with respect to all points.
-
-        The energy may be infinite where the path leaves the manifold.
-        """
+        """Return the energy, which may be infinite, and its gradient by all points."""
 
 
 class Solvers(TypedDict, total=False):

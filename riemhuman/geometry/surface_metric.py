@@ -274,7 +274,7 @@ class SurfaceMetric(MetricOfTerms):
 
 
 class _TermFields:
-    """The fields of one or several terms, as points of a manifold with a weighted metric."""
+    """The fields of terms, as points of a manifold with a weighted metric."""
 
     def __init__(self, terms: Sequence[Term], template: Template) -> None:
         self._terms = tuple(terms)
@@ -362,10 +362,8 @@ class ElasticMetric(SurfaceMetric):
     Notes
     -----
     Let κ be the largest coordinate divided by the least height of a triangle, the template's
-    included, and ε = 2.2e-16. Rounding changes a distance by at most 4εκ times the distance that a
-    surface covers when all its triangles change by their own size, and inner products of
-    deformations that move no vertex by more than a height by 4εκ times their norms. The entries of
-    g are not used: with them errors would grow with κ².
+    included. Rounding changes a distance by at most 4κ · 2.2e-16 times the distance that a surface
+    covers when all its triangles change by their own size.
 
     Examples
     --------
@@ -430,7 +428,7 @@ class GeneralElasticMetric(SurfaceMetric):
 
     with A₀ the traceless part of A (Jermyn, Kurtek, Klassen and Srivastava, "Elastic shape
     matching of parameterized surfaces using square root normal fields", ECCV 2012). On fields
-    (g, n) it is at every point the metric of a cone, whose geodesic distance has a closed form:
+    (g, n) it is the metric of a cone, whose geodesic distance has a closed form:
 
     .. math:: d^2 = 16 b \int_T \left(s_1^2 + s_2^2 - 2 s_1 s_2 \cos\min(\pi, \psi)\right) dx,
               \qquad \psi = \frac{\sqrt{a \operatorname{tr} L_0^2 + c\, \varphi^2}}{4 \sqrt b}
@@ -452,18 +450,12 @@ class GeneralElasticMetric(SurfaceMetric):
 
     Notes
     -----
-    `dist` is the geodesic distance of the metric on fields, where g and n are free of each other.
-    On surfaces it is a lower bound of the length of every path. Its square is at least that of the
-    distance for b − c/16 in place of b and c = 0, plus c times that of square root normal fields.
-
-    `ElasticMetric` weighs the rotation of normals by the area of the template, this metric by that
-    of the moving surface: here all weights have the same unit, and distances do not depend on the
-    template, unlike those of `ElasticMetric` with c > 0. Triangles without area, the apex of the
-    cone, are legal here and an error there. (1, λ, 0) is ElasticMetric(1, λ, 0), and (0, 1/16, 1)
-    is `SRNFMetric`.
-
-    For retrieval, `ElasticMetric` with (1, 1e-4, 0) or (0, 0, 1) is better: the weights (1, 1, 1)
-    are sensitive to build and pose at once.
+    `dist` is the geodesic distance on fields, where g and n are free of each other; on surfaces it
+    is a lower bound of the length of every path. `ElasticMetric` weighs the rotation of normals by
+    the area of the template, this metric by that of the moving surface: distances do not depend on
+    the template, and triangles without area, the apex of the cone, are legal. (1, λ, 0) is
+    ElasticMetric(1, λ, 0), and (0, 1/16, 1) is `SRNFMetric`. For retrieval, ElasticMetric with
+    (1, 1e-4, 0) or (0, 0, 1) is better.
 
     Examples
     --------

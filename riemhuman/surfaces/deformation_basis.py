@@ -24,15 +24,14 @@ _OUTSIDE = 1e-9
 # Largest deviation from orthonormal vectors that is accepted.
 _ORTHONORMAL = 1e-8
 _FORMAT_VERSION = 1
-_STATISTICS = ("explained_variance", "explained_variance_ratio", "mean")
+_STATISTICS = ("explained_variance", "explained_variance_ratio")
 
 
 class DeformationBasis:
     r"""Orthonormal deformations :math:`D_k` of a surface, the search directions of solvers.
 
     Paths are sought as :math:`f + \sum_k \alpha_k D_k` [1]_, section 4. The vectors are
-    orthonormal with respect to :math:`\langle d, e \rangle = \sum_v \omega_v\, d_v \cdot e_v`,
-    where the vertex weights :math:`\omega_v` are 1 or given.
+    orthonormal with respect to :math:`\langle d, e \rangle = \sum_v d_v \cdot e_v`.
 
     Parameters
     ----------
@@ -40,9 +39,6 @@ class DeformationBasis:
     orthonormalize : bool
         Whether to make them orthonormal by the Gram–Schmidt process. By default they are checked
         to be orthonormal within 1e-8.
-    vertex_weights : array_like, shape (V,), optional
-        Positive weights of the inner product, such as `Template.vertex_areas`; they are scaled to
-        mean 1, so that coefficients keep their magnitude.
 
     References
     ----------
@@ -64,26 +60,18 @@ class DeformationBasis:
     # Read by jobs to recognise a basis: its vectors are orthonormal whatever the argument was.
     _orthonormalize = False
 
-    def __init__(
-        self,
-        vectors: ArrayLike,
-        *,
-        orthonormalize: bool = False,
-        vertex_weights: ArrayLike | None = None,
-    ) -> None:
+    def __init__(self, vectors: ArrayLike, *, orthonormalize: bool = False) -> None:
         values = real_array(vectors, "vectors", ("n_components", "n_vertices", 3), batched=False)
         if values.size == 0:
             raise ArgumentError(f"vectors holds no deformation; found shape {values.shape}")
-        self._weights = normalized_weights(vertex_weights, values.shape[1])
         if orthonormalize:
-            rows = orthonormal_rows(weighted_rows(values, self._weights), "vectors")
-            self._vectors = read_only(vectors_of_rows(rows, self._weights))
+            rows = orthonormal_rows(values.reshape(len(values), -1), "vectors")
+            self._vectors = read_only(rows.reshape(values.shape))
         else:
             self._vectors = read_only(np.array(values, order="C"))
             self._check_orthonormal()
         self._explained_variance: np.ndarray | None = None
         self._explained_variance_ratio: np.ndarray | None = None
-        self._mean: np.ndarray | None = None
 
     @classmethod
     def from_motions(
@@ -92,8 +80,6 @@ class DeformationBasis:
         n_components: int = 100,
         step: int = 10,
         *,
-        remove_mean: bool = False,
-        vertex_weights: ArrayLike | None = None,
         progress: bool = False,
     ) -> DeformationBasis:
         """Return the principal components of the deformations m_{nτ+τ} - m_{nτ} in motions.
@@ -112,45 +98,27 @@ class DeformationBasis:
         n_components : int
         step : int
             Number of frames τ from the first to the second frame of a deformation.
-        remove_mean : bool
-            Whether the mean deformation is removed first and kept as `mean`.
-        vertex_weights : array_like, shape (V,), optional
-            Weights of the inner product, as in the constructor.
         progress : bool
         """
         n_components = whole_number(n_components, "n_components", minimum=1)
         pairs = frames_apart(motions, step, progress=progress)
         first = next(pairs)
-        weights = normalized_weights(vertex_weights, len(first[0]))
-        pca = StreamingPCA(n_components, first[0].size, remove_mean=remove_mean)
+        pca = StreamingPCA(n_components, first[0].size)
         largest = 0.0
         for start, end in chain([first], pairs):
-            pca.add(weighted_rows((end - start)[np.newaxis], weights)[0])
+            pca.add((end - start).ravel())
             largest = max(largest, float(np.abs(start).max()), float(np.abs(end).max()))
-        scale = 1.0 if weights is None else float(np.sqrt(weights.max()))
-        principal = pca.components(rounding=np.finfo(np.float64).eps * scale * largest)
+        principal = pca.components(rounding=np.finfo(np.float64).eps * largest)
         if principal.rank < n_components:
-            centred = " less their mean" if remove_mean else ""
             raise ArgumentError(
                 f"n_components={n_components} exceeds the rank {principal.rank} of the "
-                f"{principal.n_samples} deformations{centred}; ask for at most that many"
+                f"{principal.n_samples} deformations; ask for at most that many"
             )
-        basis = cls(
-            vectors_of_rows(principal.vectors, weights),
-            orthonormalize=True,
-            vertex_weights=vertex_weights,
-        )
-        mean = (
-            None
-            if principal.mean is None
-            else vectors_of_rows(principal.mean[np.newaxis], weights)[0]
-        )
-        return basis._with_statistics(principal.variance, principal.variance_ratio, mean)
+        basis = cls(principal.vectors.reshape(n_components, -1, 3), orthonormalize=True)
+        return basis._with_statistics(principal.variance, principal.variance_ratio)
 
     @classmethod
-    def from_laplacian(
-        cls, template: Template, n_components: int = 100, *, vertex_weights: ArrayLike | None = None
-    ) -> DeformationBasis:
+    def from_laplacian(cls, template: Template, n_components: int = 100) -> DeformationBasis:
         """Return mesh harmonics of the template, each along x, then y, then z.
 
         The harmonics are the ceil(K / 3) lowest eigenfunctions of the cotangent Laplacian,
@@ -164,19 +132,15 @@ class DeformationBasis:
         n_components : int
             Number of components K. If it is not a multiple of 3, the last harmonic is used only
             along x, or along x and y.
-        vertex_weights : array_like, shape (V,), optional
-            Weights of the inner product, as in the constructor.
         """
         n_components = whole_number(n_components, "n_components", minimum=1)
-        weights = normalized_weights(vertex_weights, template.n_vertices)
         _, functions = harmonics(template, -(-n_components // 3))
-        roots = 1.0 if weights is None else np.sqrt(weights)
-        functions = orthonormal_rows(functions * roots, "harmonics") / roots
+        functions = orthonormal_rows(functions, "harmonics")
         vectors = np.zeros((len(functions), 3, template.n_vertices, 3))
         for axis in range(3):
             vectors[:, axis, :, axis] = functions
         vectors = vectors.reshape(-1, template.n_vertices, 3)[:n_components]
-        return cls(vectors, vertex_weights=vertex_weights)
+        return cls(vectors)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> DeformationBasis:
@@ -195,11 +159,12 @@ class DeformationBasis:
                 f"this release reads version {_FORMAT_VERSION}"
             )
         try:
-            basis = cls(fields["vectors"], vertex_weights=fields.get("vertex_weights"))
-            shapes = ((len(basis),), (len(basis),), (basis.n_vertices, 3))
+            basis = cls(fields["vectors"])
             statistics = [
-                real_array(fields[name], name, shape, batched=False) if name in fields else None
-                for name, shape in zip(_STATISTICS, shapes, strict=True)
+                real_array(fields[name], name, (len(basis),), batched=False)
+                if name in fields
+                else None
+                for name in _STATISTICS
             ]
         except (ArgumentError, ArgumentTypeError) as error:
             raise FileFormatError(f"{os.fspath(path)}: {error}") from error
@@ -214,7 +179,7 @@ class DeformationBasis:
             The file, with its suffix; an existing file is replaced.
         """
         fields = {"format_version": np.array(_FORMAT_VERSION), "vectors": self.vectors}
-        for name in ("vertex_weights", *_STATISTICS):
+        for name in _STATISTICS:
             if getattr(self, name) is not None:
                 fields[name] = getattr(self, name)
         save_arrays(path, fields)
@@ -239,22 +204,14 @@ class DeformationBasis:
         """Number of vertices V."""
         return self._vectors.shape[1]
 
-    @property
-    def vertex_weights(self) -> np.ndarray | None:
-        """Weights of the inner product, shape (V,), of mean 1; None if all are 1."""
-        return self._weights
-
     def coefficients(self, deformation: Any) -> Any:
         """Return the inner products of deformations with the vectors, shape (..., K).
 
         Parameters
         ----------
         deformation : array_like, shape (..., V, 3)
-            Deformations; no mean is subtracted.
         """
         deformation = real_array(deformation, "deformation", (self.n_vertices, 3))
-        if self._weights is not None:
-            deformation = deformation * self._weights[:, np.newaxis]
         rows = anp.reshape(deformation, (*deformation.shape[:-2], -1))
         return anp.matmul(rows, self.flat.T)
 
@@ -297,14 +254,12 @@ class DeformationBasis:
         return self.n_components
 
     def __repr__(self) -> str:
-        weights = "" if self._weights is None else ", weighted"
         return (
-            f"{type(self).__name__}(n_components={self.n_components}, "
-            f"n_vertices={self.n_vertices}{weights})"
+            f"{type(self).__name__}(n_components={self.n_components}, n_vertices={self.n_vertices})"
         )
 
     def _check_orthonormal(self) -> None:
-        rows = weighted_rows(self._vectors, self._weights)
+        rows = self.flat
         with np.errstate(over="ignore", invalid="ignore"):
             deviation = float(np.abs(rows @ rows.T - np.eye(len(rows))).max())
         if not deviation <= _ORTHONORMAL:
@@ -315,22 +270,13 @@ class DeformationBasis:
 
     @property
     def explained_variance(self) -> np.ndarray | None:
-        """Variance of motions along each vector, shape (K,), or None for another basis.
-
-        It is the mean square of the coefficients of all deformations, or their sample variance if
-        the mean was removed.
-        """
+        """Mean squares of the coefficients of motions, shape (K,), or None for another basis."""
         return self._explained_variance
 
     @property
     def explained_variance_ratio(self) -> np.ndarray | None:
         """Variance along each vector as a share of the total, shape (K,), or None."""
         return self._explained_variance_ratio
-
-    @property
-    def mean(self) -> np.ndarray | None:
-        """The mean deformation, shape (V, 3), if it was removed, otherwise None."""
-        return self._mean
 
     def truncate(self, n_components: int) -> DeformationBasis:
         """Return a basis of the first vectors.
@@ -342,12 +288,9 @@ class DeformationBasis:
         kept = whole_number(n_components, "n_components", minimum=1)
         if kept > len(self):
             raise ArgumentError(f"n_components={kept} exceeds the {len(self)} vectors of the basis")
-        basis = type(self)(self.vectors[:kept], vertex_weights=self.vertex_weights)
-        variance, ratio = self.explained_variance, self.explained_variance_ratio
-        return basis._with_statistics(
-            None if variance is None else variance[:kept],
-            None if ratio is None else ratio[:kept],
-            self.mean,
+        shares = (self.explained_variance, self.explained_variance_ratio)
+        return type(self)(self.vectors[:kept])._with_statistics(
+            *(None if share is None else share[:kept] for share in shares)
         )
 
     def extend(self, deformations: np.ndarray) -> DeformationBasis:
@@ -363,20 +306,16 @@ class DeformationBasis:
             basis.check_fits(len(deformation))
             outside = deformation - basis.project(deformation)
             if np.abs(outside).max() > _OUTSIDE * np.abs(deformation).max():
-                basis = DeformationBasis(
-                    np.concatenate([basis.vectors, outside[None]]),
-                    orthonormalize=True,
-                    vertex_weights=basis.vertex_weights,
-                )
+                vectors = np.concatenate([basis.vectors, outside[None]])
+                basis = DeformationBasis(vectors, orthonormalize=True)
         return basis
 
     def _with_statistics(
-        self, variance: np.ndarray | None, ratio: np.ndarray | None, mean: np.ndarray | None
+        self, variance: np.ndarray | None, ratio: np.ndarray | None
     ) -> DeformationBasis:
         """Set the statistics of the motions that the vectors come from."""
         self._explained_variance = None if variance is None else read_only(variance)
         self._explained_variance_ratio = None if ratio is None else read_only(ratio)
-        self._mean = None if mean is None else read_only(mean)
         return self
 
 
@@ -386,12 +325,7 @@ _REMEDY = "a basis weighs deformations by their lengths"
 def frames_apart(
     motions: Iterable[Any], step: int = 10, *, progress: bool = False
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield the frames m_{nτ} and m_{nτ+τ} of every motion m, for n = 0, 1, ….
-
-    Every frame that is read is checked. An array, a list or an iterator is read frame by frame. Of
-    any other motion that has a length and can be indexed, such as a data set on disk or a motion
-    computed on demand, only every τ-th frame is read.
-    """
+    """Yield the frames m_{nτ} and m_{nτ+τ} of every motion m, for n = 0, 1, …."""
     step = whole_number(step, "step", minimum=1)
     if isinstance(motions, np.ndarray) and motions.ndim == 3:
         raise ArgumentError(
@@ -399,61 +333,56 @@ def frames_apart(
             "in a list, [motion]"
         )
     first: np.ndarray | None = None
-    n_motions = 0
+    n_motions = len(motions) if hasattr(motions, "__len__") else None
     listed = _iterate(motions, "motions")
-    if progress:
-        listed = _with_progress(listed, motions)
-    for index, motion in enumerate(listed):
-        name = f"motions[{index}]"
-        start = None
+    bar = ProgressBar(listed, desc="Motions", total=n_motions, unit="motion", disable=not progress)
+    for index, motion in enumerate(bar):
+        name, start = f"motions[{index}]", None
         for frame in _every(motion, step, name):
-            if first is None:
-                first = frame
+            first = frame if first is None else first
             if len(frame) != len(first):
                 raise ArgumentError(
                     f"{name} has {len(frame)} vertices; the motions before it have {len(first)}"
                 )
             if start is None:
                 check_same_scale(frame, first, name, "the first motion", remedy=_REMEDY)
-            if start is not None:
+            else:
                 yield start, frame
             start = frame
-        n_motions += 1
-    if n_motions == 0:
+    if first is None:
         raise ArgumentError("motions holds no motion; at least one is needed")
 
 
 def _every(motion: Any, step: int, name: str) -> Iterator[np.ndarray]:
-    """Yield every step-th frame of a motion, or raise an error if it is too short."""
-    if _is_indexed(motion):
+    """Yield every step-th frame of a motion, or raise an error if it is too short.
+
+    All frames are checked, but of a motion on disk, or computed on demand, only these are read.
+    """
+    n_frames = 0
+    if hasattr(motion, "__getitem__") and not isinstance(motion, (np.ndarray, list, tuple, str)):
         n_frames = len(motion)
-        _check_length(n_frames, step, name)
-        for number in range(0, n_frames, step):
-            yield _frame(motion[number], number, name)
-        return
-    n_frames, n_vertices = 0, None
-    for run in _iterate(motion, name):
-        for found in _frames_of(run, n_frames, name):
-            frame = _frame(found, n_frames, name)
-            if n_vertices is not None and len(frame) != n_vertices:
-                raise ArgumentError(
-                    f"frame {n_frames} of {name} has {len(frame)} vertices; the frames before "
-                    f"it have {n_vertices}"
-                )
-            n_vertices = len(frame)
-            if n_frames % step == 0:
-                # A generator may reuse one array for all frames.
-                yield frame.copy()
-            n_frames += 1
-    _check_length(n_frames, step, name)
-
-
-def _is_indexed(motion: Any) -> bool:
-    return (
-        hasattr(motion, "__len__")
-        and hasattr(motion, "__getitem__")
-        and not isinstance(motion, (np.ndarray, list, tuple))
-    )
+        for number in range(0, n_frames, step) if n_frames > step else ():
+            label = f"frame {number} of {name}"
+            yield real_array(motion[number], label, ("n_vertices", 3), batched=False)
+    else:
+        n_vertices = None
+        for run in _iterate(motion, name):
+            for found in _frames_of(run, f"frame {n_frames} of {name}"):
+                label = f"frame {n_frames} of {name}"
+                frame = real_array(found, label, ("n_vertices", 3), batched=False)
+                if n_vertices not in (None, len(frame)):
+                    raise ArgumentError(
+                        f"{label} has {len(frame)} vertices; the frames before it have {n_vertices}"
+                    )
+                n_vertices = len(frame)
+                if n_frames % step == 0:
+                    # A generator may reuse one array for all frames.
+                    yield frame.copy()
+                n_frames += 1
+    if n_frames <= step:
+        raise ArgumentError(
+            f"{name} has {n_frames} frames; with step={step} a motion needs at least {step + 1}"
+        )
 
 
 def _iterate(items: Any, name: str) -> Iterator[Any]:
@@ -465,30 +394,13 @@ def _iterate(items: Any, name: str) -> Iterator[Any]:
         ) from error
 
 
-def _with_progress(listed: Iterator[Any], motions: Any) -> Iterator[Any]:
-    n_motions = len(motions) if hasattr(motions, "__len__") else None
-    return iter(ProgressBar(listed, desc="Motions", total=n_motions, unit="motion"))
-
-
-def _frames_of(run: Any, number: int, name: str) -> np.ndarray:
+def _frames_of(run: Any, label: str) -> np.ndarray:
     """Return a frame or a block of frames as a block."""
-    label = f"frame {number} of {name}"
     values = real_array(run, label, finite=False)
     if values.ndim == 3:
         return values
     check_shape(values, label, ("n_vertices", 3), batched=False)
     return values[np.newaxis]
-
-
-def _frame(values: Any, number: int, name: str) -> np.ndarray:
-    return real_array(values, f"frame {number} of {name}", ("n_vertices", 3), batched=False)
-
-
-def _check_length(n_frames: int, step: int, name: str) -> None:
-    if n_frames <= step:
-        raise ArgumentError(
-            f"{name} has {n_frames} frames; with step={step} a motion needs at least {step + 1}"
-        )
 
 
 # Rows are collected up to this size before they are merged.
@@ -501,7 +413,6 @@ class PrincipalComponents(NamedTuple):
     vectors: np.ndarray
     variance: np.ndarray
     variance_ratio: np.ndarray
-    mean: np.ndarray | None
     rank: int
     n_samples: int
 
@@ -514,36 +425,22 @@ class StreamingPCA:
     singular value decomposition. Beyond, each merge lowers AᵀA, in the spectral norm, by the square
     of the largest singular value that it drops, and keeps at least 1.5 K larger ones. Nothing is
     lost if half the buffer holds at least as many rows as there are features.
-
-    With mean removal, the rows of each merge are centred on their own mean, and an additional row
-    represents the distance of this mean from the previous one [1]_.
     """
 
-    def __init__(
-        self,
-        n_components: int,
-        n_features: int,
-        *,
-        remove_mean: bool = False,
-        max_rows: int | None = None,
-    ) -> None:
+    def __init__(self, n_components: int, n_features: int, max_rows: int | None = None) -> None:
         if max_rows is None:
             fitting = _BUFFER_BYTES // (8 * n_features)
             max_rows = max(3 * n_components, min(fitting, 2 * n_features))
         self._n_components = n_components
-        self._max_rows = max_rows
-        self._remove_mean = remove_mean
-        # One row more for the shift of the mean.
-        self._rows = np.empty((max_rows + 1, n_features))
+        self._rows = np.empty((max_rows, n_features))
         self._n_filled = 0
         self._singular_values = np.empty(0)
-        self._mean = np.zeros(n_features)
         self._n_samples = 0
         self._sum_of_squares = 0.0
 
     def add(self, row: np.ndarray) -> None:
         """Add a row."""
-        if self._n_filled == self._max_rows:
+        if self._n_filled == len(self._rows):
             self._merge()
         self._rows[self._n_filled] = row
         self._n_filled += 1
@@ -561,12 +458,10 @@ class StreamingPCA:
         vectors = self._rows[:n_components] / values[:, np.newaxis]
         peaks = np.abs(vectors).argmax(axis=1)
         vectors *= np.sign(vectors[np.arange(n_components), peaks])[:, np.newaxis]
-        freedom = self._n_samples - 1 if self._remove_mean else self._n_samples
         return PrincipalComponents(
             vectors,
-            values**2 / max(freedom, 1),
+            values**2 / max(self._n_samples, 1),
             values**2 / (self._sum_of_squares or 1.0),
-            self._mean.copy() if self._remove_mean else None,
             rank,
             self._n_samples,
         )
@@ -576,10 +471,7 @@ class StreamingPCA:
         n_merged = len(self._singular_values)
         if self._n_filled == n_merged:
             return
-        n_new = self._n_filled - n_merged
-        if self._remove_mean:
-            self._centre(self._rows[n_merged : self._n_filled])
-        self._n_samples += n_new
+        self._n_samples += self._n_filled - n_merged
         self._sum_of_squares += float(np.sum(self._rows[n_merged : self._n_filled] ** 2))
 
         rows = self._rows[: self._n_filled]
@@ -587,48 +479,10 @@ class StreamingPCA:
         # singular values to full precision.
         triangle: Any = np.linalg.qr(rows.T, mode="r")
         left, values, _ = np.linalg.svd(triangle.T, full_matrices=False)
-        kept = min(max(self._max_rows // 2, self._n_components), len(values))
+        kept = min(max(len(self._rows) // 2, self._n_components), len(values))
         self._rows[:kept] = left[:, :kept].T @ rows
         self._singular_values = values[:kept]
         self._n_filled = kept
-
-    def _centre(self, new: np.ndarray) -> None:
-        """Centre the new rows, add a row for the shift of their mean, and update the mean."""
-        n_old, n_new = self._n_samples, len(new)
-        mean = new.mean(axis=0)
-        new -= mean
-        shift = mean - self._mean
-        if n_old:
-            self._rows[self._n_filled] = shift * np.sqrt(n_old * n_new / (n_old + n_new))
-            self._n_filled += 1
-        self._mean += shift * (n_new / (n_old + n_new))
-
-
-def normalized_weights(weights: ArrayLike | None, n_vertices: int) -> np.ndarray | None:
-    """Return vertex weights scaled to mean 1."""
-    if weights is None:
-        return None
-    values = real_array(weights, "vertex_weights", (n_vertices,), batched=False)
-    if not (values > 0).all():
-        first = int((values <= 0).argmax())
-        raise ArgumentError(
-            f"vertex_weights[{first}] = {float(values[first])!r} is not positive; a vertex "
-            "without weight would make the inner product degenerate"
-        )
-    return read_only(values / values.mean())
-
-
-def weighted_rows(vectors: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
-    """Return vectors as rows whose dot products are the weighted inner products."""
-    if weights is not None:
-        vectors = vectors * np.sqrt(weights)[:, np.newaxis]
-    return vectors.reshape(len(vectors), -1)
-
-
-def vectors_of_rows(rows: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
-    """Return vectors from rows, the inverse of `weighted_rows`."""
-    vectors = rows.reshape(len(rows), -1, 3)
-    return vectors if weights is None else vectors / np.sqrt(weights)[:, np.newaxis]
 
 
 def orthonormal_rows(rows: np.ndarray, name: str) -> np.ndarray:
