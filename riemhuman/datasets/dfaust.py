@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -62,12 +62,9 @@ class DynamicFaustMotion(Motion):
                 first, end = int(some.min()), int(some.max()) + 1
                 read = file[key][:, :, first:end]
                 frames[start : start + run] = np.moveaxis(read[:, :, some - first], -1, 0)
-        bad = [
-            str(number)
-            for number, frame in zip(numbers, frames, strict=True)
-            if not np.isfinite(frame).all()
-        ]
-        if bad:
+        finite = np.isfinite(frames).all(axis=(1, 2))
+        if not finite.all():
+            bad = [str(number) for number in np.array(numbers)[~finite]]
             raise FileFormatError(
                 f"{self.path}: NaN or infinite coordinates in frames {join_names(bad)} of {key}"
             )
@@ -106,13 +103,9 @@ def load_dfaust(
 
     Raises
     ------
-    FileError
-        If no file is found, or a file cannot be read.
     FileFormatError
         If a file is not HDF5, has no sequences, no triangles or different triangles, or sequences
         to load do not hold numbers of shape (V, 3, n_frames); the message names them all.
-    MissingDependencyError
-        If h5py is not installed.
 
     References
     ----------
@@ -131,47 +124,47 @@ def load_dfaust(
     >>> rh.datasets.load_dfaust("registrations_f.hdf5")[0].n_frames
     4
     """
-    step = _step(frames_per_second)
+    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+    step = max(1, round(_FRAMES_PER_SECOND / rate))
+    if abs(step * rate - _FRAMES_PER_SECOND) > 1e-6 * _FRAMES_PER_SECOND:
+        raise ArgumentError(
+            f"frames_per_second must be {_FRAMES_PER_SECOND:g} divided by a whole number; "
+            f"found {rate:g}"
+        )
     files = _find_files(path)
     places = " and ".join(str(file) for file in files)
-    recorded: dict[str, dict[str, _Entry]] = {}
+    recorded: dict[str, dict[str, tuple[Path, int, str]]] = {}
     faces: np.ndarray | None = None
     for file in files:
         with _open(file) as contents:
             # h5py returns names that are not UTF-8 as bytes; no sequence has such a name.
             names = [name for name in contents if isinstance(name, str)]
-            faces = _read_faces(contents, names, file, faces)
+            own = _read_faces(contents, names, file)
+            difference = None if faces is None else face_difference(own, faces)
+            if difference:
+                raise FileFormatError(
+                    f"{file}: triangles must be those of {_FILES[0]}: {difference}"
+                )
+            faces = own
             for key in names:
                 match = re.fullmatch(r"(\d+)_(\w+)", key)
                 if match:
-                    entry = _Entry(file, *_inspect(contents, key, int(faces.max()) + 1))
+                    entry = file, *_inspect(contents, key, int(faces.max()) + 1)
                     recorded.setdefault(match[1], {})[match[2]] = entry
     if faces is None or not recorded:
         raise FileFormatError(f"{places} holds no sequence, such as 50002_hips")
-    pairs = _choose_pairs(recorded, subjects, sequences, f" in {places}")
-    entries = [recorded[subject][sequence] for subject, sequence in pairs]
-    problems = [
-        f"{subject}_{sequence} of {entry.file} {entry.problem}"
-        for (subject, sequence), entry in zip(pairs, entries, strict=True)
-        if entry.problem
-    ]
+    motions, problems = [], []
+    for subject, sequence in _choose_pairs(recorded, subjects, sequences, f" in {places}"):
+        file, n_frames, problem = recorded[subject][sequence]
+        motions.append(DynamicFaustMotion(file, subject, sequence, n_frames, faces, step))
+        if problem:
+            problems.append(f"{subject}_{sequence} of {file} {problem}")
     if problems:
         raise FileFormatError(
             f"sequences must be numbers of shape ({int(faces.max()) + 1}, 3, n_frames), as their "
             f"triangles ask for; {'; '.join(problems)}"
         )
-    return Motions(
-        DynamicFaustMotion(entry.file, subject, sequence, entry.n_frames, faces, step)
-        for (subject, sequence), entry in zip(pairs, entries, strict=True)
-    )
-
-
-class _Entry(NamedTuple):
-    """A sequence in a file."""
-
-    file: Path
-    n_frames: int
-    problem: str  # what is wrong with its data, or empty
+    return Motions(motions)
 
 
 def _inspect(contents: Any, key: str, n_vertices: int) -> tuple[int, str]:
@@ -218,10 +211,7 @@ def _open(path: Path) -> Iterator[Any]:
         raise FileFormatError(f"cannot read {path}: {short_message(error)}") from error
 
 
-def _read_faces(
-    contents: Any, names: Sequence[str], file: Path, expected: np.ndarray | None
-) -> np.ndarray:
-    """Return the triangles of a file, which must be the expected ones."""
+def _read_faces(contents: Any, names: Sequence[str], file: Path) -> np.ndarray:
     if _FACES not in names:
         raise FileFormatError(
             f"{file} holds no dataset {_FACES!r} of triangles; found "
@@ -232,39 +222,12 @@ def _read_faces(
             f"{_FACES} of {file} lies outside the file, or is larger than it can hold"
         )
     try:
-        stored = np.asarray(contents[_FACES])
-        faces = integer_array(stored, f"{_FACES} of {file}", ("n_faces", 3))
+        faces = integer_array(contents[_FACES], f"{_FACES} of {file}", ("n_faces", 3))
     except (ArgumentError, ArgumentTypeError) as error:
         raise FileFormatError(str(error)) from error
-    if not faces.size or faces.min() < 0:
-        raise FileFormatError(
-            f"{_FACES} of {file} must be numbers of vertices, from 0 on; found "
-            f"{faces.min() if faces.size else 'none'}"
-        )
-    difference = None if expected is None else face_difference(faces, expected)
-    if difference:
-        raise FileFormatError(f"{file}: triangles must be those of {_FILES[0]}: {difference}")
+    if faces.min(initial=0) < 0 or not faces.size:
+        raise FileFormatError(f"{_FACES} of {file} must be numbers of vertices, from 0 on")
     return read_only(faces)
-
-
-def _step(frames_per_second: float) -> int:
-    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
-    step = max(1, round(_FRAMES_PER_SECOND / rate))
-    if abs(step * rate - _FRAMES_PER_SECOND) > 1e-6 * _FRAMES_PER_SECOND:
-        raise ArgumentError(
-            f"frames_per_second must be {_FRAMES_PER_SECOND:g} divided by a whole number; "
-            f"found {rate:g}"
-        )
-    return step
-
-
-def _as_names(subjects: Any) -> Any:
-    """Return subjects with numbers converted to names."""
-    if isinstance(subjects, (int, np.integer)):
-        return str(subjects)
-    if isinstance(subjects, str) or not isinstance(subjects, Iterable):
-        return subjects
-    return [str(subject) for subject in subjects]
 
 
 def _find_files(path: str | os.PathLike[str]) -> list[Path]:
@@ -285,15 +248,15 @@ def _choose_pairs(
     """Return the pairs of subject and sequence to load; unknown names raise an error."""
     performed = sorted(set().union(*recorded.values()))
     names = choose_names(sequences, "sequences", performed, source)
-    people = choose_names(_as_names(subjects), "subjects", tuple(recorded), source)
-    missing = []
-    for subject in people if sequences is not None and subjects is not None else ():
-        lacking = [name for name in names if name not in recorded[subject]]
-        if lacking:
-            present = ", ".join(sorted(recorded[subject]))
-            missing.append(f"{subject} lacks {', '.join(lacking)} and has {present}")
-    if missing:
+    people = choose_names(subjects, "subjects", tuple(recorded), source)
+    pairs = [(subject, name) for subject in people for name in names if name in recorded[subject]]
+    if sequences is not None and subjects is not None and len(pairs) < len(people) * len(names):
+        lacking = [
+            f"{subject} has {', '.join(sorted(recorded[subject]))}"
+            for subject in people
+            if not recorded[subject].keys() >= set(names)
+        ]
         raise ArgumentError(
-            f"sequences must be there for all subjects asked for{source}; {'; '.join(missing)}"
+            f"sequences must be there for all subjects asked for{source}; {'; '.join(lacking)}"
         )
-    return [(subject, name) for subject in people for name in names if name in recorded[subject]]
+    return pairs

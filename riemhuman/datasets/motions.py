@@ -7,7 +7,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import SupportsIndex, TypeVar, overload
+from typing import Any, SupportsIndex, TypeVar, overload
 
 import numpy as np
 
@@ -177,13 +177,14 @@ class Motions(tuple[M, ...]):
 
 
 def choose_names(
-    wanted: Sequence[str] | str | None, name: str, known: Sequence[str], source: str = ""
+    wanted: Any, name: str, known: Sequence[str], source: str = ""
 ) -> tuple[str, ...]:
     """Return the chosen names, by default all, after checking that they are known."""
     if wanted is None:
         return tuple(known)
     try:
-        names = (wanted,) if isinstance(wanted, str) else tuple(wanted)
+        single = isinstance(wanted, (str, int, np.integer))
+        names = tuple(str(each) for each in ([wanted] if single else wanted))
     except TypeError as error:
         raise ArgumentTypeError(f"{name} must be a list of names; found {wanted!r}") from error
     unknown = [each for each in names if each not in known]

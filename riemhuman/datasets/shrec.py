@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,11 +14,11 @@ from riemhuman.checks import real_number
 from riemhuman.datasets.registered_meshes import (
     MESH_ENDINGS,
     existing_folder,
+    in_one_format,
     is_visible,
-    natural_key,
-    preferred_formats,
+    no_meshes,
 )
-from riemhuman.errors import FileError, FileFormatError, RiemhumanError
+from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.files import file_path, read_text
 from riemhuman.io.meshes import load_mesh
 from riemhuman.representation import Record, join_names
@@ -26,7 +26,7 @@ from riemhuman.representation import Record, join_names
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LabelledMeshes(Record):
-    r"""Labelled meshes, read from their files on access.
+    """Labelled meshes, read from their files on access.
 
     ``meshes[i]`` is a pair: vertices, shape (V, 3), and faces, shape (F, 3).
 
@@ -42,23 +42,11 @@ class LabelledMeshes(Record):
         Names of the classes.
     scale : float
         Factor from the files' unit to metres.
-    missing : tuple of str
-        Ids of the class file that have no mesh file.
-    unlisted : tuple of str
-        Names of mesh files that the class file does not list.
 
     Examples
     --------
-    >>> import os
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> os.mkdir("scans")
-    >>> for number in (0, 1):
-    ...     rh.save_mesh(f"scans/{number}.off", bodies[number], bodies.template.faces)
-    >>> with open("scans/test.cla", "w") as file:
-    ...     print("PSB 1\n1 2\n\nanna 0 2\n0\n1", file=file)
-    >>> rh.datasets.load_shrec14("scans").ids
-    ('0', '1')
+    >>> vertices, faces = rh.datasets.load_shrec14("SHREC14/Real")[0]  # doctest: +SKIP
     """
 
     files: tuple[Path, ...]
@@ -66,8 +54,6 @@ class LabelledMeshes(Record):
     subject: np.ndarray
     subject_names: tuple[str, ...]
     scale: float
-    missing: tuple[str, ...]
-    unlisted: tuple[str, ...]
 
     def __len__(self) -> int:
         """Return the number of meshes."""
@@ -79,22 +65,6 @@ class LabelledMeshes(Record):
 
     def __iter__(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         return (self[index] for index in range(len(self)))
-
-    def problems(self) -> dict[str, str]:
-        """Read every file, and return the errors of those that cannot be read.
-
-        Returns
-        -------
-        dict of str to str
-            Error messages by id.
-        """
-        messages = {}
-        for index, name in enumerate(self.ids):
-            try:
-                self[index]
-            except RiemhumanError as error:
-                messages[name] = str(error)
-        return messages
 
 
 def load_shrec14(
@@ -112,8 +82,8 @@ def load_shrec14(
     Parameters
     ----------
     folder : path_like
-        The folder of the mesh files (``.ply``, ``.obj`` or ``.off``), or one above it. Of a mesh in
-        several formats, the first of these is read.
+        The folder of the mesh files, or one above it. Of a mesh in several formats, PLY, OBJ or OFF
+        is read, in this order.
     classes : path_like, optional
         The class file, in the format of the Princeton Shape Benchmark [2]_. By default the only
         file in the folder, or below it, that ends in ``.cla``. Its ids are names of mesh files,
@@ -132,8 +102,7 @@ def load_shrec14(
     Raises
     ------
     FileError
-        If the folder does not exist, has no meshes, not exactly one class file, or lacks meshes
-        that the class file lists.
+        If the folder has no meshes, not exactly one class file, or lacks meshes of the class file.
     FileFormatError
         If the class file is damaged, with its line, or an id matches several meshes.
 
@@ -145,45 +114,42 @@ def load_shrec14(
 
     Examples
     --------
-    >>> import os
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> os.mkdir("scans")
-    >>> for number in (0, 1):
-    ...     rh.save_mesh(f"scans/{number}.off", bodies[number], bodies.template.faces)
-    >>> with open("scans/test.cla", "w") as file:
-    ...     print("PSB 1\n1 2\n\nanna 0 2\n0\n1", file=file)
-    >>> rh.datasets.load_shrec14("scans").ids
-    ('0', '1')
+    >>> template = rh.datasets.load_open_model("coarse").template
+    >>> rh.save_mesh("0.off", template.vertices, template.faces)
+    >>> with open("test.cla", "w") as file:
+    ...     print("PSB 1\n1 1\n\nanna 0 1\n0", file=file)
+    >>> rh.datasets.load_shrec14(".").subject_names
+    ('anna',)
     """
     root = existing_folder(folder)
     scale = real_number(scale, "scale", minimum=0.0, strict=True)
     class_file = _find_class_file(root) if classes is None else file_path(classes, "classes")
     members = read_classes(class_file)
-    files = _find_meshes(root)
-    by_name: dict[str, list[str]] = {}
-    for key in files:
-        for name in _names_of(key):
-            by_name.setdefault(name, []).append(key)
-    ids = [name for each in members.values() for name in each]
-    labels = [number for number, each in enumerate(members.values()) for _ in each]
-    keys = [_key_of(name, by_name, class_file) for name in ids]
-    missing = tuple(name for name, key in zip(ids, keys, strict=True) if key is None)
-    if missing and (not allow_missing or len(missing) == len(ids)):
-        remedy = "" if len(missing) == len(ids) else "; allow_missing=True goes on with the others"
+    by_name: dict[str, list[Path]] = {}
+    for file in in_one_format(file for file in root.rglob("*") if file.is_file()):
+        for name in {file.stem, _last_number(file.stem)}:
+            by_name.setdefault(name, []).append(file)
+    if not by_name:
+        raise no_meshes(root)
+    subject, ids, files, missing = [], [], [], []
+    for number, names in enumerate(members.values()):
+        for name in names:
+            file = _file_of(name, by_name, class_file, root)
+            if file is None:
+                missing.append(name)
+                continue
+            subject.append(number)
+            ids.append(name)
+            files.append(file)
+    if missing and not (allow_missing and files):
+        remedy = "; allow_missing=True loads the others" if files else ""
         raise FileError(
-            f"{root} lacks {len(missing)} of the {len(ids)} meshes that {class_file} lists: "
-            f"{join_names(missing, 20)}{remedy}"
+            f"{root} lacks {len(missing)} of the {len(missing) + len(files)} meshes that "
+            f"{class_file} lists: {join_names(missing, 20)}{remedy}"
         )
-    present = [number for number, key in enumerate(keys) if key is not None]
     return LabelledMeshes(
-        files=tuple(files[key] for key in keys if key is not None),
-        ids=tuple(ids[number] for number in present),
-        subject=np.array([labels[number] for number in present], dtype=np.int64),
-        subject_names=tuple(members),
-        scale=scale,
-        missing=missing,
-        unlisted=tuple(files[key].name for key in files if key not in set(keys)),
+        tuple(files), tuple(ids), np.array(subject, dtype=np.int64), tuple(members), scale
     )
 
 
@@ -231,24 +197,22 @@ class _Words:
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        self._matches = re.finditer(r"\r\n|\r|\n|[^ \t\r\n\v\f]+", read_text(file))
-        self._line = 1
-        self._word = ""
+        lines = re.split(r"\r\n|\r|\n", read_text(file))
+        self._words = (
+            (number, word)
+            for number, line in enumerate(lines, 1)
+            for word in re.findall(r"[^ \t\v\f]+", line)
+        )
+        self._line, self._word = 1, ""
 
     def next(self, meaning: str = "") -> str:
         """Return the next word; at the end, "" or an error that names what was expected."""
-        line = self._line
-        self._word = ""
-        for match in self._matches:
-            if match[0] not in ("\r\n", "\r", "\n"):
-                self._line, self._word = line, match[0]
-                return self._word
-            line += 1
-        if meaning:
+        self._line, self._word = next(self._words, (self._line, ""))
+        if meaning and not self._word:
             raise FileFormatError(
                 f"{self._file}, line {self._line}: the file ends where {meaning} was expected"
             )
-        return ""
+        return self._word
 
     def next_count(self, meaning: str) -> int:
         """Return the next word as a number."""
@@ -276,39 +240,23 @@ def _find_class_file(root: Path) -> Path:
     return files[0]
 
 
-def _find_meshes(root: Path) -> dict[str, Path]:
-    """Return mesh files by their path without suffix, in natural order."""
-    files = preferred_formats(
-        (str(file.relative_to(root).with_suffix("")), file)
-        for file in root.rglob("*")
-        if is_visible(file, MESH_ENDINGS) and file.is_file()
-    )
-    if not files:
-        raise FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
-    return {key: files[key] for key in sorted(files, key=natural_key)}
+def _last_number(text: str) -> str:
+    """Return the last number of a name, as a key that differs from all names of files."""
+    numbers = re.findall(r"[0-9]+", text)
+    return f"/{numbers[-1].lstrip('0')}" if numbers else text
 
 
-def _names_of(key: str) -> set[str]:
-    """Return the name of a mesh file and its last number, by which class files may name it."""
-    stem = Path(key).name
-    numbers = re.findall(r"[0-9]+", stem)
-    return {stem, _as_number(numbers[-1])} if numbers else {stem}
-
-
-def _key_of(name: str, by_name: Mapping[str, list[str]], class_file: Path) -> str | None:
-    """Return the key of an id's mesh file, if there is one."""
+def _file_of(
+    name: str, by_name: dict[str, list[Path]], class_file: Path, root: Path
+) -> Path | None:
+    """Return the mesh file that an id of a class file names, if there is one."""
     stem = Path(name).stem if Path(name).suffix.lower() in MESH_ENDINGS else Path(name).name
-    keys = by_name.get(stem, [])
-    if not keys and re.fullmatch(r"[0-9]+", stem):
-        keys = by_name.get(_as_number(stem), [])
-    if len(keys) > 1:
+    files = by_name.get(stem, [])
+    if not files and re.fullmatch(r"[0-9]+", stem):
+        files = by_name.get(_last_number(stem), [])
+    if len(files) > 1:
+        several = ", ".join(str(file.relative_to(root).with_suffix("")) for file in files)
         raise FileFormatError(
-            f"{class_file}: the id {name[:60]} fits several meshes, "
-            f"{', '.join(sorted(keys))}; keep one"
+            f"{class_file}: the id {name[:60]} fits several meshes, {several}; keep one"
         )
-    return keys[0] if keys else None
-
-
-def _as_number(digits: str) -> str:
-    """Return a number as a key that differs from all names of files."""
-    return f"/{digits.lstrip('0')}"
+    return files[0] if files else None

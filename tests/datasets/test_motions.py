@@ -77,8 +77,9 @@ def test_choice_of_names():
     assert choose_names(None, "sequences", known) == known
     assert choose_names("walk", "sequences", known) == ("walk",)
     assert choose_names((name for name in ["jump", "run"]), "sequences", known) == ("jump", "run")
-    with pytest.raises(ArgumentTypeError, match="sequences must be a list of names; found 3"):
-        choose_names(3, "sequences", known)
+    assert choose_names(7, "subjects", ("7", "8")) == ("7",)
+    with pytest.raises(ArgumentTypeError, match=r"sequences must be a list of names; found 3\.5"):
+        choose_names(3.5, "sequences", known)
 
 
 @pytest.mark.parametrize(
@@ -88,7 +89,7 @@ def test_choice_of_names():
         (["fly", "run", "swim"], r"unknown: 'fly', 'swim'$"),
         (["run", "run"], r"sequences must be different names.*found \['run', 'run'\]"),
         ([], r"at least one.*found \[\]"),
-        ([[]], r"unknown: \[\]"),
+        ([[]], r"unknown: '\[\]'"),
         ("", r"unknown: ''"),
     ],
 )

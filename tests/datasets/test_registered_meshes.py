@@ -279,7 +279,7 @@ def test_tables_that_do_not_match(folder, case):
 def test_tables_that_cannot_be_read(folder):
     with pytest.raises(FileError, match="no table of labels .*absent.csv"):
         load_bodies(folder, folder / "absent.csv")
-    with pytest.raises(FileError, match="is a folder; a table"):
+    with pytest.raises(FileError, match="it is a folder; a file was expected"):
         load_bodies(folder, folder)
     with pytest.raises(ArgumentTypeError, match="labels must be the path of a file; found 3"):
         load_bodies(folder, 3)
