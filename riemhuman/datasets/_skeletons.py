@@ -32,11 +32,6 @@ _SIDED_NAMES = {
 _OTHER_NAMES = {"neck": ("neck",), "head": ("head",)}
 _PARTS = {name for names in (*_SIDED_NAMES.values(), *_OTHER_NAMES.values()) for name in names}
 _SIDE_WORDS = {"left": "left", "l": "left", "right": "right", "r": "right"}
-# The joints that are looked for: name in the open model, side, and names.
-_ROLES = [
-    *((f"{side}_{part}", side, names) for part, names in _SIDED_NAMES.items() for side in SIDES),
-    *((part, "", names) for part, names in _OTHER_NAMES.items()),
-]
 LIMBS = tuple(
     tuple(f"{side}_{part}" for part in parts)
     for parts in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
@@ -72,14 +67,16 @@ def find_joints(
         found[role] = list(names).index(name)
     branches = [_branch(parents, joint) for joint in range(len(names))]
     read = [_read_name(name) for name in names]
-    for role, side, parts in _ROLES:
-        candidates = [
-            (parts.index(part), len(branches[joint]), joint)
-            for joint, (own_side, part) in enumerate(read)
-            if own_side == side and part in parts and joint not in found.values()
-        ]
-        if candidates and role not in found:
-            found[role] = min(candidates)[2]
+    sides = [(f"{side}_", side, _SIDED_NAMES) for side in SIDES] + [("", "", _OTHER_NAMES)]
+    for prefix, side, parts in sides:
+        for part, known in parts.items():
+            candidates = [
+                (known.index(name), len(branches[joint]), joint)
+                for joint, (own_side, name) in enumerate(read)
+                if own_side == side and name in known and joint not in found.values()
+            ]
+            if candidates and prefix + part not in found:
+                found[prefix + part] = min(candidates)[2]
     for side in SIDES:
         # Hands and toes may have other names, or be end sites.
         for role, above in ((f"{side}_wrist", f"{side}_elbow"), (f"{side}_toes", f"{side}_ankle")):
@@ -193,7 +190,13 @@ class RecordedSkeleton(Skeleton):
         self.hips = self.middle(self.positions, "hip")
         self.trunk = self.middle(self.positions, "shoulder") - self.hips
         self.frames_per_second = recording.frames_per_second
-        self.still = [self._still_frames(side) for side in SIDES]
+        self.ankles = [self.joints[f"{side}_ankle"] for side in SIDES]
+        self.balls = [
+            self.joints.get(f"{side}_toes", self.joints[f"{side}_ankle"]) for side in SIDES
+        ]
+        # Whether the ball of each foot, and the whole foot, stand still, shapes (n_frames, 2).
+        self.still = self._still_frames(self.balls)
+        self.flat = self.still & self._still_frames(self.ankles)
 
     def _is_z_up(self) -> bool:
         shoulders, feet = (self.middle(self.positions, part) for part in ("shoulder", "ankle"))
@@ -205,19 +208,14 @@ class RecordedSkeleton(Skeleton):
         first_joint, second_joint = self.joints[first], self.joints[second]
         return unit(self.positions[:, second_joint] - self.positions[:, first_joint])
 
-    def _still_frames(self, side: str) -> tuple[ndarray, ndarray]:
-        """Return whether the ball of a foot, and the whole foot, stand still in each frame."""
+    def _still_frames(self, joints: list[int]) -> ndarray:
+        paths = self.positions[:, joints]
+        if len(paths) < 2:
+            return np.ones(paths.shape[:2], dtype=bool)
         width = max(1, round(_SMOOTHED * self.frames_per_second))
-        still = []
-        for part in ("toes", "ankle"):
-            joint = self.joints.get(f"{side}_{part}", self.joints[f"{side}_ankle"])
-            path = uniform_filter1d(self.positions[:, joint], width, axis=0, mode="nearest")
-            if len(path) < 2:
-                still.append(np.ones(len(path), dtype=bool))
-                continue
-            speeds = np.linalg.norm(np.gradient(path, axis=0), axis=1) * self.frames_per_second
-            still.append(speeds < _STILL * self.leg)
-        return still[0], still[0] & still[1]
+        steps = np.gradient(uniform_filter1d(paths, width, axis=0, mode="nearest"), axis=0)
+        speeds = np.linalg.norm(steps, axis=-1) * self.frames_per_second
+        return np.asarray(speeds < _STILL * self.leg)
 
     def hinge(self, upper: str, lower: str, end: str) -> ndarray | None:
         """Return the axis in which a knee or elbow bends, in the axes of the bone above it."""

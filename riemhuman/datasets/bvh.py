@@ -6,7 +6,7 @@ import math
 import os
 import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,10 +17,10 @@ import numpy as np
 from riemhuman.checks import real_number
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import memory_limit
-from riemhuman.io.files import file_path, read_bytes
+from riemhuman.io.files import file_path, read_bytes, short_message
 from riemhuman.representation import Record
 
-_CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
+_CHANNELS = tuple(f"{axis}{kind}" for kind in ("POSITION", "ROTATION") for axis in "XYZ")
 # Bytes of the rotation and the translation of a joint in a frame.
 _BYTES_OF_JOINT = 96
 # Messages quote at most so many characters of a file.
@@ -147,38 +147,35 @@ def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
     """
     file = file_path(path)
     content = read_bytes(file)
-    reader = _Reader(file, content.decode("utf-8-sig", errors="replace").splitlines())
-    skeleton = reader.read_hierarchy()
-    values, frames_per_second = reader.read_frames(sum(map(len, skeleton.channels)))
-    offsets = np.array(skeleton.offsets)
-    if _BYTES_OF_JOINT * len(values) * len(offsets) > memory_limit(len(content)):
+    skeleton, values, frame_time = _Reader(file, content).read()
+    n_joints = len(skeleton.joints)
+    if _BYTES_OF_JOINT * len(values) * n_joints > memory_limit(len(content)):
         raise FileFormatError(
-            f"{file}: {len(offsets)} joints in {len(values)} frames take far more memory than a "
-            "file of its size may"
+            f"{file}: {n_joints} joints in {len(values)} frames take far more memory than a file "
+            "of its size may"
         )
-    rotations = np.empty((len(values), len(offsets), 3, 3))
+    offsets = np.array([joint.offset for joint in skeleton.joints])
+    rotations = np.empty((len(values), n_joints, 3, 3))
     translations = np.tile(offsets, (len(values), 1, 1))
-    column = 0
-    for joint, channels in enumerate(skeleton.channels):
-        own = values[:, column : column + len(channels)]
-        column += len(channels)
+    columns = iter(values.T)
+    for number, joint in enumerate(skeleton.joints):
         rotation = np.eye(3)
-        for channel, numbers in zip(channels, own.T, strict=True):
-            axis = channel % 3
+        for channel in joint.channels:
+            axis, numbers = channel % 3, next(columns)
             if channel < 3:
-                translations[:, joint, axis] = numbers
+                translations[:, number, axis] = numbers
             else:
                 rotation = rotation @ _about_axis(axis, np.radians(numbers))
-        rotations[:, joint] = rotation
+        rotations[:, number] = rotation
     return SkeletonMotion(
-        tuple(skeleton.names),
-        np.array(skeleton.parents),
+        tuple(joint.name for joint in skeleton.joints),
+        np.array([joint.parent for joint in skeleton.joints]),
         offsets,
         np.array(skeleton.end_joints, dtype=np.int64),
         np.array(skeleton.end_offsets).reshape(-1, 3),
         rotations,
         translations,
-        frames_per_second,
+        1.0 / frame_time,
         file.stem,
     )
 
@@ -207,184 +204,141 @@ def _about_axis(axis: int, angles: np.ndarray) -> np.ndarray:
 
 
 @dataclass
-class _Skeleton:
-    """The hierarchy; channels of each joint are numbers of `_CHANNELS`."""
+class _Joint:
+    """A joint of the hierarchy; its channels are numbers of `_CHANNELS`."""
 
-    names: list[str] = field(default_factory=list)
-    parents: list[int] = field(default_factory=list)
-    offsets: list[list[float]] = field(default_factory=list)
-    channels: list[list[int]] = field(default_factory=list)
+    name: str
+    parent: int
+    offset: list[float] = field(default_factory=list)
+    channels: list[int] = field(default_factory=list)
+
+
+@dataclass
+class _Hierarchy:
+    joints: list[_Joint] = field(default_factory=list)
     end_joints: list[int] = field(default_factory=list)
     end_offsets: list[list[float]] = field(default_factory=list)
 
 
 class _Reader:
-    """Reads the statements of a file, and knows the line of each."""
+    """Reads a file word by word, and knows the line of the last word."""
 
-    def __init__(self, file: Path, lines: Sequence[str]) -> None:
-        self._file, self._lines = file, lines
-        self._statements = self._split_lines()
+    def __init__(self, file: Path, content: bytes) -> None:
+        self._file = file
+        self._lines = content.decode("utf-8-sig", errors="replace").splitlines()
+        self._line = 0
+        self._words = self._split_lines()
 
-    def _split_lines(self) -> Iterator[tuple[int, str]]:
-        """Yield the statements of the hierarchy and braces, with the numbers of their lines."""
+    def _split_lines(self) -> Iterator[str]:
         for number, line in enumerate(self._lines, 1):
-            for statement in re.findall(r"[{}]|[^{}]+", line):
-                if statement.strip():
-                    yield number, statement.strip()
+            for word in re.findall(r"[{}]|[^{}\s]+", line):
+                self._line = number
+                yield word
 
-    def _next(self, expected: str) -> tuple[int, str]:
-        try:
-            return next(self._statements)
-        except StopIteration:
-            raise self._error(len(self._lines), f"the file ends before {expected}") from None
+    def _error(self, problem: str) -> FileFormatError:
+        return FileFormatError(f"{self._file}, line {self._line}: {problem}")
 
-    def _error(self, line: int, problem: str) -> FileFormatError:
-        return FileFormatError(f"{self._file}, line {line}: {problem}")
+    def _next(self, *expected: str) -> str:
+        """Return the next word in capitals, which must be one of some words."""
+        word = next(self._words, "the end of the file")
+        if word.upper() not in expected:
+            raise self._error(f"{' or '.join(expected)} expected; found {_shortened(word)}")
+        return word.upper()
 
-    def _expect(self, expected: str) -> int:
-        line, statement = self._next(expected)
-        if statement.upper() != expected:
-            raise self._error(line, f"{expected} expected; found {_shortened(statement)}")
-        return line
+    def read(self) -> tuple[_Hierarchy, np.ndarray, float]:
+        """Return the hierarchy, the numbers of all frames and the time from frame to frame."""
+        hierarchy = _Hierarchy()
+        self._next("HIERARCHY")
+        self._next("ROOT")
+        self._read_joints(hierarchy)
+        while self._next("ROOT", "MOTION") == "ROOT":
+            self._read_joints(hierarchy)
+        n_channels = sum(len(joint.channels) for joint in hierarchy.joints)
+        return hierarchy, *self._read_frames(n_channels)
 
-    def read_hierarchy(self) -> _Skeleton:
-        """Read the file up to the line MOTION, which comes after the last joint."""
-        skeleton = _Skeleton()
-        self._expect("HIERARCHY")
-        while True:
-            line, statement = self._next("MOTION")
-            words = statement.split()
-            if statement.upper() == "MOTION" and skeleton.names:
-                self._motion = line
-                return skeleton
-            if words[0].upper() != "ROOT":
-                raise self._error(line, f"ROOT or MOTION expected; found {_shortened(statement)}")
-            self._read_joints(skeleton, line, words[1:])
-
-    def _read_joints(self, skeleton: _Skeleton, line: int, words: list[str]) -> None:
+    def _read_joints(self, hierarchy: _Hierarchy) -> None:
         """Read a root and all joints below it."""
-        self._begin_joint(skeleton, line, words, -1)
-        branch = [len(skeleton.names) - 1]
+        joints = hierarchy.joints
+        branch = [self._begin_joint(joints, -1)]
         while branch:
-            line, statement = self._next("the closing brace of a joint")
-            words, joint = statement.split(), branch[-1]
-            keyword = words[0].upper()
+            joint = joints[branch[-1]]
+            keyword = self._next("OFFSET", "CHANNELS", "JOINT", "END", "}")
             if keyword == "OFFSET":
-                skeleton.offsets[joint] = self._numbers(line, words[1:])
+                joint.offset = self._offset()
             elif keyword == "CHANNELS":
-                skeleton.channels[joint] = self._channels(line, words[1:])
+                joint.channels = self._read_channels()
             elif keyword == "JOINT":
-                self._begin_joint(skeleton, line, words[1:], joint)
-                branch.append(len(skeleton.names) - 1)
+                branch.append(self._begin_joint(joints, branch[-1]))
             elif keyword == "END":
-                self._expect("{")
-                line, statement = self._next("OFFSET")
-                if statement.split()[0].upper() != "OFFSET":
-                    raise self._error(line, f"OFFSET expected; found {_shortened(statement)}")
-                skeleton.end_joints.append(joint)
-                skeleton.end_offsets.append(self._numbers(line, statement.split()[1:]))
-                self._expect("}")
-            elif keyword == "}":
-                if not skeleton.offsets[joint]:
-                    raise self._error(line, f"joint {skeleton.names[joint]} has no OFFSET")
-                branch.pop()
+                for word in ("SITE", "{", "OFFSET"):
+                    self._next(word)
+                hierarchy.end_joints.append(branch[-1])
+                hierarchy.end_offsets.append(self._offset())
+                self._next("}")
+            elif not joint.offset:
+                raise self._error(f"joint {joint.name} has no OFFSET")
             else:
-                raise self._error(
-                    line,
-                    "OFFSET, CHANNELS, JOINT, End Site or a closing brace expected; found "
-                    f"{_shortened(statement)}",
-                )
+                branch.pop()
 
-    def _begin_joint(self, skeleton: _Skeleton, line: int, words: list[str], parent: int) -> None:
-        if not words:
-            raise self._error(line, "the joint has no name")
-        self._expect("{")
-        skeleton.names.append(" ".join(words))
-        skeleton.parents.append(parent)
-        skeleton.offsets.append([])
-        skeleton.channels.append([])
+    def _begin_joint(self, joints: list[_Joint], parent: int) -> int:
+        name = " ".join(iter(lambda: next(self._words, "{"), "{"))
+        if not name:
+            raise self._error("the joint has no name")
+        joints.append(_Joint(name, parent))
+        return len(joints) - 1
 
-    def _numbers(self, line: int, words: list[str]) -> list[float]:
-        numbers = self._floats(line, words)
-        if len(numbers) != 3:
-            raise self._error(line, f"OFFSET must have 3 numbers; found {len(numbers)}")
-        return numbers
-
-    def _floats(self, line: int, words: list[str]) -> list[float]:
+    def _floats(self, words: Iterable[str]) -> list[float]:
         try:
             numbers = [float(word) for word in words]
-        except ValueError:
-            wrong = next(word for word in words if not _is_number(word))
-            raise self._error(line, f"{_shortened(wrong)} is not a number") from None
+        except ValueError as error:
+            raise self._error(short_message(error)) from None
         if not all(map(math.isfinite, numbers)):
-            raise self._error(line, "every number must be finite; found NaN or infinity")
+            raise self._error("every number must be finite; found NaN or infinity")
         return numbers
 
-    def _channels(self, line: int, words: list[str]) -> list[int]:
-        known = {name.upper(): number for number, name in enumerate(_CHANNELS)}
-        for word in words[1:]:
-            if word.upper() not in known:
-                raise self._error(
-                    line, f"channels are {', '.join(_CHANNELS)}; found {_shortened(word)}"
-                )
-        channels = [known[word.upper()] for word in words[1:]]
-        if not words or words[0] != str(len(channels)):
-            count = _shortened(words[0]) if words else "none"
-            raise self._error(
-                line, f"the number of channels must be {len(channels)}; found {count}"
-            )
+    def _offset(self) -> list[float]:
+        return self._floats(next(self._words, "the end of the file") for _ in range(3))
+
+    def _read_channels(self) -> list[int]:
+        (count,) = self._floats([next(self._words, "the end of the file")])
+        channels: list[int] = []
+        while len(channels) < count:
+            channels.append(_CHANNELS.index(self._next(*_CHANNELS)))
         positions = [channel for channel in channels if channel < 3]
         if len(set(positions)) < len(positions):
-            raise self._error(line, "a position channel is repeated")
+            raise self._error("a position channel is repeated")
         return channels
 
-    def read_frames(self, n_channels: int) -> tuple[np.ndarray, float]:
-        """Return the numbers of all frames, shape (n_frames, n_channels), and the frame rate."""
+    def _read_frames(self, n_channels: int) -> tuple[np.ndarray, float]:
+        # Numbers belong to their lines: one too few must not shift all that follow.
         lines = (
-            (number, line.strip())
-            for number, line in enumerate(self._lines[self._motion :], self._motion + 1)
+            (number, line)
+            for number, line in enumerate(self._lines[self._line :], self._line + 1)
             if line.strip()
         )
-        line, n_frames = self._value(lines, "FRAMES")
-        if n_frames < 1 or n_frames != int(n_frames):
-            raise self._error(line, f"Frames must be a whole number above 0; found {n_frames:g}")
-        line, frame_time = self._value(lines, "FRAME TIME")
-        if not frame_time > 0.0 or math.isinf(1.0 / frame_time):
-            raise self._error(line, f"Frame Time must be above 0; found {frame_time:g}")
+        n_frames, frame_time = (self._read_value(lines, name) for name in ("Frames", "Frame Time"))
         # Grows with the numbers that are read, whatever the file declares.
         values = array("d")
         count = 0
-        for number, text in lines:
-            words = text.split()
+        for self._line, line in lines:
+            words = line.split()
             if len(words) != n_channels:
-                raise self._error(number, f"{n_channels} numbers expected; found {len(words)}")
-            if count == n_frames:
-                raise self._error(number, f"a frame after the last of {count}")
-            values.extend(self._floats(number, words))
+                raise self._error(f"{n_channels} numbers expected; found {len(words)}")
+            values.extend(self._floats(words))
             count += 1
-        if count < n_frames:
-            raise self._error(
-                len(self._lines), f"the file ends after {count} of {int(n_frames)} frames"
-            )
-        return np.array(values).reshape(count, n_channels), 1.0 / frame_time
+        if not count or count != n_frames:
+            raise self._error(f"Frames says {n_frames:g}; the file holds {count}")
+        return np.array(values).reshape(count, n_channels), frame_time
 
-    def _value(self, lines: Iterator[tuple[int, str]], name: str) -> tuple[int, float]:
-        line, text = next(lines, (len(self._lines), "the end of the file"))
-        key, _, value = text.partition(":")
-        if " ".join(key.upper().split()) != name:
-            raise self._error(line, f"{name.title()}: expected; found {_shortened(text)}")
-        numbers = self._floats(line, value.split())
-        if len(numbers) != 1:
-            raise self._error(line, f"{name.title()}: must have one number; found {len(numbers)}")
-        return line, numbers[0]
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+    def _read_value(self, lines: Iterator[tuple[int, str]], name: str) -> float:
+        self._line, line = next(lines, (self._line, "the end of the file"))
+        key, _, value = line.partition(":")
+        if " ".join(key.lower().split()) != name.lower():
+            raise self._error(f"{name}: expected; found {_shortened(line)}")
+        (number,) = self._floats([value])
+        if name == "Frame Time" and not (number > 0.0 and math.isfinite(1.0 / number)):
+            raise self._error(f"Frame Time must be above 0; found {number:g}")
+        return number
 
 
 def _shortened(text: str) -> str:

@@ -176,9 +176,7 @@ class Motions(tuple[M, ...]):
         return super().__getitem__(index)
 
 
-def choose_names(
-    wanted: Any, name: str, known: Sequence[str], source: str = ""
-) -> tuple[str, ...]:
+def choose_names(wanted: Any, name: str, known: Sequence[str], source: str = "") -> tuple[str, ...]:
     """Return the chosen names, by default all, after checking that they are known."""
     if wanted is None:
         return tuple(known)

@@ -316,7 +316,7 @@ def load_bodies(
 def read_labels(
     table: str | os.PathLike[str], names: Sequence[str], *, allow_missing: bool = False
 ) -> tuple[list[int], dict[str, list[str]]]:
-    """Read the subjects and poses of files from a table, as for `load_bodies`.
+    r"""Read the subjects and poses of files from a table, as for `load_bodies`.
 
     Parameters
     ----------
@@ -338,7 +338,7 @@ def read_labels(
     --------
     >>> import riemhuman as rh
     >>> with open("labels.csv", "w") as table:
-    ...     print("file,subject,pose", "a.ply,anna,sits", sep="\\n", file=table)
+    ...     print("file,subject,pose", "a.ply,anna,sits", sep="\n", file=table)
     >>> rh.datasets.read_labels("labels.csv", ["a.ply"])
     ([0], {'subject': ['anna'], 'pose': ['sits']})
     """
@@ -373,6 +373,7 @@ def in_one_format(files: Iterable[Path]) -> list[Path]:
 
 
 def no_meshes(root: Path) -> FileError:
+    """Return the error for a folder without mesh files."""
     return FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
 
 
@@ -458,7 +459,9 @@ def _read_table(table: Path) -> list[tuple[int, list[str]]]:
     return rows
 
 
-def _match_rows(files: Sequence[Path], table: Path, allow_missing: bool) -> dict[Path, tuple[str, str]]:
+def _match_rows(
+    files: Sequence[Path], table: Path, allow_missing: bool
+) -> dict[Path, tuple[str, str]]:
     """Return the labels of every file; files and rows without the other are errors or left out."""
     by_name: dict[str, list[Path]] = {}
     for file in files:
@@ -483,6 +486,8 @@ def _match_rows(files: Sequence[Path], table: Path, allow_missing: bool) -> dict
     unlabelled = [file.name for file in files if file not in found]
     if not found or ((unknown or unlabelled) and not allow_missing):
         problems = {"meshes without a row": unlabelled, "rows without a mesh": unknown}
-        listed = [f"{problem}: {join_names(names, 5)}" for problem, names in problems.items() if names]
+        listed = [
+            f"{problem}: {join_names(names, 5)}" for problem, names in problems.items() if names
+        ]
         raise FileFormatError(f"{table} does not match the meshes: {'; '.join(listed)}")
     return {file: found[file][1] for file in files if file in found}

@@ -59,7 +59,7 @@ _SHIFTED, _SWING = 0.25, 0.05
 # Vertices of a sole that are held above the floor.
 _SOLE_VERTICES = 40
 # Limbs leave the recorded directions, and collars their posture, by at most so many radians.
-_LIMB, _COLLAR = np.radians([4.5, 8.0])
+_LIMB, _COLLAR = np.radians([3.8, 8.0])
 _BISECTIONS = 12
 _TRUNK_STEPS = 3
 # Share of the length of a limb that it is stretched to.
@@ -71,7 +71,8 @@ _LIKE = 0.5
 # Standard deviation of the lengths of bones about those of a person of the model, in lengths of the
 # leg; of these lengths about the mean, as their unit is unknown; and the largest coefficient.
 _LENGTH_DEVIATION, _LEG_DEVIATION, _MOST_BETA = 0.006, 0.03, 2.5
-_SHOULDERS = ("left_shoulder", "right_shoulder")
+# Lengths by which a person is found; with the trunk.
+_LENGTHS = (*BONES, ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip"))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -95,8 +96,8 @@ class RetargetingErrors(Record):
     --------
     >>> import riemhuman as rh
     >>> jump = rh.datasets.retarget(rh.datasets.load_bvh("jump.bvh"))  # doctest: +SKIP
-    >>> jump.errors.directions.max() < 4.6  # doctest: +SKIP
-    True
+    >>> jump.errors.positions.max()  # doctest: +SKIP
+    0.023
     """
 
     bones: tuple[tuple[str, str], ...]
@@ -120,7 +121,7 @@ class RetargetedMotion(ModelMotion):
     names : pair of str
         Names of the person and of the motion.
     frames_per_second, n_frames
-        Frame rate and number of frames of the recording.
+        Those of the recording.
     betas, joints, up
         As for `retarget`.
 
@@ -208,7 +209,7 @@ def retarget(
     """Return the motion of a body that does what a recorded skeleton does.
 
     Rest poses, axes, units and proportions of the recording may be any. Limbs follow the recorded
-    directions within 4.5 degrees, the trunk almost exactly; feet are level while they stand still,
+    directions within 3.8 degrees, the trunk almost exactly; feet are level while they stand still,
     and neither slide nor sink.
 
     Parameters
@@ -359,7 +360,7 @@ class _Performer(Skeleton):
 
     def _foot(self, side: str) -> dict[int, ndarray]:
         bone = f"{side}_ankle", f"{side}_toes"
-        _, flat = self.source.still[SIDES.index(side)]
+        flat = self.source.flat[:, SIDES.index(side)]
         if not all(bone[1] in skeleton.joints for skeleton in (self, self.source)):
             return {self.joints[bone[0]]: self._recorded(bone[0], self.between)}
         # Soles are level in the mean over frames in which the foot stands still.
@@ -424,7 +425,7 @@ class _Performer(Skeleton):
         bones = [self.bone(*limb[:2]), self.bone(*limb[1:])]
         a, b = (float(np.linalg.norm(bone)) for bone in bones)
         joints = [self.joints[name] for name in limb[:2]]
-        known = [self.rotations[:, j] @ unit(bone) for j, bone in zip(joints, bones, strict=True)]
+        known = [self.source.direction(*limb[:2]), self.source.direction(*limb[1:])]
         # A straight limb bends about its hinge, a bent one in its plane.
         hinge = self.rotations[:, joints[0]] @ self._hinge(limb)
         axis = np.cross(*known) + _HINGE_SHARE * hinge
@@ -443,8 +444,9 @@ class _Performer(Skeleton):
     def _stand(self, surface: ndarray) -> None:
         """Move the body with its standing feet, and its feet to the floor."""
         feet = [self.joints[f"{side}_ankle"] for side in SIDES]
-        ankles = [self.source.joints[f"{side}_ankle"] for side in SIDES]
-        self._move(self.scale * self.source.positions[:, ankles] - self.positions[:, feet])
+        self._move(
+            self.scale * self.source.positions[:, self.source.ankles] - self.positions[:, feet]
+        )
         soles = [self._sole(surface, side) for side in SIDES]
         lows, balls = (np.stack(parts, axis=1) for parts in zip(*soles, strict=True))
         targets = self._footholds(self.positions[:, feet], lows, balls)
@@ -460,7 +462,7 @@ class _Performer(Skeleton):
     def _move(self, shifts: ndarray) -> None:
         """Move the body by the mean shift of its feet, above all of those that stand still."""
         width = max(1, round(_SHIFTED * self.source.frames_per_second))
-        still = np.stack([ball for ball, _ in self.source.still], axis=1).astype(np.float64)
+        still = self.source.still.astype(np.float64)
         weights = _SWING + uniform_filter1d(still, width, axis=0, mode="nearest")
         shares = weights / weights.sum(axis=1, keepdims=True)
         self.positions += np.sum(shares[..., None] * shifts, axis=1)[:, None]
@@ -493,7 +495,7 @@ class _Performer(Skeleton):
         targets, above = ankles - [0.0, floor, 0.0], heights - floor
         apart = np.sign(above) * np.maximum(np.abs(above) - _TOUCHING, 0.0)
         frames = np.arange(len(ankles))
-        for k, (still, _) in enumerate(self.source.still):
+        for k, still in enumerate(self.source.still.T):
             shift = np.zeros_like(balls[:, k])
             shift[:, 1] = np.where(grounded[:, k], -apart[:, k], 0.0)
             for stand in np.ma.clump_unmasked(np.ma.masked_array(frames, ~still)):
@@ -511,15 +513,12 @@ class _Performer(Skeleton):
 
     def _grounded(self) -> ndarray:
         """Return whether each foot stands still, and not above the floor, in each frame."""
-        source, names = self.source, [f"{side}_{{}}" for side in SIDES]
-        parts = ["toes" if name.format("toes") in source.joints else "ankle" for name in names]
-        joints = [source.joints[name.format(part)] for name, part in zip(names, parts, strict=True)]
-        heights = self.scale * source.positions[:, joints, 1]
-        still = np.stack([ball for ball, _ in source.still], axis=1)
+        still = self.source.still
+        heights = self.scale * self.source.positions[:, self.source.balls, 1]
         known = [
             np.percentile(h[s], 10.0) for h, s in zip(heights.T, still.T, strict=True) if s.any()
         ]
-        return still & (heights < min(known, default=0.0) + _NEAR_FLOOR)
+        return np.asarray(still & (heights < min(known, default=0.0) + _NEAR_FLOOR))
 
     def parameters(self) -> tuple[ndarray, ndarray]:
         """Return the pose vectors and the translations."""
@@ -570,10 +569,8 @@ def _bent(to_end: ndarray, a: float, b: float, axis: ndarray) -> tuple[ndarray, 
 
 def _similar_person(source: RecordedSkeleton, model: BodyModel) -> ndarray:
     """Return the shape coefficients of a person with the recorded proportions."""
-    ends = [
-        [source.positions[:, source.joints[name]] for name in bone] for bone in (*BONES, _SHOULDERS)
-    ]
-    bones = np.stack([*(b - a for a, b in ends), source.trunk], axis=1)
+    places = {name: source.positions[:, joint] for name, joint in source.joints.items()}
+    bones = np.stack([*(places[b] - places[a] for a, b in _LENGTHS), source.trunk], axis=1)
     recorded = np.median(np.linalg.norm(bones, axis=-1), axis=0) / source.leg
     mean, joints = model.joints(), model_joints(model)
     changes = np.tensordot(model.joint_regressor, model.shapedirs, axes=1)
@@ -581,7 +578,7 @@ def _similar_person(source: RecordedSkeleton, model: BodyModel) -> ndarray:
     def residuals(betas: ndarray) -> ndarray:
         body = Skeleton(model.parents, mean + changes @ betas, joints)
         trunk = body.middle(body.rest, "shoulder") - body.middle(body.rest, "hip")
-        bones = [*(body.bone(*bone) for bone in (*BONES, _SHOULDERS)), trunk]
+        bones = [*(body.bone(*bone) for bone in _LENGTHS), trunk]
         apart = np.linalg.norm(bones, axis=1) / body.leg - recorded
         taller = body.leg / leg - 1.0
         return np.concatenate([apart / _LENGTH_DEVIATION, [taller / _LEG_DEVIATION], betas])
