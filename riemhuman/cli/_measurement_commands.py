@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,17 +63,23 @@ _DEFINITIONS = several(
     ),
     _DEFINITIONS,
     flag("--as-is", "measure bodies as they stand"),
+    flag("--seated", "measurements of people who sit, such as sitting height"),
 )
 def _measure(options: argparse.Namespace) -> Answer:
     files = list_meshes(options.meshes)
-    measurements, points = _read(files, options)
+    if options.seated and options.model is not None:
+        raise ArgumentError("--seated is for the open body model; leave out --model")
+    measurements, points = _read(files, options, "seated" if options.seated else "standing")
     axes = "body"
     if not options.as_is:
         with options.task(f"Standard pose of {len(files)} meshes"):
             points = rh.measurements.in_standard_pose(measurements.definitions, points)
         axes = "space"
     with options.task(f"Measurements of {len(files)} meshes"):
-        measured = measurements.measure(points, axes=axes, missing="nan")
+        trusted = _trusted_vertices(files, points.shape[1])
+        measured = measurements.measure(
+            points, axes=axes, missing="nan", trusted_vertices=trusted
+        )
     if options.picture is not None:
         lines = measurements.lines(points[0], axes=axes)
         faces = measurements.definitions.faces
@@ -85,7 +92,7 @@ def _measure(options: argparse.Namespace) -> Answer:
         titles = [f"{name} ({unit})" for name, unit in units.items()]
         _write_table(options.output, [["file", *titles], *rows])
     record = {
-        "pose": "as is" if options.as_is else "standard",
+        "pose": "as is" if options.as_is else "seated" if options.seated else "standard",
         "units": units,
         "bodies": {file: dict(zip(names, values, strict=True)) for file, *values in rows},
         "missing": [
@@ -94,6 +101,25 @@ def _measure(options: argparse.Namespace) -> Answer:
         ],
     }
     return Answer(_measured_table(files, measured), record)
+
+
+def _trusted_vertices(files: Sequence[Path], n_vertices: int) -> ndarray:
+    """Return which vertices of each body its registration trusts; all of others, shape (n, V)."""
+    import numpy as np
+
+    @cache
+    def records(folder: Path) -> dict[str, Any]:
+        if not (folder / "registrations").is_dir():
+            return {}
+        return {record.name: record for record in rh.registration.read_records(folder)}
+
+    trusted = np.ones((len(files), n_vertices), dtype=bool)
+    for row, file in zip(trusted, files, strict=True):
+        is_below = file.parent.name in ("partial", "untrusted")
+        record = records(file.parent.parent if is_below else file.parent).get(file.stem)
+        if record is not None and record.arrays:
+            row[:] = record.arrays["trusted_vertices"]
+    return trusted
 
 
 def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> str:
@@ -168,7 +194,9 @@ def _compare(options: argparse.Namespace) -> Answer:
     return Answer("\n".join(said), record)
 
 
-def _read(files: Sequence[Path], options: argparse.Namespace) -> tuple[Any, ndarray]:
+def _read(
+    files: Sequence[Path], options: argparse.Namespace, pose: str = "standing"
+) -> tuple[Any, ndarray]:
     """Return the measurements, and the meshes in files."""
     if options.definitions is not None and options.model is None:
         raise ArgumentError("--definitions JSON needs --model NPZ")
@@ -180,7 +208,7 @@ def _read(files: Sequence[Path], options: argparse.Namespace) -> tuple[Any, ndar
         model.template.check_faces(meshes.faces, str(files[0]))
         measurements = rh.measurements.Measurements(model, options.definitions)
     else:
-        definitions = rh.measurements.open_measurements(template)
+        definitions = rh.measurements.open_measurements(template, pose)
         if definitions is None:
             raise ArgumentError(
                 f"{files[0]} has {template.n_vertices} vertices and {template.n_faces} triangles, "

@@ -206,8 +206,8 @@ class Measurements:
             Whether a measurement that is not defined raises an error or gives NaN, with the reason
             in `why_missing`.
         trusted_vertices : array_like of bool, shape (..., V), optional
-            Which vertices a scan shows, as `rh.registration.RegisteredScan.trusted_vertices` says.
-            A measurement is not defined if more than a twentieth of it depends on others.
+            Which vertices to trust, as `rh.registration.RegisteredScan.trusted_vertices` says. A
+            measurement is not defined if more than a twentieth of it depends on others.
 
         Returns
         -------
@@ -258,7 +258,7 @@ class Measurements:
             for number, which, share in unseen:
                 values[number, which] = np.nan
                 why_missing[number, self.names[which]] = (
-                    f"{100 * share:.0f} % of it lie where the scan shows nothing"
+                    f"{100 * share:.0f} % of it lie on parts that the registration does not trust"
                 )
         if missing == "raise" and why_missing:
             (number, name), reason = next(iter(why_missing.items()))

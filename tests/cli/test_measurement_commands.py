@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from riemhuman.datasets import load_open_model
+from riemhuman.io import save_mesh
 from riemhuman.measurements import Girth, Measurements, compare_visits
 
 
@@ -58,6 +59,38 @@ def test_reasons_for_missing_values(run, scans, own, tmp_path):
     assert missing["measurement"] == "hips of a leg"
     assert missing["file"].endswith("body_0.ply")
     assert missing["why"].startswith("its line leaves right leg")
+
+
+def test_parts_that_a_scan_does_not_show(run, bodies, tmp_path):
+    """A body in the output of register, whose legs are not trusted."""
+    (tmp_path / "partial").mkdir()
+    (tmp_path / "registrations").mkdir()
+    save_mesh(tmp_path / "partial" / "anna.ply", bodies.points[0], bodies.template.faces)
+    np.savez(
+        tmp_path / "registrations" / "anna.npz",
+        trusted=True,
+        message="the scan does not show the legs",
+        likelihood=0.0,
+        median_distance=0.001,
+        matched_share=0.5,
+        points=bodies.points[0],
+        trusted_vertices=bodies.points[0][:, 1] > 0.9,
+    )
+    only = ("--only", "stature", "--only", "head girth", "--as-is", "--json")
+    record = json.loads(run("measure", tmp_path / "partial", *only).out)
+    assert [missing["measurement"] for missing in record["missing"]] == ["stature"]
+    assert "does not trust" in record["missing"][0]["why"]
+    assert next(iter(record["bodies"].values()))["head girth"] > 0.5
+
+
+def test_people_who_sit(run, scans):
+    record = json.loads(run("measure", scans / "body_0.ply", "--seated", "--json").out)
+    assert record["pose"] == "seated"
+    (values,) = record["bodies"].values()
+    assert 0.7 < values["sitting height"] < 1.0
+    refused = run("measure", scans / "body_0.ply", "--seated", "--model", "model.npz")
+    assert refused.code == 2
+    assert "leave out --model" in refused.err
 
 
 def test_two_visits(run, scans, bodies, own, tmp_path):
