@@ -77,9 +77,7 @@ def _measure(options: argparse.Namespace) -> Answer:
         axes = "space"
     with options.task(f"Measurements of {len(files)} meshes"):
         trusted = _trusted_vertices(files, points.shape[1])
-        measured = measurements.measure(
-            points, axes=axes, missing="nan", trusted_vertices=trusted
-        )
+        measured = measurements.measure(points, axes=axes, missing="nan", trusted_vertices=trusted)
     if options.picture is not None:
         lines = measurements.lines(points[0], axes=axes)
         faces = measurements.definitions.faces

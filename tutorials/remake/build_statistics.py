@@ -11,9 +11,10 @@ as the natural waist, are regressed on the others among bodies of the model.
 
 The second command predicts the people of the tables with the statistics that ship and with those
 of four fifths of the tables for the other fifth, and prints for each measurement the standard
-deviation of the error, that of the best linear regression on the tables' people, their ratio, and
-how many people lie within the stated 90 per cent. With --people it also makes bodies of so many
-people of each sex, and measures these.
+deviation of the error of the best linear regression on the tables' people, those of predictions
+over it, and how many people lie within the stated 90 per cent. Predictions that do not know the sex
+are compared with the best linear regression that does not know it either, over women and men alike.
+With --people it also makes bodies of so many people of each sex, and measures these.
 """
 
 from __future__ import annotations
@@ -161,9 +162,9 @@ def check(names: list[str], people: dict[str, ndarray], given: list[str], n_peop
     """Print how good predictions are."""
     rows = np.array([names.index(name) for name in given])
     rest = np.setdiff1d(np.arange(len(names)), rows)
+    unknown = _ratio_without_sex(names, people, given, rows, rest)
     for sex, values in people.items():
         errors, within, flagged = _predicted(names, values, given, sex)
-        guessed = _predicted(names, values, given, "adult")[0]
         folds = np.random.default_rng(_SEED).permutation(len(values)) % 5
         crossed, crossed_within = np.empty_like(errors), np.empty_like(within)
         regression = np.empty_like(errors)
@@ -181,7 +182,7 @@ def check(names: list[str], people: dict[str, ndarray], given: list[str], n_peop
             regression[folds == fold] = fitted - kept[:, rest]
         bodies = _of_bodies(names, values[:n_people], given, sex) if n_people else None
         best = regression.std(axis=0)
-        ratio, ratio_guessed = errors.std(axis=0) / best, guessed.std(axis=0) / best
+        ratio = errors.std(axis=0) / best
         sys.stdout.write(
             f"\n{len(values)} people, {sex}; given {', '.join(given)}: "
             f"{100 * flagged.mean():.2f} % called contradictory\n"
@@ -192,7 +193,7 @@ def check(names: list[str], people: dict[str, ndarray], given: list[str], n_peop
             body = "" if bodies is None else f"{bodies[:, k].std() / best[k]:8.2f}"
             sys.stdout.write(
                 f"{names[column]:36}{1000 * best[k]:8.1f} mm"
-                f"{crossed[:, k].std() / best[k]:9.3f}{ratio[k]:9.3f}{ratio_guessed[k]:13.3f}"
+                f"{crossed[:, k].std() / best[k]:9.3f}{ratio[k]:9.3f}{unknown[k]:13.3f}"
                 f"{100 * crossed_within[:, k].mean():13.1f}{body}\n"
             )
 
@@ -211,6 +212,20 @@ def _predicted(
         within.append(np.abs(error) < _WITHIN * np.array([found.std[name] for name in rest]))
         flagged.append(bool(found.contradictory))
     return np.array(errors), np.array(within), np.array(flagged)
+
+
+def _ratio_without_sex(
+    names: list[str], people: dict[str, ndarray], given: list[str], rows: ndarray, rest: ndarray
+) -> ndarray:
+    """Return errors without the sex over those of a regression; both sexes have equal weight."""
+    guessed = [_predicted(names, values, given, "adult")[0] for values in people.values()]
+    scales = [np.full((len(values), 1), len(values) ** -0.5) for values in people.values()]
+    scale, values = np.concatenate(scales), np.concatenate(list(people.values()))
+    x = scale * np.column_stack([np.ones(len(values)), values[:, rows]])
+    y = scale * values[:, rest]
+    residuals = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+    errors = scale * np.concatenate(guessed)
+    return np.linalg.norm(errors, axis=0) / np.linalg.norm(residuals, axis=0)
 
 
 def _of_bodies(names: list[str], values: ndarray, given: list[str], sex: str) -> ndarray:
