@@ -271,7 +271,7 @@ def build_cases() -> list[Case]:
     }
     for name, (a, lam, c) in elastic.items():
         claims = ("rotation", "template") if c == 0 else ()
-        for template_name in ("sphere", "open", "triangle"):
+        for template_name in ("sphere",) if name == "shape" else ("sphere", "open", "triangle"):
             template = TEMPLATES[template_name]()
             metric = ElasticMetric(AlignedSurfaces(template, equip=False), a, lam, c)
             cases.append(surface_case(f"{name} {template_name}", template, metric, *claims))
@@ -308,6 +308,26 @@ def build_cases() -> list[Case]:
 
 CASES = {case.name: case for case in build_cases()}
 """All cases by name."""
+
+KINDS = [
+    CASES[name]
+    for name in (
+        *("ebin 0.05 sphere", "normals sphere", "rotations sphere", "flat", "product"),
+        *("mixed open", "pose triangle", "srnf sphere", "general open", "rotation open, diffused"),
+        *("sobolev all sphere", "gauge-invariant srnf open", "edges", "half-plane, distance"),
+        *("half-plane, inner product", "half-plane, pulled back"),
+    )
+]
+"""A case of each class of metrics."""
+
+SURFACES = [
+    CASES[name]
+    for name in (
+        *("shape sphere", "stretch open", "pose open", "mixed sphere", "srnf open"),
+        *("general sphere", "rotation sphere", "rotation open, diffused"),
+    )
+]
+"""A case of each family of metrics on surfaces with distances."""
 
 
 def cases_that(*can: str) -> list[Case]:

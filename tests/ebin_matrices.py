@@ -7,7 +7,7 @@ from riemhuman.terms import EbinTerm, _cone_geodesics, cone
 LAMBDAS = (1e-4, 0.05, 1.0, 10.0)
 
 
-N_PAIRS = 25
+N_PAIRS = 10
 
 
 def matrices(n_samples, anisotropy, rng):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sized
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -333,7 +333,7 @@ def frames_apart(
             "in a list, [motion]"
         )
     first: np.ndarray | None = None
-    n_motions = len(motions) if hasattr(motions, "__len__") else None
+    n_motions = len(motions) if isinstance(motions, Sized) else None
     listed = _iterate(motions, "motions")
     bar = ProgressBar(listed, desc="Motions", total=n_motions, unit="motion", disable=not progress)
     for index, motion in enumerate(bar):

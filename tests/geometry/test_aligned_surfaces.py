@@ -5,6 +5,7 @@ import oracles
 import pytest
 from autograd import grad
 from cases import (
+    SURFACES,
     TEMPLATES,
     deformations,
     name_of,
@@ -28,8 +29,7 @@ from riemhuman.kernels.surface import DEGENERATE
 from riemhuman.solvers.paths import LinearPath
 from riemhuman.surfaces.template import Template
 
-METRICS = [case for case in surface_cases("dist") if case.name != "edges"]
-every_metric = pytest.mark.parametrize("case", METRICS, ids=name_of)
+every_metric = pytest.mark.parametrize("case", SURFACES, ids=name_of)
 
 
 @pytest.fixture(autouse=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cases import CASES, HalfPlane, HyperbolicInnerProduct, name_of, sphere_template
+from cases import CASES, KINDS, HalfPlane, HyperbolicInnerProduct, name_of, sphere_template
 
 from riemhuman.errors import (
     ArgumentError,
@@ -12,7 +12,7 @@ from riemhuman.errors import (
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric, VectorSpace
 from riemhuman.solvers import PoleLadder
 
-every_case = pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+every_case = pytest.mark.parametrize("case", KINDS, ids=name_of)
 CURVED = [
     CASES[name]
     for name in ("ebin 0.05 sphere", "ebin 1 sphere", "ebin 10 sphere", "ebin 0.5 triangle")

@@ -108,11 +108,3 @@ def test_lengths_are_one_to_a_tolerance(sign):
     scaled[7] = n[7] * (1.0 + 1e-10 * sign)
     assert SPACE.belongs(scaled)
     assert SPACE.belongs(np.tile([0.0, sign, 0.0], (80, 1)), atol=0.0)
-
-
-def test_inner_product_broadcasts_over_base_points():
-    points = SPACE.random_point(3, rng=7)
-    v = SPACE.random_tangent_vec(points[0], rng=8)
-    np.testing.assert_array_equal(
-        METRIC.inner_product(v, v, points), np.full(3, METRIC.squared_norm(v, points[0]))
-    )

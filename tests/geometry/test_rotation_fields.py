@@ -83,9 +83,3 @@ def test_random_points_are_uniform(space):
     angles = Rotation.from_matrix(points.reshape(-1, 3, 3)).magnitude()
     # Angles of uniform rotations have the density (1 − cos θ)/π.
     assert np.mean(angles < np.pi / 2) == pytest.approx(0.5 - 1 / np.pi, abs=0.02)
-
-
-def test_every_triangle_has_three_dimensions():
-    template = sphere_template()
-    space = RotationFields(template)
-    assert (space.dim, space.shape) == (3 * template.n_faces, (template.n_faces, 3, 3))

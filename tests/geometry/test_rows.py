@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from cases import CASES, cases_that, name_of
+from cases import CASES, KINDS, name_of
 
 from riemhuman.errors import ArgumentError
 
-WITH_ROWS = [case for case in cases_that("dist") if case.points[0].size > case.points.shape[-1]]
+WITH_ROWS = [case for case in KINDS if "dist" in case.can and len(case.space.shape) > 1]
 
 
 @pytest.mark.parametrize("case", WITH_ROWS, ids=name_of)

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from cases import CASES, name_of
+from cases import CASES, KINDS, name_of
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.metric import RiemannianMetric, ScalarProductMetric
 from riemhuman.solvers import PathStraightening
 from riemhuman.testing import check_metric
 
-every_case = pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+every_case = pytest.mark.parametrize("case", KINDS, ids=name_of)
 
 
 @every_case

@@ -4,11 +4,11 @@ import inspect
 
 import numpy as np
 import pytest
-from cases import CASES, name_of
+from cases import KINDS, name_of
 
 from riemhuman.geometry import RiemannianMetric
 
-every_case = pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+every_case = pytest.mark.parametrize("case", KINDS, ids=name_of)
 
 VECTOR_AND_POINT = ("covector", "squared_norm", "norm", "normalize", "differential")
 TWO_VECTORS_AND_POINT = ("inner_product", "curvature_form", "sectional_curvature")

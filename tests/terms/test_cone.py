@@ -211,22 +211,22 @@ CHARTED = [*WEIGHTS, (1.0, 0.01, 0.0)]
 
 
 @pytest.mark.parametrize("weights", CHARTED)
-@pytest.mark.parametrize("seed", range(50))
-def test_the_chart_never_lengthens(seed, weights):
-    term, rng = ConeTerm(1.0, *weights), np.random.default_rng(seed)
-    log_size = rng.uniform(-5.0, 0.0)
-    first, second = rng.uniform(-3.0, 3.0, (2, 6))
+def test_the_chart_never_lengthens(weights):
+    term, rng = ConeTerm(1.0, *weights), np.random.default_rng(0)
+    sizes = 10.0 ** rng.uniform(-5.0, 0.0, 200)
+    first, second = rng.uniform(-3.0, 3.0, (2, 6, 200))
 
     def fields(numbers):
-        x, log_y, log_s, *n = (np.array([value]) for value in numbers)
-        n = np.concatenate(n) + [0.1, 0.0, 5e-8]
-        return x, np.exp(log_y), np.exp(log_s), (n / np.linalg.norm(n))[None]
+        x, log_y, log_s = numbers[:3]
+        n = numbers[3:].T + [0.1, 0.0, 5e-8]
+        return x, np.exp(log_y), np.exp(log_s), n / np.linalg.norm(n, axis=1, keepdims=True)
 
-    pair = fields(first), fields(np.add(first, 10.0**log_size * second))
+    pair = fields(first), fields(first + sizes * second)
     charts = [term.chart(one) for one in pair]
-    rounding = 1e-11 * sum(np.linalg.norm(chart) for chart in charts)
-    exact = np.sqrt(term.squared_dist(*pair)[0])
-    assert np.linalg.norm(charts[0] - charts[1]) <= exact * (1 + 1e-12) + rounding
+    rounding = 1e-11 * sum(np.linalg.norm(chart, axis=1) for chart in charts)
+    exact = np.sqrt(term.squared_dist(*pair))
+    gaps = np.linalg.norm(charts[0] - charts[1], axis=1)
+    assert np.all(gaps <= exact * (1 + 1e-12) + rounding)
 
 
 @pytest.mark.parametrize("weights", [*WEIGHTS, (0.0, 1.0, 0.0), (1.0, 1.0, 0.0)])

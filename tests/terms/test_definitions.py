@@ -6,7 +6,6 @@ import pkgutil
 
 import numpy as np
 import pytest
-from autograd import grad
 from cases import deformations, sphere_template, surfaces
 from packed_fields import field_features
 
@@ -44,7 +43,6 @@ QUADRATIC = [FIRST_ORDER, NormalPartTerm(TEMPLATE, FIRST_ORDER)]
 QUADRATIC += [ZerothOrderTerm(TEMPLATE, 0.4), SecondOrderTerm(TEMPLATE, 0.1)]
 
 each_term = pytest.mark.parametrize("term", TERMS, ids=repr)
-each_quadratic = pytest.mark.parametrize("term", QUADRATIC, ids=lambda term: type(term).__name__)
 
 
 def test_no_term_is_left_out():
@@ -140,25 +138,3 @@ def test_the_default_metric_of_matrices_is_the_plain_trace():
         g, surface.first_fundamental_form_differential(first.f_u, first.f_v, *h)
     )
     np.testing.assert_allclose(found, np.einsum("tij,tji->t", rates, rates), rtol=1e-9)
-
-
-@each_quadratic
-def test_squared_norms(term):
-    vectors = deformations(TEMPLATE, len(POINTS), rng=3)
-
-    def definition(h, f):
-        return np.sum(term.inner_product(h, h, f))
-
-    by_vertex = [np.ascontiguousarray(np.swapaxes(one, 0, 1)) for one in (vectors, POINTS)]
-    value, *slopes = term.squared_norms_and_slopes(*by_vertex)
-    assert value == pytest.approx(definition(vectors, POINTS), rel=1e-11)
-    assert term.squared_norms(*by_vertex) == pytest.approx(value, rel=1e-14)
-    for k, slope in enumerate(slopes):
-        close(np.swapaxes(slope, 0, 1), grad(definition, k)(vectors, POINTS), 1e-10)
-
-
-@each_quadratic
-def test_quadratic_matrices(term):
-    h, k = deformations(TEMPLATE, 2, rng=4)
-    found = h.ravel() @ (term.matrix(POINTS[0]) @ k.ravel())
-    assert found == pytest.approx(term.inner_product(h, k, POINTS[0]), rel=1e-10)

@@ -105,6 +105,13 @@ def test_geodesics_solve_the_geodesic_equation(lam):
         np.testing.assert_allclose(shot, found, rtol=1e-12, atol=1e-14)
 
 
+def test_squared_norms_of_anisotropic_matrices_are_not_negative():
+    rng = np.random.default_rng(9)
+    g = matrices(500, 1e12, rng)
+    a = _cone_geodesics.symmetric_part(rng.normal(size=g.shape))
+    assert np.all(ebin_matrices.inner_product(a, a, g, 1e-4) > 0)
+
+
 # Through the apex.
 
 

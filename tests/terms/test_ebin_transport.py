@@ -37,20 +37,6 @@ def test_keeps_inner_products(lam):
     )
 
 
-@pytest.mark.parametrize("lam", LAMBDAS)
-def test_in_two_steps_as_in_one(lam):
-    g, velocity, a, _ = samples(lam)
-    half, _ = ebin_matrices.exp(0.5 * velocity, g, lam)
-    onward = parallel_transport(0.5 * velocity, g, 0.5 * velocity, lam)
-    first = parallel_transport(a, g, 0.5 * velocity, lam)
-    np.testing.assert_allclose(
-        parallel_transport(first, half, onward, lam),
-        parallel_transport(a, g, velocity, lam),
-        rtol=1e-8,
-        atol=1e-9,
-    )
-
-
 def test_satisfies_the_geodesic_equations_derivative():
     """Transport for a short time is w − Γ(v, w) t, with Γ from the second order of exp."""
     lam, t = 0.5, 1e-4

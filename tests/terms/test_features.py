@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cases import open_template, sphere_template, surfaces, triangle_template
+from cases import open_template, sphere_template, surfaces
 from packed_fields import field_features
 
 from riemhuman.errors import DegenerateSurfaceError
@@ -80,21 +80,6 @@ def test_normals_of_surfaces(template, precision):
     assert rounding.any() == (precision == "single")
 
 
-@pytest.mark.parametrize("axis", range(3))
-def test_triangles_pressed_to_an_edge_along_an_axis(axis):
-    template = triangle_template()
-    edge = np.array([[0.0], [0.7], [0.4]]) * np.eye(3)[axis]
-    edge[2, axis - 1] = 1e-9
-    points = np.stack([template.vertices[0] + edge, edge])
-    fields, _ = features_of(EbinTerm(lam=0.3), template, points, "double")
-    np.testing.assert_array_equal(fields[:, [0, 3]], 0.0)
-    normals, _ = features_of(NormalTerm(), template, points, "double")
-    assert marked(template, points).tolist() == [[True], [True]]
-    np.testing.assert_array_equal(normals, 0.0)
-    roots, _ = features_of(RootNormalTerm(), template, points, "double")
-    np.testing.assert_array_equal(roots, 0.0)
-
-
 def test_the_driver_joins_the_features_of_terms_that_take_the_surfaces():
     template = TEMPLATES["open"]
     terms, points = [EbinTerm(lam=0.3), NormalTerm(), RootNormalTerm()], some_surfaces(template)
@@ -147,7 +132,3 @@ def test_what_is_too_small_for_single_precision_counts_as_rounding():
     exact = np.sqrt(np.sum(1e-30 * tiny**2))
     kept = np.linalg.norm(features.astype(np.float64))
     assert exact - kept <= rounding[0] < 1e-15
-
-
-# Fields that single precision keeps as they are, the numbers that a triangle adds to a sum, and
-# what the sum is multiplied by, in largest areas or alone.

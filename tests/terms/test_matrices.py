@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cases import deformations, open_template, sphere_template, surface_cases, surfaces
+from cases import open_template, sphere_template, surfaces
 from oracles import elastic_blocks
 
 from riemhuman.kernels import triangles
@@ -11,13 +11,7 @@ from riemhuman.terms._sum import SumOfTerms
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
 each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
-WEIGHTS = [
-    {"a": 1.0, "lam": 1e-4},
-    {"a": 0.5, "lam": 2.0, "c": 0.3},
-    {"c": 2.0},
-    {"b": 1.5},
-    {"a": 0.7, "lam": 0.3, "b": 0.4},
-]
+WEIGHTS = [{"a": 0.5, "lam": 2.0, "c": 0.3}, {"a": 0.7, "lam": 1e-4, "b": 0.4}]
 
 
 def terms_of(a=0.0, lam=0.0, c=0.0, b=0.0):
@@ -40,15 +34,3 @@ def test_matrices_are_means_of_triangle_matrices(template, weights, threaded):
     expected = template.assembler.assemble(np.mean(blocks, axis=0)).toarray()
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
     np.testing.assert_allclose(found, found.T, rtol=1e-12, atol=1e-14)
-
-
-@pytest.mark.parametrize(
-    "case",
-    [case for case in surface_cases() if case.metric.has_metric_matrix],
-    ids=lambda case: case.name,
-)
-def test_matrices_agree_with_the_squared_norm(case):
-    template = case.space.template
-    f, h = surfaces(template, 1, rng=4)[0], deformations(template, 1, rng=5)[0]
-    found = h.ravel() @ (case.metric.metric_matrix(f) @ h.ravel())
-    np.testing.assert_allclose(found, case.metric.squared_norm(h, f), rtol=1e-10)

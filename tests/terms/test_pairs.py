@@ -120,13 +120,6 @@ def test_bits_do_not_depend_on_company(name, precision, monkeypatch):
     np.testing.assert_array_equal(distances(a, a, n_threads=2), within)
 
 
-@each_kernel
-def test_empty_sets(name):
-    a, b, distances = KERNELS[name][0]("single")
-    assert distances(a[:0], b).shape == (0, 11)
-    assert distances(a, b[:0]).shape == (23, 0)
-
-
 # What rounding of the features comes to.
 
 
@@ -140,24 +133,3 @@ def test_rounding_bounds_the_distance_to_what_is_kept(lam):
     assert np.all(gaps <= rounding * (1 + 1e-6))
     # The bound is no waste either.
     assert np.all(rounding < 1.5 * gaps)
-
-
-def test_rounding_of_normals_and_vectors():
-    n = unit_normals(3, 0)
-    single, rounding = field_features(NormalTerm(), (n,), WEIGHTS, "single")
-    chords = np.sum((np.swapaxes(n, 1, 2) - single[:, :, :F]) ** 2, axis=1)
-    np.testing.assert_allclose(rounding**2, 2.0 * chords @ WEIGHTS, rtol=1e-12)
-    single, rounding = flat.vector_features(n[:, :, :1], WEIGHTS, "single")
-    gaps = np.sum((np.sqrt(WEIGHTS) * n[:, :, 0] - single[:, :F]) ** 2, axis=1)
-    np.testing.assert_allclose(rounding**2, gaps, rtol=1e-12)
-
-
-def test_what_single_precision_has_no_room_for_is_told():
-    x, y, s = metric_fields(4, 0)
-    x[0, 3], y[1, 3], y[2, 3] = 1e17, 1e-17, 1e17
-    _, rounding = field_features(EbinTerm(lam=1.0), (x, y, s), WEIGHTS, "single")
-    assert np.isinf(rounding).tolist() == [True, True, True, False]
-    _, rounding = flat.vector_features(np.array([[[1e17]], [[1.0]]]), np.ones(1), "single")
-    assert np.isinf(rounding).tolist() == [True, False]
-    _, rounding = field_features(EbinTerm(lam=1.0), (x, y, s), WEIGHTS, "double")
-    np.testing.assert_array_equal(rounding, 0.0)

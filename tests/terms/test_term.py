@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from itertools import product
 
 import autograd.numpy as anp
 import numpy as np
@@ -142,28 +143,23 @@ template = rh.Template(np.eye(4)[:, :3], np.array([[0, 1, 2], [1, 0, 3]]))
 space = rh.AlignedSurfaces(template)
 points = template.vertices + np.random.default_rng(0).uniform(-0.1, 0.1, (3, 4, 3))
 metric = {metric}
-metric.dist_pairwise(points)
-metric.energy_and_gradient(points)
-metric.metric_matrix(points)
+metric.{call}(points)
 print(len(missed))
 """
 
 
-@pytest.mark.parametrize(
-    "metric",
-    sample(
-        ["rh.SRNFMetric(space)", "rh.ElasticMetric(space, 1.0, 0.1, 0.1)"]
-        + ["rh.GeneralElasticMetric(space)"],
-        3,
-    ),
-)
-def test_a_second_process_compiles_nothing(metric, tmp_path, monkeypatch):
+MADE = ["rh.SRNFMetric(space)", "rh.ElasticMetric(space)", "rh.GeneralElasticMetric(space)"]
+CALLS = ["dist_pairwise", "energy_and_gradient", "metric_matrix"]
+
+
+@pytest.mark.parametrize(("metric", "call"), sample(product(MADE, CALLS), 9))
+def test_a_second_process_compiles_nothing(metric, call, tmp_path, monkeypatch):
     """With a cache of their own: other tests compile at the same time."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    script = SCRIPT.replace("{metric}", metric)
+    script = SCRIPT.replace("{metric}", metric).replace("{call}", call)
     compiled = [
         int(subprocess.run([sys.executable, "-c", script], capture_output=True, check=True).stdout)
         for _ in range(2)
     ]
-    assert compiled[0] > 5
+    assert compiled[0] > 0
     assert compiled[1] == 0
