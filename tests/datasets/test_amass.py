@@ -1,7 +1,5 @@
 """The AMASS reader, on made-up files in the layouts of its makers."""
 
-import os
-
 import numpy as np
 import pytest
 from model_pickles import smpl_fields
@@ -81,7 +79,7 @@ def test_frames_are_those_of_the_model(tmp_path, model):
     assert motion.path == path
     assert motion.model is model
     assert len(motion) == motion.n_frames == 50
-    assert motion.frames_per_second == motion.recorded_frames_per_second == 120
+    assert motion.frames_per_second == 120
     np.testing.assert_array_equal(motion.faces, model.faces)
     expected = model(fields["betas"], fields["poses"], fields["trans"])
     np.testing.assert_allclose(motion[:], expected, atol=1e-12)
@@ -111,7 +109,7 @@ def test_frame_rates(tmp_path, model):
     fifty = [0, 2, 5, 7, 10, 12, 14]  # the frames of 120 a second nearest to those of 50
     for rate, numbers in [(60, range(0, 61, 2)), (40.0, range(0, 61, 3)), (50, fifty), (1, [0])]:
         (motion,) = load_amass(path, model, frames_per_second=rate)
-        assert (motion.frames_per_second, motion.recorded_frames_per_second) == (rate, 120)
+        assert motion.frames_per_second == rate
         assert len(motion) == int(0.5 * rate + 1e-9) + 1
         np.testing.assert_allclose(motion[: len(numbers)], whole[:][list(numbers)], atol=1e-12)
     with pytest.raises(ArgumentError, match="frames_per_second must be at most .*120; found 121"):
@@ -187,18 +185,6 @@ def test_a_file_that_changes(tmp_path, model):
     path.unlink()
     with pytest.raises(FileError, match=r"a\.npz cannot be read"):
         motion[0]
-
-
-def test_a_file_that_changes_while_the_clock_is_set_back(tmp_path, model):
-    file = write(tmp_path / "a.npz", smpl_h(20, rng=1))
-    motion = load_amass(file, model)[0]
-    before = motion.pose_vectors
-    found = file.stat()
-    other = write(tmp_path / "b.npz", smpl_h(20, rng=2))
-    assert other.stat().st_size == found.st_size
-    os.replace(other, file)
-    os.utime(file, ns=(found.st_atime_ns, found.st_mtime_ns))
-    assert not np.array_equal(motion.pose_vectors, before)
 
 
 def walking(n_frames=80, rate=40.0, leg=0.78):
@@ -296,12 +282,13 @@ def test_wrong_files(tmp_path, model, case):
         load_amass(path, model)
 
 
+@pytest.mark.parametrize(("number", "found"), [(np.nan, "1 NaN"), (1e20, "numbers beyond 1e.12")])
 @pytest.mark.parametrize("name", ["poses", "trans", "betas"])
-def test_numbers_that_are_not_finite(tmp_path, model, name):
+def test_numbers_that_are_no_motion(tmp_path, model, name, number, found):
     fields = smpl_h()
-    fields[name].ravel()[5] = np.nan
+    fields[name].ravel()[5] = number
     (motion,) = load_amass(write(tmp_path / "a.npz", fields), model)
-    with pytest.raises(FileFormatError, match=rf"a\.npz: {name} holds 1 NaN"):
+    with pytest.raises(FileFormatError, match=rf"a\.npz: {name} holds {found}"):
         motion[0]
 
 
