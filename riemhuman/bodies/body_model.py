@@ -61,6 +61,19 @@ class BodyModel:
         Precision of surfaces and joints, float64 or float32, which halves their memory. The model
         itself is kept in double precision.
 
+    Attributes
+    ----------
+    template : Template
+        The mean body in the rest pose.
+    faces, shapedirs, joint_regressor, weights, posedirs, joint_names, dtype
+        As given; arrays are read-only.
+    parents : array of int, shape (J,)
+        Number of each joint's parent, -1 for the root.
+    joint_order : tuple of int
+        All joints, parents before children.
+    n_vertices, n_joints, n_betas : int
+        Numbers of vertices V, joints J and shape coefficients B.
+
     Examples
     --------
     >>> import numpy as np
@@ -85,31 +98,39 @@ class BodyModel:
         joint_names: Sequence[str] | None = None,
         dtype: DTypeLike = onp.float64,
     ) -> None:
-        self._dtype = _precision(dtype)
+        self.dtype = _precision(dtype)
         v_template = real_array(v_template, "v_template", ("V", 3), batched=False)
         n_vertices = len(v_template)
-        self._template = Template(v_template, faces)
-        self._shapedirs = _copy(shapedirs, "shapedirs", (n_vertices, 3, "B"))
-        self._joint_regressor = _copy(joint_regressor, "J_regressor", ("J", n_vertices))
-        n_joints = len(self._joint_regressor)
-        self._weights = _copy(weights, "weights", (n_vertices, n_joints))
-        self._parents = read_only(joint_parents(kintree_table, n_joints))
-        self._order = parents_first(self._parents)
-        self._posedirs = None
+        self.template = Template(v_template, faces)
+        self.faces = self.template.faces
+        self.shapedirs = _copy(shapedirs, "shapedirs", (n_vertices, 3, "B"))
+        self.joint_regressor = _copy(joint_regressor, "J_regressor", ("J", n_vertices))
+        n_joints = len(self.joint_regressor)
+        self.weights = _copy(weights, "weights", (n_vertices, n_joints))
+        self.parents = read_only(joint_parents(kintree_table, n_joints))
+        self.joint_order = parents_first(self.parents)
+        self.posedirs: onp.ndarray | None = None
         if posedirs is not None:
             n_entries = 9 * (n_joints - 1)
-            self._posedirs = _copy(posedirs, "posedirs", (n_vertices, 3, n_entries))
-        self._joint_names = _checked_names(joint_names, n_joints)
-        self._rest, self._regressor, self._blend = (
-            array.astype(self._dtype, copy=False)
-            for array in (self._template.vertices, self._joint_regressor, self._weights)
-        )
-        _check_sums(self._joint_regressor, "J_regressor")
-        _check_sums(self._weights, "weights")
-        if self._weights.min() < 0:
-            vertex, joint = (int(i) for i in onp.argwhere(self._weights < 0)[0])
+            self.posedirs = _copy(posedirs, "posedirs", (n_vertices, 3, n_entries))
+        names = [f"joint_{j}" for j in range(n_joints)] if joint_names is None else joint_names
+        self.joint_names = tuple(map(str, names)) if onp.ndim(names) == 1 else ()
+        if not len(self.joint_names) == len(set(self.joint_names)) == n_joints:
             raise ArgumentError(
-                f"weights must not be negative; found {self._weights[vertex, joint]:g} "
+                f"joint_names must hold {n_joints} different names; found {names!r}"
+            )
+        self.n_vertices, self.n_joints = n_vertices, n_joints
+        self.n_betas = self.shapedirs.shape[-1]
+        self._rest, self._regressor, self._blend = (
+            array.astype(self.dtype, copy=False)
+            for array in (self.template.vertices, self.joint_regressor, self.weights)
+        )
+        _check_sums(self.joint_regressor, "J_regressor")
+        _check_sums(self.weights, "weights")
+        if self.weights.min() < 0:
+            vertex, joint = (int(i) for i in onp.argwhere(self.weights < 0)[0])
+            raise ArgumentError(
+                f"weights must not be negative; found {self.weights[vertex, joint]:g} "
                 f"at vertex {vertex}, joint {joint}"
             )
 
@@ -123,10 +144,9 @@ class BodyModel:
     ) -> BodyModel:
         """Read a model from a file in SMPL's layout: an .npz archive, or a .pkl file.
 
-        Files of SMPL, SMPL-H, SMPL-X, STAR and SMAL are read as published, with posedirs in three
-        axes, flattened or transposed, and with a dense or sparse J_regressor; `model_contents`
-        returns the parts of a file that are used and those that are left out. A .pkl file is read
-        as data: its code is not run, and chumpy is not needed.
+        Files of SMPL, SMPL-H, SMPL-X, STAR and SMAL are read as published; `model_contents` returns
+        the parts of a file that are used and those that are left out. A .pkl file is read as data:
+        its code is not run, and chumpy is not needed.
 
         Parameters
         ----------
@@ -145,8 +165,6 @@ class BodyModel:
 
         Raises
         ------
-        FileError
-            If the file is missing or cannot be read.
         FileFormatError
             If the file is damaged, lacks a field, has a malformed field, or is a .pkl file with
             objects other than arrays.
@@ -161,99 +179,27 @@ class BodyModel:
     def save(self, path: str | os.PathLike[str], *, single_precision: bool = False) -> None:
         """Write the model as a compressed .npz file in SMPL's layout.
 
-        An interrupted call leaves no incomplete file.
-
         Parameters
         ----------
         path : path_like
             File to write, with its suffix; an existing file is replaced.
         single_precision : bool
             Whether real numbers are rounded to single precision, which halves the size.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
         """
         real = onp.float32 if single_precision else onp.float64
-        kintree_table = onp.stack([self._parents, onp.arange(self.n_joints)])
+        kintree_table = onp.stack([self.parents, onp.arange(self.n_joints)])
         fields: dict[str, Any] = {
-            "v_template": self._template.vertices.astype(real),
+            "v_template": self.template.vertices.astype(real),
             "faces": self.faces.astype(onp.int32),
-            "shapedirs": self._shapedirs.astype(real),
-            "joint_regressor": self._joint_regressor.astype(real),
-            "weights": self._weights.astype(real),
+            "shapedirs": self.shapedirs.astype(real),
+            "joint_regressor": self.joint_regressor.astype(real),
+            "weights": self.weights.astype(real),
             "kintree_table": kintree_table.astype(onp.int32),
-            "joint_names": onp.array(self._joint_names),
+            "joint_names": onp.array(self.joint_names),
         }
-        if self._posedirs is not None:
-            fields["posedirs"] = self._posedirs.astype(real)
+        if self.posedirs is not None:
+            fields["posedirs"] = self.posedirs.astype(real)
         write_model_fields(path, fields)
-
-    @property
-    def template(self) -> Template:
-        """The mean body in the rest pose, a `Template`."""
-        return self._template
-
-    @property
-    def faces(self) -> onp.ndarray:
-        """Triangles, shape (F, 3)."""
-        return self._template.faces
-
-    @property
-    def shapedirs(self) -> onp.ndarray:
-        """Displacements for each shape coefficient, shape (V, 3, B)."""
-        return self._shapedirs
-
-    @property
-    def joint_regressor(self) -> onp.ndarray:
-        """Joints as combinations of vertices, shape (J, V)."""
-        return self._joint_regressor
-
-    @property
-    def weights(self) -> onp.ndarray:
-        """Skinning weights, shape (V, J)."""
-        return self._weights
-
-    @property
-    def parents(self) -> onp.ndarray:
-        """Number of each joint's parent, -1 for the root; shape (J,)."""
-        return self._parents
-
-    @property
-    def joint_order(self) -> tuple[int, ...]:
-        """All joints, parents before children."""
-        return self._order
-
-    @property
-    def posedirs(self) -> onp.ndarray | None:
-        """Pose-dependent displacements, shape (V, 3, 9 (J - 1)), or None."""
-        return self._posedirs
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints."""
-        return self._joint_names
-
-    @property
-    def dtype(self) -> onp.dtype[Any]:
-        """Precision of surfaces and joints."""
-        return self._dtype
-
-    @property
-    def n_vertices(self) -> int:
-        """Number of vertices V."""
-        return self._template.n_vertices
-
-    @property
-    def n_joints(self) -> int:
-        """Number of joints J."""
-        return len(self._parents)
-
-    @property
-    def n_betas(self) -> int:
-        """Number of shape coefficients B."""
-        return self._shapedirs.shape[-1]
 
     def __repr__(self) -> str:
         return (
@@ -271,9 +217,9 @@ class BodyModel:
         joints = np.matmul(self._regressor, surface)
         if pose is not None:
             rotations = self._rotations(pose)
-            if self._posedirs is not None:
+            if self.posedirs is not None:
                 surface = surface + self._pose_offsets(rotations)
-            motions = joint_motions(joints, rotations, self._parents, self._order)
+            motions = joint_motions(joints, rotations, self.parents, self.joint_order)
             surface = skin_surface(surface, self._blend, joints, *motions)
         return self._translated(surface, trans)
 
@@ -299,27 +245,22 @@ class BodyModel:
         joints = np.matmul(self._regressor, self._shaped(betas))
         if pose is not None:
             rotations = self._rotations(pose)
-            _, joints = joint_motions(joints, rotations, self._parents, self._order)
+            _, joints = joint_motions(joints, rotations, self.parents, self.joint_order)
         return self._translated(joints, trans)
 
     def fit(self, points: Any, **options: Any) -> ModelFit:
-        """Fit shapes, poses and translations to surfaces.
-
-        See `riemhuman.bodies.fit_model` for the method, the options and the errors.
+        """Fit shapes, poses and translations to surfaces, by `riemhuman.bodies.fit_model`.
 
         Parameters
         ----------
         points : array_like, shape (..., n_points, 3)
-            Registered surfaces, metres: one point for each vertex, unless the option
-            `correspondence` is given.
+            Registered surfaces, metres.
         **options
-            Further arguments of `fit_model`: correspondence, weights, loss, loss_scale,
-            betas_prior, pose_prior, tolerance, max_iter.
+            Further arguments of `fit_model`.
 
         Returns
         -------
         fit : ModelFit
-            Betas, pose and trans, and the remaining distances.
         """
         return fit_model(self, points, **options)
 
@@ -331,7 +272,7 @@ class BodyModel:
         return self._rest + np.reshape(offsets, (*np.shape(betas)[:-1], *self._rest.shape))
 
     def _rounded(self, array: Any) -> Any:
-        return array.astype(self._dtype, copy=False)
+        return array.astype(self.dtype, copy=False)
 
     def _rotations(self, pose: Any) -> Any:
         pose = real_array(pose, "pose")
@@ -346,8 +287,8 @@ class BodyModel:
         return self._rounded(rotation_matrix(pose))
 
     def _pose_offsets(self, rotations: Any) -> Any:
-        limbs = onp.flatnonzero(self._parents >= 0)
-        feature = rotations[..., limbs, :, :] - np.eye(3, dtype=self._dtype)
+        limbs = onp.flatnonzero(self.parents >= 0)
+        feature = rotations[..., limbs, :, :] - np.eye(3, dtype=self.dtype)
         feature = np.reshape(feature, (*np.shape(feature)[:-3], 9 * len(limbs)))
         offsets = np.dot(feature, self._pose_matrix)
         return np.reshape(offsets, (*np.shape(feature)[:-1], self.n_vertices, 3))
@@ -359,14 +300,14 @@ class BodyModel:
 
     @cached_property
     def _shape_matrix(self) -> onp.ndarray:
-        matrix = self._shapedirs.reshape(-1, self.n_betas).T
-        return onp.ascontiguousarray(matrix, dtype=self._dtype)
+        matrix = self.shapedirs.reshape(-1, self.n_betas).T
+        return onp.ascontiguousarray(matrix, dtype=self.dtype)
 
     @cached_property
     def _pose_matrix(self) -> onp.ndarray:
-        assert self._posedirs is not None, "used only where there are posedirs"
-        matrix = self._posedirs.reshape(3 * self.n_vertices, -1).T
-        return onp.ascontiguousarray(matrix, dtype=self._dtype)
+        assert self.posedirs is not None, "used only where there are posedirs"
+        matrix = self.posedirs.reshape(3 * self.n_vertices, -1).T
+        return onp.ascontiguousarray(matrix, dtype=self.dtype)
 
 
 def convert_model(
@@ -390,18 +331,10 @@ def convert_model(
     model : BodyModel
         The model in the new file.
 
-    Raises
-    ------
-    FileError
-        If a file is missing or cannot be read or written.
-    FileFormatError
-        If `source` does not hold a body model, or is a .pkl file with objects other than arrays.
-
     Examples
     --------
     >>> import riemhuman as rh
-    >>> model = rh.datasets.load_open_model("coarse")
-    >>> model.save("model.npz")
+    >>> rh.datasets.load_open_model("coarse").save("model.npz")
     >>> rh.bodies.convert_model("model.npz", "smaller.npz", n_betas=3).n_betas
     3
     """
@@ -422,14 +355,6 @@ def _check_sums(rows: onp.ndarray, name: str) -> None:
         raise ArgumentError(
             f"every row of {name} must sum to one; row {row} sums to {rows[row].sum():g}"
         )
-
-
-def _checked_names(names: Sequence[str] | None, n_joints: int) -> tuple[str, ...]:
-    if names is None:
-        return tuple(f"joint_{j}" for j in range(n_joints))
-    if onp.ndim(names) != 1 or not len(names) == len({str(name) for name in names}) == n_joints:
-        raise ArgumentError(f"joint_names must hold {n_joints} different names; found {names!r}")
-    return tuple(str(name) for name in names)
 
 
 def _precision(dtype: DTypeLike) -> onp.dtype[Any]:

@@ -119,8 +119,7 @@ def fit_model(
 
     The start has a closed form: the rotation of each joint by Kabsch's solution with the skinning
     weights, then betas and translation by linear least squares. From there, Levenberg–Marquardt
-    steps with exact derivatives are taken on some 1,500 points and then on all. With a robust loss,
-    the points are reweighted in every step.
+    steps with exact derivatives are taken on some 1,500 points and then on all.
 
     Parameters
     ----------
@@ -129,9 +128,7 @@ def fit_model(
     points : array_like, shape (..., n_points, 3)
         Surfaces, metres: one point for each vertex of the model, unless `correspondence` is given.
     correspondence : array_like of int, pair, or sparse matrix, optional
-        Place of each point on the model: numbers of vertices, shape (n_points,); or a pair of
-        numbers of triangles, shape (n_points,), and barycentric coordinates, shape
-        (n_points, 3); or a matrix, shape (n_points, V), whose rows sum to one.
+        Place of each point on the model, as for `correspondence_matrix`.
     weights : array_like, shape (n_points,), optional
         Weights of the points, for instance areas; equal by default. Points of weight zero are left
         out.
@@ -153,11 +150,6 @@ def fit_model(
     Returns
     -------
     fit : ModelFit
-
-    Warns
-    -----
-    ConvergenceWarning
-        Once, if some fits stopped before they converged.
 
     Examples
     --------
@@ -202,14 +194,8 @@ def fit_model(
             f"up to {max_iter} steps before they came to rest within {tolerance:g} m",
             ConvergenceWarning,
         )
-    shapes = {
-        "betas": (model.n_betas,),
-        "pose": (model.n_joints, 3),
-        "trans": (3,),
-        "distances": (n_points,),
-        "converged": (),
-        "n_iterations": (),
-    }
+    shapes = {"betas": (model.n_betas,), "pose": (model.n_joints, 3), "trans": (3,)}
+    shapes |= {"distances": (n_points,), "converged": (), "n_iterations": ()}
     return ModelFit(
         **{
             name: np.array([getattr(fit, name) for fit in fits]).reshape((*lead, *shape))
@@ -221,10 +207,7 @@ def fit_model(
 def convert_fit(
     fit: ModelFit, model: Any, *, to: Any, correspondence: Any, **options: Any
 ) -> ModelFit:
-    """Convert a fit of one body model to a fit of another.
-
-    The other model is fitted to the surfaces of the first model. The correspondence places the
-    vertices of the first model on the other.
+    """Fit another body model to the surfaces of a fit.
 
     Parameters
     ----------
@@ -242,17 +225,14 @@ def convert_fit(
     Returns
     -------
     fit : ModelFit
-        Parameters of the other model, and the distance of each vertex of the first model from its
-        place on the other.
+        Its distances are those of the first model's vertices from their places on the other.
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> model = bodies.model
-    >>> fit = model.fit(bodies[0])
-    >>> same = rh.bodies.convert_fit(fit, model, to=model, correspondence=np.arange(1202))
+    >>> model = rh.datasets.load_open_model("coarse")
+    >>> fit = model.fit(model())
+    >>> same = rh.bodies.convert_fit(fit, model, to=model, correspondence=range(1202))
     >>> bool(same.mean_distance < 1e-4)
     True
     """

@@ -45,10 +45,8 @@ class ModelContents:
         "SMPL", "SMPL-H", "SMPL-X", "STAR", "SMAL", or "SMPL's layout".
     n_shapes : int
         Number of shape coefficients in the file, without expressions.
-    used : tuple of str
-        Parts that are used.
-    left_out : tuple of str
-        Parts that are left out.
+    used, left_out : tuple of str
+        Parts that are used and left out.
 
     Examples
     --------
@@ -84,14 +82,7 @@ def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> 
     Returns
     -------
     contents : ModelContents
-        The family, the used parts and those left out; as text, one sentence.
-
-    Raises
-    ------
-    FileError
-        If the file is missing or cannot be read.
-    FileFormatError
-        If the file is damaged, lacks a field, or is a .pkl file with objects other than arrays.
+        As text, one sentence.
 
     Examples
     --------

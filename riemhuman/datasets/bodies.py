@@ -163,17 +163,10 @@ class Bodies:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the surfaces and their labels, but not the body model, to an .npz file.
 
-        An interrupted call leaves no incomplete file.
-
         Parameters
         ----------
         path : path_like
             The file, with its suffix; an existing file is replaced.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
         """
         arrays = {
             "format_version": np.array(_FORMAT_VERSION),
@@ -201,12 +194,6 @@ class Bodies:
         Bodies
             Without a body model.
 
-        Raises
-        ------
-        FileError
-            If the file is missing or cannot be read.
-        FileFormatError
-            If it does not hold bodies.
         """
         required = ("format_version", "template_vertices", "template_faces", "points")
         arrays = load_arrays(path, required, (*_STORED, *_NAMES))
@@ -231,11 +218,6 @@ class Bodies:
         -------
         pandas.DataFrame
             The index holds `ids`; the columns "subject" and "pose" hold names.
-
-        Raises
-        ------
-        MissingDependencyError
-            If pandas is not installed.
         """
         pandas = import_optional("pandas", "tables")
         columns = {
