@@ -127,13 +127,6 @@ def _read_name(name: str) -> tuple[str, str]:
     return side, ""
 
 
-def recorded_joints(recording: SkeletonMotion, table: Mapping[str, str] | None) -> dict[str, int]:
-    """Return the numbers of a recording's joints and, after them, end sites."""
-    ends = recording.end_joints
-    names = [*recording.joint_names, *(f"{recording.joint_names[joint]} end" for joint in ends)]
-    return find_joints(names, np.concatenate([recording.parents, ends]), table)
-
-
 def model_joints(model: BodyModel) -> dict[str, int]:
     """Return the numbers of a model's joints; those of SMPL need no names."""
     names = model.joint_names
@@ -166,24 +159,20 @@ class Skeleton:
 
 
 class RecordedSkeleton(Skeleton):
-    """A recorded skeleton in its rest pose and in space, y up, with end sites as joints."""
+    """A recorded skeleton in its rest pose and in space, y up."""
 
     def __init__(
         self, recording: SkeletonMotion, table: Mapping[str, str] | None, up: str | None
     ) -> None:
-        ends = recording.end_joints
-        parents = np.concatenate([recording.parents, ends])
+        parents = recording.parents
         # Some files have positions of all joints in place of offsets.
         rest = np.median(recording.translations, axis=0)
-        rest[recording.parents < 0] = 0.0
-        rest = np.concatenate([rest, recording.end_offsets])
+        rest[parents < 0] = 0.0
         for joint, parent in enumerate(parents):
             if parent >= 0:
                 rest[joint] += rest[parent]
-        super().__init__(parents, rest, recorded_joints(recording, table))
-        rotations = recording.global_rotations
-        self.rotations = np.concatenate([rotations, rotations[:, ends]], axis=1)
-        self.positions = np.concatenate([recording.positions, recording.end_positions], axis=1)
+        super().__init__(parents, rest, find_joints(recording.joint_names, parents, table))
+        self.rotations, self.positions = recording.global_rotations, recording.positions
         if up == "z" or (up is None and self._is_z_up()):
             self.rotations = _Z_TO_Y @ self.rotations
             self.positions = self.positions @ _Z_TO_Y.T

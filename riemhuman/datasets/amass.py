@@ -232,13 +232,10 @@ def _skeleton_motion(path: Path, frames: np.ndarray, rate: float) -> SkeletonMot
     offsets[0] = 0.0
     translations = np.tile(offsets, (len(frames), 1, 1))
     translations[:, 0] = recording.translations[frames]
-    none = np.empty((0, 3))
     motion = SkeletonMotion(
         SMPL_JOINTS,
         np.array(SMPL_PARENTS),
         offsets,
-        np.empty(0, dtype=np.int64),
-        none,
         rotations,
         translations,
         rate,

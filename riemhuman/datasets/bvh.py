@@ -7,7 +7,7 @@ import os
 import re
 from array import array
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,8 @@ _LONGEST_QUOTE = 60
 class SkeletonMotion(Record):
     """A skeleton, and the rotations and translations of its joints over time.
 
-    Parents come before their children. Lengths are in the unit of the file.
+    Parents come before their children, and lengths are in the unit of the file. End sites, such as
+    tips of the toes, are joints that do not rotate, named after their parents: "LeftToeBase end".
 
     Attributes
     ----------
@@ -41,10 +42,6 @@ class SkeletonMotion(Record):
         Number of each joint's parent; -1 for a root.
     offsets : array, shape (J, 3)
         Positions of the joints relative to their parents, in the rest pose.
-    end_joints : array of int, shape (E,)
-        Numbers of the joints that bear end sites, such as tips of the toes.
-    end_offsets : array, shape (E, 3)
-        Positions of the end sites relative to these joints.
     rotations : array, shape (n_frames, J, 3, 3)
         Rotation matrices relative to the parents; identities in the rest pose.
     translations : array, shape (n_frames, J, 3)
@@ -59,14 +56,12 @@ class SkeletonMotion(Record):
     >>> import riemhuman as rh
     >>> motion = rh.datasets.load_bvh("walk.bvh")  # doctest: +SKIP
     >>> motion.positions.shape  # doctest: +SKIP
-    (240, 31, 3)
+    (240, 38, 3)
     """
 
     joint_names: tuple[str, ...]
     parents: np.ndarray
     offsets: np.ndarray
-    end_joints: np.ndarray
-    end_offsets: np.ndarray
     rotations: np.ndarray
     translations: np.ndarray
     frames_per_second: float
@@ -74,23 +69,6 @@ class SkeletonMotion(Record):
 
     def __len__(self) -> int:
         return len(self.rotations)
-
-    def at_rate(self, frames_per_second: float) -> SkeletonMotion:
-        """Return the motion at a lower frame rate: the frames nearest in time.
-
-        Parameters
-        ----------
-        frames_per_second : float
-            Frame rate, at most that of the recording.
-
-        Returns
-        -------
-        SkeletonMotion
-        """
-        frames = nearest_frames(len(self), self.frames_per_second, frames_per_second)
-        rotations, translations = self.rotations[frames], self.translations[frames]
-        rate = float(frames_per_second)
-        return replace(self, rotations=rotations, translations=translations, frames_per_second=rate)
 
     @cached_property
     def global_rotations(self) -> np.ndarray:
@@ -110,12 +88,6 @@ class SkeletonMotion(Record):
                 steps = self.global_rotations[:, parent] @ self.translations[:, joint, :, None]
                 positions[:, joint] = positions[:, parent] + steps[..., 0]
         return positions
-
-    @cached_property
-    def end_positions(self) -> np.ndarray:
-        """Positions of the end sites in space, shape (n_frames, E, 3)."""
-        steps = self.global_rotations[:, self.end_joints] @ self.end_offsets[..., None]
-        return self.positions[:, self.end_joints] + steps[..., 0]
 
 
 def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
@@ -147,18 +119,17 @@ def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
     """
     file = file_path(path)
     content = read_bytes(file)
-    skeleton, values, frame_time = _Reader(file, content).read()
-    n_joints = len(skeleton.joints)
-    if _BYTES_OF_JOINT * len(values) * n_joints > memory_limit(len(content)):
+    joints, values, frame_time = _Reader(file, content).read()
+    if _BYTES_OF_JOINT * len(values) * len(joints) > memory_limit(len(content)):
         raise FileFormatError(
-            f"{file}: {n_joints} joints in {len(values)} frames take far more memory than a file "
-            "of its size may"
+            f"{file}: {len(joints)} joints in {len(values)} frames take far more memory than a "
+            "file of its size may"
         )
-    offsets = np.array([joint.offset for joint in skeleton.joints])
-    rotations = np.empty((len(values), n_joints, 3, 3))
+    offsets = np.array([joint.offset for joint in joints])
+    rotations = np.empty((len(values), len(joints), 3, 3))
     translations = np.tile(offsets, (len(values), 1, 1))
     columns = iter(values.T)
-    for number, joint in enumerate(skeleton.joints):
+    for number, joint in enumerate(joints):
         rotation = np.eye(3)
         for channel in joint.channels:
             axis, numbers = channel % 3, next(columns)
@@ -168,11 +139,9 @@ def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
                 rotation = rotation @ _about_axis(axis, np.radians(numbers))
         rotations[:, number] = rotation
     return SkeletonMotion(
-        tuple(joint.name for joint in skeleton.joints),
-        np.array([joint.parent for joint in skeleton.joints]),
+        tuple(joint.name for joint in joints),
+        np.array([joint.parent for joint in joints]),
         offsets,
-        np.array(skeleton.end_joints, dtype=np.int64),
-        np.array(skeleton.end_offsets).reshape(-1, 3),
         rotations,
         translations,
         1.0 / frame_time,
@@ -213,13 +182,6 @@ class _Joint:
     channels: list[int] = field(default_factory=list)
 
 
-@dataclass
-class _Hierarchy:
-    joints: list[_Joint] = field(default_factory=list)
-    end_joints: list[int] = field(default_factory=list)
-    end_offsets: list[list[float]] = field(default_factory=list)
-
-
 class _Reader:
     """Reads a file word by word, and knows the line of the last word."""
 
@@ -245,20 +207,18 @@ class _Reader:
             raise self._error(f"{' or '.join(expected)} expected; found {_shortened(word)}")
         return word.upper()
 
-    def read(self) -> tuple[_Hierarchy, np.ndarray, float]:
-        """Return the hierarchy, the numbers of all frames and the time from frame to frame."""
-        hierarchy = _Hierarchy()
+    def read(self) -> tuple[list[_Joint], np.ndarray, float]:
+        """Return the joints, the numbers of all frames and the time from frame to frame."""
+        joints: list[_Joint] = []
         self._next("HIERARCHY")
         self._next("ROOT")
-        self._read_joints(hierarchy)
+        self._read_joints(joints)
         while self._next("ROOT", "MOTION") == "ROOT":
-            self._read_joints(hierarchy)
-        n_channels = sum(len(joint.channels) for joint in hierarchy.joints)
-        return hierarchy, *self._read_frames(n_channels)
+            self._read_joints(joints)
+        return joints, *self._read_frames(sum(len(joint.channels) for joint in joints))
 
-    def _read_joints(self, hierarchy: _Hierarchy) -> None:
+    def _read_joints(self, joints: list[_Joint]) -> None:
         """Read a root and all joints below it."""
-        joints = hierarchy.joints
         branch = [self._begin_joint(joints, -1)]
         while branch:
             joint = joints[branch[-1]]
@@ -272,8 +232,7 @@ class _Reader:
             elif keyword == "END":
                 for word in ("SITE", "{", "OFFSET"):
                     self._next(word)
-                hierarchy.end_joints.append(branch[-1])
-                hierarchy.end_offsets.append(self._offset())
+                joints.append(_Joint(f"{joint.name} end", branch[-1], self._offset()))
                 self._next("}")
             elif not joint.offset:
                 raise self._error(f"joint {joint.name} has no OFFSET")

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -38,13 +38,13 @@ from riemhuman.datasets._skeletons import (
     SIDES,
     RecordedSkeleton,
     Skeleton,
+    find_joints,
     frame,
     model_joints,
-    recorded_joints,
     shortest,
     unit,
 )
-from riemhuman.datasets.bvh import SkeletonMotion
+from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ModelMotion
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import ArgumentTypeError
@@ -260,19 +260,20 @@ def retarget(
     if up is not None:
         one_of(up, "up", ("y", "z"))
     model_joints(model)
-    recorded_joints(recording, joints)
+    find_joints(recording.joint_names, recording.parents, joints)
+    rate = recording.frames_per_second
     if frames_per_second is not None:
-        recording = recording.at_rate(frames_per_second)
-    names = "", recording.name
+        frames = nearest_frames(len(recording), rate, frames_per_second)
+        rate = float(frames_per_second)
+        recording = replace(
+            recording,
+            rotations=recording.rotations[frames],
+            translations=recording.translations[frames],
+            frames_per_second=rate,
+        )
+    names, n_frames = ("", recording.name), len(recording)
     return RetargetedMotion(
-        recording,
-        model,
-        names,
-        recording.frames_per_second,
-        len(recording),
-        betas=betas,
-        joints=joints,
-        up=up,
+        recording, model, names, rate, n_frames, betas=betas, joints=joints, up=up
     )
 
 

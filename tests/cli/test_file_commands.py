@@ -119,7 +119,7 @@ def test_scans_measurements_and_labels(facts, scans, bodies, tmp_path):
 
 def test_recordings(facts):
     found = facts(Path(__file__).parents[1] / "datasets" / "recordings" / "cmu_01_01.bvh")
-    assert (found["kind"], found["joints"]) == ("motion capture recording", 31)
+    assert (found["kind"], found["joints"]) == ("motion capture recording", 38)
     assert found["seconds"] == found["frames"] / found["frames_per_second"]
 
 

@@ -45,8 +45,9 @@ def write(folder, text):
 
 def test_channels_in_any_order(tmp_path):
     motion = load_bvh(write(tmp_path, "\ufeff" + ARM.replace("\n", "\r\n")))
-    assert motion.joint_names == ("Hips Of Ann", "mixamorig:Arm", "Fixed")
-    assert motion.parents.tolist() == [-1, 0, 1]
+    arm = "mixamorig:Arm"
+    assert motion.joint_names == ("Hips Of Ann", arm, f"{arm} end", f"{arm} end", "Fixed")
+    assert motion.parents.tolist() == [-1, 0, 1, 1, 1]
     assert motion.frames_per_second == pytest.approx(25.0)
     assert len(motion) == 2
     angles = [[90, 0, 0], [30, 40, 50]]
@@ -54,16 +55,16 @@ def test_channels_in_any_order(tmp_path):
     np.testing.assert_allclose(motion.rotations[:, 0], expected, atol=1e-15)
     expected = Rotation.from_euler("XZ", [[0, 90], [60, 70]], degrees=True).as_matrix()
     np.testing.assert_allclose(motion.rotations[:, 1], expected, atol=1e-15)
-    np.testing.assert_array_equal(motion.rotations[:, 2], np.tile(np.eye(3), (2, 1, 1)))
+    np.testing.assert_array_equal(motion.rotations[:, 4], np.tile(np.eye(3), (2, 1, 1)))
     # Positions replace the offset of the root. About y by 90°, x becomes −z; the arm's own rotation
     # about z then takes its y to −x, which is z in space.
-    np.testing.assert_allclose(motion.positions[0], [[5, 6, 7], [5, 6, 5], [6, 6, 5]], atol=1e-12)
-    np.testing.assert_allclose(motion.end_positions[0], [[5, 6, 8], [9, 6, 5]], atol=1e-12)
+    expected = [[5, 6, 7], [5, 6, 5], [5, 6, 8], [9, 6, 5], [6, 6, 5]]
+    np.testing.assert_allclose(motion.positions[0], expected, atol=1e-12)
 
 
 def test_a_recording():
     motion = load_bvh(RECORDING)
-    assert motion.rotations.shape == (60, 31, 3, 3)
+    assert motion.rotations.shape == (60, 38, 3, 3)
     assert motion.frames_per_second == pytest.approx(30.0, rel=1e-4)
     bones = np.flatnonzero(motion.parents >= 0)
     steps = motion.positions[:, bones] - motion.positions[:, motion.parents[bones]]
@@ -80,7 +81,6 @@ def test_two_roots_and_no_end_sites(tmp_path):
     text = "HIERARCHY\nROOT a {\nOFFSET 0 0 0\n}\nroot b\n{ offset 1 2 3\nchannels 1 XROTATION }\n"
     motion = load_bvh(write(tmp_path, text + "motion\nframes:1\nframe  time:1\n180\n"))
     assert motion.parents.tolist() == [-1, -1]
-    assert motion.end_positions.shape == (1, 0, 3)
     np.testing.assert_allclose(motion.rotations[0, 1], np.diag([1, -1, -1]), atol=1e-15)
 
 

@@ -12,7 +12,6 @@ from riemhuman.errors import (
     FileFormatError,
     FrameIndexError,
 )
-from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 MEN, WOMEN = "registrations_m.hdf5", "registrations_f.hdf5"
 FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1], [1, 3, 2], [1, 4, 3]])
@@ -87,18 +86,6 @@ def test_frames_are_read_on_access(folder, reads):
     assert reads == []
     motion[17], motion[-1], motion[::100]
     assert reads == [("50002_hips", first, first + 1) for first in (17, 149, 0, 100)]
-
-
-def test_a_basis_reads_only_the_frames_that_it_needs(folder, truth, reads):
-    motions = load_dfaust(folder, [50002, 50004], "hips")
-    basis = DeformationBasis.from_motions(motions, n_components=5, step=10)
-    expected = DeformationBasis.from_motions([truth["50002_hips"], truth["50004_hips"]], 5)
-    np.testing.assert_allclose(basis.vectors, expected.vectors, rtol=0, atol=1e-12)
-    assert reads == [
-        (key, number, number + 1)
-        for key, n in [("50002_hips", 150), ("50004_hips", 25)]
-        for number in range(0, n, 10)
-    ]
 
 
 PARTS = [(None,), (3, 5), (None, None, 70), (None, None, -1), (140, 3, -9), (100, 1000), (9, 9)]

@@ -19,7 +19,6 @@ from riemhuman.errors import (
 )
 from riemhuman.io.meshes import save_mesh
 from riemhuman.surfaces import Template, procrustes
-from riemhuman.surfaces.measures import triangle_areas
 
 LEVELS = ["", "registrations", "training/registrations", "MPI-FAUST/training/registrations"]
 FILES = ["b2.ply", "b10.obj", "b11.off", "b20.ply"]
@@ -191,34 +190,6 @@ def test_a_labelled_folder(folder, mesh):
     np.testing.assert_array_equal(
         load_bodies(folder, template=template).points, procrustes(points, to=points[2])
     )
-
-
-def test_the_default_template_is_a_body_not_a_mean_whose_arms_shrink(tmp_path):
-    natural = rh.datasets.load_open_bodies("coarse", "natural")
-    faces = natural.template.faces
-    rows = ["file,subject,pose"]
-    for number, points in enumerate(natural.points):
-        save_mesh(tmp_path / f"{number}.ply", points, faces)
-        rows.append(f"{number},{natural.subject[number]},{natural.pose[number]}")
-    (tmp_path / "labels.csv").write_text("\n".join(rows), encoding="utf-8")
-    bodies = load_bodies(tmp_path)
-    usual = np.mean([triangle_areas(points, faces) for points in natural.points], axis=0)
-    # Of the mean of all vertices, a quarter of the triangles keep less than 0.44 of their area.
-    share = bodies.template.face_areas / bodies.template.face_areas.sum()
-    assert np.quantile(share / (usual / usual.sum()), 0.25) > 0.9
-
-
-def test_without_alignment_no_rotation_is_computed(tmp_path):
-    # An octahedron and its mirror image, which no single rotation brings closest together.
-    vertices = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1.0]])
-    faces = [[a, b, c] for a in (0, 1) for b in (2, 3) for c in (4, 5)]
-    points = vertices * np.array([[[1, 1, 1]], [[1, 1, -1]]])
-    for name, surface in zip(("a", "b"), points, strict=True):
-        save_mesh(tmp_path / f"{name}.ply", surface, faces)
-    (tmp_path / "labels.csv").write_text("file,subject,pose\na,1,1\nb,1,2", encoding="utf-8")
-    np.testing.assert_array_equal(load_bodies(tmp_path, align=False).points, points)
-    with pytest.raises(ArgumentError, match="no single best alignment"):
-        load_bodies(tmp_path)
 
 
 @pytest.mark.parametrize(

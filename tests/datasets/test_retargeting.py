@@ -287,7 +287,7 @@ def test_feet_stay_in_place(jump):
     for person in (jump, jump.performed_by(np.linspace(-1.0, 1.0, jump.model.n_betas))):
         names = list(person.model.joint_names)
         joints = person.model.joints(person.betas, person.pose_vectors, person.translations)
-        recorded = dict(zip(jump.recording.joint_names, range(31), strict=True))
+        recorded = dict(zip(jump.recording.joint_names, range(38), strict=True))
         for side in ("left", "right"):
             source = jump.recording.positions[:, recorded[f"{side.title()}ToeBase"]]
             speeds = np.linalg.norm(np.gradient(source, axis=0), axis=1) * 30.0 * 0.056
@@ -301,10 +301,9 @@ def test_feet_stay_in_place(jump):
 
 
 def test_a_minute_is_thinned(jump):
-    slow = jump.recording.at_rate(10)
-    assert len(slow) == 20
     motion = retarget(jump.recording, frames_per_second=10)
-    np.testing.assert_array_equal(motion.pose_vectors, retarget(slow).pose_vectors)
+    assert (len(motion), motion.frames_per_second) == (20, 10)
+    np.testing.assert_allclose(motion.recording.positions, jump.recording.positions[::3])
     with pytest.raises(ArgumentError, match="frames_per_second must be at most .* 30; found 31"):
         retarget(jump.recording, frames_per_second=31)
 
