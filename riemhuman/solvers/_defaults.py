@@ -2,7 +2,8 @@
 
 On surfaces they search over smooth deformations of the template: over all vertices, metrics that
 measure no bending crumple a mesh. `exp` and `log` make as many steps over the same deformations and
-the velocity, so that each undoes the other.
+the velocity, so that each undoes the other: ten, or up to eighty where λ is so small that steps
+must be short. Between two very different poses, λ = 1e-4 may leave no logarithm even then; it warns.
 """
 
 from __future__ import annotations
@@ -13,12 +14,16 @@ from typing import Any
 
 from numpy import ndarray
 
+from warnings import catch_warnings, simplefilter
+from riemhuman.errors import ConvergenceWarning
+from riemhuman.solvers.results import finish
 from riemhuman.geometry.strategies import LogSolver, register_defaults
+from riemhuman.solvers._geodesic_equation import has_long_step
 from riemhuman.solvers.exponential import DiscreteExponential
 from riemhuman.solvers.logarithm import DiscreteLogarithm
 from riemhuman.solvers.parallel_transport import PoleLadder
 from riemhuman.solvers.path_search import BasisPath, PathStraightening
-from riemhuman.solvers.paths import LinearPath
+from riemhuman.solvers.paths import LinearPath, linear_path
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.template import Template
 
@@ -29,6 +34,9 @@ _N_DEFORMATIONS = 60
 _FEWEST_VERTICES = 200
 
 _N_STEPS = 10
+
+# At λ = 1e-4 two people in one pose need 20 or 40 steps, two poses 80.
+_N_DOUBLINGS = 3
 
 # Of paths whose first step is a velocity.
 _TOLERANCE = 1e-10
@@ -53,30 +61,42 @@ def _path(metric: Any) -> Any:
 
 
 def _exponential(metric: Any) -> DiscreteExponential:
-    return DiscreteExponential(basis_of(metric), _N_STEPS, n_doublings=0)
+    return DiscreteExponential(basis_of(metric), _N_STEPS, n_doublings=_N_DOUBLINGS)
 
 
 @dataclass(frozen=True)
 class _Logarithm(LogSolver):
-    """The logarithm over some deformations and the difference of the ends."""
+    """The logarithm over some deformations and the difference of the ends, that `exp` undoes."""
 
     basis: DeformationBasis
 
     def solve(self, metric: Any, point: ndarray, base_point: ndarray) -> Any:
         basis = self.basis.extend((point - base_point)[None])
-        n_nodes = _N_STEPS + 1
-        # From paths that rotate limbs it would leave the deformations that the exponential knows.
-        path = BasisPath(
-            basis, n_nodes, initial=LinearPath(n_nodes), tolerance=_TOLERANCE, remove_drift=False
-        )
-        solver = DiscreteLogarithm(basis, _N_STEPS, geodesic_solver=path)
-        return solver.solve(metric, point, base_point)
+        for doubling in range(_N_DOUBLINGS + 1):
+            n_nodes = _N_STEPS * 2**doubling + 1
+            is_last = doubling == _N_DOUBLINGS
+            path = linear_path(base_point, point, n_nodes)
+            if not is_last and has_long_step(metric, path, all_coordinates=False):
+                continue
+            # From paths that rotate limbs it would leave the deformations that the exponential
+            # knows.
+            search = BasisPath(
+                basis, n_nodes, initial=LinearPath(n_nodes), tolerance=_TOLERANCE, remove_drift=False
+            )
+            solver = DiscreteLogarithm(basis, n_nodes - 1, geodesic_solver=search)
+            with catch_warnings():
+                simplefilter("ignore", ConvergenceWarning)
+                result = solver.solve(metric, point, base_point)
+                forward = _exponential(metric).solve(metric, result.tangent_vec, base_point)
+            if result.converged and forward.n_steps == n_nodes - 1:
+                break
+        return finish(solver, result)
 
 
 def _logarithm(metric: Any) -> LogSolver:
     basis = basis_of(metric)
     if basis is None:
-        return DiscreteLogarithm(None, _N_STEPS, n_doublings=0)
+        return DiscreteLogarithm(None, _N_STEPS)
     return _Logarithm(basis)
 
 

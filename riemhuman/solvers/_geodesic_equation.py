@@ -36,6 +36,9 @@ _LEAST_COSINE = -0.5
 # Of a rotation by 60 degrees.
 _FAR_COSINE = 0.5
 
+# Least squared distance of the ends of a short segment, as a share of its squared norm.
+_LEAST_SHARE = 0.85
+
 # A triangle that has lost as much of its area within one time step is about to vanish.
 _LEAST_AREA = 0.5
 
@@ -187,18 +190,27 @@ class GeodesicEquation:
         return directions, CholeskyFactor(scale * gram)
 
 
-def rotates_far(metric: RiemannianMetric, path: ndarray) -> bool:
-    """Return whether a triangle of surfaces rotates by more than 60 degrees within one step.
+def has_long_step(metric: RiemannianMetric, path: ndarray, all_coordinates: bool) -> bool:
+    """Return whether a step of surfaces is too long for the equation to have one solution.
 
-    Then there may be two next points: a fold of skin that snaps has passed the one where the
-    derivative of the equation is singular. The path of least energy takes one, the exponential
-    the other.
+    The squared distance of two surfaces falls short of the squared norm of their difference where
+    triangles shrink to nothing and grow anew, at a price that does not depend on how much they
+    change: at small λ a path of few steps has less energy if it makes the whole change in one.
+    Over all coordinates there may also be two next points where a triangle rotates by more than 60
+    degrees: a fold of skin that snaps has passed the one where the derivative of the equation is
+    singular. The path of least energy takes one, the exponential the other.
     """
     space = metric.space
     if not space.is_surface_space:
         return False
-    normals = space.normal_field(path)
-    return bool(np.sum(normals[:-1] * normals[1:], axis=-1).min() < _FAR_COSINE)
+    if all_coordinates:
+        normals = space.normal_field(path)
+        if np.sum(normals[:-1] * normals[1:], axis=-1).min() < _FAR_COSINE:
+            return True
+    steps = np.diff(path, axis=0)
+    norms = metric.squared_norm(steps, path[:-1]) + metric.squared_norm(steps, path[1:])
+    energies = [metric.energy(path[k : k + 2]) for k in range(len(steps))]
+    return bool(np.any(energies < _LEAST_SHARE * 0.5 * norms))
 
 
 def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:

@@ -18,7 +18,7 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.solvers._geodesic_equation import (
     GeodesicEquation,
     degeneration,
-    rotates_far,
+    has_long_step,
     vanishing_triangle,
 )
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
@@ -101,8 +101,9 @@ class DiscreteExponential(Solver):
     max_iter : int
         Largest number of iterations of each step.
     n_doublings : int
-        How often `solve` may begin anew with steps half as long, where a step fails or, over all
-        coordinates, a triangle rotates by more than 60 degrees within one.
+        How often `solve` may begin anew with steps half as long, where a step fails, is longer
+        than the distance of its ends (small λ) or, over all coordinates, rotates a triangle by more
+        than 60 degrees.
 
     Examples
     --------
@@ -266,7 +267,7 @@ class DiscreteExponential(Solver):
                 error = f"the equation is solved to {triple.error:.1e} only"
                 unsolved = f"step {step} of {n_steps}: {error}"
             points.append(triple.points[2])
-            if self.basis is None and stop_early and rotates_far(metric, triple.points[1:]):
+            if stop_early and has_long_step(metric, triple.points[1:], self.basis is None):
                 is_fine = False
                 break
         path = np.stack(points)

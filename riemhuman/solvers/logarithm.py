@@ -13,7 +13,7 @@ from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.kernels.drift import steady_path
-from riemhuman.solvers._geodesic_equation import GeodesicEquation, degeneration, rotates_far
+from riemhuman.solvers._geodesic_equation import GeodesicEquation, degeneration, has_long_step
 from riemhuman.solvers.exponential import DiscreteExponential
 from riemhuman.solvers.path_search import BasisPath, PathStraightening, refine_path
 from riemhuman.solvers.paths import check_end_points, linear_path
@@ -82,7 +82,9 @@ class DiscreteLogarithm(Solver):
     The point x₋₁ continues the geodesic backwards by one step. The logarithm tries its own inverse,
     the `DiscreteExponential` with as many steps, and has converged where that comes back to the
     point. Else, and where a step is too long for the equations, it halves the steps. Both maps
-    differ from the continuous ones by the second order of the time step 1/n.
+    differ from the continuous ones by the second order of the time step 1/n. Metrics of normals
+    alone (a = 0) do not measure the sizes of triangles and may determine no logarithm between very
+    different poses; a small a does.
 
     Parameters
     ----------
@@ -163,7 +165,7 @@ class DiscreteLogarithm(Solver):
         """
         n_steps = len(result.path) - 1
         return DiscreteExponential(
-            self._joined_basis(result.path), n_steps, self.tolerance, self.max_iter
+            self._joined_basis(result.path), n_steps, self.tolerance, self.max_iter, n_doublings=0
         )
 
     def _joined_basis(self, path: ndarray) -> DeformationBasis | None:
@@ -192,8 +194,8 @@ class DiscreteLogarithm(Solver):
         return replace(result, n_evaluations=n_evaluations)
 
     def _has_long_steps(self, metric: RiemannianMetric, path: ndarray) -> bool:
-        """Return whether a triangle rotates too far, or no step before the start exists."""
-        if self.basis is None and rotates_far(metric, path):
+        """Return whether a step is too long, or no step before the start exists."""
+        if has_long_step(metric, path, self.basis is None):
             return True
         equation = GeodesicEquation(metric, self._joined_basis(path), self.tolerance, self.max_iter)
         backward = equation.next_point(path[1], path[0])
@@ -226,6 +228,8 @@ class DiscreteLogarithm(Solver):
                 f"({forward.message}; path: {found.message}; step before the start: error "
                 f"{backward.error:.1e})"
             )
+            if metric.is_stretch_invariant:
+                message += "; the metric does not measure the sizes of triangles: add a small a"
         return replace(
             result,
             end_error=end_error,
