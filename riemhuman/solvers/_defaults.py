@@ -3,7 +3,7 @@
 On surfaces they search over smooth deformations of the template: over all vertices, metrics that
 measure no bending crumple a mesh. `exp` and `log` make as many steps over the same deformations and
 the velocity, so that each undoes the other: ten, or up to eighty where λ is so small that steps
-must be short. Between two very different poses, λ = 1e-4 may leave no logarithm even then; it warns.
+must be short. Between two very different poses, λ = 1e-4 may leave no logarithm even then.
 """
 
 from __future__ import annotations
@@ -11,12 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 from numpy import ndarray
 
-from warnings import catch_warnings, simplefilter
 from riemhuman.errors import ConvergenceWarning
-from riemhuman.solvers.results import finish
 from riemhuman.geometry.strategies import LogSolver, register_defaults
 from riemhuman.solvers._geodesic_equation import has_long_step
 from riemhuman.solvers.exponential import DiscreteExponential
@@ -24,6 +23,7 @@ from riemhuman.solvers.logarithm import DiscreteLogarithm
 from riemhuman.solvers.parallel_transport import PoleLadder
 from riemhuman.solvers.path_search import BasisPath, PathStraightening
 from riemhuman.solvers.paths import LinearPath, linear_path
+from riemhuman.solvers.results import finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.template import Template
 
@@ -80,8 +80,9 @@ class _Logarithm(LogSolver):
                 continue
             # From paths that rotate limbs it would leave the deformations that the exponential
             # knows.
+            straight = LinearPath(n_nodes)
             search = BasisPath(
-                basis, n_nodes, initial=LinearPath(n_nodes), tolerance=_TOLERANCE, remove_drift=False
+                basis, n_nodes, initial=straight, tolerance=_TOLERANCE, remove_drift=False
             )
             solver = DiscreteLogarithm(basis, n_nodes - 1, geodesic_solver=search)
             with catch_warnings():
@@ -96,7 +97,7 @@ class _Logarithm(LogSolver):
 def _logarithm(metric: Any) -> LogSolver:
     basis = basis_of(metric)
     if basis is None:
-        return DiscreteLogarithm(None, _N_STEPS)
+        return DiscreteLogarithm(None, _N_STEPS, n_doublings=_N_DOUBLINGS)
     return _Logarithm(basis)
 
 

@@ -207,6 +207,8 @@ def has_long_step(metric: RiemannianMetric, path: ndarray, all_coordinates: bool
         normals = space.normal_field(path)
         if np.sum(normals[:-1] * normals[1:], axis=-1).min() < _FAR_COSINE:
             return True
+    if not np.all(space.belongs(path)):
+        return True
     steps = np.diff(path, axis=0)
     norms = metric.squared_norm(steps, path[:-1]) + metric.squared_norm(steps, path[1:])
     energies = [metric.energy(path[k : k + 2]) for k in range(len(steps))]
