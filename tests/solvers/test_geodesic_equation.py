@@ -8,12 +8,13 @@ from cases import CASES, cases_that, deformations, name_of
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError
+from riemhuman.geometry import ElasticMetric
 from riemhuman.solvers import _geodesic_equation
 from riemhuman.solvers._geodesic_equation import (
     GeodesicEquation,
     degeneration,
     find_root,
-    rotates_far,
+    has_long_step,
     vanishing_triangle,
 )
 from riemhuman.surfaces import DeformationBasis
@@ -202,18 +203,30 @@ class Fields:
         return point
 
 
-def test_turns_by_more_than_60_degrees_within_one_step_are_far():
-    class Metric:
-        space = Fields()
+def test_rotations_by_more_than_60_degrees_within_one_step_are_long():
+    case = CASES["mixed triangle"]
+    metric, point = ElasticMetric(case.space, 0.0, 0.0, 1.0), case.points[0]
+    axis = point[1] - point[0]
+    axis /= np.linalg.norm(axis)
 
-    def normals(*degrees):
-        angles = np.radians(degrees)
-        return np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=-1)
+    def path(*degrees):
+        rotations = Rotation.from_rotvec(np.radians(degrees)[:, None] * axis).as_matrix()
+        return point @ np.swapaxes(rotations, -1, -2)
 
-    path = np.stack([normals(0, 0), normals(0, 59), normals(0, 118)])
-    assert rotates_far(Metric(), path) is False
-    assert rotates_far(Metric(), np.stack([*path, normals(61, 118)])) is True
-    assert rotates_far(CASES["half-plane, distance"].metric, np.ones((2, 2))) is False
+    assert not has_long_step(metric, path(0, 59, 118), all_coordinates=True)
+    assert has_long_step(metric, path(0, 59, 120), all_coordinates=True)
+    assert not has_long_step(metric, path(0, 59, 120), all_coordinates=False)
+    others = CASES["half-plane, distance"].metric
+    assert not has_long_step(others, np.ones((2, 2)), all_coordinates=True)
+
+
+def test_steps_whose_distance_saturates_are_long():
+    """At λ = 1e-4 that is where a triangle is stretched by more than some twelve per cent."""
+    case = CASES["mixed triangle"]
+    metric, point = ElasticMetric(case.space, 1.0, 1e-4, 0.0), case.points[0]
+    for stretch, is_long in ((1.02, False), (1.3, True)):
+        path = np.stack([point, point * [stretch, 1.0, 1.0 / stretch]])
+        assert has_long_step(metric, path, all_coordinates=False) == is_long
 
 
 def euclidean(function):
