@@ -132,11 +132,6 @@ def model_from_measurements(
         With the other measurements in `predicted`, and values that contradict each other in
         `contradictory`.
 
-    Raises
-    ------
-    ArgumentError
-        If a name is unknown, or a value or tolerance is not positive.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -379,15 +374,6 @@ def nearest_body(
         changes by this many metres.
     max_iter : int
         Largest number of steps.
-
-    Returns
-    -------
-    NearestBody
-
-    Raises
-    ------
-    ArgumentError
-        If a name is unknown, the metric has no matrix, or a measurement is not defined.
 
     Warns
     -----

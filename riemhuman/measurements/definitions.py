@@ -119,10 +119,6 @@ class Measurement:
         ----------
         bodies : LandmarkedBodies
             The bodies.
-
-        Returns
-        -------
-        str
         """
         return "there is no path along the surface"
 
@@ -544,18 +540,6 @@ def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
     ----------
     record : mapping
         The name of its class under "kind", and its parameters.
-
-    Returns
-    -------
-    Measurement
-
-    Raises
-    ------
-    ArgumentError
-        If the kind or a parameter is unknown (the message offers the nearest names), or a parameter
-        is missing or out of range.
-    ArgumentTypeError
-        If it is not a mapping.
 
     Examples
     --------

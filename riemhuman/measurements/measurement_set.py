@@ -68,12 +68,6 @@ class MeasurementSet:
         Axis-angle rotations of joints from the rest pose to the standard pose, radians; zero for
         joints that are not named.
 
-    Raises
-    ------
-    ArgumentError
-        If two measurements have the same name, a number of a vertex or triangle is out of range, or
-        a name is unknown; the message offers the nearest names.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -202,10 +196,6 @@ class MeasurementSet:
         ----------
         parts, leave_out : tuple of str
             Parts that are measured, all if empty, and parts that are crossed and not measured.
-
-        Returns
-        -------
-        Cutter
         """
         key = (parts, leave_out)
         if key not in self._cutters:
@@ -217,16 +207,12 @@ class MeasurementSet:
         return self._cutters[key]
 
     def in_parts(self, parts: tuple[str, ...]) -> ndarray:
-        """Return which triangles belong to some parts.
+        """Return which triangles belong to some parts, shape (F,).
 
         Parameters
         ----------
         parts : tuple of str
             Names of parts; if empty, the whole body.
-
-        Returns
-        -------
-        array of bool, shape (F,)
         """
         chosen = np.full(len(self.faces), not parts)
         for name in parts:
@@ -240,15 +226,6 @@ class MeasurementSet:
         ----------
         first, last : str
             Names of joints.
-
-        Returns
-        -------
-        tuple of str
-
-        Raises
-        ------
-        ArgumentError
-            If the template is not a body model, or has no such joint.
         """
         if self.model is None:
             raise ArgumentError("lengths along joints need a body model; found a surface")
@@ -288,15 +265,6 @@ class MeasurementSet:
         ----------
         measurements : iterable of Measurement or str
             New measurements, or names of measurements of this set.
-
-        Returns
-        -------
-        MeasurementSet
-
-        Raises
-        ------
-        ArgumentError
-            If a name is unknown, or a measurement refers to an unknown landmark, part or joint.
         """
         own = dict(zip(self.names, self.measurements, strict=True))
         chosen = [
@@ -329,15 +297,6 @@ class MeasurementSet:
             their joints, else its rest pose.
         axes : array_like, shape (3, 3), optional
             Left, up and forward of the other template, as columns; by default the same.
-
-        Returns
-        -------
-        MeasurementSet
-
-        Raises
-        ------
-        ArgumentError
-            If the correspondence does not fit the templates.
         """
         surface = _surface_of(template)
         matrix = correspondence_matrix(surface, correspondence)
@@ -395,11 +354,6 @@ class MeasurementSet:
         ----------
         path : path_like
             File to write; an existing file is replaced.
-
-        Raises
-        ------
-        FileError
-            If it cannot be written.
         """
         joints = self.model.joint_names if self.model else ()
         record = {
@@ -429,17 +383,6 @@ class MeasurementSet:
             A file that `save` wrote.
         template : Template or BodyModel
             Template of the file, with as many vertices and triangles.
-
-        Returns
-        -------
-        MeasurementSet
-
-        Raises
-        ------
-        FileError
-            If the file is missing or cannot be read.
-        FileFormatError
-            If the file does not hold measurements, or is for another template.
         """
         surface, file = _surface_of(template), file_path(path)
         try:
@@ -524,11 +467,6 @@ def open_measurements(
     -------
     MeasurementSet or None
         The set of the open model of that resolution; None for other triangles.
-
-    Raises
-    ------
-    ArgumentError
-        If the resolution is unknown.
 
     Examples
     --------

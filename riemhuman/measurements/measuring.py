@@ -93,15 +93,6 @@ class MeasuredBodies:
         ----------
         index : sequence, optional
             Names of the bodies; by default their numbers.
-
-        Returns
-        -------
-        pandas.DataFrame
-
-        Raises
-        ------
-        MissingDependencyError
-            If pandas is not installed.
         """
         pandas = import_optional("pandas", "tables")
         columns = [f"{n} ({u})" for n, u in zip(self.names, self.units, strict=True)]
@@ -121,11 +112,6 @@ class Measurements:
         The measurements: a set on this template, a JSON file of a set, or a sequence of new
         measurements and of names of the open body model's. By default the open body model's
         measurements and those that other packages add, see `riemhuman.extensions`.
-
-    Raises
-    ------
-    ArgumentError
-        If there are no measurements for this template, or a name is unknown.
 
     Examples
     --------
@@ -209,15 +195,8 @@ class Measurements:
             Which vertices to trust, as `rh.registration.RegisteredScan.trusted_vertices` says. A
             measurement is not defined if more than a twentieth of it depends on others.
 
-        Returns
-        -------
-        MeasuredBodies
-
         Raises
         ------
-        ArgumentError
-            If the shape is wrong, the bodies are in other units than metres, or a measurement is
-            not defined; the message says why.
         DegenerateSurfaceError
             If a volume or mass is requested and the template has boundaries.
         """
@@ -337,7 +316,7 @@ class Measurements:
 
 
 def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
-    """Return bodies in the standard pose, along the axes of the body model.
+    """Return bodies in the standard pose, along the axes of the body model, shape (..., V, 3).
 
     The body model is fitted to each body. `riemhuman.solvers.ShapeTransfer` then transfers the
     difference between the body and its fit to the fitted person in the standard pose: triangles
@@ -349,15 +328,6 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
         Measurements of a body model, with the standard pose.
     points : array, shape (..., V, 3)
         Bodies, metres.
-
-    Returns
-    -------
-    array, shape (..., V, 3)
-
-    Raises
-    ------
-    ArgumentError
-        If the template is not a body model.
 
     Examples
     --------

@@ -81,15 +81,6 @@ def regress_shape(
     **options
         Arguments of `rh.GeodesicRegression`.
 
-    Returns
-    -------
-    ShapeRegression
-
-    Raises
-    ------
-    ArgumentError
-        If `values` or `people` has the wrong shape, or one person has several values.
-
     Examples
     --------
     >>> import riemhuman as rh

@@ -105,15 +105,6 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
     before, after : array_like, shape (V, 3)
         The person at both visits, metres.
 
-    Returns
-    -------
-    VisitComparison
-
-    Raises
-    ------
-    ArgumentError
-        If a body does not fit the template, or the template is not a body model.
-
     Examples
     --------
     >>> import riemhuman as rh

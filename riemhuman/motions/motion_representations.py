@@ -85,7 +85,7 @@ class GramHankel:
         whole_number(self.seed, "seed", minimum=0)
 
     def describe(self, motion: Motion, name: str = "motion") -> ndarray:
-        """Return G divided by its norm.
+        """Return G divided by its norm, shape (r, r).
 
         Parameters
         ----------
@@ -93,10 +93,6 @@ class GramHankel:
             Motion of at least r frames.
         name : str
             Name of the motion, for messages.
-
-        Returns
-        -------
-        array, shape (r, r)
         """
         rows = np.concatenate([self._currents(run) for run in frame_runs(self.space, motion, name)])
         if len(rows) < self.n_rows:
@@ -115,24 +111,16 @@ class GramHankel:
         ----------
         m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
             Motions.
-
-        Returns
-        -------
-        float
         """
         return float(np.linalg.norm(self.describe(m1, "m1") - self.describe(m2, "m2")))
 
     def dist_pairwise(self, motions: Sequence[Motion]) -> ndarray:
-        """Return all distances within a set of motions.
+        """Return all distances within a set of motions, shape (n, n).
 
         Parameters
         ----------
         motions : sequence of motions
             Motions.
-
-        Returns
-        -------
-        array, shape (n, n)
         """
         check_motions(motions)
         rows = [self.describe(m, f"motions[{k}]").ravel() for k, m in enumerate(motions)]

@@ -95,7 +95,7 @@ class MotionSpace(Manifold):
         at: ndarray | None = None,
         name: str = "motion",
     ) -> ndarray:
-        """Return a motion at other times.
+        """Return a motion at other times, shape (n_times, V, 3).
 
         Between two frames every triangle rotates and stretches evenly, see
         `riemhuman.solvers.PoissonPath`: limbs keep their length.
@@ -111,10 +111,6 @@ class MotionSpace(Manifold):
             Times to return, in frames, not decreasing, instead of equally spaced ones.
         name : str
             Name of the motion, for messages.
-
-        Returns
-        -------
-        array, shape (n_times, V, 3)
 
         Raises
         ------

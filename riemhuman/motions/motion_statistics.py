@@ -142,10 +142,6 @@ class MotionGeodesic:
         m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
             Motions of at least two frames.
 
-        Returns
-        -------
-        MotionPath
-
         Raises
         ------
         DegenerateSurfaceError

@@ -70,12 +70,7 @@ class Warp:
         return np.asarray(np.interp(times, moments, means))
 
     def inverse(self) -> Warp:
-        """Return the warp from the second motion to the first.
-
-        Returns
-        -------
-        Warp
-        """
+        """Return the warp from the second motion to the first."""
         return Warp(self.dist, self.second, self.first)
 
 
@@ -103,10 +98,6 @@ class MotionDistance(ABC):
         ----------
         m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
             Motions of at least two frames.
-
-        Returns
-        -------
-        float
         """
         return self.warp(m1, m2).dist
 
@@ -118,10 +109,6 @@ class MotionDistance(ABC):
         ----------
         m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
             Motions of at least two frames.
-
-        Returns
-        -------
-        Warp
         """
 
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
