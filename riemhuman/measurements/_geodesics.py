@@ -11,8 +11,7 @@ are those with the crossings fixed on their edges.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -36,15 +35,13 @@ _MOST_GROWTH = 4
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Vertices, triangles and adjacency of a template; `neighbours` as `neighbours_of` returns."""
+    """Vertices, triangles and adjacency of a template, and what is computed once of them."""
 
     vertices: ndarray
     faces: ndarray
     neighbours: ndarray
-
-    @cached_property
-    def _strips(self) -> dict[tuple[int, int], ndarray]:
-        return {}
+    cutters: dict[Any, Any] = field(default_factory=dict)
+    _strips: dict[tuple[int, int], ndarray] = field(default_factory=dict)
 
     def strip(self, first: int, last: int) -> ndarray:
         """Return the triangles on the shortest path of centroids from one triangle to another."""

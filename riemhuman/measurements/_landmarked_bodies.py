@@ -10,6 +10,11 @@ import autograd.numpy as np
 import numpy as onp
 from numpy import ndarray
 
+from riemhuman.bodies import joints_between
+from riemhuman.measurements._geodesics import SurfacePoint
+from riemhuman.measurements._sections import FOREIGN, LEFT_OUT, WANTED, Cutter
+from riemhuman.surfaces.nearest_points import nearest_points
+
 Place = str | Mapping[str, float]
 """A landmark, or an affine combination of landmarks such as ``{"hip": 0.5, "knee": 0.5}``."""
 
@@ -53,6 +58,42 @@ class LandmarkedBodies:
         # The axes lie in this frame as the template's axes lie in the frame of its landmarks.
         places = (self.place(name) for name in self.set.frame)
         return np.matmul(_frame(*places), self.set.axes_in_frame)
+
+    def cutter(self, parts: tuple[str, ...], leave_out: tuple[str, ...]) -> Cutter:
+        """Return the triangles that a plane may cut: of parts, all if empty, and those left out."""
+        cutters = self.set.mesh.cutters
+        if (parts, leave_out) not in cutters:
+            roles = onp.full(len(self.set.faces), FOREIGN, dtype=onp.uint8)
+            roles[self.set.in_parts(parts)] = WANTED
+            if leave_out:
+                roles[self.set.in_parts(leave_out)] = LEFT_OUT
+            neighbours = self.set.mesh.neighbours
+            cutters[parts, leave_out] = Cutter(self.set.faces, neighbours, roles)
+        return cutters[parts, leave_out]
+
+    def bones(self, first: str, last: str) -> tuple[str, ...]:
+        """Return the names of the joints on the path from one joint to another."""
+        names = self.set.model.joint_names
+        path = joints_between(self.set.model.parents, names.index(first), names.index(last))
+        return tuple(names[number] for number in path)
+
+    def on_surface(self, place: Place) -> SurfacePoint:
+        """Return the triangle that a place, or the nearest point of the template, lies in."""
+        shares = {place: 1.0} if isinstance(place, str) else place
+        marks = [self.set.landmarks[name] for name in shares]
+        vertices = onp.concatenate([own for own, _ in marks])
+        weights = onp.concatenate(
+            [w * own for w, (_, own) in zip(shares.values(), marks, strict=True)]
+        )
+        weights = weights / weights.sum()
+        faces = self.set.faces
+        for face in onp.flatnonzero(onp.isin(faces, vertices[weights != 0]).any(axis=1)):
+            corners = [weights[vertices == corner].sum() for corner in faces[face]]
+            if abs(sum(corners) - 1.0) < 1e-9 and min(corners) >= 0:
+                return int(face), onp.array(corners)
+        point = weights @ self.set.vertices[vertices]
+        nearest, _ = nearest_points(point[onp.newaxis], self.set.vertices, faces)
+        return int(nearest.triangles[0]), nearest.barycentric[0]
 
     @cached_property
     def floor(self) -> Any:

@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
+from scipy.optimize import least_squares
 
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
@@ -33,14 +34,13 @@ from riemhuman.measurements.measurement_set import DATA, open_measurements
 from riemhuman.measurements.measuring import Measurements, as_mapping
 from riemhuman.solvers._preconditioners import SparseCholeskyFactor
 
-# The search ends when no shape coefficient changes by more than this.
-_LEAST_STEP = 1e-6
+# The search ends when a step changes the shape coefficients, or lowers the cost, by less than these
+# shares.
+_LEAST_STEP, _LEAST_GAIN = 1e-6, 1e-5
 # Default standard deviations of values: metres, and shares of areas, volumes and masses.
 _LENGTH_TOLERANCE, _SHARE_TOLERANCE = 1e-4, 5e-4
 # The body meets predicted values to this share of their standard deviations.
 _OF_PREDICTED = 0.3
-# The search also ends when a step lowers the cost by less than this share.
-_LEAST_GAIN = 1e-5
 _WAIST, _OMPHALION = "waist girth", "waist girth (omphalion)"
 _MOST_HALVINGS = 12
 
@@ -80,10 +80,7 @@ class MeasuredPerson:
 
     Examples
     --------
-    >>> import riemhuman as rh
-    >>> person = rh.measurements.model_from_measurements({"stature": 1.70}, resolution="coarse")
-    >>> person.points.shape
-    (1202, 3)
+    See `model_from_measurements`.
     """
 
     points: ndarray
@@ -169,13 +166,13 @@ def model_from_measurements(
             goals[k] = prediction.mean[name] + sum(offsets)
             spread[k] = _OF_PREDICTED * prediction.std[name]
     is_given = np.array([name in given for name in own.names])
-    search = _Search(own, _shapes(prediction), goals, spread, is_given)
-    betas, measured, converged = search.solve(max_iter)
-    of_body = dict(zip(own.names, measured.tolist(), strict=True))
-    in_body = {name: of_body[name] for name in given if name in of_body}
+    found, points = _nearest_betas(own, _shapes(prediction), goals, spread, is_given, max_iter)
+    measured = own.measure(points, axes="space", missing="nan").to_dict()
+    in_body = {name: float(measured[name]) for name in given if name in measured}
+    converged = bool(found.status > 0)
     return MeasuredPerson(
-        points=search.body(betas),
-        betas=betas,
+        points=points,
+        betas=found.x,
         values=in_body,
         misses={name: value - given[name] for name, value in in_body.items()},
         predicted=prediction.mean,
@@ -183,7 +180,7 @@ def model_from_measurements(
         sexes=prediction.sexes,
         z_scores=prediction.scores,
         contradictory=prediction.contradictory,
-        improbability=float(np.sqrt(search.prior(betas))),
+        improbability=float(np.linalg.norm(found.fun[: len(found.x)])),
         converged=converged,
         message=_message(given, sex, prediction, converged),
     )
@@ -230,73 +227,41 @@ def _message(given: Mapping[str, float], sex: str, prediction: Prediction, conve
     return "; ".join(remarks)
 
 
-class _Search:
-    """The search for the body whose measurements are nearest to goals."""
+def _nearest_betas(
+    own: Measurements,
+    shapes: tuple[ndarray, ndarray],
+    goals: ndarray,
+    spread: ndarray,
+    is_given: ndarray,
+    max_iter: int,
+) -> tuple[Any, ndarray]:
+    """Search for the shape coefficients whose measurements are nearest to goals; and their body."""
+    model, pose = own.definitions.model, own.definitions.standard_pose_vector
+    assert model is not None
+    bodies = model(np.concatenate([np.zeros((1, model.n_betas)), np.eye(model.n_betas)]), pose)
+    rest, directions = bodies[0], bodies[1:] - bodies[0]
+    mean, covariance = shapes
+    root = np.linalg.cholesky(np.linalg.inv(covariance)).T
 
-    def __init__(
-        self,
-        own: Measurements,
-        shapes: tuple[ndarray, ndarray],
-        goals: ndarray,
-        spread: ndarray,
-        is_given: ndarray,
-    ) -> None:
-        model = own.definitions.model
-        assert model is not None
-        self._own, self._goals, self._spread, self._is_given = own, goals, spread, is_given
-        self._mean, covariance = shapes
-        pose = own.definitions.standard_pose_vector
-        bodies = model(np.concatenate([np.zeros((1, model.n_betas)), np.eye(model.n_betas)]), pose)
-        self._rest, self._directions = bodies[0], bodies[1:] - bodies[0]
-        self._precision = np.linalg.inv(covariance)
+    def body(betas: ndarray) -> ndarray:
+        return rest + np.tensordot(betas, directions, axes=1)
 
-    def solve(self, max_iter: int) -> tuple[ndarray, ndarray, bool]:
-        """Return shape coefficients, the measurements of their body, and whether it converged."""
-        betas = self._mean
-        values, slopes = self._measured(betas)
-        cost, damping = self._cost(betas, values), 1e-3
-        for _ in range(max_iter):
-            scaled = slopes / self._spread[:, np.newaxis]
-            matrix = scaled.T @ scaled + self._precision
-            right = scaled.T @ ((self._goals - values) / self._spread)
-            right -= self._precision @ (betas - self._mean)
-            while True:
-                damped = matrix + damping * np.diag(np.diag(matrix))
-                step = np.linalg.solve(damped, right)
-                if np.abs(step).max() < _LEAST_STEP:
-                    return betas, values, True
-                trial, trial_slopes = self._measured(betas + step)
-                trial_cost = self._cost(betas + step, trial)
-                if trial_cost < cost:
-                    gain = 1.0 - trial_cost / cost
-                    betas, values, slopes, cost = betas + step, trial, trial_slopes, trial_cost
-                    damping = max(damping / 10.0, 1e-9)
-                    break
-                damping *= 10.0
-            if gain < _LEAST_GAIN:
-                return betas, values, True
-        return betas, values, False
+    def residuals(betas: ndarray) -> ndarray:
+        values = own.measure(body(betas), axes="space", missing="nan").values
+        # A predicted measurement that is not defined does not count; a given one refuses the step.
+        values = np.where(np.isnan(values) & ~is_given, goals, values)
+        return np.concatenate([root @ (betas - mean), (values - goals) / spread])
 
-    def body(self, betas: ndarray) -> ndarray:
-        """Return the vertices, shape (V, 3)."""
-        return self._rest + np.tensordot(betas, self._directions, axes=1)
+    def slopes(betas: ndarray) -> ndarray:
+        measured = own.measure(body(betas), axes="space", gradient=True, missing="nan")
+        rows = np.einsum("mvx,bvx->mb", measured.gradient, directions)
+        rows[np.isnan(measured.values)] = 0.0
+        return np.concatenate([root, rows / spread[:, np.newaxis]])
 
-    def prior(self, betas: ndarray) -> float:
-        """Return the squared Mahalanobis distance from the mean adult."""
-        return float((betas - self._mean) @ self._precision @ (betas - self._mean))
-
-    def _measured(self, betas: ndarray) -> tuple[ndarray, ndarray]:
-        """Return values and their derivatives by the betas; NaN where a given one fails."""
-        measured = self._own.measure(self.body(betas), axes="space", gradient=True, missing="nan")
-        assert measured.gradient is not None
-        slopes = np.einsum("mvx,bvx->mb", measured.gradient, self._directions)
-        fails = np.isnan(measured.values) & ~self._is_given
-        slopes[fails] = 0.0
-        return np.where(fails, self._goals, measured.values), slopes
-
-    def _cost(self, betas: ndarray, values: ndarray) -> float:
-        cost = self.prior(betas) + np.sum(((values - self._goals) / self._spread) ** 2)
-        return float(cost) if np.isfinite(cost) else np.inf
+    found = least_squares(
+        residuals, mean, slopes, ftol=_LEAST_GAIN, xtol=_LEAST_STEP, gtol=None, max_nfev=max_iter
+    )
+    return found, body(found.x)
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,14 +285,7 @@ class NearestBody:
 
     Examples
     --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> own = rh.measurements.Measurements(bodies.model, ["waist girth"])
-    >>> metric = rh.SobolevMetric(rh.AlignedSurfaces(bodies.template), a0=1.0, a2=0.01)
-    >>> waist = float(own.measure(bodies[0])["waist girth"])
-    >>> found = rh.measurements.nearest_body(own, metric, bodies[0], {"waist girth": waist + 0.02})
-    >>> found.point.shape
-    (1202, 3)
+    See `nearest_body`.
     """
 
     point: ndarray

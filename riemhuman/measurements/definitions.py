@@ -7,7 +7,7 @@ A measurement refers to landmarks, axes and parts by name; a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from difflib import get_close_matches
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -29,8 +29,8 @@ from riemhuman.measurements._sections import (
     section_sizes,
 )
 
+# Density of a body in kg/m³: that of water, from which the body's differs by a few per cent.
 DENSITY = 1000.0
-"""Density of a body in kg/m³: that of water, from which the body's differs by a few per cent."""
 
 _AXES = ("up", "left", "forward")
 _PATHS = ("straight", "surface", "joints")
@@ -39,8 +39,6 @@ _PATHS = ("straight", "surface", "joints")
 @dataclass(frozen=True, kw_only=True)
 class Measurement:
     """The base class of measurements.
-
-    Subclasses define `value`, and `lines` if the measurement runs along a line.
 
     Parameters
     ----------
@@ -83,32 +81,22 @@ class Measurement:
         return ()
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        """Return the measurement of each body; autograd can differentiate it.
+        """Return the measurement of each body, NaN where it is not defined, shape (n,).
 
         Parameters
         ----------
         bodies : LandmarkedBodies
             The bodies.
-
-        Returns
-        -------
-        array, shape (n,)
-            NaN for bodies where the measurement is not defined.
         """
         raise NotImplementedError
 
     def lines(self, bodies: LandmarkedBodies) -> list[Any]:
-        """Return the measurement lines on the first body.
+        """Return the measurement lines on the first body, each of shape (k, 3).
 
         Parameters
         ----------
         bodies : LandmarkedBodies
             The bodies.
-
-        Returns
-        -------
-        list of array, shape (k, 3)
-            Empty for volumes and areas.
         """
         return []
 
@@ -129,18 +117,12 @@ class Measurement:
         -------
         dict
         """
-        defaults = {f.name: f.default for f in fields(self) if f.default is not MISSING}
+        defaults = {f.name: f.default for f in fields(self)} | {"equivalents": {}}
         record = {"kind": type(self).__name__}
         for name, value in asdict(self).items():
-            if value not in ((), {}) and (name not in defaults or value != defaults[name]):
-                record[name] = _as_lists(value)
+            if value != defaults[name]:
+                record[name] = list(value) if isinstance(value, tuple) else value
         return record
-
-
-def _as_lists(value: Any) -> Any:
-    if isinstance(value, (tuple, list)):
-        return [_as_lists(entry) for entry in value]
-    return dict(value) if isinstance(value, Mapping) else value
 
 
 def _names(value: Any, name: str) -> tuple[str, ...]:
@@ -194,13 +176,13 @@ class _PlaneSection(Measurement):
         return f"its line around {parts} meets a boundary or a defect of the mesh"
 
     def _size(self, bodies: LandmarkedBodies, kind: int, direction: str) -> Any:
-        cutter = bodies.set.cutter(self.parts, self.leave_out)
+        cutter = bodies.cutter(self.parts, self.leave_out)
         plane = bodies.place(self.at), bodies.axis(self.normal)
         return section_sizes(bodies.surfaces, *plane, bodies.axis(direction), cutter, kind)
 
     def _section(self, bodies: LandmarkedBodies) -> tuple[ndarray, int]:
         """Return the section of the first body, shape (k, 3), and its status, see `_sections`."""
-        cutter = bodies.set.cutter(self.parts, self.leave_out)
+        cutter = bodies.cutter(self.parts, self.leave_out)
         plane = bodies.place(self.at)[0], bodies.axis(self.normal)[0]
         return cutter.section(bodies.surfaces[0], *plane)
 
@@ -254,23 +236,14 @@ class Breadth(_PlaneSection):
 
     Parameters
     ----------
-    name, standard, note, equivalents
-        As for `Measurement`.
-    at : str or mapping of str to float
-        A place in the plane, as for `Girth`.
-    normal : str or sequence of places
-        Normal of the plane, as for `Girth`.
-    parts, leave_out : sequence of str
-        Parts of the body that are measured, and that are not, as for `Girth`.
+    name, standard, note, equivalents, at, normal, parts, leave_out
+        As for `Girth`.
 
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> hips = rh.measurements.Breadth(name="hip breadth", at="left_buttock", parts=["trunk"])
-    >>> own = rh.measurements.Measurements(bodies.model, [hips])
-    >>> own.names, own.units
-    (('hip breadth',), ('m',))
+    >>> rh.measurements.Breadth(name="hip breadth", at="left_buttock", parts=["trunk"]).parts
+    ('trunk',)
     """
 
     _direction: ClassVar[str] = "left"
@@ -291,14 +264,8 @@ class Depth(Breadth):
 
     Parameters
     ----------
-    name, standard, note, equivalents
-        As for `Measurement`.
-    at : str or mapping of str to float
-        A place in the plane, as for `Girth`.
-    normal : str or sequence of places
-        Normal of the plane, as for `Girth`.
-    parts, leave_out : sequence of str
-        Parts of the body that are measured, and that are not, as for `Girth`.
+    name, standard, note, equivalents, at, normal, parts, leave_out
+        As for `Girth`.
 
     Examples
     --------
@@ -327,11 +294,8 @@ class Height(Measurement):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> crown = rh.measurements.Height(name="stature", at="crown")
-    >>> own = rh.measurements.Measurements(bodies.model, [crown])
-    >>> round(float(own.measure(bodies[0])["stature"]), 2)
-    1.72
+    >>> rh.measurements.Height(name="stature", at="crown").to_dict()
+    {'kind': 'Height', 'name': 'stature', 'at': 'crown'}
     """
 
     at: Place
@@ -373,11 +337,8 @@ class Length(Measurement):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> leg = rh.measurements.Length(name="leg", along=["left_hip", "left_ankle"], path="joints")
-    >>> own = rh.measurements.Measurements(bodies.model, [leg])
-    >>> own.measure(bodies.points[:2]).values.shape
-    (2, 1)
+    >>> rh.measurements.Length(name="leg", along=["left_hip", "left_ankle"], path="joints").along
+    ('left_hip', 'left_ankle')
     """
 
     along: tuple[Place, ...]
@@ -402,36 +363,30 @@ class Length(Measurement):
         ends = () if self.axis is None or isinstance(self.axis, str) else self.axis
         return (*self.along, *ends)
 
-    def _stops(self, bodies: LandmarkedBodies) -> tuple[Place, ...]:
-        return bodies.set.bones(*self.along) if self.path == "joints" else self.along
+    def _pairs(self, bodies: LandmarkedBodies) -> list[tuple[Any, Any]]:
+        """Return the ends of every step of the path: places, or points of the surface."""
+        if self.path == "surface":
+            return list(pairwise(bodies.on_surface(place) for place in self.along))
+        return list(pairwise(bodies.bones(*self.along) if self.path == "joints" else self.along))
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        pairs = pairwise(self._stops(bodies))
+        pairs = self._pairs(bodies)
         if self.path == "surface":
-            on_surface, mesh = bodies.set.on_surface, bodies.set.mesh
-            return sum(
-                geodesic_lengths(bodies.surfaces, on_surface(a), on_surface(b), mesh)
-                for a, b in pairs
-            )
+            return sum(geodesic_lengths(bodies.surfaces, a, b, bodies.set.mesh) for a, b in pairs)
         steps = (bodies.place(a) - bodies.place(b) for a, b in pairs)
         if self.axis is not None:
             return sum(np.abs(np.sum(step * bodies.axis(self.axis), axis=-1)) for step in steps)
         return sum(np.sqrt(np.sum(step**2, axis=-1)) for step in steps)
 
     def lines(self, bodies: LandmarkedBodies) -> list[Any]:
-        stops = self._stops(bodies)
         if self.path == "surface":
-            on_surface, mesh = bodies.set.on_surface, bodies.set.mesh
             surface = values_of(bodies.surfaces)[0]
-            return [
-                geodesic_path(surface, on_surface(a), on_surface(b), mesh)
-                for a, b in pairwise(stops)
-            ]
-        places = [bodies.place(place)[0] for place in stops]
+            return [geodesic_path(surface, a, b, bodies.set.mesh) for a, b in self._pairs(bodies)]
+        lines = [np.stack([bodies.place(a)[0], bodies.place(b)[0]]) for a, b in self._pairs(bodies)]
         if self.axis is None:
-            return [np.stack(places)]
+            return lines
         axis = bodies.axis(self.axis)[0]
-        return [np.stack([a, a + (b - a) @ axis * axis]) for a, b in pairwise(places)]
+        return [np.stack([a, a + (b - a) @ axis * axis]) for a, b in lines]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -446,10 +401,8 @@ class Volume(Measurement):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> own = rh.measurements.Measurements(bodies.model, [rh.measurements.Volume(name="volume")])
-    >>> own.units
-    ('m³',)
+    >>> rh.measurements.Volume(name="volume").units
+    'm³'
     """
 
     units: ClassVar[str] = "m³"
@@ -460,7 +413,7 @@ class Volume(Measurement):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mass(Measurement):
+class Mass(Volume):
     """An estimate of the body mass: the volume times a density.
 
     Parameters
@@ -473,16 +426,12 @@ class Mass(Measurement):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> mass = rh.measurements.Mass(name="mass, estimated", density=1010.0)
-    >>> own = rh.measurements.Measurements(bodies.model, [mass])
-    >>> own.units
-    ('kg',)
+    >>> rh.measurements.Mass(name="mass, estimated", density=1010.0).units
+    'kg'
     """
 
     density: float = DENSITY
     units: ClassVar[str] = "kg"
-    needs_closed_surface: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -506,11 +455,8 @@ class Area(Measurement):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> arm = rh.measurements.Area(name="left arm", parts=["left arm"])
-    >>> own = rh.measurements.Measurements(bodies.model, [arm])
-    >>> own.units
-    ('m²',)
+    >>> rh.measurements.Area(name="left arm", parts=["left arm"]).units
+    'm²'
     """
 
     parts: tuple[str, ...] = ()
@@ -528,8 +474,8 @@ class Area(Measurement):
         return bodies.areas(bodies.set.faces[bodies.set.in_parts(self.parts)])
 
 
-_KINDS = {kind.__name__: kind for kind in (Girth, Length, Height, Breadth, Depth)} | {
-    kind.__name__: kind for kind in (Volume, Mass, Area)
+_KINDS: dict[str, type[Measurement]] = {
+    kind.__name__: kind for kind in (Girth, Length, Height, Breadth, Depth, Volume, Mass, Area)
 }
 
 

@@ -15,18 +15,14 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from riemhuman.bodies import BodyModel, correspondence_matrix, joints_between
+from riemhuman.bodies import BodyModel, correspondence_matrix
 from riemhuman.checks import one_of
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path, read_bytes, write_text
-from riemhuman.measurements._geodesics import Mesh, SurfacePoint
-from riemhuman.measurements._landmarked_bodies import Place, axes_in_frame
+from riemhuman.measurements._geodesics import Mesh
+from riemhuman.measurements._landmarked_bodies import axes_in_frame
 from riemhuman.measurements._sections import (
-    FOREIGN,
-    LEFT_OUT,
-    WANTED,
-    Cutter,
     neighbours_of,
 )
 from riemhuman.measurements.definitions import (
@@ -129,7 +125,10 @@ class MeasurementSet:
             for name in measurement.part_names:
                 nearest_name(name, f"part for {measurement.name!r},", self.parts)
             if isinstance(measurement, Length) and measurement.path == "joints":
-                self.bones(*measurement.along)  # type: ignore[arg-type]
+                if self.model is None:
+                    raise ArgumentError("lengths along joints need a body model; found a surface")
+                for name in measurement.along:
+                    nearest_name(str(name), "joint", self.model.joint_names)
 
     def __repr__(self) -> str:
         return (
@@ -185,27 +184,6 @@ class MeasurementSet:
         names = self.model.joint_names if self.model else ()
         return np.array([self.standard_pose.get(name, np.zeros(3)) for name in names])
 
-    @cached_property
-    def _cutters(self) -> dict[Any, Cutter]:
-        return {}
-
-    def cutter(self, parts: tuple[str, ...], leave_out: tuple[str, ...] = ()) -> Cutter:
-        """Return the triangles that a plane may cut.
-
-        Parameters
-        ----------
-        parts, leave_out : tuple of str
-            Parts that are measured, all if empty, and parts that are crossed and not measured.
-        """
-        key = (parts, leave_out)
-        if key not in self._cutters:
-            roles = np.full(len(self.faces), FOREIGN, dtype=np.uint8)
-            roles[self.in_parts(parts)] = WANTED
-            if leave_out:
-                roles[self.in_parts(leave_out)] = LEFT_OUT
-            self._cutters[key] = Cutter(self.faces, self.mesh.neighbours, roles)
-        return self._cutters[key]
-
     def in_parts(self, parts: tuple[str, ...]) -> ndarray:
         """Return which triangles belong to some parts, shape (F,).
 
@@ -218,45 +196,6 @@ class MeasurementSet:
         for name in parts:
             chosen[self.parts[name]] = True
         return chosen
-
-    def bones(self, first: str, last: str) -> tuple[str, ...]:
-        """Return the names of the joints on the path from one joint to another.
-
-        Parameters
-        ----------
-        first, last : str
-            Names of joints.
-        """
-        if self.model is None:
-            raise ArgumentError("lengths along joints need a body model; found a surface")
-        names = self.model.joint_names
-        ends = (names.index(nearest_name(joint, "joint", names)) for joint in (first, last))
-        return tuple(names[number] for number in joints_between(self.model.parents, *ends))
-
-    def on_surface(self, place: Place) -> SurfacePoint:
-        """Return the triangle that a place lies in, with barycentric coordinates.
-
-        Parameters
-        ----------
-        place : str or mapping of str to float
-            The place. If it lies off the surface, the nearest point of the template replaces it.
-
-        Returns
-        -------
-        pair of int and array, shape (3,)
-        """
-        shares = {place: 1.0} if isinstance(place, str) else place
-        vertices = np.concatenate([self.landmarks[name][0] for name in shares])
-        weights = np.concatenate([w * self.landmarks[name][1] for name, w in shares.items()])
-        weights = weights / weights.sum()
-        around = np.flatnonzero(np.isin(self.faces, vertices[weights != 0]).sum(axis=1))
-        for face in around:
-            corners = [weights[vertices == corner].sum() for corner in self.faces[face]]
-            if abs(sum(corners) - 1.0) < 1e-9 and min(corners) >= 0:
-                return int(face), np.array(corners)
-        point = weights @ self.vertices[vertices]
-        nearest, _ = nearest_points(point[np.newaxis], self.vertices, self.faces)
-        return int(nearest.triangles[0]), nearest.barycentric[0]
 
     def with_measurements(self, measurements: Iterable[Measurement | str]) -> MeasurementSet:
         """Return the same landmarks and parts with other measurements.
@@ -277,11 +216,11 @@ class MeasurementSet:
         self,
         template: Template | BodyModel,
         correspondence: Any,
-        *,
-        standard_pose: Mapping[str, Any] | None = None,
-        axes: Any = None,
     ) -> MeasurementSet:
         """Return the measurements for another template.
+
+        The axes and the rotations of the standard pose stay the same; a body model that lacks some
+        of the joints is measured in its rest pose.
 
         Parameters
         ----------
@@ -292,11 +231,6 @@ class MeasurementSet:
             Where each vertex of this template lies on the other: numbers of vertices, shape (V,); a
             pair of numbers of triangles, shape (V,), and barycentric coordinates, shape (V, 3); or
             a matrix whose rows sum to one. See `correspondence_to`.
-        standard_pose : mapping of str to array_like, shape (3,), optional
-            Standard pose of the other body model; by default the same rotations if it has all
-            their joints, else its rest pose.
-        axes : array_like, shape (3, 3), optional
-            Left, up and forward of the other template, as columns; by default the same.
         """
         surface = _surface_of(template)
         matrix = correspondence_matrix(surface, correspondence)
@@ -315,12 +249,10 @@ class MeasurementSet:
         tree = cKDTree((matrix @ surface.vertices)[self.faces].mean(axis=1))
         nearest = tree.query(surface.vertices[surface.faces].mean(axis=1))[1]
         parts = {name: np.flatnonzero(self.in_parts((name,))[nearest]) for name in self.parts}
-        if standard_pose is None:
-            has_all = all(joint in joints for joint in self.standard_pose)
-            standard_pose = self.standard_pose if has_all else {}
-        axes = self.axes if axes is None else axes
+        has_all = all(joint in joints for joint in self.standard_pose)
+        standard_pose = self.standard_pose if has_all else {}
         return MeasurementSet(
-            template, self.measurements, landmarks, parts, self.frame, axes, standard_pose
+            template, self.measurements, landmarks, parts, self.frame, self.axes, standard_pose
         )
 
     def correspondence_to(

@@ -21,7 +21,6 @@ from riemhuman.kernels.threads import in_chunks
 from riemhuman.measurements._landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.definitions import nearest_name
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
-from riemhuman.optional import import_optional
 from riemhuman.solvers import ShapeTransfer
 from riemhuman.surfaces.template import Template
 
@@ -85,19 +84,6 @@ class MeasuredBodies:
         dict of str to array
         """
         return {name: self.values[..., k] for k, name in enumerate(self.names)}
-
-    def to_frame(self, index: Sequence[Any] | None = None) -> Any:
-        """Return a pandas table with one row per body and one column per measurement.
-
-        Parameters
-        ----------
-        index : sequence, optional
-            Names of the bodies; by default their numbers.
-        """
-        pandas = import_optional("pandas", "tables")
-        columns = [f"{n} ({u})" for n, u in zip(self.names, self.units, strict=True)]
-        rows = self.values.reshape(-1, len(self.names))
-        return pandas.DataFrame(rows, columns=columns, index=index)
 
 
 class Measurements:

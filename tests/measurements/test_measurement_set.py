@@ -8,7 +8,14 @@ import pytest
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.measurements import Girth, Height, Measurements, MeasurementSet, open_measurements
+from riemhuman.measurements import (
+    Girth,
+    Height,
+    Length,
+    Measurements,
+    MeasurementSet,
+    open_measurements,
+)
 
 
 @pytest.fixture(scope="module")
@@ -118,8 +125,9 @@ def test_wrong_arguments(coarse):
     with pytest.raises(ArgumentError, match="must say where 1202 vertices lie"):
         coarse.mapped(coarse.template, np.arange(5))
     surface = coarse.template.template
+    ends = {"a": ([0], [1.0]), "b": ([1], [1.0])}
     with pytest.raises(ArgumentError, match="need a body model"):
-        MeasurementSet(surface, ()).bones("a", "b")
+        MeasurementSet(surface, [Length(name="l", along=("a", "b"), path="joints")], ends)
     own = MeasurementSet(surface, [Height(name="h", at="top")], {"top": ([0], [1.0])})
     with pytest.raises(ArgumentError, match="fit removes the pose"):
         Measurements(own).measure(surface.vertices, pose="standard")
