@@ -38,10 +38,8 @@ class MetricFields(Manifold):
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> fields = rh.MetricFields(bodies.template)
-    >>> fields.shape
-    (2400, 2, 2)
-    >>> bool(fields.belongs(fields.random_point(rng=0)))
-    True
+    >>> fields.shape, fields.dim
+    ((2400, 2, 2), 7200)
     """
 
     def __init__(self, template: Template, equip: bool = True) -> None:
@@ -237,11 +235,7 @@ class EbinMetric(ConeMetric):
     def __init__(self, space: MetricFields, lam: float = 0.5) -> None:
         super().__init__(space)
         self._term = EbinTerm(lam=lam)
-
-    @property
-    def lam(self) -> float:
-        """The weight λ of the change of area."""
-        return self._term.b
+        self.lam = self._term.lam
 
     def geodesic(
         self,

@@ -172,16 +172,11 @@ class ProductMetric(RiemannianMetric):
         if weights is None:
             weights = [1.0] * count
         weights = real_array(weights, "weights", (count,), batched=False)
-        self._weights = tuple(
+        self.weights = tuple(
             metric_weight(value, f"weights[{k}]") for k, value in enumerate(weights)
         )
-        if not any(self._weights):
+        if not any(self.weights):
             raise ArgumentError("weights must not all be 0: every distance would be 0")
-
-    @property
-    def weights(self) -> tuple[float, ...]:
-        """The weights of the factors."""
-        return self._weights
 
     @property
     def has_closed_form_dist(self) -> bool:

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.surfaces.measures import adjacent_triangles
+from riemhuman.surfaces.measures import adjacent_triangles, vertex_components
 
 
 class PoissonInterpolator:
@@ -37,11 +37,7 @@ class PoissonInterpolator:
         self._faces, self._frames, self._areas = faces, frame_coefficients, face_areas
         self._operator = differential_operator
         # Derivatives do not determine translations: one vertex of each component is fixed.
-        corner_pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
-        links = sparse.coo_array(
-            (np.ones(len(corner_pairs)), tuple(corner_pairs.T)), shape=(n_vertices, n_vertices)
-        )
-        _, component = connected_components(links, directed=False)
+        component = vertex_components(faces, n_vertices)
         _, anchors, sizes = np.unique(component, return_index=True, return_counts=True)
         self._neighbours = adjacent_triangles(faces)[0]
         both_ways = np.concatenate([self._neighbours, self._neighbours[:, ::-1]])

@@ -84,10 +84,9 @@ class DeformationBasis:
     ) -> DeformationBasis:
         """Return the principal components of the deformations m_{nτ+τ} - m_{nτ} in motions.
 
-        Frames are taken from each motion m at 0, τ, 2τ, … (section 4 of the paper). Neither
-        motions nor their deformations need fit in memory. The components are exact up to 256 MiB of
-        deformations (some 800 of a body with 13,348 vertices); beyond, deformations are merged in
-        their order.
+        Frames are taken from each motion m at 0, τ, 2τ, … (section 4 of the paper), and need not
+        fit in memory. The components are exact up to 256 MiB of deformations; beyond, these are
+        merged in their order.
 
         Parameters
         ----------
@@ -420,11 +419,9 @@ class PrincipalComponents(NamedTuple):
 class StreamingPCA:
     """Principal components of rows that arrive one by one, in bounded memory.
 
-    Rows are collected in a buffer. The rows A = U S Vᵀ of a full buffer are replaced by half as
-    many, the strongest rows of S Vᵀ. While all rows fit in the buffer, the result is that of one
-    singular value decomposition. Beyond, each merge lowers AᵀA, in the spectral norm, by the square
-    of the largest singular value that it drops, and keeps at least 1.5 K larger ones. Nothing is
-    lost if half the buffer holds at least as many rows as there are features.
+    The rows A = U S Vᵀ of a full buffer are replaced by half as many, the strongest rows of S Vᵀ.
+    Each such merge lowers AᵀA, in the spectral norm, by the square of the largest singular value
+    that it drops, and keeps at least 1.5 K larger ones.
     """
 
     def __init__(self, n_components: int, n_features: int, max_rows: int | None = None) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy import ndarray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from riemhuman.checks import real_array
 
@@ -104,10 +106,8 @@ def adjacent_triangles(faces: ndarray) -> tuple[ndarray, ndarray]:
 
     Returns
     -------
-    pairs : array of int, shape (P, 2)
-        Triangles.
-    edges : array of int, shape (P, 2)
-        The vertices of the edge they share.
+    pairs, edges : array of int, shape (P, 2)
+        Two triangles, and the vertices of the edge they share.
 
     Examples
     --------
@@ -123,3 +123,10 @@ def adjacent_triangles(faces: ndarray) -> tuple[ndarray, ndarray]:
     owners, edges = owners[order], edges[order]
     same = np.all(edges[1:] == edges[:-1], axis=1)
     return np.stack([owners[:-1][same], owners[1:][same]], axis=1), edges[1:][same]
+
+
+def vertex_components(faces: ndarray, n_vertices: int) -> ndarray:
+    """Return the connected component of every vertex; one of no triangle is one by itself."""
+    first, second = faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel()
+    links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(n_vertices,) * 2)
+    return connected_components(links, directed=False)[1]

@@ -83,18 +83,15 @@ def generalized_procrustes(
 
     Surfaces are aligned with their mean and the mean is computed again, in turn: every step lowers
     sum_i sum_v w_v ‖s_i R_i x_iv + b_i - m_v‖² [1]_. With `scale`, the mean m keeps the root mean
-    square of the centroid sizes of the surfaces, since all would otherwise shrink to a point. In
-    the end, the mean is aligned with the first surface and all surfaces with the mean. Do not use
-    the mean as a template: its limbs shrink where poses differ.
+    square of the centroid sizes of the surfaces. In the end, the mean is aligned with the first
+    surface and all with it. It is no template: its limbs shrink where poses differ.
 
     Parameters
     ----------
     points : array_like, shape (..., V, 3)
         Surfaces, in metres, with at least one leading axis; the mean is over all leading axes.
-    scale : bool or None
+    scale, weights : optional
         As for `procrustes`.
-    weights : array_like, shape (V,), optional
-        Weights w of the vertices, for instance ``template.vertex_areas``; equal by default.
     tolerance : float
         The iteration stops when the mean moves by less than this fraction of its size.
     max_iter : int
@@ -103,9 +100,7 @@ def generalized_procrustes(
     Returns
     -------
     aligned : array, shape (..., V, 3)
-        The aligned surfaces.
     mean : array, shape (V, 3)
-        Their mean.
 
     References
     ----------

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg, sparse
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
 
 from riemhuman.checks import one_of, whole_number
@@ -16,6 +15,7 @@ from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.optional import import_optional
 from riemhuman.representation import Record
+from riemhuman.surfaces.measures import vertex_components
 from riemhuman.surfaces.template import Template
 
 LAPLACIANS = ("cotangent", "robust")
@@ -28,8 +28,7 @@ class Spectrum(Record):
     Attributes
     ----------
     eigenvalues : array, shape (K,)
-        Positive eigenvalues μ in increasing order, in 1 / metre². Zero, the eigenvalue of functions
-        that are constant on each connected component, is left out.
+        Positive eigenvalues μ in increasing order, in 1 / metre², without zero.
     functions : array, shape (K, V)
         Eigenfunctions φ, orthonormal with respect to the vertex areas.
     constants : array, shape (V,)
@@ -64,16 +63,6 @@ class Spectrum(Record):
             functions=self.functions[:n_eigenvalues],
         )
 
-    def of_unit_area(self) -> Spectrum:
-        """Return the spectrum of the surface scaled to area 1."""
-        area = self.areas.sum()
-        return Spectrum(
-            area * self.eigenvalues,
-            np.sqrt(area) * self.functions,
-            area * self.constants,
-            self.areas / area,
-        )
-
 
 def spectrum(
     vertices: ArrayLike, faces: ArrayLike, n_eigenvalues: int, laplacian: str = "cotangent"
@@ -87,10 +76,9 @@ def spectrum(
         Vertex indices of each triangle, counted from 0. The mesh may be open.
     n_eigenvalues : int
     laplacian : {"cotangent", "robust"}
-        The cotangent Laplacian, see `riemhuman.kernels.surface.cotangent_laplacian`, or the
-        intrinsic Delaunay Laplacian of Sharp and Crane, "A Laplacian for Nonmanifold Triangle
-        Meshes", SGP 2020, which also works for slivers, triangles without area and edges with more
-        than two triangles. The second needs the package robust_laplacian.
+        The cotangent Laplacian, or the intrinsic Delaunay Laplacian of Sharp and Crane, "A
+        Laplacian for Nonmanifold Triangle Meshes", SGP 2020, which works for any triangles and
+        needs the package robust_laplacian.
 
     Examples
     --------
@@ -110,8 +98,7 @@ def spectrum(
             f"{str(error).replace('the template', 'the mesh').split(';')[0]}; the cotangent "
             'Laplacian needs triangles with area; laplacian="robust" does not'
         ) from error
-    _check_count(n_eigenvalues, mesh.faces, mesh.n_vertices)
-    values, functions = harmonics(mesh, n_eigenvalues)
+    values, functions = harmonics(mesh, n_eigenvalues, "n_eigenvalues")
     constants = _constants(mesh.faces, mesh.vertex_areas)
     return Spectrum(values, functions, constants, mesh.vertex_areas)
 
@@ -121,7 +108,7 @@ def _robust_spectrum(vertices: np.ndarray, faces: np.ndarray, n_eigenvalues: int
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     used, compact = np.unique(faces, return_inverse=True)
     compact = compact.reshape(faces.shape)
-    n_components = _check_count(n_eigenvalues, faces, len(vertices))
+    n_components = _check_count(n_eigenvalues, faces, len(vertices), "n_eigenvalues")
     stiffness, mass = robust_laplacian.mesh_laplacian(vertices[used], compact)
     areas = np.zeros(len(vertices))
     areas[used] = mass.diagonal()
@@ -133,27 +120,20 @@ def _robust_spectrum(vertices: np.ndarray, faces: np.ndarray, n_eigenvalues: int
     return Spectrum(values[n_components:], functions, _constants(faces, areas), areas)
 
 
-def _check_count(n_eigenvalues: int, faces: np.ndarray, n_vertices: int) -> int:
+def _check_count(count: int, faces: np.ndarray, n_vertices: int, name: str) -> int:
     """Return the number of connected components; raise if there are too few eigenvalues."""
     n_used = len(np.unique(faces))
-    n_components = int(_components(faces, n_vertices).max()) + 1 - (n_vertices - n_used)
-    if n_eigenvalues > n_used - n_components:
+    n_components = int(vertex_components(faces, n_vertices).max()) + 1 - (n_vertices - n_used)
+    if count > n_used - n_components:
         raise ArgumentError(
-            f"n_eigenvalues={n_eigenvalues} exceeds the {n_used - n_components} of a mesh with "
-            f"{n_used} vertices in {n_components} connected components"
+            f"{name}={count} exceeds the {n_used - n_components} of a mesh with {n_used} vertices "
+            f"in {n_components} connected components"
         )
     return n_components
 
 
-def _components(faces: np.ndarray, n_vertices: int) -> np.ndarray:
-    """Return the connected component of every vertex."""
-    first, second = faces[:, [0, 1, 2]].ravel(), faces[:, [1, 2, 0]].ravel()
-    links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(n_vertices,) * 2)
-    return connected_components(links, directed=False)[1]
-
-
 def _constants(faces: np.ndarray, areas: np.ndarray) -> np.ndarray:
-    components = _components(faces, len(areas))
+    components = vertex_components(faces, len(areas))
     sizes = np.bincount(components, areas)
     return np.divide(1.0, sizes, where=sizes > 0, out=np.zeros_like(sizes))[components]
 
@@ -163,21 +143,18 @@ def _constants(faces: np.ndarray, areas: np.ndarray) -> np.ndarray:
 _SHIFT = 0.01
 
 
-def harmonics(template: Template, n_harmonics: int) -> tuple[np.ndarray, np.ndarray]:
+def harmonics(
+    template: Template, n_harmonics: int, name: str = "n_harmonics"
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest eigenfunctions of the Laplacian with positive eigenvalues.
 
     Solves L h = μ A h, with the vertex areas A as lumped masses. Functions that are constant on
     every connected component have μ = 0 and are left out. Vertices that no triangle uses have the
     value 0.
     """
-    n_harmonics = whole_number(n_harmonics, "n_harmonics", minimum=1)
+    n_harmonics = whole_number(n_harmonics, name, minimum=1)
     used = np.flatnonzero(template.vertex_areas)
-    n_constant = _n_components(template) - (template.n_vertices - len(used))
-    if n_harmonics > len(used) - n_constant:
-        raise ArgumentError(
-            f"n_harmonics={n_harmonics} exceeds the {len(used) - n_constant} harmonics of a mesh "
-            f"with {len(used)} vertices in {n_constant} connected components"
-        )
+    n_constant = _check_count(n_harmonics, template.faces, template.n_vertices, name)
     laplacian = cotangent_laplacian(template.vertices, template.faces)[used][:, used]
     areas = template.vertex_areas[used]
     values, vectors = lowest_eigenpairs(laplacian, areas, n_constant + n_harmonics)
@@ -186,15 +163,6 @@ def harmonics(template: Template, n_harmonics: int) -> tuple[np.ndarray, np.ndar
     peaks = np.abs(functions).argmax(axis=1)
     functions *= np.sign(functions[np.arange(n_harmonics), peaks])[:, np.newaxis]
     return values[n_constant:], functions
-
-
-def _n_components(template: Template) -> int:
-    """Count connected components; a vertex that no triangle uses is one by itself."""
-    first, second = template.edges.T
-    graph = sparse.csr_array(
-        (np.ones(len(first)), (first, second)), shape=(template.n_vertices,) * 2
-    )
-    return int(sparse.csgraph.connected_components(graph, directed=False, return_labels=False))
 
 
 def lowest_eigenpairs(

@@ -116,7 +116,6 @@ class Template:
         Parameters
         ----------
         points : array_like, shape (V, 3), optional
-            The surface; by default the template itself.
         """
         return to_pyvista(self._surface(points), self.faces)
 

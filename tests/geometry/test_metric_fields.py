@@ -188,15 +188,6 @@ def test_matrices_with_a_zero_on_the_diagonal():
             SPACE.check_point(field, completion=True)
 
 
-def test_distances_of_many_fields_reach_the_completion():
-    points = SPACE.random_point(3, rng=12)
-    points[1, 3] = 0.0
-    metric = SPACE.metric
-    expected = metric.dist(points[:, None], points)
-    np.testing.assert_allclose(metric.dist_pairwise(points), expected, rtol=1e-5)
-    np.testing.assert_allclose(metric.cdist(points[:1], points[1:]), expected[:1, 1:], rtol=1e-5)
-
-
 def test_exp_to_where_double_precision_does_not_reach_is_refused():
     """No tangent vector leads to a matrix whose distance is not the length of the way."""
     metric = EbinMetric(MetricFields(triangle_template()), lam=100.0)

@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-from cases import TEMPLATES, sphere_template, surfaces
+from cases import SURFACES, name_of, sphere_template, surfaces
 
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.kernels.projections import Projection, field_coordinates
-
-WEIGHTS = [(0.0, 0.0, 1.0), (1.0, 1e-4, 0.0), (1.0, 1.0, 0.0), (2.0, 0.05, 0.3)]
 
 
 def test_coordinates_have_the_distances_of_fields():
@@ -28,20 +25,9 @@ def test_projections_never_increase_distances():
     np.testing.assert_allclose(found, distances, rtol=1e-6)
 
 
-def metrics():
-    """Return metrics on surfaces over every template, by name."""
-    found = {}
-    for name, make_template in TEMPLATES.items():
-        space = AlignedSurfaces(make_template(), equip=False)
-        for weights in WEIGHTS:
-            found[f"{name} {weights}"] = ElasticMetric(space, *weights)
-        found[f"{name} srnf"] = SRNFMetric(space)
-    return found
-
-
-@pytest.mark.parametrize("metric", metrics().values(), ids=metrics().keys())
-def test_coordinates_bound_the_metric(metric):
-    template = metric.space.template
+@pytest.mark.parametrize("case", SURFACES, ids=name_of)
+def test_coordinates_bound_the_metric(case):
+    metric, template = case.metric, case.space.template
     points = np.concatenate([surfaces(template, 6, rng=3, size=size) for size in (0.01, 0.3, 0.8)])
     coordinates = metric.lower_bound_coordinates(points)
     bound = np.linalg.norm(coordinates[:, None] - coordinates, axis=-1)

@@ -35,17 +35,6 @@ def test_small_turns_keep_their_digits(angle):
     np.testing.assert_allclose(skew, [[0, -z, y], [z, 0, -x], [-y, x, 0]], rtol=1e-9, atol=0)
 
 
-def test_leading_axes_and_arguments_kept():
-    vectors = np.random.default_rng(1).normal(size=(2, 5, 3))
-    before = vectors.copy()
-    found = rotation_matrix(vectors)
-    assert found.shape == (2, 5, 3, 3)
-    np.testing.assert_array_equal(vectors, before)
-    for i, j in np.ndindex(2, 5):
-        np.testing.assert_allclose(found[i, j], rotation_matrix(vectors[i, j]), atol=1e-15)
-    assert rotation_matrix(np.zeros((0, 3))).shape == (0, 3, 3)
-
-
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 0.03, 0.032, 2.0, np.pi, 7.0])
 def test_gradient(angle):
     rng = np.random.default_rng(2)
@@ -108,12 +97,3 @@ def test_turns_to_the_last_digits(angle):
     found = rotation_derivative(vector)
     np.testing.assert_allclose(found[:2, :2], upper, rtol=0, atol=2e-16)
     np.testing.assert_array_equal(found[2], [0.0, 0.0, 1.0])
-
-
-def test_turns_of_several_vectors():
-    vectors = np.random.default_rng(8).normal(size=(2, 3, 3))
-    found = rotation_derivative(vectors)
-    for index in np.ndindex(2, 3):
-        np.testing.assert_allclose(found[index], rotation_derivative(vectors[index]), atol=1e-15)
-    with pytest.raises(ArgumentError, match="axis_angle must have shape"):
-        rotation_derivative(np.zeros(4))

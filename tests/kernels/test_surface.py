@@ -31,70 +31,6 @@ def derivatives(template, points):
     return surface.partial_derivatives(points, template.differential_operator)
 
 
-@pytest.mark.parametrize("name", TEMPLATES)
-def test_partial_derivatives_are_those_of_the_linear_map(name):
-    """f_u, f_v are the columns of the map that takes the template's triangle to the surface's."""
-    template = TEMPLATES[name]()
-    points = surfaces(template, 1)[0]
-    f_u, f_v = derivatives(template, points)
-    for t, corners in enumerate(template.faces):
-        p, q = template.vertices[corners], points[corners]
-        first = (p[1] - p[0]) / np.linalg.norm(p[1] - p[0])
-        second = p[2] - p[0] - np.dot(p[2] - p[0], first) * first
-        second /= np.linalg.norm(second)
-        flat = (p[1:] - p[0]) @ np.stack([first, second], axis=1)
-        columns = np.linalg.solve(flat, q[1:] - q[0])
-        np.testing.assert_allclose(f_u[t], columns[0], atol=1e-12)
-        np.testing.assert_allclose(f_v[t], columns[1], atol=1e-12)
-
-
-def check_that_the_template_has_the_identity(template, operator):
-    g = surface.first_fundamental_form(*surface.partial_derivatives(template.vertices, operator))
-    np.testing.assert_allclose(g, np.tile(np.eye(2), (template.n_faces, 1, 1)), atol=1e-13)
-
-
-@pytest.mark.parametrize("name", TEMPLATES)
-def test_the_template_itself_has_the_identity(name):
-    template = TEMPLATES[name]()
-    check_that_the_template_has_the_identity(template, template.differential_operator)
-
-
-@pytest.mark.parametrize("name", TEMPLATES)
-def test_areas_and_normals_are_those_of_the_triangles(name):
-    template = TEMPLATES[name]()
-    points = surfaces(template, 3)
-    f_u, f_v = derivatives(template, points)
-    corners = points[:, template.faces]
-    area_vectors = 0.5 * np.cross(
-        corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0]
-    )
-    areas = np.linalg.norm(area_vectors, axis=-1)
-    g = surface.first_fundamental_form(f_u, f_v)
-    np.testing.assert_allclose(template.face_areas * np.sqrt(np.linalg.det(g)), areas, rtol=1e-10)
-    normals = surface.unit_normals(f_u, f_v)
-    np.testing.assert_allclose(normals, area_vectors / areas[..., None], atol=1e-11)
-    q = square_root_normals(f_u, f_v)
-    expected = np.sqrt(areas / template.face_areas)[..., None] * normals
-    np.testing.assert_allclose(q, expected, atol=1e-11)
-
-
-@pytest.mark.parametrize("name", TEMPLATES)
-def test_differentials_against_finite_differences(name):
-    template = TEMPLATES[name]()
-    points, h = surfaces(template, 2), deformations(template, 2, rng=3)
-    at, along = derivatives(template, points), derivatives(template, h)
-    for function, differential in (
-        (surface.first_fundamental_form, surface.first_fundamental_form_differential),
-        (surface.unit_normals, surface.unit_normals_differential),
-    ):
-        step = 1e-6
-        ahead, behind = (
-            function(*derivatives(template, points + sign * step * h)) for sign in (1, -1)
-        )
-        found = differential(*at, *along)
-        np.testing.assert_allclose(found, (ahead - behind) / (2 * step), rtol=1e-6, atol=1e-8)
-
-
 def test_components_in_the_frame_of_a_triangle():
     """A body that swells by 2 has e_i·∂_j h = 2δ_ij, one that turns about ω has −ω × e_j."""
     rng = np.random.default_rng(7)
@@ -228,27 +164,6 @@ def test_triangles_that_share_an_edge_in_threes_add_up():
         cotangents_by_hand(template),
         atol=1e-13,
     )
-
-
-def test_robust_laplacian_agrees():
-    # It flips edges to be Delaunay; on the icosphere there is nothing to flip.
-    robust_laplacian = pytest.importorskip("robust_laplacian")
-    template = sphere(3)
-    laplacian, _ = robust_laplacian.mesh_laplacian(
-        np.array(template.vertices), np.array(template.faces), mollify_factor=0.0
-    )
-    difference = cotangent_laplacian(template.vertices, template.faces) - laplacian
-    assert np.abs(difference.toarray()).max() < 1e-10
-
-
-def test_the_energy_is_that_of_linear_functions():
-    """hᵀL h = Σ_t w_t (h_u² + h_v²)."""
-    template = open_template()
-    h = surfaces(template, 1, rng=1)[0]
-    h_u, h_v = partial_derivatives(h, template.differential_operator)
-    expected = template.face_areas @ np.sum(h_u**2 + h_v**2, axis=1)
-    laplacian = cotangent_laplacian(template.vertices, template.faces)
-    np.testing.assert_allclose(np.sum(h * (laplacian @ h)), expected, rtol=1e-12)
 
 
 def test_frames_hold_derivatives_and_unit_normals():

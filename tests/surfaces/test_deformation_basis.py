@@ -122,7 +122,7 @@ class TestFromLaplacian:
         assert np.linalg.matrix_rank(matrix, tol=1e-8) == len(basis) + 1
 
     def test_too_many_are_refused(self):
-        with pytest.raises(ArgumentError, match=f"exceeds the {N_VERTICES - 1} harmonics"):
+        with pytest.raises(ArgumentError, match=f"exceeds the {N_VERTICES - 1} of a mesh"):
             DeformationBasis.from_laplacian(TEMPLATE, 3 * N_VERTICES)
 
 

@@ -112,14 +112,6 @@ def test_turns_without_tears_are_left_alone():
     np.testing.assert_array_equal(template.interpolator.unwrap(turns), turns)
 
 
-def test_triangles_that_touch_nothing():
-    vertices = np.random.default_rng(2).standard_normal((6, 3))
-    template = Template(vertices, [[0, 1, 2], [3, 4, 5]])
-    turns = np.array([[3.0, 0.0, 0.0], [0.0, -3.0, 0.0]])
-    assert not template.interpolator.has_jumps(turns)
-    np.testing.assert_array_equal(template.interpolator.unwrap(turns), turns)
-
-
 @pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
 def test_surface_of_derivatives_is_their_least_squares_fit(template):
     surface, other = surfaces(template, 2, rng=3)

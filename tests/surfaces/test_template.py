@@ -54,13 +54,6 @@ def test_derivatives_of_a_linear_map_are_the_map_applied_to_the_frame(template):
     np.testing.assert_allclose(moved, frame @ matrix.T, atol=1e-12)
 
 
-def test_area_element_is_the_ratio_of_triangle_areas(template):
-    surface = template.vertices * [1.0, 2.0, 0.5]
-    f_u, f_v = derivatives(template, surface)
-    areas = template.face_areas * np.linalg.norm(np.cross(f_u, f_v), axis=1)
-    np.testing.assert_allclose(areas, Template(surface, template.faces).face_areas, rtol=1e-12)
-
-
 def test_areas_and_edges_agree_with_trimesh(template):
     mesh = trimesh.Trimesh(template.vertices, template.faces, process=False)
     np.testing.assert_allclose(template.face_areas, mesh.area_faces, rtol=1e-12)
@@ -192,15 +185,6 @@ def test_template_survives_a_file(template, tmp_path, ending):
     again = Template.from_file(tmp_path / f"template.{ending}")
     np.testing.assert_array_equal(again.vertices, template.vertices)
     np.testing.assert_array_equal(again.faces, template.faces)
-
-
-def test_a_template_can_be_sent_to_another_process(template):
-    template.interpolator, template.assembler, template.vertex_areas  # noqa: B018
-    copy = pickle.loads(pickle.dumps(template))
-    np.testing.assert_array_equal(copy.vertices, template.vertices)
-    np.testing.assert_array_equal(copy.faces, template.faces)
-    np.testing.assert_array_equal(copy.vertex_areas, template.vertex_areas)
-    assert (copy.differential_operator != template.differential_operator).nnz == 0
 
 
 def test_sum_equals_a_loop():

@@ -63,19 +63,6 @@ def test_nothing_is_written_but_the_triangles_asked_for():
     np.testing.assert_array_equal(turns, expected)
 
 
-def test_sources_without_turns_are_those_of_the_straight_path():
-    template = TEMPLATES["open"]
-    start, end = surfaces(template, 2, rng=5)
-    found = kernel.turned_sources(
-        *(start, end, np.zeros((template.n_faces, 3)), np.array([0.3, 1.0])),
-        *(template.faces, template.frame_coefficients, template.face_areas),
-    )
-    operator, weights = (template.differential_operator, np.tile(template.face_areas, 2)[:, None])
-    for i, points in enumerate((0.7 * start + 0.3 * end, end)):
-        expected = operator.T @ (weights * (operator @ points))
-        np.testing.assert_allclose(found[:, i], expected, atol=1e-12)
-
-
 ROTATIONS = [
     [0.0, 0.0, 0.0],
     [1e-9, 0.0, -1e-9],
@@ -121,7 +108,7 @@ def unwrapped_along_the_tree(turns, differences, roots):
     return found
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_unwrapping_follows_the_tree_of_least_differences(seed):
     rng = np.random.default_rng(seed)
     n, n_first = 60, 40
@@ -146,7 +133,7 @@ def test_unwrapping_follows_the_tree_of_least_differences(seed):
     assert np.linalg.norm(found, axis=1).max() > np.pi
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_ring_that_turns_once_around_is_cut_at_its_largest_step(seed):
     """However quaternions of either sign meet there: the steps differ by less than a degree."""
     rng = np.random.default_rng(seed)
@@ -161,14 +148,3 @@ def test_a_ring_that_turns_once_around_is_cut_at_its_largest_step(seed):
     kernel.unwrap_turns(found, quaternions, rng.permutation(n), ends, around.ravel() % n)
     jumps = np.linalg.norm(np.roll(found, -1, axis=0) - found, axis=1) > 1.0
     np.testing.assert_array_equal(np.flatnonzero(jumps), [np.argmax(steps)])
-
-
-def test_unwrapping_a_chain_that_turns_again_and_again():
-    angles = np.linspace(0.0, 25.0, 40)
-    whole = angles[:, None] * [0.36, -0.48, 0.8]
-    rotations = Rotation.from_rotvec(whole)
-    found = rotations.as_rotvec()
-    ends = np.concatenate([[0], np.cumsum([1] + 38 * [2] + [1])])
-    neighbours = np.array([1] + [s for t in range(1, 39) for s in (t - 1, t + 1)] + [38])
-    kernel.unwrap_turns(found, rotations.as_quat(), np.arange(40), ends, neighbours)
-    np.testing.assert_allclose(found, whole, atol=1e-12)
