@@ -4,161 +4,89 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
-from riemhuman.cli._commands import (
-    ALIGN,
-    ANY_SCALE,
-    FILES,
-    MESH_ENDINGS,
-    MODEL,
-    PICTURE,
-    UNIT,
-    Answer,
-    choice,
-    command,
-    flag,
-    mesh,
-    names_matching,
-    option,
-    output,
-    path_option,
-    template,
-)
-from riemhuman.cli._inputs import (
-    BASIS,
-    MOTION_OUTPUT,
-    PATH_METRIC,
-    advice,
-    chosen_basis,
-    chosen_metric,
-    metric_name,
-    metric_options,
-    metric_record,
-    read_surfaces,
-    save_figure,
-    write_motion,
-)
-from riemhuman.cli._terminal import as_json, solved
+from riemhuman.cli import _commands as cli
+from riemhuman.cli import _inputs as inputs
+from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
     from numpy import ndarray
 
-_SUMMARY = "summary.json"
 _ALIGNED_PAGE = "aligned.html"
-_IS_ALIGNED = names_matching(r"aligned\.html|(?is:.+\.(ply|obj|off))")
+_IS_ALIGNED = cli.names_matching(r"aligned\.html|(?is:.+\.(ply|obj|off))")
 _COMPONENTS_PAGE = "components.html"
 _COMPONENTS_METRIC = (1.0, 1.0, 0.0)  # with a much smaller λ, triangles have no logarithm
 _DEVIATIONS = 2.0
 _SIDES = {"minus": -_DEVIATIONS, "plus": _DEVIATIONS}
-_IS_OF_GEODESIC = names_matching(r"time_\d+\.ply|path\.(glb|png|html)|summary\.json")
-_IS_OF_COMPONENTS = names_matching(
+_IS_OF_COMPONENTS = cli.names_matching(
     r"(mean|component_\d+_(minus|plus)|sample_\d{4,})\.ply|components\.html|summary\.json"
 )
 
 
-def _write_glb(file: Path, path: ndarray, faces: ndarray, description: str) -> None:
-    rh.save_glb(file, path, faces)
-
-
-def _write_png(file: Path, path: ndarray, faces: ndarray, description: str) -> None:
-    save_figure(rh.plots.plot_path(path, faces).figure, file)
-
-
-def _write_html(file: Path, path: ndarray, faces: ndarray, description: str) -> None:
-    title = "Geodesic between two bodies"
-    rh.plots.view_path(path, faces, title=title, description=description).save(file)
-
-
-def _write_npz(file: Path, path: ndarray, faces: ndarray, description: str) -> None:
-    rh.io.save_arrays(file, {"path": path, "faces": faces})
-
-
-_WRITERS: dict[str, Callable[[Path, ndarray, ndarray, str], None]] = {
-    ".glb": _write_glb,
-    ".png": _write_png,
-    ".html": _write_html,
-    ".npz": _write_npz,
-}
-
-
-@command(
+@cli.command(
     "geodesic",
     "a path of least energy between two registered meshes",
     "Finds a path of least energy between two meshes over a basis of deformations.\n"
-    "Writes a folder with the meshes time_00.ply, time_01.ply, ..., path.glb (an animation\n"
-    "with morph targets, for Blender and web viewers), path.png (a filmstrip), path.html\n"
-    "(an interactive page) and summary.json. If the output ends in .glb, .png, .html or\n"
-    ".npz (the array path), writes only that file.",
+    "Writes a folder with the meshes time_0000.ply, ..., path.glb (an animation with morph\n"
+    "targets, for Blender and web viewers), path.png (a film strip), path.html (an\n"
+    "interactive page) and summary.json. If the output ends in .glb, .png, .html or .npz\n"
+    "(the array path), writes only that file.",
     "  riemhuman geodesic sit.ply stand.ply -o path/\n"
     "  riemhuman geodesic sit.ply stand.ply -o path.glb --n-nodes 21\n"
     "  riemhuman geodesic a.ply b.ply -o path/ --basis basis.npz -a 1 -l 1 -c 0 --json\n",
-    mesh("a_file", "A", "mesh to start from"),
-    mesh("b_file", "B", "mesh to end at"),
-    output("PATH", *_WRITERS, is_ours=_IS_OF_GEODESIC),
-    option("--n-nodes", "surfaces of the path", default=11, metavar="N"),
-    BASIS,
-    template("A"),
-    ALIGN,
-    metric_options(PATH_METRIC),
+    cli.mesh("a_file", "A", "mesh to start from"),
+    cli.mesh("b_file", "B", "mesh to end at"),
+    inputs.PATH_OUTPUT,
+    cli.option("--n-nodes", "surfaces of the path", default=11, metavar="N"),
+    inputs.BASIS,
+    cli.template("A"),
+    cli.ALIGN,
+    inputs.metric_options(inputs.PATH_METRIC),
 )
-def _geodesic(options: argparse.Namespace) -> Answer:
-    from riemhuman.io.outputs import atomic_folder
+def _geodesic(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.optional import import_optional
 
     if options.ending in ("", ".png"):
         import_optional("matplotlib", "plot")  # before the work, not after it
-    surfaces = read_surfaces(options, [options.a_file, options.b_file])
-    metric = chosen_metric(options, surfaces.template)
-    basis = chosen_basis(options, surfaces.template)
+    surfaces = inputs.read_surfaces(options, [options.a_file, options.b_file])
+    metric = inputs.chosen_metric(options, surfaces.template)
+    basis = inputs.chosen_basis(options, surfaces.template)
     solver = rh.solvers.BasisPath(basis, options.n_nodes, progress=options.bars)
     start = time.perf_counter()
-    with options.task(f"Geodesic, {metric_name(metric)}"):
+    with options.task(f"Geodesic, {inputs.metric_name(metric)}"):
         result = solver.solve(metric, *surfaces[:])
-    record = {
-        "from": options.a_file,
-        "to": options.b_file,
-        "metric": metric_record(metric),
-        "n_nodes": len(result.path),
+    values = {
         "energy": result.energy,
         "length": float(metric.length(result.path)),
-        "distance": float(metric.dist(result.path[0], result.path[-1])),
-        "energies": result.energies,
-        "seconds": time.perf_counter() - start,
+        "distance": float(metric.dist(result.path[0], result.path[-1])),  # no path is shorter
     }
-    text = {
-        "energy": f"{result.energy:.8g}",
-        "length": f"{record['length']:.8g}",
-        "distance": f"{record['distance']:.8g}  (a lower bound of the length)",
-    }
-    answer: Any = solved(result, text, record)
+    record = {"from": options.a_file, "to": options.b_file, "n_nodes": len(result.path)}
+    record |= {"metric": inputs.metric_record(metric), "energies": result.energies}
+    answer: Any = terminal.solved(result, values, seconds=time.perf_counter() - start, **record)
     description = (
         f"From {options.a_file.name} to {options.b_file.name} in {len(result.path)} surfaces: "
-        f"a path of least energy under the metric {metric_name(metric)}. Energy "
-        f"{result.energy:.4g}, length {record['length']:.4g}\u00a0m; no path is shorter than "
-        f"{record['distance']:.4g}\u00a0m. Converged: {answer.text['converged']}."
+        f"a path of least energy under the metric {inputs.metric_name(metric)}. Energy "
+        f"{result.energy:.4g}, length {values['length']:.4g}\u00a0m; no path is shorter than "
+        f"{values['distance']:.4g}\u00a0m. Converged: {answer.text['converged']}."
     )
-    faces = surfaces.faces
-    if options.ending:
-        _WRITERS[options.ending](options.output, result.path, faces, description)
-    else:
-        with atomic_folder(options.output, _IS_OF_GEODESIC) as folder:
-            with options.task("Meshes"):
-                digits = max(2, len(str(len(result.path) - 1)))
-                for number, surface in enumerate(result.path):
-                    rh.save_mesh(folder / f"time_{number:0{digits}d}.ply", surface, faces)
-            for kind, name in ((".glb", "Animation"), (".png", "Filmstrip"), (".html", "Page")):
-                with options.task(name):
-                    _WRITERS[kind](folder / f"path{kind}", result.path, faces, description)
-            (folder / _SUMMARY).write_text(as_json(answer.record) + "\n", encoding="utf-8")
+    inputs.write_path(
+        options,
+        result.path,
+        surfaces.faces,
+        "Geodesic between two bodies",
+        description,
+        mesh="time",
+        pages=("path.glb", "path.png", "path.html"),
+        summary=answer.record,
+    )
     return answer
 
 
-@command(
+@cli.command(
     "mean",
     "the Karcher mean of registered meshes",
     "Writes the body with the least mean squared distance from the meshes, searched over a\n"
@@ -166,21 +94,21 @@ def _geodesic(options: argparse.Namespace) -> Answer:
     "  riemhuman mean anna.ply ben.ply carl.ply -o mean.ply --align\n"
     "  riemhuman mean scans/ -o mean.obj --pose --picture mean.html\n"
     "  riemhuman mean scans/ -o mean.ply --basis basis.npz -a 1 -l 1 -c 0.1 --json\n",
-    FILES,
-    output("MESH", *MESH_ENDINGS),
-    BASIS,
-    template("the first mesh"),
-    ALIGN,
-    metric_options(PATH_METRIC),
-    PICTURE,
+    cli.FILES,
+    cli.output("MESH", *cli.MESH_ENDINGS),
+    inputs.BASIS,
+    cli.template("the first mesh"),
+    cli.ALIGN,
+    inputs.metric_options(inputs.PATH_METRIC),
+    cli.PICTURE,
 )
-def _mean(options: argparse.Namespace) -> Answer:
+def _mean(options: argparse.Namespace) -> cli.Answer:
     with options.task("Reading the meshes"):
-        surfaces = read_surfaces(options, options.meshes)
+        surfaces = inputs.read_surfaces(options, options.meshes)
         points = surfaces[:]
-    metric = chosen_metric(options, surfaces.template)
-    basis = chosen_basis(options, surfaces.template)
-    with options.task(f"Mean of {len(points)}, {metric_name(metric)}"):
+    metric = inputs.chosen_metric(options, surfaces.template)
+    basis = inputs.chosen_basis(options, surfaces.template)
+    with options.task(f"Mean of {len(points)}, {inputs.metric_name(metric)}"):
         result = rh.solvers.BasisMean(basis, progress=options.bars).solve(metric, points)
     rh.save_mesh(options.output, result.point, surfaces.faces)
     shown = None
@@ -190,20 +118,12 @@ def _mean(options: argparse.Namespace) -> Answer:
         shown = rh.plots.save_picture(
             options.picture, bodies, surfaces.faces, names, title=title, mean=True
         )
-    record = {
-        "files": surfaces.files,
-        "metric": metric_record(metric),
-        "variance": result.variance,
-        "variances": result.variances,
-    }
-    text = {
-        "variance": f"{result.variance:.8g}  (mean squared distance)",
-        "picture": shown,
-    }
-    return solved(result, text, record)
+    record = {"files": surfaces.files, "metric": inputs.metric_record(metric)}
+    values = {"variance": result.variance, "picture": shown}
+    return terminal.solved(result, values, variances=result.variances, **record)
 
 
-@command(
+@cli.command(
     "components",
     "principal components of registered meshes, and new bodies",
     "Finds the directions in which meshes differ most, by principal component analysis of\n"
@@ -214,16 +134,16 @@ def _mean(options: argparse.Namespace) -> Answer:
     "  riemhuman components scans/ -o components/\n"
     "  riemhuman components scans/ -o components/ -n 5 --samples 20 --seed 7\n"
     "  riemhuman components standing/*.ply -o how_they_stand/ --pose --align --json\n",
-    FILES,
-    output("FOLDER", is_ours=_IS_OF_COMPONENTS),
-    option("-n --n-components", "components", default=3, metavar="K"),
-    option("--samples", "number of random bodies", default=0, metavar="N"),
-    option("--seed", "seed of the random bodies", default=0, metavar="S"),
-    template("the first mesh"),
-    ALIGN,
-    metric_options(_COMPONENTS_METRIC),
+    cli.FILES,
+    cli.output("FOLDER", is_ours=_IS_OF_COMPONENTS),
+    cli.option("-n --n-components", "components", default=3, metavar="K"),
+    cli.option("--samples", "number of random bodies", default=0, metavar="N"),
+    cli.option("--seed", "seed of the random bodies", default=0, metavar="S"),
+    cli.template("the first mesh"),
+    cli.ALIGN,
+    inputs.metric_options(_COMPONENTS_METRIC),
 )
-def _components(options: argparse.Namespace) -> Answer:
+def _components(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.checks import whole_number
     from riemhuman.io.outputs import atomic_folder
 
@@ -236,14 +156,14 @@ def _components(options: argparse.Namespace) -> Answer:
     whole_number(options.samples, "--samples", minimum=0)
     whole_number(options.seed, "--seed", minimum=0)
     with options.task("Reading the meshes"):
-        surfaces = read_surfaces(options, options.meshes)
+        surfaces = inputs.read_surfaces(options, options.meshes)
         n = len(surfaces)
         if n <= count:
             raise ArgumentError(f"-n {count} needs at least {count + 1} meshes; found {n}")
         points = surfaces[:]
-    metric = chosen_metric(options, surfaces.template)
+    metric = inputs.chosen_metric(options, surfaces.template)
     metric.space.metric = metric
-    with options.task(f"Components of {n}, {metric_name(metric)}"):
+    with options.task(f"Components of {n}, {inputs.metric_name(metric)}"):
         nearest = rh.statistics.NearestSurface(progress=options.bars)
         pca = rh.statistics.TangentPCA(metric.space, count, nearest=nearest).fit(points)
     pca.nearest = None  # one progress bar over all bodies replaces one per body
@@ -251,7 +171,7 @@ def _components(options: argparse.Namespace) -> Answer:
         bodies = _bodies_of_components(pca, options)
     record = {
         "files": surfaces.files,
-        "metric": metric_record(metric),
+        "metric": inputs.metric_record(metric),
         "n_components": pca.n_components_,
         "explained_variance": pca.explained_variance_,
         "explained_variance_ratio": pca.explained_variance_ratio_,
@@ -268,12 +188,12 @@ def _components(options: argparse.Namespace) -> Answer:
             rh.save_mesh(folder / f"{name}.ply", surface, faces)
         page = folder / _COMPONENTS_PAGE
         rh.plots.save_picture(page, list(bodies.values()), faces, names, title=title)
-        (folder / _SUMMARY).write_text(as_json(record) + "\n", encoding="utf-8")
+        (folder / inputs.SUMMARY).write_text(terminal.as_json(record) + "\n", encoding="utf-8")
     said = [
         f"component {k + 1}  {100 * share:.1f} % of the variance"
         for k, share in enumerate(pca.explained_variance_ratio_)
     ]
-    return Answer("\n".join(said), record)
+    return cli.Answer("\n".join(said), record)
 
 
 def _bodies_of_components(pca: Any, options: argparse.Namespace) -> dict[str, ndarray]:
@@ -296,51 +216,50 @@ def _bodies_of_components(pca: Any, options: argparse.Namespace) -> dict[str, nd
     return bodies
 
 
-@command(
+@cli.command(
     "transfer",
     "a motion of one body replayed on another",
     "Replays a motion, a sequence of registered meshes, on another body of the same\n"
     "triangulation. By default the body must have the pose of the first mesh; with\n"
     "--transfer pose it may have any pose. Writes a folder with the meshes frame_0000.ply,\n"
-    "... and motion.html, a page that plays them. If the output ends in .glb (an animation)\n"
-    "or .npz (the array path), writes only that file.",
+    "... and motion.html, a page that plays them. If the output ends in .glb (an animation),\n"
+    ".png, .html or .npz (the array path), writes only that file.",
     "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben/\n"
     "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben.glb\n"
     "  riemhuman transfer run_*.obj --onto ben.ply --axes body -o run_of_ben.npz\n"
     "  riemhuman transfer hands_on_head/ --onto ben.ply --transfer pose -o ben_too/\n",
-    FILES,
-    path_option("--onto", "MESH", "body to move", required=True),
-    MOTION_OUTPUT,
-    option(
+    cli.FILES,
+    cli.path_option("--onto", "MESH", "body to move", required=True),
+    inputs.PATH_OUTPUT,
+    cli.option(
         "--axes",
         "axes about which triangles rotate: those of the world, or those of the body, for a body "
         "in another pose than the first mesh",
         choices=("world", "body"),
         default="world",
     ),
-    choice("--transfer", "replay changes since the first mesh, or poses", "change", "pose"),
-    UNIT,
+    cli.choice("--transfer", "replay changes since the first mesh, or poses", "change", "pose"),
+    cli.UNIT,
 )
-def _transfer(options: argparse.Namespace) -> Answer:
+def _transfer(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.progress import ProgressBar
 
-    surfaces = read_surfaces(options, [*options.meshes, options.onto])
+    surfaces = inputs.read_surfaces(options, [*options.meshes, options.onto])
     *files, onto = surfaces.files
     space = rh.AlignedSurfaces(surfaces.template, equip=False, scale=None)
     with options.task(f"Transfer of {len(files)} meshes"):
         solver = rh.solvers.MotionTransfer(options.axes, options.transfer)
         with ProgressBar(range(len(files)), disable=not options.bars, unit="mesh") as numbers:
             moved = solver.solve(space, (surfaces[k] for k in numbers), surfaces[len(files)])
-    with options.task("Output"):
-        meshes = f"{len(files)} meshes, {files[0].name} to {files[-1].name}"
-        description = f"{meshes}, replayed on {onto.name}."
-        write_motion(options, moved, surfaces.faces, "Motion", description)
+    meshes = f"{len(files)} meshes, {files[0].name} to {files[-1].name}"
+    description = f"{meshes}, replayed on {onto.name}."
+    inputs.write_path(options, moved, surfaces.faces, "Motion", description)
     record = {"files": files, "onto": onto, "axes": options.axes}
     record |= {"transfer": options.transfer, "n_frames": len(moved)}
-    return Answer({"meshes": len(moved)}, record)
+    return cli.Answer({"meshes": len(moved)}, record)
 
 
-@command(
+@cli.command(
     "disentangle",
     "a body with one mesh's shape and another's pose",
     "Brings the first mesh into the pose of the second by a smooth field of rotations, which\n"
@@ -349,16 +268,16 @@ def _transfer(options: argparse.Namespace) -> Answer:
     "  riemhuman disentangle anna_standing.ply ben_sitting.ply -o anna_sitting.ply\n"
     "  riemhuman disentangle a.ply b.ply -o both.obj --pose-weight 50 --json\n"
     "  riemhuman disentangle a.ply b.ply -o both.ply --basis basis.npz\n",
-    mesh("shape", "SHAPE", "mesh of the person"),
-    mesh("pose", "POSE", "mesh of the pose"),
-    output("MESH", *MESH_ENDINGS),
-    option("--pose-weight", "weight of the squared pose distance", default=1000.0, metavar="W"),
-    path_option("--basis", "NPZ", "deformations that the body may have (default: any)"),
-    template("SHAPE"),
-    PICTURE,
+    cli.mesh("shape", "SHAPE", "mesh of the person"),
+    cli.mesh("pose", "POSE", "mesh of the pose"),
+    cli.output("MESH", *cli.MESH_ENDINGS),
+    cli.option("--pose-weight", "weight of the squared pose distance", default=1000.0, metavar="W"),
+    cli.path_option("--basis", "NPZ", "deformations that the body may have (default: any)"),
+    cli.template("SHAPE"),
+    cli.PICTURE,
 )
-def _disentangle(options: argparse.Namespace) -> Answer:
-    surfaces = read_surfaces(options, [options.shape, options.pose])
+def _disentangle(options: argparse.Namespace) -> cli.Answer:
+    surfaces = inputs.read_surfaces(options, [options.shape, options.pose])
     space = rh.AlignedSurfaces(surfaces.template, equip=False, scale=None)
     basis = rh.DeformationBasis.load(options.basis) if options.basis else None
     solver = rh.solvers.Disentangling(basis, pose_weight=options.pose_weight, progress=options.bars)
@@ -375,21 +294,12 @@ def _disentangle(options: argparse.Namespace) -> Answer:
         rh.plots.save_picture(
             options.picture, bodies, surfaces.faces, names, title="Shape and pose"
         )
-    record = {
-        "shape": options.shape,
-        "pose": options.pose,
-        "pose_weight": options.pose_weight,
-        "shape_distance": result.shape_dist,
-        "pose_distance": result.pose_dist,
-    }
-    text = {
-        "distance in shape": f"{result.shape_dist:.8g}",
-        "distance in pose": f"{result.pose_dist:.8g}",
-    }
-    return solved(result, text, record)
+    values = {"shape distance": result.shape_dist, "pose distance": result.pose_dist}
+    record = {"shape": options.shape, "pose": options.pose, "pose_weight": options.pose_weight}
+    return terminal.solved(result, values, **record)
 
 
-@command(
+@cli.command(
     "align",
     "registered meshes aligned with a template",
     "Rotates and translates meshes onto the template by Procrustes alignment, without\n"
@@ -398,17 +308,17 @@ def _disentangle(options: argparse.Namespace) -> Answer:
     "  riemhuman align scans/ -o aligned/\n"
     "  riemhuman align scans/ -o aligned/ --template anna.ply\n"
     "  riemhuman align scans/ -o aligned/ --unit millimetres --up z\n",
-    FILES,
-    output("FOLDER", is_ours=_IS_ALIGNED),
-    template("the first mesh", "to align with"),
+    cli.FILES,
+    cli.output("FOLDER", is_ours=_IS_ALIGNED),
+    cli.template("the first mesh", "to align with"),
 )
-def _align(options: argparse.Namespace) -> Answer:
+def _align(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     from riemhuman.io.outputs import atomic_folder
 
     options.align = True
-    surfaces = read_surfaces(options, options.meshes)
+    surfaces = inputs.read_surfaces(options, options.meshes)
     names = [file.name for file in surfaces.files]
     if len(set(names)) < len(names):
         raise ArgumentError(
@@ -425,10 +335,10 @@ def _align(options: argparse.Namespace) -> Answer:
         rh.plots.save_picture(folder / _ALIGNED_PAGE, points, faces, titles, title="Aligned meshes")
     said = ["root mean square distances from the template, in metres:"]
     said += [f"{distance:.6f}  {name}" for name, distance in zip(names, distances, strict=True)]
-    return Answer("\n".join(said), {"files": surfaces.files, "root_mean_square": distances})
+    return cli.Answer("\n".join(said), {"files": surfaces.files, "root_mean_square": distances})
 
 
-@command(
+@cli.command(
     "fit",
     "shape and pose of a body model for registered meshes",
     "Fits the shape coefficients, pose and translation of a body model to meshes that share\n"
@@ -437,19 +347,19 @@ def _align(options: argparse.Namespace) -> Answer:
     "  riemhuman fit scans/ -o fits.npz                       # the open model\n"
     "  riemhuman fit anna.ply ben.ply -o fits.npz --model SMPL.npz\n"
     "  riemhuman fit scans/ -o fits.npz --picture fits.html --json\n",
-    FILES,
-    output("NPZ", ".npz"),
-    MODEL,
-    ANY_SCALE,
-    UNIT,
-    PICTURE,
+    cli.FILES,
+    cli.output("NPZ", ".npz"),
+    cli.MODEL,
+    cli.ANY_SCALE,
+    cli.UNIT,
+    cli.PICTURE,
 )
-def _fit(options: argparse.Namespace) -> Answer:
+def _fit(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     from riemhuman.progress import ProgressBar
 
-    surfaces = read_surfaces(options, options.meshes)
+    surfaces = inputs.read_surfaces(options, options.meshes)
     files = surfaces.files
     model = _fitted_model(options, surfaces.template.n_vertices, files[0])
     with options.task(f"Fit of {len(files)} meshes"):
@@ -477,7 +387,7 @@ def _fit(options: argparse.Namespace) -> Answer:
         for name, mean, done in zip(names, means, converged, strict=True)
     ]
     record = {"files": files, "mean_distance_mm": means, "converged": converged}
-    return Answer("\n".join(said), record, trusted=all(converged))
+    return cli.Answer("\n".join(said), record, trusted=all(converged))
 
 
 def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> Any:
@@ -489,11 +399,11 @@ def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> 
             return model
     raise ArgumentError(
         f"the meshes have {n_vertices:,} vertices, but the open model has 1,202 or 13,348; "
-        f"give the model that they are registered to with --model FILE, or {advice(first)}"
+        f"give the model that they are registered to with --model FILE, or {inputs.advice(first)}"
     )
 
 
-@command(
+@cli.command(
     "basis",
     "a basis of deformations from motions",
     "Writes the principal components of the deformations in motions, for geodesics and\n"
@@ -504,17 +414,19 @@ def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> 
     "  riemhuman basis registrations_m.hdf5 --sequences punching knees -o basis.npz\n"
     "  riemhuman basis walk/ jump/ -o basis.npz --step 5 --n-components 40\n"
     "  riemhuman basis --open --resolution coarse -o basis.npz\n",
-    path_option("motions", "MOTIONS", "HDF5 files or folders", nargs="*"),
-    flag("--open", "use the open motions that ship with the package"),
-    choice("--resolution", "with --open: 13,348 or 1,202 vertices", "full", "coarse"),
-    option("--subjects", "with --open or HDF5: only these people", nargs="+", metavar="NAME"),
-    option("--sequences", "with --open or HDF5: only these motions", nargs="+", metavar="NAME"),
-    output("NPZ", ".npz"),
-    option("-n --n-components", "components", default=100, metavar="K"),
-    option("--step", "frames between the two surfaces of a deformation", default=10, metavar="N"),
-    UNIT,
+    cli.path_option("motions", "MOTIONS", "HDF5 files or folders", nargs="*"),
+    cli.flag("--open", "use the open motions that ship with the package"),
+    cli.choice("--resolution", "with --open: 13,348 or 1,202 vertices", "full", "coarse"),
+    cli.option("--subjects", "with --open or HDF5: only these people", nargs="+", metavar="NAME"),
+    cli.option("--sequences", "with --open or HDF5: only these motions", nargs="+", metavar="NAME"),
+    cli.output("NPZ", ".npz"),
+    cli.option("-n --n-components", "components", default=100, metavar="K"),
+    cli.option(
+        "--step", "frames between the two surfaces of a deformation", default=10, metavar="N"
+    ),
+    cli.UNIT,
 )
-def _basis(options: argparse.Namespace) -> Answer:
+def _basis(options: argparse.Namespace) -> cli.Answer:
     motions = _basis_motions(options)
     n_frames = sum(len(motion) for motion in motions)
     with options.task(f"{len(motions)} motions, {n_frames:,} frames"):
@@ -535,53 +447,33 @@ def _basis(options: argparse.Namespace) -> Answer:
     said = [f"{basis.n_components} deformations of {basis.n_vertices:,} vertices"]
     if explained is not None:
         said.append(f"{100 * explained:.3f} % of the variance of the motions")
-    return Answer("\n".join(said), record)
+    return cli.Answer("\n".join(said), record)
 
 
 def _basis_motions(options: argparse.Namespace) -> list[Any]:
     """Return the chosen motions, whose frames are read when they are needed."""
-    from riemhuman.io.mesh_arrays import face_difference
-
     if options.open == bool(options.motions):
         raise ArgumentError("give either HDF5 files or folders of motions, or --open")
     chosen = {"subjects": options.subjects, "sequences": options.sequences}
     if options.open:
         return list(rh.datasets.load_open_motions(options.resolution, **chosen))
-    if (options.unit or options.up) and not any(map(Path.is_dir, options.motions)):
-        raise ArgumentError("--unit and --up are for folders of meshes; HDF5 files are in metres")
-    motions: list[Any] = []
-    for place in options.motions:
-        if place.is_dir() and not list(place.glob("*.hdf5")):
-            if any(chosen.values()):
-                raise ArgumentError(
-                    f"--subjects and --sequences choose from HDF5 files; {place} is a folder of "
-                    "meshes"
-                )
-            motions += rh.datasets.load_mesh_motions(place, unit=options.unit, up=options.up)
-        else:
-            motions += rh.datasets.load_dfaust(place, **chosen)
-    for motion in motions[1:]:
-        difference = face_difference(motion.faces, motions[0].faces)
-        if difference:
-            raise ArgumentError(
-                f"all motions must share one triangulation; {motion.sequence} and "
-                f"{motions[0].sequence} do not: {difference}"
-            )
-    return motions
+    return [motion for _, motion, _ in inputs.read_motions(options, options.motions, **chosen)]
 
 
-@command(
+@cli.command(
     "convert-model",
     "plain arrays from a body model's pickle",
     "Writes a model of the SMPL family as an .npz file of plain arrays. A pickle is code: it\n"
     "is read as data and never run, and a call that is not known is refused by name.",
     "  riemhuman convert-model basicmodel_neutral_lbs_10_207_0_v1.0.0.pkl -o SMPL.npz\n"
     "  riemhuman convert-model smplh/female/model.npz -o SMPLH_female.npz --n-betas 16\n",
-    path_option("source", "MODEL", ".pkl or .npz file"),
-    output("NPZ", ".npz"),
-    option("--n-betas", "shape coefficients (default: 10 of 300, else all)", type=int, metavar="B"),
+    cli.path_option("source", "MODEL", ".pkl or .npz file"),
+    cli.output("NPZ", ".npz"),
+    cli.option(
+        "--n-betas", "shape coefficients (default: 10 of 300, else all)", type=int, metavar="B"
+    ),
 )
-def _convert_model(options: argparse.Namespace) -> Answer:
+def _convert_model(options: argparse.Namespace) -> cli.Answer:
     with options.task("Converting"):
         model = rh.bodies.convert_model(options.source, options.output, n_betas=options.n_betas)
     contents = rh.bodies.model_contents(options.source, options.n_betas)
@@ -590,4 +482,4 @@ def _convert_model(options: argparse.Namespace) -> Answer:
         "shape coefficients"
     )
     record = {"vertices": model.n_vertices, "joints": model.n_joints}
-    return Answer(text, record | {"shape_coefficients": model.n_betas})
+    return cli.Answer(text, record | {"shape_coefficients": model.n_betas})

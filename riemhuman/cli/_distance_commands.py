@@ -8,35 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
-from riemhuman.cli._commands import (
-    ALIGN,
-    FIGURE_ENDINGS,
-    FOLDER,
-    UNIT,
-    Answer,
-    Argument,
-    choice,
-    command,
-    flag,
-    mesh,
-    option,
-    output,
-    path_option,
-    several,
-    template,
-)
-from riemhuman.cli._inputs import (
-    BASIS,
-    Surfaces,
-    chosen_basis,
-    chosen_metric,
-    metric_name,
-    metric_options,
-    metric_record,
-    read_surfaces,
-    save_figure,
-)
-from riemhuman.cli._terminal import csv_text, matrix_rows, note
+from riemhuman.cli import _commands as cli
+from riemhuman.cli import _inputs as inputs
+from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError
 
 if TYPE_CHECKING:
@@ -70,31 +44,39 @@ def _check_body_set(options: argparse.Namespace) -> None:
         rh.extensions.extension("readers", options.reader[0])
 
 
-_BODY_SET = several(
-    several(
-        option(
+_BODY_SET = cli.several(
+    cli.several(
+        cli.option(
             "--open",
             "open bodies of the body model alone (plain, the default), or with individual poses, "
             "self-contact and soft tissue (natural)",
             choices=("plain", "natural"),
         ),
-        option(
+        cli.option(
             "--faust", "registrations of MPI FAUST instead (tr_reg_000.ply ...)", metavar="FOLDER"
         ),
-        option("--bodies", "registered meshes of a folder instead; see --labels", metavar="FOLDER"),
-        option("--reader", "bodies by another package's reader", nargs=2, metavar=("NAME", "PATH")),
+        cli.option(
+            "--bodies", "registered meshes of a folder instead; see --labels", metavar="FOLDER"
+        ),
+        cli.option(
+            "--reader", "bodies by another package's reader", nargs=2, metavar=("NAME", "PATH")
+        ),
         exclusive=True,
     ),
-    option("--people", "ten other open people, drawn with this seed", metavar="SEED", type=int),
-    option(
+    cli.option("--people", "ten other open people, drawn with this seed", metavar="SEED", type=int),
+    cli.option(
         "--labels",
         "with --bodies: a table with the columns file, subject and pose (default: labels.csv in "
         "the folder)",
         metavar="CSV",
     ),
-    path_option("--template", "MESH", "with --faust or --bodies: template (default: first mesh)"),
-    flag("--allow-missing", "with --faust or --bodies: leave out bodies without a file or a label"),
-    UNIT,
+    cli.path_option(
+        "--template", "MESH", "with --faust or --bodies: template (default: first mesh)"
+    ),
+    cli.flag(
+        "--allow-missing", "with --faust or --bodies: leave out bodies without a file or a label"
+    ),
+    cli.UNIT,
     check=_check_body_set,
 )
 
@@ -128,7 +110,7 @@ def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
     return bodies
 
 
-@command(
+@cli.command(
     "tables",
     "retrieval tables: who is it, how do they stand?",
     "Computes all distances between registered human bodies, and prints how well they find\n"
@@ -141,10 +123,10 @@ def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
     "  riemhuman tables --bodies scans/ --labels scans/labels.csv\n"
     "  riemhuman tables --all --resolution coarse    # also descriptors and model vectors\n",
     _BODY_SET,
-    choice("--resolution", "open bodies of 13,348 or 1,202 vertices", "full", "coarse"),
-    flag("--all", "all representations, with mean average precision and times; takes minutes"),
+    cli.choice("--resolution", "open bodies of 13,348 or 1,202 vertices", "full", "coarse"),
+    cli.flag("--all", "all representations, with mean average precision and times; takes minutes"),
 )
-def _tables(options: argparse.Namespace) -> Answer:
+def _tables(options: argparse.Namespace) -> cli.Answer:
     with options.task("Loading the bodies"):
         bodies = _read_body_set(options, options.resolution)
     n_people, n_poses = (
@@ -160,7 +142,7 @@ def _tables(options: argparse.Namespace) -> Answer:
         with options.task("All representations"):
             records = rh.report.benchmark(bodies, compared, n_jobs=-1, progress=options.bars)
         text = f"{head}\n\n{rh.report.format_benchmark(records)}"
-        return Answer(text, [asdict(record) for record in records])
+        return cli.Answer(text, [asdict(record) for record in records])
     natural = options.open == "natural"
     found = rh.report.retrieval_tables(bodies, learned=natural, task=options.task)
     record = {
@@ -174,10 +156,10 @@ def _tables(options: argparse.Namespace) -> Answer:
     if natural:
         end += " Among other people: other bodies of the same person are left out."
     parts = [rh.retrieval.format_table(title, rows) for title, rows in found.items()]
-    return Answer("\n\n".join([head, *parts, end]), record)
+    return cli.Answer("\n\n".join([head, *parts, end]), record)
 
 
-@command(
+@cli.command(
     "dist",
     "distance between two registered meshes",
     "Prints the distance between two meshes that share one triangulation (PLY, OBJ, OFF), and on\n"
@@ -185,28 +167,28 @@ def _tables(options: argparse.Namespace) -> Answer:
     "  riemhuman dist anna_1.ply ben_1.ply             # who it is\n"
     "  riemhuman dist anna_1.ply anna_2.ply --pose     # how they stand\n"
     "  riemhuman dist a.obj b.obj -a 1 -l 0.01 -c 0.5 --align --json\n",
-    mesh("a_file", "A"),
-    mesh("b_file", "B"),
-    template("A"),
-    ALIGN,
-    metric_options(),
+    cli.mesh("a_file", "A"),
+    cli.mesh("b_file", "B"),
+    cli.template("A"),
+    cli.ALIGN,
+    inputs.metric_options(),
 )
-def _dist(options: argparse.Namespace) -> Answer:
-    surfaces = read_surfaces(options, [options.a_file, options.b_file])
-    metric = chosen_metric(options, surfaces.template)
+def _dist(options: argparse.Namespace) -> cli.Answer:
+    surfaces = inputs.read_surfaces(options, [options.a_file, options.b_file])
+    metric = inputs.chosen_metric(options, surfaces.template)
     distance = float(metric.dist(*surfaces[:]))
     if not (options.quiet or options.align or metric.is_rotation_invariant):
         _note_rotation(*surfaces[:])
     record = {
         "distance": distance,
-        "metric": metric_record(metric),
+        "metric": inputs.metric_record(metric),
         "files": surfaces.files,
         "template": options.template or options.a_file,
         "aligned": options.align,
     }
     if not (options.quiet or options.json or options.any_scale):
         _note_typical_distances(options)
-    return Answer(f"{distance:.10g}", record)
+    return cli.Answer(f"{distance:.10g}", record)
 
 
 def _note_rotation(first: ndarray, second: ndarray) -> None:
@@ -218,7 +200,7 @@ def _note_rotation(first: ndarray, second: ndarray) -> None:
     rotation = np.linalg.lstsq(offsets, aligned - aligned.mean(axis=0), rcond=None)[0]
     angle = np.degrees(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0)))
     if angle > _LARGE_ROTATION:
-        note(
+        terminal.note(
             f"warning: B is rotated by about {angle:.0f}° relative to A, which this metric counts; "
             "--align removes the rotation"
         )
@@ -232,20 +214,22 @@ def _note_typical_distances(options: argparse.Namespace) -> None:
     some = (bodies.subject < _N_TYPICAL_PEOPLE) & (bodies.pose < _N_TYPICAL_POSES)
     person, pose = bodies.subject[some], bodies.pose[some]
     try:
-        distances = chosen_metric(options, bodies.template).dist_pairwise(bodies.points[some])
+        distances = inputs.chosen_metric(options, bodies.template).dist_pairwise(
+            bodies.points[some]
+        )
     except RiemhumanError:  # a metric of another package may not apply to them
         return
     same_person = person[:, None] == person
     same_pose = pose[:, None] == pose
     one_person = np.median(distances[same_person & ~same_pose])
     one_pose = np.median(distances[same_pose & ~same_person])
-    note(
+    terminal.note(
         f"among the open bodies, the same person in another pose is at about {one_person:.2g}, "
         f"another person in the same pose at about {one_pose:.2g}"
     )
 
 
-@command(
+@cli.command(
     "matrix",
     "all distances within a folder of registered meshes",
     "Writes all distances between the meshes of a folder, with their names: an .npz file with\n"
@@ -258,34 +242,36 @@ def _note_typical_distances(options: argparse.Namespace) -> None:
     "  riemhuman matrix thousands/ -o D.npz --resume work/     # run it again to go on\n"
     "  riemhuman matrix scans/ -o D.npz --paths --basis basis.npz -a 1 -l 1 -c 0.1\n"
     "  riemhuman matrix scans/ --csv - --quiet | column -s, -t\n",
-    FOLDER,
-    output("NPZ", ".npz", required=False),
-    output(
+    cli.FOLDER,
+    cli.output("NPZ", ".npz", required=False),
+    cli.output(
         "CSV",
         *(".csv", ".tsv", ".txt"),
         text="table to write; - is standard output",
         flags="--csv",
         required=False,
     ),
-    option("--jobs", "threads (default: one per core)", metavar="N", type=int, default=-1),
-    choice("--precision", "single is faster, with relative errors below 1e-5", "double", "single"),
-    path_option("--resume", "FOLDER", "folder that keeps the work, to resume it later"),
-    flag("--paths", "also find paths and their lengths"),
-    option("--n-nodes", f"surfaces of a path (default: {_N_NODES})", type=int, metavar="N"),
-    BASIS,
-    template("the first mesh"),
-    ALIGN,
-    metric_options(),
+    cli.option("--jobs", "threads (default: one per core)", metavar="N", type=int, default=-1),
+    cli.choice(
+        "--precision", "single is faster, with relative errors below 1e-5", "double", "single"
+    ),
+    cli.path_option("--resume", "FOLDER", "folder that keeps the work, to resume it later"),
+    cli.flag("--paths", "also find paths and their lengths"),
+    cli.option("--n-nodes", f"surfaces of a path (default: {_N_NODES})", type=int, metavar="N"),
+    inputs.BASIS,
+    cli.template("the first mesh"),
+    cli.ALIGN,
+    inputs.metric_options(),
 )
-def _matrix(options: argparse.Namespace) -> Answer:
+def _matrix(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     from riemhuman.io.files import write_text
 
     _check_matrix_options(options)
-    surfaces = read_surfaces(options, rh.datasets.find_meshes(options.folder))
-    metric = chosen_metric(options, surfaces.template)
-    name = metric_name(metric)
+    surfaces = inputs.read_surfaces(options, rh.datasets.find_meshes(options.folder))
+    metric = inputs.chosen_metric(options, surfaces.template)
+    name = inputs.metric_name(metric)
     n_pairs = len(surfaces) * (len(surfaces) - 1) // 2
     paths = None
     try:
@@ -297,22 +283,26 @@ def _matrix(options: argparse.Namespace) -> Answer:
                 matrices = {"distances": _distances(metric, surfaces, options)}
     except KeyboardInterrupt:
         if options.resume is not None:
-            note(f"finished work is kept in {options.resume}; the same command continues it")
+            terminal.note(
+                f"finished work is kept in {options.resume}; the same command continues it"
+            )
         raise
 
     names = [file.name for file in surfaces.files]
-    text = csv_text(matrix_rows(names, matrices["lengths" if options.paths else "distances"]))
+    text = terminal.csv_text(
+        terminal.matrix_rows(names, matrices["lengths" if options.paths else "distances"])
+    )
     if options.output is not None:
         arrays = {**matrices, "names": np.array(names), "metric": np.array(name)}
         rh.io.save_arrays(options.output, arrays)
-    record = {"names": names, **matrices, "metric": metric_record(metric)}
+    record = {"names": names, **matrices, "metric": inputs.metric_record(metric)}
     if options.csv == "-":
-        return Answer(text.rstrip("\n"), record, written=False)
+        return cli.Answer(text.rstrip("\n"), record, written=False)
     if options.csv is not None:
         write_text(options.csv, text)
     said = [f"{len(names)} meshes, {n_pairs:,} distances, {name}"]
     said += [] if paths is None else [f"{_excess(paths)}; {paths.message}"]
-    return Answer("\n".join(said), record)
+    return cli.Answer("\n".join(said), record)
 
 
 def _check_matrix_options(options: argparse.Namespace) -> None:
@@ -322,15 +312,15 @@ def _check_matrix_options(options: argparse.Namespace) -> None:
         raise ArgumentError("--json and --csv - both write to standard output; leave one out")
     for name in ("n_nodes", "basis", "n_components"):
         if getattr(options, name) is not None and not options.paths:
-            flag = name.replace("_", "-")
-            raise ArgumentError(f"--{flag} needs --paths; add that, or leave it out")
+            cli.flag = name.replace("_", "-")
+            raise ArgumentError(f"--{cli.flag} needs --paths; add that, or leave it out")
     if options.paths and options.precision != "double":
         raise ArgumentError(
             f"--precision {options.precision} cannot be combined with --paths; leave out one"
         )
 
 
-def _distances(metric: Any, surfaces: Surfaces, options: argparse.Namespace) -> ndarray:
+def _distances(metric: Any, surfaces: inputs.Surfaces, options: argparse.Namespace) -> ndarray:
     settings = {"precision": options.precision, "progress": options.bars}
     matrix: ndarray
     if options.resume is None:
@@ -342,15 +332,17 @@ def _distances(metric: Any, surfaces: Surfaces, options: argparse.Namespace) -> 
     return matrix
 
 
-def _path_distances(metric: Any, surfaces: Surfaces, options: argparse.Namespace) -> PathDistances:
+def _path_distances(
+    metric: Any, surfaces: inputs.Surfaces, options: argparse.Namespace
+) -> PathDistances:
     if len(surfaces) < 2:
         raise ArgumentError(f"{options.folder} holds one mesh; paths need two")
-    basis = chosen_basis(options, surfaces.template)
+    basis = inputs.chosen_basis(options, surfaces.template)
     n_nodes = _N_NODES if options.n_nodes is None else options.n_nodes
     solver, points = rh.solvers.BasisPath(basis, n_nodes=n_nodes), surfaces[:]
     settings = {"n_jobs": options.jobs, "progress": options.bars}
     paths: PathDistances
-    with options.task(f"Paths, {metric_name(metric)}"):
+    with options.task(f"Paths, {inputs.metric_name(metric)}"):
         if options.resume is None:
             paths = rh.solvers.path_distances(solver, metric, points, **settings)
         else:
@@ -371,7 +363,7 @@ def _excess(paths: PathDistances) -> str:
     )
 
 
-@command(
+@cli.command(
     "retrieve",
     "the meshes of a folder nearest to a query",
     "Prints the meshes of a folder that are nearest to a query, nearest first: rank,\n"
@@ -379,14 +371,14 @@ def _excess(paths: PathDistances) -> str:
     "  riemhuman retrieve anna_1.ply scans/            # the same person\n"
     "  riemhuman retrieve anna_1.ply scans/ --pose -k 10\n"
     "  riemhuman retrieve anna_1.ply scans/ -k 1 --json\n",
-    mesh("query", "QUERY"),
-    FOLDER,
-    option("-k", "number of meshes to print", default=5, metavar="K"),
-    template("QUERY"),
-    ALIGN,
-    metric_options(),
+    cli.mesh("query", "QUERY"),
+    cli.FOLDER,
+    cli.option("-k", "number of meshes to print", default=5, metavar="K"),
+    cli.template("QUERY"),
+    cli.ALIGN,
+    inputs.metric_options(),
 )
-def _retrieve(options: argparse.Namespace) -> Answer:
+def _retrieve(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     if options.k < 1:
@@ -397,23 +389,23 @@ def _retrieve(options: argparse.Namespace) -> Answer:
     if not files:
         raise ArgumentError(f"{options.folder} holds no mesh other than the query")
     options.template = options.template or query
-    asked: Any = read_surfaces(options, [query])
-    others: Any = read_surfaces(options, files)
-    metric = chosen_metric(options, asked.template)
-    with options.task(f"{len(files):,} distances, {metric_name(metric)}"):
+    asked: Any = inputs.read_surfaces(options, [query])
+    others: Any = inputs.read_surfaces(options, files)
+    metric = inputs.chosen_metric(options, asked.template)
+    with options.task(f"{len(files):,} distances, {inputs.metric_name(metric)}"):
         (distances,) = metric.cdist(asked[:], others, -1, precision="double", progress=options.bars)
     nearest = np.argsort(distances, kind="stable")[: options.k]
     results = [{"file": files[i], "distance": distances[i]} for i in nearest]
     said = [f"{rank:>3}  {distances[i]:.6f}  {files[i]}" for rank, i in enumerate(nearest, start=1)]
-    record = {"query": query, "metric": metric_record(metric), "results": results}
-    return Answer("\n".join(said), record)
+    record = {"query": query, "metric": inputs.metric_record(metric), "results": results}
+    return cli.Answer("\n".join(said), record)
 
 
-def _matrix_options(*, required: bool) -> Argument:
-    return several(
-        path_option("matrix", "NPZ", "distance matrix, see riemhuman matrix"),
-        path_option("--labels", "CSV", "table of file, subject and pose", required=required),
-        flag("--allow-missing", "leave out meshes without labels, and labels without a mesh"),
+def _matrix_options(*, required: bool) -> cli.Argument:
+    return cli.several(
+        cli.path_option("matrix", "NPZ", "distance matrix, see riemhuman matrix"),
+        cli.path_option("--labels", "CSV", "table of file, subject and pose", required=required),
+        cli.flag("--allow-missing", "leave out meshes without labels, and labels without a mesh"),
     )
 
 
@@ -437,7 +429,7 @@ def _read_labelled_matrix(options: argparse.Namespace) -> tuple[ndarray, dict[st
     return distances[numbers][:, numbers], labels
 
 
-@command(
+@cli.command(
     "scores",
     "how well a distance matrix finds people and poses",
     "Prints how many of the nearest meshes share the person, and how many share the pose:\n"
@@ -447,7 +439,7 @@ def _read_labelled_matrix(options: argparse.Namespace) -> tuple[ndarray, dict[st
     "  riemhuman scores D.npz --labels labels.csv --json\n",
     _matrix_options(required=True),
 )
-def _scores(options: argparse.Namespace) -> Answer:
+def _scores(options: argparse.Namespace) -> cli.Answer:
     distances, both = _read_labelled_matrix(options)
     scores = {
         name: rh.retrieval.scores(distances, labels)
@@ -460,10 +452,10 @@ def _scores(options: argparse.Namespace) -> Answer:
     for name, own in scores.items():
         values = (own.nn, own.first_tier, own.second_tier, own.mean_average_precision)
         said.append(f"{_QUESTIONS[name]:<20}{''.join(f'{value:8.1f}' for value in values)}")
-    return Answer("\n".join(said), {name: asdict(own) for name, own in scores.items()})
+    return cli.Answer("\n".join(said), {name: asdict(own) for name, own in scores.items()})
 
 
-@command(
+@cli.command(
     "plot",
     "a map of a distance matrix",
     "Draws the meshes of a distance matrix, see riemhuman matrix, as points in the plane by\n"
@@ -473,11 +465,11 @@ def _scores(options: argparse.Namespace) -> Answer:
     "  riemhuman plot D.npz --labels labels.csv -o people.svg\n"
     "  riemhuman plot D.npz --labels labels.csv --by pose --method t-sne -o poses.pdf\n",
     _matrix_options(required=False),
-    output("FILE", *FIGURE_ENDINGS, text="picture to write: .png, .svg or .pdf"),
-    choice("--by", "label that the colours show", *_QUESTIONS),
-    choice("--method", "method that places the points", "mds", "t-sne"),
+    cli.output("FILE", *cli.FIGURE_ENDINGS, text="picture to write: .png, .svg or .pdf"),
+    cli.choice("--by", "label that the colours show", *_QUESTIONS),
+    cli.choice("--method", "method that places the points", "mds", "t-sne"),
 )
-def _plot(options: argparse.Namespace) -> Answer:
+def _plot(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     from riemhuman.optional import import_optional
@@ -503,15 +495,15 @@ def _plot(options: argparse.Namespace) -> Answer:
         unit = None if stress is None else "m"
         ax = rh.plots.plot_embedding(positions, items, classes, item_names=item_names, unit=unit)
         ax.set_xlabel(scale)
-        save_figure(ax.figure, options.output)
+        inputs.save_figure(ax.figure, options.output)
     text = {
         "meshes": f"{len(items)}, {options.method}",
         "stress": stress and f"{stress:.3f}  (0 would preserve all distances)",
     }
-    return Answer(text, {"meshes": len(items), "method": options.method, "stress": stress})
+    return cli.Answer(text, {"meshes": len(items), "method": options.method, "stress": stress})
 
 
-@command(
+@cli.command(
     "report",
     "a page with the paper's experiments",
     "Repeats the paper's experiments and writes a report into a folder: index.html, which\n"
@@ -524,17 +516,17 @@ def _plot(options: argparse.Namespace) -> Answer:
     "  riemhuman report --faust ~/MPI-FAUST --dfaust registrations_m.hdf5 -o faust-report\n"
     "  riemhuman report --bodies scans/ --labels scans/labels.csv -o scans-report\n",
     _BODY_SET,
-    option("--dfaust", "motions of Dynamic FAUST for the basis of geodesics", metavar="FILE"),
-    path_option(
+    cli.option("--dfaust", "motions of Dynamic FAUST for the basis of geodesics", metavar="FILE"),
+    cli.path_option(
         "-o --output",
         "FOLDER",
         "folder to write (default: riemhuman-report)",
         default=Path("riemhuman-report"),
     ),
-    path_option("--scans", "FOLDER", "also show the scans registered into this folder"),
-    flag("--quick", "a smaller report, in half a minute"),
+    cli.path_option("--scans", "FOLDER", "also show the scans registered into this folder"),
+    cli.flag("--quick", "a smaller report, in half a minute"),
 )
-def _report(options: argparse.Namespace) -> Answer:
+def _report(options: argparse.Namespace) -> cli.Answer:
     with options.task("Loading the bodies"):
         bodies = _read_body_set(options, "coarse" if options.quick else "full")
     basis = None
@@ -551,4 +543,4 @@ def _report(options: argparse.Namespace) -> Answer:
         progress=options.task,
         bars=options.bars,
     )
-    return Answer(str(page), {"output": page})
+    return cli.Answer(str(page), {"output": page})

@@ -8,27 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
-from riemhuman.cli._commands import (
-    ANY_SCALE,
-    UNIT,
-    Answer,
-    command,
-    flag,
-    output,
-    path_option,
-)
-from riemhuman.cli._inputs import advice, read_recording, read_surfaces
+from riemhuman.cli import _commands as cli
+from riemhuman.cli import _inputs as inputs
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
     from numpy import ndarray
 
-_HDF5_ENDINGS = (".hdf5", ".h5")
-_PICKLE_ENDINGS = (".pkl", ".pickle")
-_POINT_ENDINGS = (".xyz", ".npy")
 
-
-@command(
+@cli.command(
     "view",
     "an interactive page of bodies or of a path",
     "Writes a page for any browser, without a network connection: registered meshes side by\n"
@@ -38,14 +26,14 @@ _POINT_ENDINGS = (".xyz", ".npy")
     "  riemhuman view walk/ --motion -o walk.html\n"
     "  riemhuman view path.npz -o path.html --open\n"
     "  riemhuman view walk.bvh -o walk.html\n",
-    path_option("meshes", "FILES", "meshes, folders, an .npz, or a .bvh", nargs="+"),
-    output("HTML", ".html"),
-    flag("--motion", "the meshes are the frames of one motion"),
-    flag("--open", "open the page in the browser"),
-    ANY_SCALE,
-    UNIT,
+    cli.path_option("meshes", "FILES", "meshes, folders, an .npz, or a .bvh", nargs="+"),
+    cli.output("HTML", ".html"),
+    cli.flag("--motion", "the meshes are the frames of one motion"),
+    cli.flag("--open", "open the page in the browser"),
+    cli.ANY_SCALE,
+    cli.UNIT,
 )
-def _view(options: argparse.Namespace) -> Answer:
+def _view(options: argparse.Namespace) -> cli.Answer:
     import webbrowser
 
     first = options.meshes[0]
@@ -54,7 +42,7 @@ def _view(options: argparse.Namespace) -> Answer:
         if ending in (".npz", ".bvh") and len(options.meshes) > 1:
             raise ArgumentError(f"give either one {ending} file with a path, or meshes")
         if ending == ".bvh":
-            motion = read_recording(first)
+            motion = inputs.read_recording(first)
             seconds = len(motion) / motion.frames_per_second
             viewer = rh.plots.view_path(motion[:], motion.faces, title=first.name, seconds=seconds)
         elif ending == ".npz":
@@ -62,7 +50,7 @@ def _view(options: argparse.Namespace) -> Answer:
             title = f"Path in {first.name}"
             viewer = rh.plots.view_path(arrays["path"], arrays["faces"], title=title)
         else:
-            surfaces = read_surfaces(options, options.meshes)
+            surfaces = inputs.read_surfaces(options, options.meshes)
             names = [file.stem for file in surfaces.files]
             if options.motion:
                 title = f"{names[0]} to {names[-1]}"
@@ -73,10 +61,10 @@ def _view(options: argparse.Namespace) -> Answer:
         viewer.save(options.output)
     if options.open:
         webbrowser.open(options.output.resolve().as_uri())
-    return Answer(record={})
+    return cli.Answer(record={})
 
 
-@command(
+@cli.command(
     "info",
     "the kind, size and defects of a file",
     "Describes what other commands read: a mesh (PLY, OBJ, OFF, STL, GLB), a scan (also XYZ,\n"
@@ -86,9 +74,9 @@ def _view(options: argparse.Namespace) -> Answer:
     "  riemhuman info scan.ply            # closed? degenerate triangles? which unit?\n"
     "  riemhuman info scans/              # do they share one triangulation?\n"
     "  riemhuman info basis.npz --json\n",
-    path_option("file", "FILE", "file or folder"),
+    cli.path_option("file", "FILE", "file or folder"),
 )
-def _info(options: argparse.Namespace) -> Answer:
+def _info(options: argparse.Namespace) -> cli.Answer:
     facts = {"file": str(options.file), **_facts(options.file)}
     width = max(map(len, facts))
     said = []
@@ -97,7 +85,7 @@ def _info(options: argparse.Namespace) -> Answer:
         for number, row in enumerate(rows):
             title = "" if number else name.replace("_", " ")
             said.append(f"{title:<{width}}  {row}")
-    return Answer("\n".join(said), facts)
+    return cli.Answer("\n".join(said), facts)
 
 
 def _readable(value: Any) -> str:
@@ -121,13 +109,13 @@ def _facts(file: Path) -> dict[str, Any]:
         return _folder_facts(file)
     readers = {
         **dict.fromkeys(MESH_SUFFIXES, _mesh_facts),
-        **dict.fromkeys(_POINT_ENDINGS, _scan_facts),
+        **dict.fromkeys((".xyz", ".npy"), _scan_facts),
         ".npz": _npz_facts,
         ".json": _measurement_facts,
         ".csv": _table_facts,
-        **dict.fromkeys(_HDF5_ENDINGS, _hdf5_facts),
+        **dict.fromkeys((".hdf5", ".h5"), _hdf5_facts),
         ".bvh": _recording_facts,
-        **dict.fromkeys(_PICKLE_ENDINGS, _model_facts),
+        **dict.fromkeys((".pkl", ".pickle"), _model_facts),
     }
     read = readers.get(file.suffix.lower())
     if read is None:
@@ -151,32 +139,26 @@ def _scan_facts(file: Path) -> dict[str, Any]:
         "points": len(scan),
         "normals": scan.normals is not None,
         "extents": (scan.points.max(axis=0) - scan.points.min(axis=0)).tolist(),
-        "next": advice(file),
+        "next": inputs.advice(file),
     }
 
 
 def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
     """Return counts, sizes (in the unit of the file) and defects of a mesh by name."""
     import numpy as np
-    from scipy import sparse
     from scipy.sparse.csgraph import connected_components
 
     from riemhuman.checks import likely_units
-    from riemhuman.surfaces.measures import signed_volume, triangle_areas
 
-    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    _, n_triangles = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
-    _, n_directed = np.unique(sides, axis=0, return_counts=True)
+    mesh = rh.io.to_trimesh(vertices, faces)
+    _, n_triangles = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
     used = np.unique(faces)
-    graph = sparse.coo_array((np.ones(len(sides)), sides.T), shape=(len(vertices),) * 2)
-    _, part = connected_components(graph, directed=False)
+    _, part = connected_components(mesh.edges_sparse, directed=False)
     extents = np.ptp(vertices[used], axis=0)
-    closed = bool((n_triangles == 2).all())
     inward = rh.registration.find_inward_triangles(vertices, faces)
+    _, n_directed = np.unique(mesh.edges, axis=0, return_counts=True)
     oriented = bool((n_directed == 1).all()) and len(np.unique(inward)) == 1
-    areas = triangle_areas(vertices, faces)
-    corners = vertices[faces]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
+    longest = mesh.edges_unique_length[mesh.faces_unique_edges].max(axis=1)
     units = " or ".join(likely_units(float(extents.max())))
     try:
         rh.Template(vertices, faces)
@@ -188,7 +170,7 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
         "triangles": len(faces),
         "edges": len(n_triangles),
         "parts": len(np.unique(part[used])),
-        "closed": closed,
+        "closed": bool(mesh.is_watertight),
         "boundary_edges": int((n_triangles == 1).sum()),
         "non_manifold_edges": int((n_triangles > 2).sum()),
         "consistently_oriented": oriented,
@@ -196,10 +178,10 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
         "unused_vertices": len(vertices) - len(used),
         "coincident_vertices": len(vertices) - len(np.unique(vertices, axis=0)),
         # Those whose height is zero up to rounding.
-        "degenerate_triangles": int((2 * areas <= 1e-12 * longest**2).sum()),
+        "degenerate_triangles": int((2 * mesh.area_faces <= 1e-12 * longest**2).sum()),
         "extents": extents.tolist(),
-        "area": float(areas.sum()),
-        "volume": float(signed_volume(vertices, faces)) if closed and oriented else None,
+        "area": float(mesh.area),
+        "volume": float(mesh.volume) if mesh.is_watertight and oriented else None,
         "unit_guess": units or "none: no human body has this size",
         "usable_as_template": usable,
     }
@@ -223,7 +205,7 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
         meshes = rh.datasets.RegisteredMeshes(files)
         points, faces = meshes[:], meshes.faces
     except FileFormatError as error:
-        advised = f"; {advice(folder)}".replace("body.ply", "bodies/")
+        advised = f"; {inputs.advice(folder)}".replace("body.ply", "bodies/")
         return facts | {"registered": f"no: {error}", "next": advised.strip("; ")}
     extents = (points.max(axis=1) - points.min(axis=1)).max(axis=0).tolist()
     return facts | {

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
 from riemhuman.cli._commands import (
@@ -17,6 +17,7 @@ from riemhuman.cli._commands import (
     path_option,
     several,
 )
+from riemhuman.cli._terminal import as_json
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -32,8 +33,10 @@ _N_HARMONICS = 60
 _RECORDED_RATE = 30.0
 # Smallest and largest lengths of bodies, metres.
 _SIZES = (0.3, 4.0)
-_MOTION_PAGE = "motion.html"
-_IS_OF_MOTION = names_matching(r"frame_\d{4,}\.ply|motion\.html")
+SUMMARY = "summary.json"
+_PATH_ENDINGS = (".glb", ".png", ".html", ".npz")
+_IS_OF_PATH = names_matching(r"(time|frame)_\d+\.ply|(path|motion)\.(glb|png|html)|summary\.json")
+_MOST_IN_STRIP = 12
 
 
 def read_recording(file: Path, *, is_mean: bool = False) -> Any:
@@ -62,10 +65,6 @@ class Surfaces:
     def __len__(self) -> int:
         return len(self.meshes)
 
-    @overload
-    def __getitem__(self, part: int) -> ndarray: ...
-    @overload
-    def __getitem__(self, part: slice) -> ndarray: ...
     def __getitem__(self, part: int | slice) -> ndarray:
         points: ndarray = self.meshes[part]
         if self.align:
@@ -210,30 +209,84 @@ def chosen_basis(options: argparse.Namespace, template: Template) -> Deformation
     return basis
 
 
-MOTION_OUTPUT = output("PATH", ".glb", ".npz", is_ours=_IS_OF_MOTION)
+PATH_OUTPUT = output("PATH", *_PATH_ENDINGS, is_ours=_IS_OF_PATH)
 
 
-def write_motion(
+def write_path(
     options: argparse.Namespace,
-    frames: ndarray,
+    path: ndarray,
     faces: ndarray,
     title: str,
     description: str = "",
+    *,
+    mesh: str = "frame",
+    pages: Sequence[str] = ("motion.html",),
+    summary: Any = None,
     **arrays: ndarray,
 ) -> None:
-    """Write an animation, arrays, or a folder of meshes with a page that plays them."""
+    """Write an animation, a film strip, a page or arrays, or a folder of meshes with such files."""
     from riemhuman.io.outputs import atomic_folder
 
-    if options.ending == ".glb":
-        rh.save_glb(options.output, frames, faces, name=title)
-    elif options.ending:
-        rh.io.save_arrays(options.output, {"path": frames, "faces": faces, **arrays})
-    else:
-        viewer = rh.plots.view_path(frames, faces, title=title, description=description)
-        with atomic_folder(options.output, _IS_OF_MOTION) as folder:
-            for k, frame in enumerate(frames):
-                rh.save_mesh(folder / f"frame_{k:04d}.ply", frame, faces)
-            viewer.save(folder / _MOTION_PAGE)
+    def write(file: Path) -> None:
+        ending = file.suffix.lower()
+        if ending == ".glb":
+            rh.save_glb(file, path, faces, name=title)
+        elif ending == ".png":
+            save_figure(rh.plots.plot_path(path, faces, n_shown=_MOST_IN_STRIP).figure, file)
+        elif ending == ".html":
+            rh.plots.view_path(path, faces, title=title, description=description).save(file)
+        else:
+            rh.io.save_arrays(file, {"path": path, "faces": faces, **arrays})
+
+    with options.task("Output"):
+        if options.ending:
+            write(options.output)
+            return
+        with atomic_folder(options.output, _IS_OF_PATH) as folder:
+            for number, surface in enumerate(path):
+                rh.save_mesh(folder / f"{mesh}_{number:04d}.ply", surface, faces)
+            for name in pages:
+                write(folder / name)
+            if summary is not None:
+                (folder / SUMMARY).write_text(as_json(summary) + "\n", encoding="utf-8")
+
+
+def read_motions(
+    options: argparse.Namespace, places: Sequence[Path], **chosen: Any
+) -> list[tuple[str, Any, ndarray]]:
+    """Return the names, frames and triangles of motions, whose frames are read when needed.
+
+    `chosen` are the people and sequences of files of Dynamic FAUST.
+    """
+    from riemhuman.io.mesh_arrays import face_difference
+
+    if (options.unit or options.up) and not any(place.is_dir() for place in places):
+        raise ArgumentError("--unit and --up are for folders of meshes; other files are in metres")
+    found: list[tuple[str, Any, ndarray]] = []
+    for place in places:
+        ending = place.suffix.lower()
+        is_hdf5 = ending in (".hdf5", ".h5") or bool(list(place.glob("*.hdf5")))
+        if any(chosen.values()) and not is_hdf5:
+            raise ArgumentError(f"--subjects and --sequences choose from HDF5 files; found {place}")
+        if ending == ".npz":
+            arrays = rh.io.load_arrays(place, ("path", "faces"))
+            found.append((place.stem, arrays["path"], arrays["faces"]))
+        elif ending == ".bvh":
+            motion = read_recording(place, is_mean=True)
+            found.append((place.stem, motion, motion.faces))
+        elif is_hdf5:
+            found += [(m.sequence, m, m.faces) for m in rh.datasets.load_dfaust(place, **chosen)]
+        else:
+            motions = rh.datasets.load_mesh_motions(place, unit=options.unit, up=options.up)
+            found += [(motion.sequence, motion, motion.faces) for motion in motions]
+    for name, _, faces in found[1:]:
+        difference = face_difference(faces, found[0][2])
+        if difference:
+            raise ArgumentError(
+                f"all motions must share one triangulation; {name} and {found[0][0]} do not: "
+                f"{difference}"
+            )
+    return found
 
 
 def save_figure(figure: Any, file: Path) -> None:

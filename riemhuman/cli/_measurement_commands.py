@@ -9,21 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
-from riemhuman.cli._commands import (
-    FIGURE_ENDINGS,
-    FILES,
-    UNIT,
-    Answer,
-    command,
-    flag,
-    mesh,
-    option,
-    output,
-    path_option,
-    several,
-)
-from riemhuman.cli._inputs import advice, list_meshes, save_figure
-from riemhuman.cli._terminal import csv_text
+from riemhuman.cli import _commands as cli
+from riemhuman.cli import _inputs as inputs
+from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -33,15 +21,17 @@ if TYPE_CHECKING:
 
 _MOST_COLUMNS = 5
 
-_DEFINITIONS = several(
-    path_option("--model", "NPZ", "body model of the meshes (default: the open one)"),
-    path_option("--definitions", "JSON", "measurements of the model (default: the open model's)"),
-    option("--only", "measurement to take; repeatable", metavar="NAME", action="append"),
-    UNIT,
+_DEFINITIONS = cli.several(
+    cli.path_option("--model", "NPZ", "body model of the meshes (default: the open one)"),
+    cli.path_option(
+        "--definitions", "JSON", "measurements of the model (default: the open model's)"
+    ),
+    cli.option("--only", "measurement to take; repeatable", metavar="NAME", action="append"),
+    cli.UNIT,
 )
 
 
-@command(
+@cli.command(
     "measure",
     "girths, lengths, heights and volumes of registered meshes",
     "Measures bodies registered to the open body model, or to another model with --model and\n"
@@ -52,21 +42,21 @@ _DEFINITIONS = several(
     "  riemhuman measure anna.ply --as-is --only stature --only volume\n"
     "  riemhuman measure anna.ply --picture lines.png\n"
     "  riemhuman measure scans/ --model smpl.npz --definitions smpl.json -o table.csv\n",
-    FILES,
-    output("CSV", ".csv", text="table to write, one row per body", required=False),
-    output(
+    cli.FILES,
+    cli.output("CSV", ".csv", text="table to write, one row per body", required=False),
+    cli.output(
         "PICTURE",
-        *FIGURE_ENDINGS,
+        *cli.FIGURE_ENDINGS,
         text="draw every measurement line on the first body (.png, .svg or .pdf)",
         flags="--picture",
         required=False,
     ),
     _DEFINITIONS,
-    flag("--as-is", "measure bodies as they stand"),
-    flag("--seated", "measurements of people who sit, such as sitting height"),
+    cli.flag("--as-is", "measure bodies as they stand"),
+    cli.flag("--seated", "measurements of people who sit, such as sitting height"),
 )
-def _measure(options: argparse.Namespace) -> Answer:
-    files = list_meshes(options.meshes)
+def _measure(options: argparse.Namespace) -> cli.Answer:
+    files = inputs.list_meshes(options.meshes)
     if options.seated and options.model is not None:
         raise ArgumentError("--seated is for the open body model; leave out --model")
     measurements, points = _read(files, options, "seated" if options.seated else "standing")
@@ -83,7 +73,7 @@ def _measure(options: argparse.Namespace) -> Answer:
         faces = measurements.definitions.faces
         with rh.plots.figure_style():
             figure = rh.plots.plot_measurement_lines(points[0], faces, lines)
-            save_figure(figure, options.picture)
+            inputs.save_figure(figure, options.picture)
     names, units = measured.names, dict(zip(measured.names, measured.units, strict=True))
     rows = [[str(f), *v] for f, v in zip(files, measured.values.tolist(), strict=True)]
     if options.output is not None:
@@ -98,7 +88,7 @@ def _measure(options: argparse.Namespace) -> Answer:
             for (number, name), reason in measured.why_missing.items()
         ],
     }
-    return Answer(_measured_table(files, measured), record)
+    return cli.Answer(_measured_table(files, measured), record)
 
 
 def _trusted_vertices(files: Sequence[Path], n_vertices: int) -> ndarray:
@@ -136,7 +126,7 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> str:
     return "\n".join(said)
 
 
-@command(
+@cli.command(
     "compare",
     "changes of one person between two visits",
     "Brings two registered meshes of one person to the standard pose and prints how their\n"
@@ -144,12 +134,12 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> str:
     "deviations of a difference over poses of one person.",
     "  riemhuman compare visit1.ply visit2.ply\n"
     "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
-    mesh("before", "BEFORE", "the first visit"),
-    mesh("after", "AFTER", "the second visit"),
-    output("CSV", ".csv", text="table to write", required=False),
+    cli.mesh("before", "BEFORE", "the first visit"),
+    cli.mesh("after", "AFTER", "the second visit"),
+    cli.output("CSV", ".csv", text="table to write", required=False),
     _DEFINITIONS,
 )
-def _compare(options: argparse.Namespace) -> Answer:
+def _compare(options: argparse.Namespace) -> cli.Answer:
     measurements, points = _read([options.before, options.after], options)
     with options.task("Standard pose of 2 meshes"):
         result = rh.measurements.compare_visits(measurements, *points)
@@ -189,7 +179,7 @@ def _compare(options: argparse.Namespace) -> Answer:
         f"surface moved outward by {outward.min():.1f} to {outward.max():.1f} mm",
         f"triangles whose area changed: {100 * result.areas_significant.mean():.1f} %",
     ]
-    return Answer("\n".join(said), record)
+    return cli.Answer("\n".join(said), record)
 
 
 def _read(
@@ -198,7 +188,7 @@ def _read(
     """Return the measurements, and the meshes in files."""
     if options.definitions is not None and options.model is None:
         raise ArgumentError("--definitions JSON needs --model NPZ")
-    files = list_meshes(files)
+    files = inputs.list_meshes(files)
     meshes = rh.datasets.RegisteredMeshes(files, scale=None, unit=options.unit, up=options.up)
     template = rh.Template(meshes[0], meshes.faces)
     if options.model is not None:
@@ -210,7 +200,7 @@ def _read(
         if definitions is None:
             raise ArgumentError(
                 f"{files[0]} has {template.n_vertices} vertices and {template.n_faces} triangles, "
-                f"not those of the open body model; {advice(files[0])}, or give --model and "
+                f"not those of the open body model; {inputs.advice(files[0])}, or give --model and "
                 "--definitions"
             )
         measurements = rh.measurements.Measurements(definitions)
@@ -222,4 +212,4 @@ def _read(
 def _write_table(file: Path, rows: Sequence[Sequence[object]]) -> None:
     from riemhuman.io.files import write_text
 
-    write_text(file, csv_text(rows))
+    write_text(file, terminal.csv_text(rows))

@@ -3,95 +3,68 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import riemhuman as rh
-from riemhuman.cli._commands import (
-    UNIT,
-    Answer,
-    command,
-    option,
-    output,
-    path_option,
-    several,
-)
-from riemhuman.cli._inputs import MOTION_OUTPUT, read_recording, write_motion
-from riemhuman.cli._terminal import csv_text, matrix_rows
+from riemhuman.cli import _commands as cli
+from riemhuman.cli import _inputs as inputs
+from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError
 
-_TEMPLATE = several(
-    path_option("--template", "MESH", "template mesh (default: the first frame)"), UNIT
+_TEMPLATE = cli.several(
+    cli.path_option("--template", "MESH", "template mesh (default: the first frame)"), cli.UNIT
 )
-_PAIR = several(
-    path_option("a_motion", "A", "folder, .npz file, or recording (.bvh)"),
-    path_option("b_motion", "B", "folder, .npz file, or recording (.bvh)"),
+_PAIR = cli.several(
+    cli.path_option("a_motion", "A", "folder, .npz file, or recording (.bvh)"),
+    cli.path_option("b_motion", "B", "folder, .npz file, or recording (.bvh)"),
     _TEMPLATE,
 )
-_SEVERAL = several(
-    path_option("motions", "MOTIONS", "folders of meshes or motions, .npz or .bvh", nargs="+"),
+_SEVERAL = cli.several(
+    cli.path_option("motions", "MOTIONS", "folders of meshes or motions, .npz or .bvh", nargs="+"),
     _TEMPLATE,
 )
-_BY = option(
+_BY = cli.option(
     "--by",
     "dynamic time warping of poses, of their changes from the mean of each motion, or of "
     "velocities; or the rate-invariant metric",
     choices=("warping", "changes", "velocities", "rate-invariant"),
     default="warping",
 )
-_N_TIMES = option("--n-times", "times of the result", default=40, metavar="N")
+_N_TIMES = cli.option("--n-times", "times of the result", default=40, metavar="N")
 
 
-@dataclass(frozen=True)
 class _Motions:
-    """Motions of one triangulation with names; frames are read when they are needed."""
+    """The motions in files and folders, of one triangulation, with their names."""
 
-    names: list[str]
-    motions: list[Any]
-    faces: Any
+    def __init__(self, options: argparse.Namespace, *places: Path, count: int | None = None):
+        found = inputs.read_motions(options, places)
+        if count is not None and len(found) != count:
+            raise ArgumentError(
+                f"{' and '.join(map(str, places))} must hold one motion each; found {len(found)}"
+            )
+        self.names = [name for name, *_ in found]
+        self.motions = [motion for _, motion, _ in found]
+        self.faces = found[0][2]
 
     def space(self, options: argparse.Namespace, n_times: int = 40) -> Any:
         """Return their space with the pose metric; by default, the first frame is template."""
+        import numpy as np
+
         body = self.motions[0][0]
         if options.template is not None:
-            meshes = rh.datasets.RegisteredMeshes(
-                [options.template], unit=options.unit, up=options.up
-            )
-            _check_faces(f"--template {options.template}", meshes.faces, self.faces)
+            given = {"unit": options.unit, "up": options.up}
+            meshes = rh.datasets.RegisteredMeshes([options.template], **given)
+            if not np.array_equal(meshes.faces, self.faces):
+                raise ArgumentError(
+                    f"all motions must share one triangulation; --template {options.template} has "
+                    "another"
+                )
             body = meshes[0]
         space = rh.AlignedSurfaces(rh.Template(body, self.faces), equip=False)
         space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
         return rh.motions.MotionSpace(space, n_times)
-
-
-def _read(options: argparse.Namespace, *paths: Path, count: int | None = None) -> _Motions:
-    """Return the motions in files and folders, if asked for a given number of them."""
-    if (options.unit or options.up) and not any(path.is_dir() for path in paths):
-        raise ArgumentError("--unit and --up are for folders of meshes; .npz files are in metres")
-    found: list[tuple[str, Any, Any]] = []
-    for path in paths:
-        if path.suffix.lower() == ".npz":
-            arrays = rh.io.load_arrays(path, ("path", "faces"))
-            found.append((path.stem, arrays["path"], arrays["faces"]))
-        elif path.suffix.lower() == ".bvh":
-            motion = read_recording(path, is_mean=True)
-            found.append((path.stem, motion, motion.faces))
-        else:
-            motions = rh.datasets.load_mesh_motions(path, unit=options.unit, up=options.up)
-            found += [(motion.sequence, motion, motion.faces) for motion in motions]
-    if count is not None and len(found) != count:
-        raise ArgumentError(
-            f"{' and '.join(map(str, paths))} must hold one motion each; found {len(found)}"
-        )
-    for name, _, faces in found[1:]:
-        _check_faces(name, faces, found[0][2])
-    return _Motions([name for name, *_ in found], [motion for _, motion, _ in found], found[0][2])
-
-
-def _check_faces(name: str, faces: Any, expected: Any) -> None:
-    if faces.shape != expected.shape or (faces != expected).any():
-        raise ArgumentError(f"all motions must share one triangulation; {name} has another")
 
 
 def _measure(options: argparse.Namespace, space: Any, n_components: int | None = None) -> Any:
@@ -105,7 +78,7 @@ def _measure(options: argparse.Namespace, space: Any, n_components: int | None =
     return rh.motions.DynamicTimeWarping(metric, centered=centered, between_frames=True, **shared)
 
 
-@command(
+@cli.command(
     "motions dist",
     "distance of two motions, whatever their speeds",
     "Prints the distance of two motions after the best re-timing.",
@@ -114,41 +87,41 @@ def _measure(options: argparse.Namespace, space: Any, n_components: int | None =
     _PAIR,
     _BY,
 )
-def _dist(options: argparse.Namespace) -> Answer:
-    read = _read(options, options.a_motion, options.b_motion, count=2)
+def _dist(options: argparse.Namespace) -> cli.Answer:
+    read = _Motions(options, options.a_motion, options.b_motion, count=2)
     dist = float(_measure(options, read.space(options)).dist(*read.motions))
     record = {"a": read.names[0], "b": read.names[1], "by": options.by, "distance": dist}
-    return Answer(f"{dist:.8g}", record)
+    return cli.Answer(f"{dist:.8g}", record)
 
 
-@command(
+@cli.command(
     "motions matrix",
     "all distances between several motions",
     "Writes the arrays distances (n, n) and names (n,) of an .npz file, or a .csv table.",
     "  riemhuman motions matrix all_motions/ -o D.npz\n"
     "  riemhuman motions matrix anna_*/ ben_*/ -o D.csv --by changes --components 200\n",
     _SEVERAL,
-    output("FILE", ".npz", ".csv"),
-    option("--components", "compare K principal components (faster)", type=int, metavar="K"),
+    cli.output("FILE", ".npz", ".csv"),
+    cli.option("--components", "compare K principal components (faster)", type=int, metavar="K"),
     _BY,
 )
-def _matrix(options: argparse.Namespace) -> Answer:
+def _matrix(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     from riemhuman.io.files import write_text
 
-    read = _read(options, *options.motions)
+    read = _Motions(options, *options.motions)
     names, measure = read.names, _measure(options, read.space(options), options.components)
     with options.task(f"Distances of {len(names)} motions"):
         distances = measure.dist_pairwise(read.motions, progress=options.bars)
     if options.ending == ".npz":
         rh.io.save_arrays(options.output, {"distances": distances, "names": np.array(names)})
     else:
-        write_text(options.output, csv_text(matrix_rows(names, distances, "")))
-    return Answer({"motions": len(names)}, {"names": names, "by": options.by})
+        write_text(options.output, terminal.csv_text(terminal.matrix_rows(names, distances, "")))
+    return cli.Answer({"motions": len(names)}, {"names": names, "by": options.by})
 
 
-@command(
+@cli.command(
     "motions align",
     "two motions aligned in time",
     "Writes a page (.html) that plays both motions, the second re-timed to the first, with\n"
@@ -157,12 +130,12 @@ def _matrix(options: argparse.Namespace) -> Answer:
     "  riemhuman motions align anna_runs/ ben_runs/ -o both.html\n"
     "  riemhuman motions align anna_runs/ ben_runs/ -o both.npz --n-times 100\n",
     _PAIR,
-    output("FILE", ".html", ".npz"),
+    cli.output("FILE", ".html", ".npz"),
     _N_TIMES,
     _BY,
 )
-def _align(options: argparse.Namespace) -> Answer:
-    read = _read(options, options.a_motion, options.b_motion, count=2)
+def _align(options: argparse.Namespace) -> cli.Answer:
+    read = _Motions(options, options.a_motion, options.b_motion, count=2)
     space, names = read.space(options, options.n_times), tuple(read.names)
     with options.task("Alignment"):
         measure = _measure(options, space)
@@ -174,10 +147,10 @@ def _align(options: argparse.Namespace) -> Answer:
     else:
         rh.plots.view_alignment(first, second, read.faces, warp, names).save(options.output)
     record = {"a": names[0], "b": names[1], "by": options.by, "distance": warp.dist}
-    return Answer({"distance": f"{warp.dist:.8g}"}, record)
+    return cli.Answer({"distance": f"{warp.dist:.8g}"}, record)
 
 
-@command(
+@cli.command(
     "motions mean",
     "the mean of several performances",
     "Writes the Karcher mean of motions modulo re-timing: a folder of meshes with a page that\n"
@@ -186,23 +159,23 @@ def _align(options: argparse.Namespace) -> Answer:
     "  riemhuman motions mean runs/ -o mean_run/\n"
     "  riemhuman motions mean anna_run/ ben_run/ carla_run/ -o mean.glb --n-times 30\n",
     _SEVERAL,
-    MOTION_OUTPUT,
+    inputs.PATH_OUTPUT,
     _N_TIMES,
     _BY,
 )
-def _mean(options: argparse.Namespace) -> Answer:
-    read = _read(options, *options.motions)
+def _mean(options: argparse.Namespace) -> cli.Answer:
+    read = _Motions(options, *options.motions)
     space = read.space(options, options.n_times)
     alignment, bars = _measure(options, space), options.bars
     estimator = rh.motions.MotionMean(space, alignment=alignment, progress=bars)
     with options.task(f"Mean of {len(read.names)} motions"):
         mean = estimator.fit(read.motions)
-    write_motion(options, mean.estimate_, read.faces, "Mean of motions", times=mean.times_)
+    inputs.write_path(options, mean.estimate_, read.faces, "Mean of motions", times=mean.times_)
     text = {"motions": len(read.names), "variance": f"{mean.variance_:.8g}"}
-    return Answer(text, {"motions": read.names, "variance": mean.variance_})
+    return cli.Answer(text, {"motions": read.names, "variance": mean.variance_})
 
 
-@command(
+@cli.command(
     "motions find",
     "occurrences of a short motion in a long one",
     "Prints the parts of a motion that are most similar to a query, at any speed, nearest\n"
@@ -210,31 +183,31 @@ def _mean(options: argparse.Namespace) -> Answer:
     "recordings (.bvh) are read at most 30 times a second.",
     "  riemhuman motions find lifted_knee/ hour/\n  riemhuman motions find jump.bvh day.bvh\n"
     "  riemhuman motions find lifted_knee/ hour/ -k 20 --json\n",
-    path_option("a_motion", "QUERY", "motion to find"),
-    path_option("b_motion", "MOTION", "motion to search"),
+    cli.path_option("a_motion", "QUERY", "motion to find"),
+    cli.path_option("b_motion", "MOTION", "motion to search"),
     _TEMPLATE,
-    option("-k", "largest number of parts to print", default=5, metavar="K"),
+    cli.option("-k", "largest number of parts to print", default=5, metavar="K"),
 )
-def _find(options: argparse.Namespace) -> Answer:
-    read = _read(options, options.a_motion, options.b_motion, count=2)
+def _find(options: argparse.Namespace) -> cli.Answer:
+    read = _Motions(options, options.a_motion, options.b_motion, count=2)
     search = rh.motions.MotionSearch(read.space(options).frames.metric, options.bars)
     parts = search.find(*read.motions, options.k)
     record = [{"distance": p.dist, "first": p.start, "last": p.stop - 1} for p in parts]
     rows = [f"{p.dist:10.6g}  {p.start:6d}  {p.stop - 1:6d}" for p in parts]
-    return Answer("\n".join(["  distance   first    last", *rows]), record)
+    return cli.Answer("\n".join(["  distance   first    last", *rows]), record)
 
 
-@command(
+@cli.command(
     "motions table",
     "scores of representations on the open motions",
     "Re-times the 140 open motions at random, to between 24 and 60 frames, and prints how\n"
     "well each representation finds the same motion of other people.",
     "  riemhuman motions table\n  riemhuman motions table --seed 3 --json\n",
-    option("--seed", "seed of the speeds", default=0, metavar="S"),
+    cli.option("--seed", "seed of the speeds", default=0, metavar="S"),
 )
-def _table(options: argparse.Namespace) -> Answer:
+def _table(options: argparse.Namespace) -> cli.Answer:
     task = options.task
     compared = rh.motions.compare_representations(options.seed, task=task)
     rows = rh.retrieval.retrieval_table(*compared)
     record = {row.representation: asdict(row.scores) for row in rows}
-    return Answer(rh.retrieval.format_table("Which motion is it?", rows), record)
+    return cli.Answer(rh.retrieval.format_table("Which motion is it?", rows), record)

@@ -6,20 +6,8 @@ import argparse
 from typing import Any
 
 import riemhuman as rh
-from riemhuman.cli._commands import (
-    AXES,
-    FORCE,
-    MESH_ENDINGS,
-    MODEL,
-    UNITS,
-    Answer,
-    command,
-    flag,
-    option,
-    path_option,
-    several,
-)
-from riemhuman.cli._terminal import note
+from riemhuman.cli import _commands as cli
+from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError, FileError
 
 
@@ -34,7 +22,7 @@ def _check_options(options: argparse.Namespace) -> None:
             raise ArgumentError(
                 f"--sequence needs a folder of scans; {options.scans} is not a folder"
             )
-        check_output_file(options.output, MESH_ENDINGS, force=options.force)
+        check_output_file(options.output, cli.MESH_ENDINGS, force=options.force)
     elif options.untrusted:
         raise ArgumentError(
             "--untrusted is for one scan; for a folder, see untrusted/ in the output"
@@ -46,7 +34,7 @@ def _check_options(options: argparse.Namespace) -> None:
     options.written.append(options.output)
 
 
-@command(
+@cli.command(
     "register",
     "registered bodies from raw scans",
     "Fits a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, STL, GLB, XYZ, NPY),\n"
@@ -60,27 +48,29 @@ def _check_options(options: argparse.Namespace) -> None:
     "  riemhuman register scans/ -o bodies/ --sequence --up z --unit millimetres\n"
     "  riemhuman register scan.obj -o body.ply --model SMPL_NEUTRAL.npz\n"
     "  riemhuman register scan.ply -o body.ply --landmarks joints.csv\n",
-    path_option("scans", "SCAN", "a scan or a folder"),
-    several(
-        path_option("-o --output", "BODY", "mesh to write, or folder of meshes", required=True),
-        FORCE,
+    cli.path_option("scans", "SCAN", "a scan or a folder"),
+    cli.several(
+        cli.path_option("-o --output", "BODY", "mesh to write, or folder of meshes", required=True),
+        cli.FORCE,
         check=_check_options,
     ),
-    MODEL,
-    flag("--coarse", "use the open model with 1,202 vertices (faster)"),
-    option("--unit", "unit of the scans (default: by their size)", choices=UNITS),
-    option("--up", "axis that points up in the scans (default: found by the fit)", choices=AXES),
-    path_option(
+    cli.MODEL,
+    cli.flag("--coarse", "use the open model with 1,202 vertices (faster)"),
+    cli.option("--unit", "unit of the scans (default: by their size)", choices=cli.UNITS),
+    cli.option(
+        "--up", "axis that points up in the scans (default: found by the fit)", choices=cli.AXES
+    ),
+    cli.path_option(
         "--landmarks",
         "CSV",
         "places of joints in the scan, in its unit, where the fit alone goes wrong: lines such as"
         " left_wrist,0.62,1.31,0.05",
     ),
-    flag("--sequence", "the scans show one person in motion; fits start from previous ones"),
-    flag("--untrusted", "also write a body that is not trusted"),
-    flag("--keep-axes", "leave bodies where the scans are (default: on the ground, facing z)"),
+    cli.flag("--sequence", "the scans show one person in motion; fits start from previous ones"),
+    cli.flag("--untrusted", "also write a body that is not trusted"),
+    cli.flag("--keep-axes", "leave bodies where the scans are (default: on the ground, facing z)"),
 )
-def _register(options: argparse.Namespace) -> Answer:
+def _register(options: argparse.Namespace) -> cli.Answer:
     if options.model is not None:
         model = rh.BodyModel.from_file(options.model)
     else:
@@ -90,7 +80,7 @@ def _register(options: argparse.Namespace) -> Answer:
     return register(registration, options)
 
 
-def _register_file(registration: Any, options: argparse.Namespace) -> Answer:
+def _register_file(registration: Any, options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     landmarks = options.landmarks and rh.registration.load_landmarks(options.landmarks)
@@ -111,18 +101,18 @@ def _register_file(registration: Any, options: argparse.Namespace) -> Answer:
         "body in metres"
     )
     if not result.trusted:
-        note(f"{options.scans} is not trusted: {result.message}")
+        terminal.note(f"{options.scans} is not trusted: {result.message}")
         if not options.untrusted:
             text = "no body is written; --untrusted writes it nevertheless"
-            return Answer(text, record, trusted=False, written=False)
+            return cli.Answer(text, record, trusted=False, written=False)
     elif result.message:
-        note(f"{options.scans}: {result.message}")
+        terminal.note(f"{options.scans}: {result.message}")
     points = result.points if options.keep_axes else result.upright_points
     rh.save_mesh(options.output, points, registration.model.faces)
-    return Answer(text, record, trusted=bool(result.trusted))
+    return cli.Answer(text, record, trusted=bool(result.trusted))
 
 
-def _register_folder(registration: Any, options: argparse.Namespace) -> Answer:
+def _register_folder(registration: Any, options: argparse.Namespace) -> cli.Answer:
     records = rh.registration.register_folder(
         registration,
         options.scans,
@@ -135,10 +125,12 @@ def _register_folder(registration: Any, options: argparse.Namespace) -> Answer:
         page = rh.report.scan_page(options.output)
     for record in records:
         if record.message:
-            note(f"{record.name}{'' if record.trusted else ' is not trusted'}: {record.message}")
+            terminal.note(
+                f"{record.name}{'' if record.trusted else ' is not trusted'}: {record.message}"
+            )
     n_trusted = sum(record.trusted for record in records)
     names = ("name", "trusted", "message", "median_distance", "matched_share")
-    return Answer(
+    return cli.Answer(
         f"{n_trusted} of {len(records)} scans are registered and trusted; see {page}",
         {"scans": [{name: getattr(record, name) for name in names} for record in records]},
         trusted=n_trusted == len(records),

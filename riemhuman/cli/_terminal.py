@@ -81,15 +81,20 @@ def lines(values: Mapping[str, object]) -> str:
     """Return a line for each value that is not None, with its name; values in one column."""
     given = {name: value for name, value in values.items() if value is not None}
     width = max(map(len, given))
-    return "\n".join(f"{name:<{width}}  {value}" for name, value in given.items())
+    shown = {n: f"{v:.8g}" if isinstance(v, float) else v for n, v in given.items()}
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in shown.items())
 
 
-def solved(result: Result, text: Mapping[str, object], record: Mapping[str, object]) -> Answer:
-    """Return the answer of a solver, with whether and how it has converged."""
+def solved(result: Result, text: Mapping[str, object], **record: object) -> Answer:
+    """Return the answer of a solver, with whether and how it has converged.
+
+    What is printed is part of the record, too.
+    """
     iterations = "iteration" if result.n_iterations == 1 else "iterations"
     said = f"{'yes' if result.converged else 'no'}, after {result.n_iterations} {iterations}"
     how = {name: getattr(result, name) for name in ("n_iterations", "converged", "message")}
-    return Answer({**text, "converged": said}, {**record, **how}, trusted=bool(result.converged))
+    record |= {name.replace(" ", "_"): value for name, value in text.items()} | how
+    return Answer({**text, "converged": said}, record, trusted=bool(result.converged))
 
 
 def note(text: str) -> None:

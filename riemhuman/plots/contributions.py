@@ -19,7 +19,8 @@ class Contributions(Record):
 
     The integrands of equation 5 over each triangle t of the template, of area w_t:
 
-    .. math:: m_t = a\, w_t\, d^\lambda(g_1, g_2)_t^2, \quad n_t = c\, w_t\, d_{S^2}(n_1, n_2)_t^2
+    .. math:: \begin{split} m_t &= a\, w_t\, d^\lambda(g_1, g_2)_t^2 \\
+              n_t &= c\, w_t\, d_{S^2}(n_1, n_2)_t^2 \end{split}
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ from riemhuman.report._page import Column, Section, Table, heading, paragraph, s
 from riemhuman.report._report import POSE_WEIGHTS, Report, Task, readable
 from riemhuman.report._storage import Computed, Step
 from riemhuman.report.retrieval_benchmark import PAPER_TABLES, POSE_METRIC, SHAPE_METRIC
-from riemhuman.retrieval import confusion, precision_recall, scores
+from riemhuman.retrieval import scores
 from riemhuman.surfaces import Template
 
 if TYPE_CHECKING:
@@ -68,7 +68,8 @@ def retrieval_section(report: Report) -> Section | None:
 
     problems = [
         paragraph(f"{escape(name)} cannot be computed for these bodies: {escape(problem)}")
-        for name, problem in report.problems.items()
+        for name, step in report.all_distances.items()
+        if (problem := step.record.get("problem"))
     ]
     parts = [
         paragraph(
@@ -83,8 +84,6 @@ def retrieval_section(report: Report) -> Section | None:
         both(_mistakes),
         heading("The tables of the paper"),
         both(_printed_scores),
-        heading("Times"),
-        report.output.table(_cost_table(report.distances)),
     ]
     return Section("retrieval", "Who is it, and how do they stand?", "Retrieval", parts)
 
@@ -145,45 +144,26 @@ def below_chance(rows: Sequence[Mapping[str, Any]], metric: str, labels: ndarray
 
 
 def _curves(report: Report, task: Task) -> str:
-    matrices = {n: s.arrays["distances"] for n, s in report.distances.items()}
-    rows = []
-    for name, matrix in matrices.items():
-        for recall, precision in zip(*precision_recall(matrix, task.labels), strict=True):
-            row = {"recall": float(recall), "precision": float(precision)}
-            rows.append({"representation": name} | row)
-    columns = (_NAME, Column("recall", "recall", ".2f"), Column("precision", "precision", ".3f"))
-    caption = "Precision at every level of recall."
-    link = report.output.file(Table(f"precision-recall-{task.name}", caption, columns, rows))
     return report.output.figure(
         f"precision-recall-{task.name}",
         f"Precision against recall of {task.name}, one curve for each representation.",
         f"{task.question} Precision at each level of recall. An ideal curve runs along the top: "
-        f"the whole class is ranked first. {link}",
+        "the whole class is ranked first.",
         plot_precision_recall,
-        matrices,
+        {name: step.arrays["distances"] for name, step in report.distances.items()},
         task.labels,
         size=(3.5, 3.2),
     )
 
 
 def _mistakes(report: Report, task: Task) -> str:
-    matrix = report.matrix(task.metric)
-    classes = [task.names[label] for label in np.unique(task.labels)]
-    rows: list[dict[str, Any]] = [
-        {"class": name, **dict(zip(classes, row.tolist(), strict=True))}
-        for name, row in zip(classes, confusion(matrix, task.labels), strict=True)
-    ]
-    columns = (Column("class", "body"), *(Column(name, name, "d") for name in classes))
-    caption = "Classes of the nearest neighbours."
-    link = report.output.file(Table(f"confusion-{task.name}", caption, columns, rows))
     return report.output.figure(
         f"confusion-{task.name}",
         f"Confusion matrix of nearest neighbours under the {task.metric}.",
         f"{task.question} Confusion of nearest neighbours under the {task.metric}: rows are "
-        "bodies, columns their nearest neighbours; entries off the diagonal are mistakes. "
-        f"{link}",
+        "bodies, columns their nearest neighbours; entries off the diagonal are mistakes.",
         plot_confusion,
-        matrix,
+        report.matrix(task.metric),
         task.labels,
         [readable(name) for name in task.names],
         size=(3.5, 3.5),
@@ -199,25 +179,6 @@ def _printed_scores(report: Report, task: Task) -> str:
         [dict(zip(keys, row, strict=True)) for row in PAPER_TABLES[task.name]],
     )
     return report.output.table(table)
-
-
-def _cost_table(distances: Mapping[str, Step]) -> Table:
-    rows = [
-        {
-            "representation": name,
-            # All the work of a metric is in the pairs.
-            "milliseconds_a_body": 1000 * step.record["seconds_per_body"] or None,
-            "microseconds_a_pair": 1e6 * step.record["seconds_per_pair"],
-        }
-        for name, step in distances.items()
-    ]
-    columns = (
-        _NAME,
-        Column("milliseconds_a_body", "ms a body", ".1f"),
-        Column("microseconds_a_pair", "μs a pair", ".2f"),
-    )
-    caption = "Wall time to describe a body, and of a distance, on all cores of this machine."
-    return Table("costs", caption, columns, rows)
 
 
 def map_section(report: Report) -> Section:

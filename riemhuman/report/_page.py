@@ -16,7 +16,6 @@ from typing import Any
 
 import jinja2
 import numpy as np
-from markupsafe import Markup
 
 from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.text_tables import csv_cell
@@ -34,7 +33,9 @@ def web_file(name: str) -> str:
 @cache
 def _environment() -> jinja2.Environment:
     loader = jinja2.FunctionLoader(web_file)
-    return jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
+    found = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
+    found.filters |= {"written": written, "missing": is_missing}
+    return found
 
 
 def fill(macro: str, *arguments: Any) -> str:
@@ -103,10 +104,9 @@ class Image:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """A column of a table: its key in the file, its title on the page, a format of its numbers.
 
-    It has a key in the file, a title on the page, a format of numbers (empty for text), and the
-    value that is marked. Some are in the file only, or are kept on one line.
+    `best` marks the "highest" or "lowest" value; columns that are not shown are in the file only.
     """
 
     key: str
@@ -114,11 +114,12 @@ class Column:
     form: str = ""
     best: str = ""
     is_shown: bool = True
-    is_whole: bool = False
+    style: str = ""
 
-    def attribute(self) -> Any:
-        kind = "number" if self.form else "whole" if self.is_whole else ""
-        return Markup(f' class="{kind}"' if kind else "")
+    def text(self, value: Any) -> str:
+        if is_missing(value):
+            return "–"
+        return format(value, self.form).replace("-", "−") if self.form else str(value)
 
 
 @dataclass(frozen=True)
@@ -144,57 +145,35 @@ class Table:
         """Return the table as part of a page; each number carries all its digits as data."""
         return fill("table", self)
 
-    def link(self) -> str:
-        return fill("link", self)
-
     def number(self, row: int, key: str) -> str:
         """Return a number of the table for running text, with a reference to its cell."""
         return fill("number", self, row, next(c for c in self.columns if c.key == key))
 
     def shown_columns(self) -> list[Column]:
         """Return the columns on the page: those that have a value."""
-        rows = range(len(self.rows))
-        return [
-            column
-            for column in self.columns
-            if column.is_shown and not all(self.is_missing(row, column) for row in rows)
-        ]
+        return [c for c in self.columns if c.is_shown and self.values(c)]
 
-    def is_missing(self, row: int, column: Column) -> bool:
-        return _is_missing(self.rows[row][column.key])
+    def values(self, column: Column) -> list[Any]:
+        return [row[column.key] for row in self.rows if not is_missing(row[column.key])]
 
     def is_best(self, row: int, column: Column) -> bool:
-        """Return whether a cell is marked as the best of its column."""
-        values = [r[column.key] for r in self.rows if not _is_missing(r[column.key])]
+        values = self.values(column)
         if not column.best or len(values) < 2:
             return False
         best = max(values) if column.best == "highest" else min(values)
         return bool(self.rows[row][column.key] == best)
 
-    def shown(self, row: int, column: Column) -> str:
-        """Return a cell as text for the page."""
-        value = self.rows[row][column.key]
-        if _is_missing(value):
-            return "–"
-        return format(value, column.form).replace("-", "−") if column.form else str(value)
-
-    def written(self, row: int, column: Column) -> str:
-        """Return a cell as text with all digits."""
-        return written(self.rows[row][column.key])
-
 
 def written(value: Any) -> str:
     """Return a value as written in files: numbers with all their digits, nothing if missing."""
-    if _is_missing(value):
+    if is_missing(value):
         return ""
     if isinstance(value, (bool, np.bool_)):
         return "yes" if value else "no"
-    if isinstance(value, (float, np.floating)):
-        return repr(float(value))
-    return str(value)
+    return repr(float(value)) if isinstance(value, (float, np.floating)) else str(value)
 
 
-def _is_missing(value: Any) -> bool:
+def is_missing(value: Any) -> bool:
     return value is None or (isinstance(value, (float, np.floating)) and bool(np.isnan(value)))
 
 
@@ -247,10 +226,5 @@ class Output:
 
     def table(self, table: Table) -> str:
         """Write a table to its file and return its HTML."""
-        self.file(table)
-        return table.html()
-
-    def file(self, table: Table) -> str:
-        """Write a table that is not on the page to its file and return a link."""
         write_text(self.folder / "tables" / f"{table.name}.csv", table.csv())
-        return table.link()
+        return table.html()

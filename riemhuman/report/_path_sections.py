@@ -22,6 +22,7 @@ from riemhuman.plots import (
     plot_body,
     plot_energy,
     plot_path,
+    view_path,
 )
 from riemhuman.plots._colors import MEAN, SKIN
 from riemhuman.plots.figures import new_figure
@@ -122,25 +123,23 @@ def difference_section(report: Report) -> Section | None:
 
 def _differences(report: Report) -> Step:
     """Compute where pairs of bodies differ: "NAME metric" and "NAME normal", shape (F,)."""
-    weights = (1.0, 1.0, 1.0)
 
     def compute() -> Computed:
-        metric = report.metric(weights)
         arrays: dict[str, ndarray] = {}
         rows = []
         for name, pair in report.pairs.items():
-            points = report.bodies.points[list(pair)]
-            parts = contributions(metric, *points)
+            parts = contributions(report.metric((1.0, 1.0, 1.0)), *report.bodies.points[list(pair)])
             arrays |= {f"{name} metric": parts.metric, f"{name} normal": parts.normal}
-            row: dict[str, Any] = {"pair": name, "metric_part": float(parts.metric.sum())}
-            row["normal_part"] = float(parts.normal.sum())
-            row["squared_distance"] = float(metric.squared_dist(*points))
-            rows.append(row)
+            metric, normal = float(parts.metric.sum()), float(parts.normal.sum())
+            row = {
+                "metric_part": metric,
+                "normal_part": normal,
+                "squared_distance": metric + normal,
+            }
+            rows.append({"pair": name, **row})
         return arrays, {"rows": rows, "pairs": {n: list(pair) for n, pair in report.pairs.items()}}
 
-    return report.step(
-        "differences", compute, "Where bodies differ", pairs=report.pairs, weights=weights
-    )
+    return report.step("differences", compute, "Where bodies differ", pairs=report.pairs)
 
 
 def normal_shares(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -167,7 +166,6 @@ def geodesic_section(report: Report) -> Section | None:
     steps = {**geodesics, **viewed}
     if not steps:
         return None
-    link = output.file(_energy_table(steps))
     parts = [
         paragraph(
             "A geodesic is a path of least energy. The metric (1, 1, 0) measures how triangles "
@@ -181,7 +179,7 @@ def geodesic_section(report: Report) -> Section | None:
             f"As figure 4 ({letter}) of the paper, {name}: from {escape(start)} to "
             f"{escape(end)} under {_weights(step)}. Right: the energy after each iteration, "
             "from the straight path, as in the paper, and from the path that rotates each "
-            f"triangle; d² is a lower bound. {link}"
+            f"triangle; d² is a lower bound."
         )
         alt = (
             f"Film strip of the geodesic from {start} to {end}, with its energy at each iteration."
@@ -189,10 +187,11 @@ def geodesic_section(report: Report) -> Section | None:
         figure = output.figure(step.name, alt, caption, _draw_geodesic, bodies, step, wide=True)
         parts.append(figure)
     if viewed:
-        choices = {name: [ViewedBody("", step.arrays["path"])] for name, step in viewed.items()}
         pair = next(iter(viewed.values())).record["pair"]
         start, end = (escape(name_of(bodies, number)) for number in pair)
-        viewer = Viewer(bodies.template.faces, choices, "Metric", "Geodesic under three metrics")
+        paths = {name: step.arrays["path"] for name, step in viewed.items()}
+        title = "Geodesic under three metrics"
+        viewer = view_path(paths, bodies.template.faces, legend="Metric", title=title)
         caption = (
             f"From {start} to {end}. Switch the metric at the middle of the path to see the "
             "differences."
@@ -217,31 +216,27 @@ def _geodesic(report: Report, slug: str, weights: Weights, pair: Pair, title: st
     def compute() -> Computed:
         metric = report.metric(weights)
         linear = LinearPath(report.plan.n_nodes)
-        straight = linear.solve(metric, start, end)
-        as_printed = replace(solver, initial=linear)
         with warnings.catch_warnings():
             # The record tells whether this path, as in the paper, converged.
             warnings.simplefilter("ignore", ConvergenceWarning)
-            from_straight = as_printed.solve(metric, start, end)
+            from_straight = replace(solver, initial=linear).solve(metric, start, end)
         began = time.perf_counter()
         result = solver.solve(metric, start, end)
-        seconds = time.perf_counter() - began
         arrays = {
             "path": result.path,
             "energies": result.energies,
             "energies_from_straight": from_straight.energies,
         }
         return arrays, {
+            "seconds": time.perf_counter() - began,
             "pair": list(pair),
             "weights": list(weights),
-            "straight_energy": straight.energy,
+            "straight_energy": linear.solve(metric, start, end).energy,
             "energy_from_straight": from_straight.energy,
             "energy": result.energy,
             "squared_distance": float(metric.squared_dist(start, end)),
             "n_iterations": result.n_iterations,
             "converged": bool(result.converged),
-            "converged_from_straight": bool(from_straight.converged),
-            "seconds": seconds,
         }
 
     title = f"Geodesic, {title}"
@@ -267,7 +262,7 @@ def _geodesic_table(bodies: Bodies, steps: Mapping[str, Step]) -> Table:
         Column("geodesic", "Geodesic"),
         Column("from", "From"),
         Column("to", "To"),
-        Column("metric", "(a, λ, c)", is_whole=True),
+        Column("metric", "(a, λ, c)", style="whole"),
         Column("straight_energy", "Straight path", ".4f"),
         Column("energy_from_straight", "Found from it", ".4f"),
         Column("energy", "Geodesic", ".4f"),
@@ -282,23 +277,6 @@ def _geodesic_table(bodies: Bodies, steps: Mapping[str, Step]) -> Table:
         "distance d² bounds all of them from below."
     )
     return Table("geodesics", caption, columns, rows)
-
-
-def _energy_table(steps: Mapping[str, Step]) -> Table:
-    starts = {"straight path": "energies_from_straight", "rotating path": "energies"}
-    rows = [
-        {"geodesic": name, "start": start, "iteration": iteration, "energy": float(energy)}
-        for name, step in steps.items()
-        for start, key in starts.items()
-        for iteration, energy in enumerate(step.arrays[key])
-    ]
-    columns = (
-        Column("geodesic", "Geodesic"),
-        Column("start", "start"),
-        Column("iteration", "iteration", "d"),
-        Column("energy", "energy", ".4f"),
-    )
-    return Table("energies", "Energy after every iteration.", columns, rows)
 
 
 def comparison_section(report: Report) -> Section | None:
@@ -318,9 +296,9 @@ def comparison_section(report: Report) -> Section | None:
         step,
         wide=True,
     )
-    shown = [ViewedBody(_PATH_TITLES.get(name, name), step.arrays[name]) for name in names]
+    shown = {_PATH_TITLES[name]: step.arrays[name] for name in names}
     title = f"{len(names)} paths between the same two bodies"
-    viewer = Viewer(bodies.template.faces, {title: shown}, "Paths", title)
+    viewer = view_path(shown, bodies.template.faces, side_by_side=True, title=title)
     start, end = (escape(name_of(bodies, number)) for number in step.record["pair"])
     ours = table.number(names.index(OURS), "area_change_mean")
     linear = table.number(names.index(LINEAR), "area_change_mean")
@@ -461,16 +439,9 @@ def _mean(report: Report, group: ndarray) -> Step:
 
     def compute() -> Computed:
         metric = report.metric(POSE_WEIGHTS)
-        start = time.perf_counter()
         result = BasisMean(report.basis[0]).solve(metric, points)
-        return {"mean": result.point, "variances": result.variances}, {
-            "group": group.tolist(),
-            "variance": result.variance,
-            "distances": metric.dist(points, result.point).tolist(),
-            "n_iterations": result.n_iterations,
-            "converged": bool(result.converged),
-            "seconds": time.perf_counter() - start,
-        }
+        distances = metric.dist(points, result.point).tolist()
+        return {"mean": result.point}, {"group": group.tolist(), "distances": distances}
 
     return report.path_step("mean", compute, "Karcher mean", group=group.tolist())
 
@@ -517,7 +488,7 @@ def _draw_comparison(bodies: Bodies, step: Step) -> Figure:
         plot_path(step.arrays[name], bodies.template.faces, n_shown=7, ax=ax)
         ax.set_anchor("W")
         ax.annotate(
-            _PATH_TITLES.get(name, name), (0.0, 0.5), xycoords="axes fraction", xytext=(-6, 0),
+            _PATH_TITLES[name], (0.0, 0.5), xycoords="axes fraction", xytext=(-6, 0),
             textcoords="offset points", ha="right", va="center",
         )  # fmt: skip
     return figure

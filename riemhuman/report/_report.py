@@ -167,46 +167,34 @@ class Report:
         """All distances and their times; a step holds the error of a representation."""
 
         @cache
-        def together(kind: Any) -> dict[str, Described]:
+        def described() -> dict[str, Described]:
             # Called only if one of them is missing in the store: spectra take long.
-            sharing = {n: r for n, r in self.representations.items() if _kind(r) is kind}
-            return described_together(sharing, self.bodies, progress=self.bars)
+            return described_together(self.representations, self.bodies, progress=self.bars)
 
         def compute(name: str, representation: Any) -> Computed:
-            kind = _kind(representation)
-            described = None if kind is None else together(kind).get(name)
+            own = described().get(name) if hasattr(representation, "describe_together") else None
             try:
-                matrix, per_body, per_pair = timed_distances(
-                    representation, self.bodies, -1, described
-                )
+                matrix, per_body, per_pair = timed_distances(representation, self.bodies, -1, own)
             except RiemhumanError as error:
                 return {}, {"problem": f"{type(error).__name__}: {error}"}
             record = {"seconds_per_body": per_body, "seconds_per_pair": per_pair}
             return {"distances": np.asarray(matrix)}, record
 
-        steps = {}
-        for name, representation in self.representations.items():
-            slug = "-".join("".join(c if c.isalnum() else " " for c in name.lower()).split())
-            kind = f"{type(representation).__module__}.{type(representation).__qualname__}"
-            steps[name] = self.step(
-                f"distances-{slug}",
+        return {
+            name: self.step(
+                "distances-" + "-".join(re.findall("[a-z0-9]+", name.lower())),
                 partial(compute, name, representation),
                 f"Distances, {name}",
                 representation=name,
-                kind=kind,
+                kind=f"{type(representation).__module__}.{type(representation).__qualname__}",
             )
-        return steps
+            for name, representation in self.representations.items()
+        }
 
-    @property
-    def problems(self) -> dict[str, str]:
-        """The errors of representations without distances."""
-        steps = self.all_distances.items()
-        return {name: step.record["problem"] for name, step in steps if "problem" in step.record}
-
-    @property
+    @cached_property
     def distances(self) -> dict[str, Step]:
-        steps = self.all_distances.items()
-        return {name: step for name, step in steps if "problem" not in step.record}
+        """The steps of representations that have distances."""
+        return {n: s for n, s in self.all_distances.items() if "problem" not in s.record}
 
     def matrix(self, name: str) -> ndarray:
         return self.distances[name].arrays["distances"]
@@ -223,36 +211,27 @@ class Report:
 
     @cached_property
     def basis(self) -> tuple[DeformationBasis, str]:
+        """The basis of paths and a phrase on what it is made of."""
         if self.given_basis is not None:
             return self.given_basis, f"{len(self.given_basis)} deformations, given"
         template, plan = self.bodies.template, self.plan
-        # The open bodies have motions.
-        resolution = next(
-            (
-                resolution
-                for resolution in ("coarse", "full")
-                if np.array_equal(load_open_model(resolution).faces, template.faces)
-            ),
-            None,
-        )
+        kind, motions = "mesh harmonics", ""
+        for resolution in ("coarse", "full"):
+            if np.array_equal(load_open_model(resolution).faces, template.faces):
+                # The open bodies have motions.
+                kind, motions = "principal components of the open motions", resolution
 
         def compute() -> Computed:
-            if resolution is None:
-                made = DeformationBasis.from_laplacian(template, plan.n_components)
+            if motions:
+                performed = load_open_motions(motions, sequences=plan.sequences)
+                made = DeformationBasis.from_motions(performed, plan.n_components, step=10)
             else:
-                motions = load_open_motions(resolution, sequences=plan.sequences)
-                made = DeformationBasis.from_motions(motions, plan.n_components, step=10)
+                made = DeformationBasis.from_laplacian(template, plan.n_components)
             return {"vectors": made.vectors}, {}
 
-        inputs = {
-            "template": [template.vertices, template.faces],
-            "open motions": resolution,
-            "sequences": plan.sequences,
-            "n_components": plan.n_components,
-        }
-        step = self.store.step("basis", inputs, compute, "Basis of deformations")
+        made_of = [template.vertices, template.faces, motions, plan.sequences, plan.n_components]
+        step = self.store.step("basis", {"of": made_of}, compute, "Basis of deformations")
         made = DeformationBasis(step.arrays["vectors"])
-        kind = "principal components of the open motions" if resolution else "mesh harmonics"
         return made, f"{len(made)} {kind}"
 
     def path_solver(self) -> BasisPath:
@@ -265,8 +244,3 @@ class Report:
         plan = {"n_nodes": self.plan.n_nodes, "tolerance": self.plan.tolerance}
         vectors = np.asarray(self.basis[0].vectors)
         return self.step(name, compute, title, basis=vectors, **plan, **inputs)
-
-
-def _kind(representation: Any) -> Any:
-    """Return the function that computes descriptors of one kind together, if there is one."""
-    return getattr(representation, "describe_together", None)

@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +34,24 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
     folder = file_path(path, "output", "folder")
     if folder.exists() and not folder.is_dir():
         raise FileError(f"{folder} is a file; the report needs a folder of its own")
-    if folder.is_dir() and not _is_new(folder) and not _is_report(folder):
-        raise FileError(
-            f"{folder} holds other files; the report needs a new or empty folder, or one with "
-            "an earlier report"
-        )
+    if folder.is_dir():
+        with convert_errors(folder, "cannot be read"):
+            # A kill may have left a part of the marker.
+            others = [e for e in folder.iterdir() if not e.name.startswith(_BEFORE_MARKER)]
+        if others and not _is_report(folder):
+            raise FileError(
+                f"{folder} holds other files; the report needs a new or empty folder, or one with "
+                "an earlier report"
+            )
     return folder
+
+
+def _is_report(folder: Path) -> bool:
+    try:
+        record = json.loads((folder / _MARKER).read_text(encoding="utf-8"))
+        return bool(record["made_by"] == _MADE_BY)
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def open_folder(path: str | os.PathLike[str]) -> Path:
@@ -60,20 +72,6 @@ def write_provenance(folder: Path, provenance: dict[str, Any]) -> None:
     write_text(folder / _MARKER, text + "\n")
 
 
-def _is_new(folder: Path) -> bool:
-    """Return whether a folder holds nothing but what a kill left of the marker."""
-    with convert_errors(folder, "cannot be read"):
-        return all(entry.name.startswith(_BEFORE_MARKER) for entry in folder.iterdir())
-
-
-def _is_report(folder: Path) -> bool:
-    try:
-        record = json.loads((folder / _MARKER).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return isinstance(record, dict) and record.get("made_by") == _MADE_BY
-
-
 @dataclass(frozen=True)
 class Step:
     """The result of a step: arrays, and a record that JSON can hold."""
@@ -83,8 +81,8 @@ class Step:
     record: dict[str, Any]
     fingerprint: str
     seconds: float  # of the computation, in this run or an earlier one
+    title: str
     is_reused: bool
-    title: str = ""
 
 
 class ResultStore:
@@ -93,39 +91,26 @@ class ResultStore:
     All results depend on `common`: the versions and the source code of the library.
     """
 
-    def __init__(
-        self, folder: Path, common: Mapping[str, Any], progress: Progress | None = None
-    ) -> None:
+    def __init__(self, folder: Path, common: Any, progress: Progress = nullcontext) -> None:
         self.steps: list[Step] = []
-        self._folder = folder
-        self._common = dict(common)
-        self._progress = progress or (lambda name: nullcontext())
+        self._folder, self._common, self._progress = folder, common, progress
 
     def step(
-        self,
-        name: str,
-        inputs: Mapping[str, Any],
-        compute: Callable[[], Computed],
-        title: str | None = None,
+        self, name: str, inputs: Mapping[str, Any], compute: Callable[[], Computed], title: str
     ) -> Step:
         """Return the result of a step, computed unless its file holds one from the same inputs."""
         key = fingerprint({"step": name, "common": self._common, "inputs": dict(inputs)})
         file = self._folder / f"{name}.npz"
-        step = _read(file, name, key)
+        step = _read(file, name, key, title)
         if step is None:
-            with self._progress(title or name):
+            with self._progress(title):
                 start = time.perf_counter()
                 arrays, record = compute()
                 seconds = time.perf_counter() - start
-            header = {
-                "fingerprint": key,
-                "seconds": seconds,
-                "record": dict(record),
-                "arrays": sorted(arrays),
-            }
+            header = {"fingerprint": key, "seconds": seconds, "record": record}
+            header["arrays"] = sorted(arrays)
             save_arrays(file, {**arrays, "about": np.array(json.dumps(header))}, compressed=True)
-            step = Step(name, dict(arrays), dict(record), key, seconds, is_reused=False)
-        step = replace(step, title=title or name)
+            step = Step(name, dict(arrays), dict(record), key, seconds, title, is_reused=False)
         self.steps.append(step)
         return step
 
@@ -145,7 +130,7 @@ def _plain(value: Any) -> Any:
     return [array.dtype.str, array.shape, hashlib.sha256(array.tobytes()).hexdigest()]
 
 
-def _read(file: Path, name: str, key: str) -> Step | None:
+def _read(file: Path, name: str, key: str, title: str) -> Step | None:
     """Return the step in a file, or None if the file holds no step with this fingerprint."""
     if not file.is_file():
         return None
@@ -153,13 +138,10 @@ def _read(file: Path, name: str, key: str) -> Step | None:
         arrays = load_arrays(file, ["about"])
         about = str(arrays.pop("about"))
         # Parsed JSON takes far more memory than its text, which itself was compressed.
-        if len(about) > _LONGEST_RECORD:
-            return None
-        header = json.loads(about)
-        stored, seconds, record = (header[field] for field in ("fingerprint", "seconds", "record"))
-        is_complete = sorted(arrays) == header["arrays"]
+        header = json.loads(about[:_LONGEST_RECORD])
+        if header["fingerprint"] == key and sorted(arrays) == header["arrays"]:
+            seconds = header["seconds"]
+            return Step(name, arrays, header["record"], key, seconds, title, is_reused=True)
     except (FileError, FileFormatError, ValueError, KeyError, TypeError, RecursionError):
         return None
-    if stored != key or not is_complete:
-        return None
-    return Step(name, arrays, record, stored, seconds, is_reused=True)
+    return None

@@ -73,7 +73,7 @@ def make_report(
     basis: DeformationBasis | None = None,
     quick: bool = False,
     scans: str | os.PathLike[str] | None = None,
-    progress: Progress | None = None,
+    progress: Progress = nullcontext,
     bars: bool = False,
 ) -> Path:
     """Repeat the experiments of the paper's sections 5 and 6, and write a report.
@@ -97,7 +97,7 @@ def make_report(
     scans : path_like, optional
         Output folder of `riemhuman.registration.register_folder`; the page shows its scans, the
         worst first.
-    progress : callable, optional
+    progress : callable
         Takes the name of a task; returns a context manager that is open during the task.
     bars : bool
         Whether to show progress bars within long tasks.
@@ -106,11 +106,6 @@ def make_report(
     -------
     Path
         The page.
-
-    Raises
-    ------
-    FileError
-        If the folder holds other files or cannot be written.
 
     Examples
     --------
@@ -121,9 +116,8 @@ def make_report(
     import_optional("matplotlib", "report")
     import_optional("sklearn.manifold", "report")
     started = _now()
-    watch: Progress = progress or (lambda name: nullcontext())
     if bodies is None:
-        with watch("Loading the bodies"):
+        with progress("Loading the bodies"):
             bodies = load_open_bodies("coarse" if quick else "full")
     if len(bodies) < _FEWEST_BODIES:
         raise ArgumentError(f"bodies must be at least {_FEWEST_BODIES}; found {len(bodies)}")
@@ -137,8 +131,8 @@ def make_report(
         + [bodies.subject, bodies.pose, bodies.subject_names, bodies.pose_names]
     )
     results, figures = folder / "results", folder / "results" / "figures"
-    store = ResultStore(results, _identity(), watch)
-    files = Output(folder, ResultStore(figures, _identity(), watch), digest)
+    store = ResultStore(results, _identity(), progress)
+    files = Output(folder, ResultStore(figures, _identity(), progress), digest)
     plan = QUICK if quick else Plan()
     report = Report(bodies, digest, plan, store, files, compared, basis, bars)
     with figure_style():
@@ -152,15 +146,13 @@ def make_report(
         "Bodies in 3-D are drawn by three.js (MIT licence).",
     )
     write_text(folder / "index.html", text)
-    steps = [
-        {
-            "name": step.name,
-            "seconds": step.seconds,
-            "reused": step.is_reused,
-            "fingerprint": step.fingerprint,
-        }
-        for step in store.steps
-    ]
+    kept = {
+        "name": "name",
+        "seconds": "seconds",
+        "is_reused": "reused",
+        "fingerprint": "fingerprint",
+    }
+    steps = [{key: getattr(step, field) for field, key in kept.items()} for step in store.steps]
     provenance = {
         "status": "finished",
         "started": started,

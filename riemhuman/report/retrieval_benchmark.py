@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
@@ -56,8 +55,7 @@ GAUGE_INVARIANT = f"gauge-invariant SRNF{_STRAIGHT}"
 Described = tuple[np.ndarray, float]
 
 _TITLES = {"shape": "Who is it?", "pose": "How do they stand?"}
-_OURS = {"shape": SHAPE_METRIC, "pose": POSE_METRIC}
-_COLUMNS = {"NN": "nn", "FT": "first_tier", "ST": "second_tier", "mAP": "mean_average_precision"}
+_COLUMNS = {"nn": "NN", "first_tier": "FT", "second_tier": "ST", "mean_average_precision": "mAP"}
 _LABELS = {"shape": "subject", "pose": "pose"}
 
 # The tables of the paper, on the registrations of FAUST: nearest neighbour, first and second tier.
@@ -90,7 +88,7 @@ class BenchmarkRecord:
     task : str
         "shape", the retrieval of the person, or "pose", the retrieval of the pose.
     scores : RetrievalScores or None
-        Retrieval scores; None if the representation failed.
+        None if the representation failed.
     seconds_per_body : float
         Wall-clock time to describe a body; 0 for a metric.
     seconds_per_pair : float
@@ -101,8 +99,8 @@ class BenchmarkRecord:
     Examples
     --------
     >>> import riemhuman as rh
-    >>> rh.report.benchmark(rh.datasets.load_open_bodies("coarse"))[0].task
-    'shape'
+    >>> rh.report.BenchmarkRecord("height", "shape", None, 0.0, 0.0, "no head").problem
+    'no head'
     """
 
     representation: str
@@ -139,11 +137,6 @@ def benchmark(
     progress : bool
         Whether to show a progress bar.
 
-    Returns
-    -------
-    list of BenchmarkRecord
-        Records in the order of the representations, the task "shape" before "pose".
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -156,8 +149,21 @@ def benchmark(
     if representations is None:
         representations = table_metrics(bodies)
     for name, representation in representations.items():
-        _refuse_unknown(name, representation)
-    labels = _labels(bodies)
+        if not (hasattr(representation, "dist_pairwise") or hasattr(representation, "describe")):
+            raise ArgumentTypeError(
+                f"representations[{name!r}] must be a metric, with dist_pairwise, or a descriptor, "
+                f"with describe and distances; found {type(representation).__name__}"
+            )
+    labels = {}
+    for task, field in _LABELS.items():
+        own = getattr(bodies, field, None)
+        if own is not None and len(np.unique(own)) < len(own):
+            labels[task] = own
+    if not labels:
+        raise ArgumentError(
+            f"bodies must have labels that surfaces share; no two of {len(bodies)} surfaces do "
+            f"({' or '.join(_LABELS.values())})"
+        )
 
     records = []
     described = described_together(representations, bodies, progress=progress)
@@ -185,7 +191,7 @@ def benchmark(
 
 def table_metrics(bodies: Any) -> dict[str, Any]:
     """Return the metrics of retrieval tables by name."""
-    if not hasattr(bodies, "points") or not hasattr(bodies, "template"):
+    if not _is_registered(bodies):
         raise ArgumentTypeError(
             "bodies must be registered surfaces, with points and a template, to be compared by "
             f"metrics; found {type(bodies).__name__}"
@@ -212,49 +218,40 @@ def representations(bodies: Any) -> dict[str, Any]:
         Surfaces. Metrics and learned codes need registered surfaces, and model vectors a data set
         with a model that has the method ``fit``; the other descriptors apply to all meshes.
 
-    Returns
-    -------
-    dict of str to object
-        Metrics and descriptors by name; those of other packages come last.
-
     Examples
     --------
     >>> import riemhuman as rh
     >>> list(rh.report.representations(rh.datasets.load_open_bodies("coarse")))[2]
     'SRNF'
     """
-    registered = hasattr(bodies, "points") and hasattr(bodies, "template")
-    found: dict[str, Any] = dict(table_metrics(bodies)) if registered else {}
-    if registered:
-        found |= _straight_metrics(AlignedSurfaces(bodies.template, equip=False))
-    model = getattr(bodies, "model", None)
-    if registered and callable(getattr(model, "fit", None)):
-        found["model shape vector"] = ModelShapeVectors(model)
-        found["model pose vector"] = ModelPoseVectors(model)
-        found["model pose, by rotation"] = ModelPoseVectors(model, "rotation", root=False)
-    if registered:
-        found |= shipped_descriptors(bodies.template)
-    found["APT"] = AreaProjectionTransform()
-    found["ShapeDNA"] = ShapeDNA()
-    found["HKS"] = HeatKernelSignature()
-    found["WKS"] = WaveKernelSignature()
-    if registered:
-        # The mean over vertices is common in retrieval, but it uses the registration.
-        found["WKS, mean over vertices"] = WaveKernelSignature(pooling="vertex mean")
-    return found | of_extensions(bodies)
-
-
-def _straight_metrics(space: AlignedSurfaces) -> dict[str, Any]:
-    """Return metrics without a closed-form distance, by the cost of the straight way.
-
-    Thousands of geodesics would take hours; norms of differences, halfway, take minutes.
-    """
-    straight = LinearPath(n_nodes=2)
-    found: dict[str, Any] = {SOBOLEV: SobolevMetric(space, d1=1.0, geodesic_solver=straight)}
+    descriptors: dict[str, Any] = {
+        "APT": AreaProjectionTransform(),
+        "ShapeDNA": ShapeDNA(),
+        "HKS": HeatKernelSignature(),
+        "WKS": WaveKernelSignature(),
+    }
+    if not _is_registered(bodies):
+        return descriptors | of_extensions(bodies)
+    found = table_metrics(bodies)
+    space, straight = AlignedSurfaces(bodies.template, equip=False), LinearPath(n_nodes=2)
+    # Thousands of geodesics would take hours; norms of differences, halfway, take minutes.
+    found[SOBOLEV] = SobolevMetric(space, d1=1.0, geodesic_solver=straight)
     # Vertices of a template whose triangles are not oriented consistently have no normals.
     with suppress(ArgumentError):
         found[GAUGE_INVARIANT] = GaugeInvariantMetric(SRNFMetric(space), geodesic_solver=straight)
-    return found
+    model = getattr(bodies, "model", None)
+    if hasattr(model, "fit"):
+        found["model shape vector"] = ModelShapeVectors(model)
+        found["model pose vector"] = ModelPoseVectors(model)
+        found["model pose, by rotation"] = ModelPoseVectors(model, "rotation", root=False)
+    found |= shipped_descriptors(bodies.template) | descriptors
+    # The mean over vertices is common in retrieval, but it uses the registration.
+    found["WKS, mean over vertices"] = WaveKernelSignature(pooling="vertex mean")
+    return found | of_extensions(bodies)
+
+
+def _is_registered(bodies: Any) -> bool:
+    return hasattr(bodies, "points") and hasattr(bodies, "template")
 
 
 def of_extensions(bodies: Any) -> dict[str, Any]:
@@ -264,7 +261,7 @@ def of_extensions(bodies: Any) -> dict[str, Any]:
 
 
 def _metrics_of_extensions(bodies: Any) -> dict[str, Any]:
-    if not (hasattr(bodies, "points") and hasattr(bodies, "template")):
+    if not _is_registered(bodies):
         return {}
     space = AlignedSurfaces(bodies.template, equip=False)
     return {name: metric(space) for name, metric in extensions("metrics").items()}
@@ -287,11 +284,6 @@ def retrieval_tables(
         other people.
     task : callable
         Takes the name of a task; returns a context manager that is open during the task.
-
-    Returns
-    -------
-    dict of str to list of TableRow
-        Tables by title, for `rh.retrieval.format_table`.
 
     Examples
     --------
@@ -340,32 +332,6 @@ def _learned_distances(bodies: Any) -> dict[str, np.ndarray]:
         for task, (metric, labels) in metrics.items()
         if labels is not None and 1 < len(np.unique(labels)) < len(labels)
     }
-
-
-def _refuse_unknown(name: str, representation: Any) -> None:
-    if not (
-        hasattr(representation, "dist_pairwise")
-        or (hasattr(representation, "describe") and hasattr(representation, "distances"))
-    ):
-        raise ArgumentTypeError(
-            f"representations[{name!r}] must be a metric, with dist_pairwise, or a descriptor, "
-            f"with describe and distances; found {type(representation).__name__}"
-        )
-
-
-def _labels(bodies: Any) -> dict[str, list[Any]]:
-    """Return the labels of each task for which two bodies share a label."""
-    found = {}
-    for task, field in _LABELS.items():
-        labels = getattr(bodies, field, None)
-        if labels is not None and max(Counter(np.asarray(labels).tolist()).values(), default=0) > 1:
-            found[task] = np.asarray(labels).tolist()
-    if not found:
-        raise ArgumentError(
-            f"bodies must have labels that surfaces share; no two of {len(bodies)} surfaces do "
-            f"({' or '.join(_LABELS.values())})"
-        )
-    return found
 
 
 def described_together(
@@ -418,88 +384,22 @@ def timed_distances(
 
 
 def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
-    """Format a benchmark as text tables, with what scores higher than the paper's metrics.
+    """Format a benchmark as text, one table per task with an asterisk at the best of each column.
 
     Parameters
     ----------
     records : sequence of BenchmarkRecord
         Records of `riemhuman.report.benchmark`.
 
-    Returns
-    -------
-    str
-        One table per task, with an asterisk at the best of each column. Sentences below say what is
-        better than the paper's metric, what failed, and what columns and rows are.
-
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> shape = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template))
-    >>> text = rh.report.format_benchmark(rh.report.benchmark(bodies, {"ours": shape}))
-    >>> "ours" in text
-    True
+    >>> failed = rh.report.BenchmarkRecord("height", "shape", None, 0.0, 0.0, "no head")
+    >>> print(rh.report.format_benchmark([failed]).splitlines()[1])
+    height      failed: no head
     """
     tasks = dict.fromkeys(record.task for record in records)
-    tables = [
-        _task_table(task, [record for record in records if record.task == task], _OURS[task])
-        for task in tasks
-    ]
-    return "\n\n".join([*tables, *_notes(records)])
-
-
-def _task_table(task: str, records: list[BenchmarkRecord], ours: str) -> str:
-    title = _TITLES[task]
-    width = max(len(title), *(len(record.representation) for record in records))
-    columns = {
-        name: {
-            record.representation: round(getattr(record.scores, field), 1)
-            for record in records
-            if record.scores is not None
-        }
-        for name, field in _COLUMNS.items()
-    }
-    best = {name: max(column.values(), default=0.0) for name, column in columns.items()}
-    header = "".join(f"{name:>6} " for name in columns)
-    lines = [f"{title:<{width}}  {header} ms a body  ms a pair"]
-    for record in records:
-        if record.scores is None:
-            lines.append(f"{record.representation:<{width}}  failed")
-            continue
-        cells = "".join(
-            f"{column[record.representation]:6.1f}"
-            + ("*" if column[record.representation] == best[name] else " ")
-            for name, column in columns.items()
-        )
-        body = f"{1e3 * record.seconds_per_body:9.1f}" if record.seconds_per_body else f"{'-':>9}"
-        pair = f"{1e3 * record.seconds_per_pair:9.4f}"
-        lines.append(f"{record.representation:<{width}}  {cells} {body}  {pair}")
-    lines += _verdict(columns, ours)
-    lines += [
-        f"{record.representation} failed: {record.problem}"
-        for record in records
-        if record.scores is None
-    ]
-    return "\n".join(lines)
-
-
-def _verdict(columns: Mapping[str, Mapping[str, float]], ours: str) -> list[str]:
-    """Return sentences that say what is better than ours."""
-    if ours not in columns["NN"]:
-        return []
-    lines = []
-    for name, column in columns.items():
-        better = sorted(
-            (row for row in column if column[row] > column[ours]), key=lambda row: -column[row]
-        )
-        if better:
-            listed = ", ".join(f"{row} ({column[row]:.1f})" for row in better)
-            lines.append(f"Better than {ours} in {name} ({column[ours]:.1f}): {listed}.")
-    return lines or [f"Nothing is better than {ours}."]
-
-
-def _notes(records: Sequence[BenchmarkRecord]) -> list[str]:
-    """Return paragraphs that explain columns and rows."""
+    tables = [_task_table(t, [record for record in records if record.task == t]) for t in tasks]
     columns = (
         "Per cent, each body against all others: NN nearest neighbour, FT and ST first and "
         "second tier,\nmAP mean average precision; an asterisk marks the best of a column."
@@ -511,15 +411,27 @@ def _notes(records: Sequence[BenchmarkRecord]) -> list[str]:
             "norm of the difference of two bodies, halfway between them."
         )
     if any(record.representation.endswith(LEARNED) for record in records):
-        scores = [
-            f"  {row[0]} {', '.join(f'{score:.1f}' for score in row[1:])} ({task})"
-            for task, rows in PAPER_TABLES.items()
-            for row in rows
-            if row[0].startswith(("GDVAE", "Zhou"))
-        ]
         notes.append(
             "Codes are from networks after GDVAE and Zhou et al., trained on open bodies of other "
-            "people in other\nposes. The paper's scores of the originals on FAUST (NN, FT, ST):\n"
-            + "\n".join(scores)
+            "people in\nother poses."
         )
-    return notes
+    return "\n\n".join([*tables, *notes])
+
+
+def _task_table(task: str, records: list[BenchmarkRecord]) -> str:
+    title = _TITLES[task]
+    width = max(len(title), *(len(record.representation) for record in records))
+    scored = [record.scores for record in records if record.scores is not None]
+    best = {f: max((round(getattr(own, f), 1) for own in scored), default=0) for f in _COLUMNS}
+    header = "".join(f"{name:>6} " for name in _COLUMNS.values())
+    lines = [f"{title:<{width}}  {header} ms a body  ms a pair"]
+    for record in records:
+        if record.scores is None:
+            lines.append(f"{record.representation:<{width}}  failed: {record.problem}")
+            continue
+        values = {field: round(getattr(record.scores, field), 1) for field in _COLUMNS}
+        cells = "".join(f"{v:6.1f}{'*' if v == best[f] else ' '}" for f, v in values.items())
+        body = f"{1e3 * record.seconds_per_body:9.1f}" if record.seconds_per_body else f"{'-':>9}"
+        pair = f"{1e3 * record.seconds_per_pair:9.4f}"
+        lines.append(f"{record.representation:<{width}}  {cells} {body}  {pair}")
+    return "\n".join(lines)

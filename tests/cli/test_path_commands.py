@@ -35,10 +35,10 @@ def test_folder_holds_meshes_pictures_animation_and_page(run, ends, expected, tm
     finished = run("geodesic", *ends, *options, "--json")
     assert finished.code == 0, finished.err
     names = sorted(path.name for path in output.iterdir())
-    assert names == [*FOLDER, *(f"time_{i:02d}.ply" for i in range(5))]
+    assert names == [*FOLDER, *(f"time_{i:04d}.ply" for i in range(5))]
     metric, result = expected
     for i, surface in enumerate(result.path):
-        np.testing.assert_array_equal(load_mesh(output / f"time_{i:02d}.ply")[0], surface)
+        np.testing.assert_array_equal(load_mesh(output / f"time_{i:04d}.ply")[0], surface)
     record = json.loads(finished.out)
     assert record["energy"] == result.energy
     assert record["length"] == metric.length(result.path)
@@ -55,11 +55,11 @@ def test_folder_holds_meshes_pictures_animation_and_page(run, ends, expected, tm
     again = run("geodesic", *ends, *options)
     assert (again.code, again.out) == (2, "")
     assert "holds an earlier result; --force replaces it" in again.err
-    (output / "time_04.ply").unlink()
+    (output / "time_0004.ply").unlink()
     finished = run("geodesic", *ends, *options, "--force")
     assert finished.code == 0
     assert f"{result.energy:.8g}" in finished.out
-    assert (output / "time_04.ply").exists()
+    assert (output / "time_0004.ply").exists()
     assert [path.name for path in tmp_path.iterdir()] == ["path"]
 
 

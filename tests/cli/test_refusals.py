@@ -45,7 +45,7 @@ components alone -o out --seed -1                           | --seed must be
 components alone -o alone                                   | holds something else
 components alone -o out --shape                             | λ of --shape is too small
 components body_0.ply body_0.ply -o out -n 1                | all coincide
-transfer body_0.ply --onto body_0.ply -o moved.html         | ending must be
+transfer body_0.ply --onto body_0.ply -o moved.gif          | ending must be
 transfer body_0.ply --onto absent.ply -o moved              | absent.ply
 disentangle body_0.ply body_0.ply -o b.ply --pose-weight -1 | pose_weight must be
 align other.ply alone/other.ply -o aligned                  | the same name

@@ -69,26 +69,24 @@ def boxes(browser, selector):
     )
 
 
-def test_drag_turns(browser, opened):
+def reset(browser):
+    browser.run("document.querySelector('[data-action=reset]').click()")
+
+
+def test_mouse_turns_moves_and_zooms(browser, opened):
     canvas = opened("bodies")
-    before = state(browser, "yaw")
+    yaw = state(browser, "yaw")
     browser.actions().drag_and_drop_by_offset(canvas, 120, 0).perform()
-    assert state(browser, "yaw") == pytest.approx(before + 1.0, abs=0.02)
+    assert state(browser, "yaw") == pytest.approx(yaw + 1.0, abs=0.02)
     assert state(browser, "panX") == 0
-
-
-@pytest.mark.parametrize("how", ["shift", "right button"])
-def test_drag_moves(browser, opened, how):
-    canvas = opened("bodies")
-    yaw, scale = state(browser, "yaw"), state(browser, "scale")
-    browser.drag(canvas, 90, -60, shift=how == "shift", button=0 if how == "shift" else 2)
-    assert state(browser, "yaw") == yaw
-    assert state(browser, "panX") * scale == pytest.approx(-90, abs=1)
-    assert state(browser, "panY") * scale == pytest.approx(-60, abs=1)
-
-
-def test_wheel_zooms_to_the_pointer(browser, opened):
-    canvas = opened("bodies")
+    yaw = state(browser, "yaw")
+    for how in ({"shift": True}, {"button": 2}):
+        reset(browser)
+        scale = state(browser, "scale")
+        browser.drag(canvas, 90, -60, **how)
+        assert state(browser, "panX") * scale == pytest.approx(-90, abs=1)
+        assert state(browser, "panY") * scale == pytest.approx(-60, abs=1)
+    reset(browser)
     place = (150, -80)
     before = world(browser, *place)
     browser.wheel(canvas, *place, -300)
@@ -98,59 +96,12 @@ def test_wheel_zooms_to_the_pointer(browser, opened):
     browser.wait_for("return Number(document.querySelector('.viewer').dataset.zoom) < 1.01")
 
 
-def test_double_click_frames_a_hand_and_then_all(browser, opened):
+def test_mouse_names_body_and_value_and_frames_a_point(browser, opened):
     canvas = opened("bodies")
-    before = state(browser, "zoom")
-    face = (-220, 0)  # on the left body
-    browser.actions().move_to_element_with_offset(canvas, *face).double_click().perform()
-    assert state(browser, "zoom") > 3 * before
-    assert state(browser, "panX") < 0
-    hit = text_of(browser, "hint")
-    browser.actions().move_to_element_with_offset(canvas, 1, 0).perform()
-    browser.wait_for("return !document.querySelector('[data-part=hint]').hidden")
-    assert hit.startswith("Anna") or text_of(browser, "hint").startswith("Anna")
-    # Turning keeps what was framed in the middle.
-    browser.actions().drag_and_drop_by_offset(canvas, 60, 0).perform()
-    browser.actions().move_to_element_with_offset(canvas, 1, 0).perform()
-    browser.wait_for("return !document.querySelector('[data-part=hint]').hidden")
-    browser.press("\ue011")  # Home
-    assert state(browser, "zoom") == before
-
-
-def test_two_fingers_zoom_and_move(browser, opened):
-    opened("bodies", 400, 760)
-    x, y = 200, 300
-    browser.touch("touchStart", (x - 40, y), (x + 40, y))
-    browser.touch("touchMove", (x - 60, y), (x + 60, y))
-    browser.touch("touchMove", (x - 80, y + 20), (x + 80, y + 20))
-    browser.touch("touchEnd")
-    browser.wait_for("return Number(document.querySelector('.viewer').dataset.zoom) > 1.9")
-    assert state(browser, "zoom") == pytest.approx(2.0, abs=0.05)
-    assert state(browser, "panY") > 0
-
-
-def test_one_finger_turns_and_two_taps_frame(browser, opened):
-    opened("bodies", 400, 760)
-    left, top, right, bottom = boxes(browser, "canvas")[0]
-    x, y = (left + right) / 2, (top + bottom) / 2
-    before = state(browser, "yaw")
-    browser.touch("touchStart", (x, y))
-    for moved in (20, 40, 60):
-        browser.touch("touchMove", (x + moved, y))
-    browser.touch("touchEnd")
-    assert state(browser, "yaw") == pytest.approx(before + 0.5, abs=0.2)
-    browser.run("document.querySelector('[data-action=reset]').click()")
-    torso = (x, top + (bottom - top) * 0.25)  # of the upper body
-    for _ in range(2):
-        browser.touch("touchStart", torso)
-        browser.touch("touchEnd")
-    browser.wait_for("return Number(document.querySelector('.viewer').dataset.zoom) > 3")
-
-
-def test_hover_names_body_and_value(browser, opened):
-    canvas = opened("bodies")
-    browser.actions().move_to_element_with_offset(canvas, -220, 0).perform()
-    browser.wait_for("return !document.querySelector('[data-part=hint]').hidden")
+    hint_is_shown = "return !document.querySelector('[data-part=hint]').hidden"
+    on_the_left_body = (-220, 0)
+    browser.actions().move_to_element_with_offset(canvas, *on_the_left_body).perform()
+    browser.wait_for(hint_is_shown)
     name, value = text_of(browser, "hint").rsplit(": ", 1)
     assert name == "Anna, standing"
     number, unit = value.split(" ", 1)
@@ -161,6 +112,43 @@ def test_hover_names_body_and_value(browser, opened):
     assert 0.4 < BODIES.points[0, FACES[triangle], 1].mean() - BODIES.points[0, :, 1].min() < 1.6
     browser.actions().move_to_element_with_offset(canvas, 0, -300).perform()
     browser.wait_for("return document.querySelector('[data-part=hint]').hidden")
+
+    before = state(browser, "zoom")
+    pointer = browser.actions().move_to_element_with_offset(canvas, *on_the_left_body)
+    pointer.double_click().perform()
+    assert state(browser, "zoom") > 3 * before
+    assert state(browser, "panX") < 0
+    # Turning keeps what was framed in the middle.
+    browser.actions().drag_and_drop_by_offset(canvas, 60, 0).perform()
+    browser.actions().move_to_element_with_offset(canvas, 1, 0).perform()
+    browser.wait_for(hint_is_shown)
+    browser.press("\ue011")  # Home
+    assert state(browser, "zoom") == before
+
+
+def test_fingers_turn_zoom_move_and_frame(browser, opened):
+    opened("bodies", 400, 760)
+    left, top, right, bottom = boxes(browser, "canvas")[0]
+    x, y = (left + right) / 2, (top + bottom) / 2
+    before = state(browser, "yaw")
+    browser.touch("touchStart", (x, y))
+    for moved in (20, 40, 60):
+        browser.touch("touchMove", (x + moved, y))
+    browser.touch("touchEnd")
+    assert state(browser, "yaw") == pytest.approx(before + 0.5, abs=0.2)
+    browser.touch("touchStart", (x - 40, y), (x + 40, y))
+    browser.touch("touchMove", (x - 60, y), (x + 60, y))
+    browser.touch("touchMove", (x - 80, y + 20), (x + 80, y + 20))
+    browser.touch("touchEnd")
+    browser.wait_for("return Number(document.querySelector('.viewer').dataset.zoom) > 1.9")
+    assert state(browser, "zoom") == pytest.approx(2.0, abs=0.05)
+    assert state(browser, "panY") > 0
+    reset(browser)
+    torso = (x, top + (bottom - top) * 0.25)  # of the upper body
+    for _ in range(2):
+        browser.touch("touchStart", torso)
+        browser.touch("touchEnd")
+    browser.wait_for("return Number(document.querySelector('.viewer').dataset.zoom) > 3")
 
 
 def test_keys_turn_move_zoom_and_frame(browser, opened):
@@ -178,7 +166,7 @@ def test_keys_turn_move_zoom_and_frame(browser, opened):
     assert (state(browser, "zoom"), state(browser, "panX"), state(browser, "yaw")) == (1, 0, yaw)
 
 
-def test_space_plays_and_the_slider_says_where(browser, opened):
+def test_paths_play_by_key_slider_speed_and_loop(browser, opened):
     opened("paths")
     browser.find("canvas").click()
     browser.press(" ")
@@ -191,10 +179,7 @@ def test_space_plays_and_the_slider_says_where(browser, opened):
     browser.press("\ue010")  # End
     assert state(browser, "time") == 1
     assert slider.get_attribute("aria-valuetext") == "100 % of the path"
-
-
-def test_speed_and_loop(browser, opened):
-    opened("paths")
+    browser.press("\ue011")
     browser.find("select option[value='2']").click()
     browser.find("[data-part=loop]").click()
     browser.find("[data-part=play]").click()
@@ -210,9 +195,12 @@ def test_speed_and_loop(browser, opened):
 def test_labels_stay_inside_the_stage(browser, opened, width):
     opened("many", width)
     left, top, right, bottom = boxes(browser, ".stage")[0]
-    for clicks in (0, 3, 6):
-        for _ in range(clicks):
-            browser.find("[data-action=closer]").click()
+    for clicks in (0, 6):
+        browser.run(
+            "for (let i = 0; i < arguments[0]; i++)"
+            " document.querySelector('[data-action=closer]').click()",
+            clicks,
+        )
         labels = boxes(browser, ".label")
         assert labels
         assert clicks or len(labels) == 9

@@ -3,22 +3,32 @@
 import base64
 import re
 
-import pytest
-
 from riemhuman.plots.maps import _NAME_POINTS
 
 
-@pytest.mark.parametrize("width", [390, 1440])
-def test_it_opens_and_fits(browser, report_page, width):
-    browser.open(report_page, width, 900, dark=width == 390)
-    for name in ("differences-view", "geodesics-view", "comparison-view", "mean-view"):
-        browser.run(f"document.getElementById('{name}').scrollIntoView()")
-        browser.wait_for(f"return document.getElementById('{name}').dataset.ready")
-    assert browser.console() == []
-    assert browser.requests() == [report_page.resolve().as_uri()]
-    assert browser.run("return document.documentElement.scrollWidth") <= width
-    ground = browser.run("return getComputedStyle(document.body).backgroundColor")
-    assert ground == ("rgb(20, 22, 26)" if width == 390 else "rgb(253, 253, 251)")
+def test_it_opens_and_fits_a_screen_and_a_telephone(browser, report_page):
+    pixels_a_point = (
+        "return [...document.querySelectorAll(arguments[0])]"
+        ".map((picture) => picture.clientWidth / Number(picture.getAttribute('width')))"
+    )
+    for width in (1440, 390):
+        browser.open(report_page, width, 900, dark=width == 390)
+        for name in ("differences-view", "geodesics-view", "comparison-view", "mean-view"):
+            browser.run(f"document.getElementById('{name}').scrollIntoView()")
+            browser.wait_for(f"return document.getElementById('{name}').dataset.ready")
+        assert browser.console() == []
+        assert browser.requests() == [report_page.resolve().as_uri()]
+        assert browser.run("return document.documentElement.scrollWidth") <= width
+        ground = browser.run("return getComputedStyle(document.body).backgroundColor")
+        assert ground == ("rgb(20, 22, 26)" if width == 390 else "rgb(253, 253, 251)")
+    # Names on maps, and the smallest text of other figures, are legible on a telephone.
+    maps = browser.run(pixels_a_point, "#maps img")
+    assert len(maps) == 4
+    assert _NAME_POINTS * min(maps) >= 10
+    others = browser.run(pixels_a_point, "#retrieval img, .scroll img")
+    assert len(others) > 6
+    small = 8 / 1.2  # points
+    assert small * min(others) >= 9
 
 
 def test_the_wheel_scrolls_the_page_until_the_bodies_have_the_focus(browser, report_page):
@@ -37,27 +47,6 @@ def test_the_wheel_scrolls_the_page_until_the_bodies_have_the_focus(browser, rep
     browser.wheel(canvas, 0, 0, -100)
     browser.wait_for(f"{zoom} > 1.1")
     assert browser.run(where) == before
-
-
-def test_names_on_maps_are_legible_on_a_telephone(browser, report_page):
-    browser.open(report_page, 400, 900)
-    pixels_a_point = browser.run(
-        "return [...document.querySelectorAll('#maps img')]"
-        ".map((picture) => picture.clientWidth / Number(picture.getAttribute('width')))"
-    )
-    assert len(pixels_a_point) == 4
-    assert _NAME_POINTS * min(pixels_a_point) >= 10
-
-
-def test_the_smallest_text_of_figures_is_legible_on_a_telephone(browser, report_page):
-    browser.open(report_page, 400, 900)
-    pixels_a_point = browser.run(
-        "return [...document.querySelectorAll('#retrieval img, .scroll img')]"
-        ".map((picture) => picture.clientWidth / Number(picture.getAttribute('width')))"
-    )
-    assert len(pixels_a_point) > 6
-    small = 8 / 1.2  # points
-    assert small * min(pixels_a_point) >= 9
 
 
 def test_it_prints_on_few_pages_and_loses_no_column(browser, report_page):

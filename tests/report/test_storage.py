@@ -64,8 +64,8 @@ class Counted:
 
 def test_computed_once_and_read_after(tmp_path):
     compute = Counted()
-    first = ResultStore(tmp_path, {}).step("one", {"x": 1}, compute)
-    again = ResultStore(tmp_path, {}).step("one", {"x": 1}, compute)
+    first = ResultStore(tmp_path, {}).step("one", {"x": 1}, compute, "One")
+    again = ResultStore(tmp_path, {}).step("one", {"x": 1}, compute, "One")
     assert compute.n_runs == 1
     assert (first.is_reused, again.is_reused) == (False, True)
     np.testing.assert_array_equal(first.arrays["array"], again.arrays["array"])
@@ -80,8 +80,8 @@ def test_computed_once_and_read_after(tmp_path):
 )
 def test_computed_again_where_an_input_changes(tmp_path, common, inputs):
     compute = Counted()
-    ResultStore(tmp_path, {}).step("one", {"x": 1}, compute)
-    ResultStore(tmp_path, common).step("one", inputs, compute)
+    ResultStore(tmp_path, {}).step("one", {"x": 1}, compute, "One")
+    ResultStore(tmp_path, common).step("one", inputs, compute, "One")
     assert compute.n_runs == 2
 
 
@@ -90,8 +90,8 @@ def test_a_step_depends_on_the_steps_before_it(tmp_path):
 
     def chain(x):
         store = ResultStore(tmp_path, {})
-        before = store.step("before", {"x": x}, Counted())
-        return store.step("after", {"before": before}, compute)
+        before = store.step("before", {"x": x}, Counted(), "Before")
+        return store.step("after", {"before": before}, compute, "After")
 
     chain(1), chain(1)
     assert compute.n_runs == 1
@@ -102,13 +102,13 @@ def test_a_step_depends_on_the_steps_before_it(tmp_path):
 @pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 half a file", None])
 def test_a_damaged_file_is_computed_again(tmp_path, damage):
     compute = Counted()
-    ResultStore(tmp_path, {}).step("one", {}, compute)
+    ResultStore(tmp_path, {}).step("one", {}, compute, "One")
     file = tmp_path / "one.npz"
     if damage is None:
         np.savez(file, about=np.array("{}"))
     else:
         file.write_bytes(damage)
-    assert ResultStore(tmp_path, {}).step("one", {}, compute).record["value"] == 1.0
+    assert ResultStore(tmp_path, {}).step("one", {}, compute, "One").record["value"] == 1.0
     assert compute.n_runs == 2
 
 
