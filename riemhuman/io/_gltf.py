@@ -58,14 +58,6 @@ def save_glb(
     name : str
         Name of the mesh and of the animation.
 
-    Raises
-    ------
-    ArgumentError
-        If a shape is wrong, there is no surface, a position is not finite, or a triangle refers
-        to a vertex that does not exist.
-    FileFormatError
-        If the suffix is not ``.glb``.
-
     Examples
     --------
     >>> import riemhuman as rh

@@ -59,28 +59,10 @@ def face_difference(faces: np.ndarray, expected: np.ndarray) -> str | None:
         return None
     count = "all" if differs.all() else f"{int(differs.sum())} of {len(expected)}"
     first = int(differs.argmax())
-    example = (
-        f"the first at index {first}: {tuple(faces[first].tolist())} found, "
-        f"{tuple(expected[first].tolist())} expected"
+    return (
+        f"{count} triangles differ, the first at index {first}: "
+        f"{tuple(faces[first].tolist())} found, {tuple(expected[first].tolist())} expected"
     )
-    rotated, rotated_expected = _smallest_first(faces), _smallest_first(expected)
-    if np.array_equal(rotated, rotated_expected):
-        return f"the corners of {count} triangles begin at another vertex, {example}"
-    if np.array_equal(_smallest_first(faces[differs, ::-1]), rotated_expected[differs]):
-        return f"{count} triangles are flipped, inside out, {example}"
-    if np.array_equal(_sort_rows(rotated), _sort_rows(rotated_expected)):
-        return f"the triangles are the same in another order, {example}"
-    return f"{count} triangles differ, {example}"
-
-
-def _smallest_first(faces: np.ndarray) -> np.ndarray:
-    """Return triangles whose corners are rotated so that the smallest index comes first."""
-    corners = (np.argmin(faces, axis=1)[:, None] + np.arange(3)) % 3
-    return np.take_along_axis(faces, corners, axis=1)
-
-
-def _sort_rows(faces: np.ndarray) -> np.ndarray:
-    return faces[np.lexsort(faces.T[::-1])]
 
 
 def read_only(array: np.ndarray) -> np.ndarray:

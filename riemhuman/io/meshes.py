@@ -71,11 +71,6 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
     faces : array, shape (F, 3), int64
         Vertex indices of each triangle, counted from 0.
 
-    Raises
-    ------
-    FileFormatError
-        If the file is damaged or of no known format, or holds no mesh.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -115,14 +110,6 @@ def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLik
         Vertex positions.
     faces : array_like, shape (F, 3)
         Vertex indices of each triangle, counted from 0.
-
-    Raises
-    ------
-    ArgumentError
-        If a shape is wrong, a position is not finite, there is no triangle, or a triangle
-        refers to a vertex that does not exist.
-    FileFormatError
-        If the suffix names no known format.
 
     Examples
     --------

@@ -81,12 +81,6 @@ def load_pickled_arrays(
     dict of str to array or scipy.sparse.coo_array
         The fields, which cannot be written to; chumpy objects are returned as arrays.
 
-    Raises
-    ------
-    FileFormatError
-        If it is not the pickle of a dictionary, lacks a field, or holds anything but plain data,
-        arrays, sparse matrices and chumpy arrays; the message names what was refused.
-
     Examples
     --------
     >>> import pickle
@@ -197,16 +191,10 @@ def _load_bytearray(unpickler: Any) -> None:
     unpickler.append(unpickler.read(int.from_bytes(unpickler.read(8), "little")))
 
 
-def _refuse(unpickler: Any) -> None:
-    raise FileFormatError("is no pickle, or uses an operation that no body model needs")
-
-
 _REPLACED = {
     pickle.EMPTY_SET: lambda unpickler: unpickler.append(_Record()),
     pickle.FROZENSET: _load_frozenset,
     pickle.BYTEARRAY8: _load_bytearray,
-    **dict.fromkeys((pickle.PERSID, pickle.BINPERSID), _refuse),
-    **dict.fromkeys((pickle.EXT1, pickle.EXT2, pickle.EXT4), _refuse),
 }
 _OPERATIONS = pickle._Unpickler.dispatch | {code[0]: load for code, load in _REPLACED.items()}
 _Unpickler.dispatch = {code: _limited(operation) for code, operation in _OPERATIONS.items()}
@@ -345,7 +333,7 @@ def _sparse(state: dict[str, Any], layout: str) -> sparse.coo_array:
     else:
         starts, minor = (vector(state.get(name), name) for name in ("indptr", "indices"))
         n_major = shape[1] if layout == "csc" else shape[0]
-        # Compared and not subtracted, since differences may wrap around.
+        # SciPy's own check writes outside its memory; differences may wrap around.
         if len(starts) != n_major + 1 or starts[0] != 0 or (starts[1:] < starts[:-1]).any():
             raise FileFormatError(f"holds a {layout} matrix whose indptr is malformed")
         if starts[-1] > len(minor):

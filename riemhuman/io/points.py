@@ -37,11 +37,6 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
     faces : array of int, shape (F, 3), or None
     normals : array, shape (N, 3), or None
 
-    Raises
-    ------
-    FileFormatError
-        If the suffix is unknown or the file is damaged.
-
     Examples
     --------
     >>> import riemhuman as rh

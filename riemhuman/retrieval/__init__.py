@@ -2,9 +2,16 @@
 
 from riemhuman.retrieval.jobs import pairwise_job, path_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
-from riemhuman.retrieval.rankings import confusion, precision_recall
-from riemhuman.retrieval.scores import RetrievalScores, local_scaling, scores
-from riemhuman.retrieval.tables import TableRow, format_table, retrieval_table
+from riemhuman.retrieval.scores import (
+    RetrievalScores,
+    TableRow,
+    confusion,
+    format_table,
+    local_scaling,
+    precision_recall,
+    retrieval_table,
+    scores,
+)
 
 __all__ = [
     "NearestNeighbors",

@@ -63,9 +63,9 @@ _COPIES_OF_PAIRS = 6
 # Pairs whose paths are solved and then written at a time, and numbers of each path.
 _PAIRS, _N_NUMBERS = 16, 6
 
-# Points and paths that are computed again when a job is resumed, and the differences due to
-# rounding, relative to the largest number.
-_TRIED_POINTS, _TRIED_TILES, _TRIED_PATHS = 8, 3, 2
+# Points or tiles, and paths, that are computed again when a job is resumed, and how much rounding
+# changes them, relative to the largest number.
+_TRIED, _TRIED_PATHS = 8, 2
 _ROUNDING = {"single": 1e-5, "double": 1e-9}
 _ROUNDING_OF_PATHS = 1e-4
 
@@ -122,12 +122,9 @@ def pairwise_job(
     Raises
     ------
     ArgumentError
-        If a point or an option is not valid, or the folder holds a job on other points or with
-        another metric, or anything but a job.
+        If the folder holds a job on other points or with another metric, or anything but a job.
     FileError
-        If another process is at work in the folder, it cannot be written, or the disk is too small.
-    FileFormatError
-        If a file of the job is damaged.
+        If another process is at work in the folder, or the disk is too small.
     ClusterError
         If a cluster has had no worker for a minute.
 
@@ -364,40 +361,37 @@ def _try_distances(
     n_jobs: int | None,
 ) -> None:
     """Compute some features and distances again, and raise an error if they differ."""
-    known: ndarray = np.asarray(np.any(job.read(_DIGESTS), axis=1))
-    starts = [block.start for block, is_known in zip(blocks, known, strict=True) if is_known]
-    if not starts:
+    known = np.flatnonzero(np.any(job.read(_DIGESTS), axis=1))
+    if not len(known):
         return
-    # First points of blocks, and the last point, so that they come from different tiles.
-    spread = np.linspace(0, len(starts) - 1, _TRIED_POINTS).astype(int)
-    numbers = sorted({starts[k] for k in spread} | ({blocks[-1].stop - 1} if known[-1] else set()))
     complete = job.exists(RESULT)
-    if finished and not complete:
-        # The few tiles of a job that has just begun may hold no distance of two of these points.
-        order = sorted(finished)
-        for k in np.linspace(0, len(order) - 1, _TRIED_TILES).astype(int):
-            tile = tiles[order[k]]
-            numbers = sorted({*numbers, tile.rows.start, tile.columns.stop - 1})
-    some = np.concatenate([metric.check_points(points[slice(n, n + 1)]) for n in numbers])
+    numbers = {blocks[k].start for k in _spread(known)} | {blocks[known[-1]].stop - 1}
+    # A corner of each of some tiles; their blocks are known, as features are written first.
+    pairs = [(tiles[k].rows.start, tiles[k].columns.stop - 1) for k in _spread(sorted(finished))]
+    if complete:
+        pairs = [(i, j) for i in numbers for j in numbers]
+    order = sorted(numbers.union(*pairs))
+    some = np.concatenate([metric.check_points(points[slice(n, n + 1)]) for n in order])
     features = metric.features(some, precision)
     rounding = _ROUNDING[precision]
     if not complete:
-        for k in range(len(features)):
+        for k, again in enumerate(features):
             table = job.read(feature_file(k))
-            for i, number in enumerate(numbers):
-                _compare(
-                    job, f"features of points[{number}]", table[number], features[k][i], rounding
-                )
+            for number, feature in zip(order, again, strict=True):
+                _compare(job, f"features of points[{number}]", table[number], feature, rounding)
     squared = squared_dist_rectangle(metric, features, features, some, some, n_jobs)
+    again = dict(zip(order, np.sqrt(squared), strict=True))
     distances = job.read(RESULT if complete else _UNFINISHED_RESULT)
     largest = float(np.sqrt(squared.max(initial=0.0)))
-    for i, row in enumerate(numbers):
-        for j, column in enumerate(numbers):
-            if complete or _tile_with(tiles, row, column) in finished:
-                what = f"the distance of points[{row}] and points[{column}]"
-                _compare(
-                    job, what, distances[row, column], np.sqrt(squared[i, j]), rounding, largest
-                )
+    for i, j in pairs:
+        what = f"the distance of points[{i}] and points[{j}]"
+        _compare(job, what, distances[i, j], again[i][order.index(j)], rounding, largest)
+
+
+def _spread(items: Sequence[Any] | ndarray) -> list[Any]:
+    """Return a handful of items, evenly spaced."""
+    places = np.linspace(0, len(items) - 1, min(_TRIED, len(items))).astype(int)
+    return [items[place] for place in np.unique(places)]
 
 
 def _try_paths(
@@ -432,16 +426,6 @@ def _compare(
             f"{what} differs by {gap:.3g} when it is computed again. The metric, or a library that "
             "it uses, has changed; give another folder"
         )
-
-
-def _tile_with(tiles: list[Tile], row: int, column: int) -> int:
-    """Return the number of the tile with a distance or its mirror image."""
-    row, column = min(row, column), max(row, column)
-    for number, tile in enumerate(tiles):
-        rows, columns = tile.rows, tile.columns
-        if rows.start <= row < rows.stop and columns.start <= column < columns.stop:
-            return number
-    raise IndexError(row, column)
 
 
 def _compute(

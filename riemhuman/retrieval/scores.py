@@ -1,8 +1,8 @@
-"""Retrieval scores of distances, and local scaling of distances."""
+"""Retrieval scores of distances, rankings, tables of scores, and local scaling of distances."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -218,3 +218,173 @@ def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
             "so that it has no scale; use more neighbours"
         )
     return matrix / scales[:, None] / scales
+
+
+def precision_recall(
+    distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean precision of leave-one-out retrieval at every level of recall.
+
+    For a query with n other items in its class, the precision at recall k/n is k over the rank of
+    the k-th of them. Items at equal distances keep their order. Queries alone in their class are
+    left out. If all classes have one size, the mean over levels is the mean average precision.
+
+    Parameters
+    ----------
+    distances : array_like, shape (n, n)
+        Distance from query i to item j in row i, column j.
+    labels : sequence of hashable, length n
+        Class of each item.
+
+    Returns
+    -------
+    recall, precision : array, shape (n_levels,)
+        Levels 1/n to 1, with n one less than the size of the largest class, and the mean precision
+        at each level.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> D = space.metric.dist_pairwise(bodies.points[:30])
+    >>> recall, precision = rh.retrieval.precision_recall(D, bodies.subject[:30])
+    """
+    matrix, classes = labelled_distances(distances, labels)
+    relevant = classes[:, None] == classes[None, :]
+    n_relevant = relevant.sum(axis=1) - 1
+    n_levels = int(n_relevant.max(initial=0))
+    if n_levels == 0:
+        raise ArgumentError(f"labels holds {len(classes)} classes of one item each")
+    recall = np.arange(1, n_levels + 1) / n_levels
+    curves = []
+    for query in np.flatnonzero(n_relevant):
+        order = np.argsort(matrix[query], kind="stable")
+        order = order[order != query]
+        ranks = np.flatnonzero(relevant[query, order]) + 1
+        precision = np.arange(1, len(ranks) + 1) / ranks
+        needed = np.ceil(recall * len(ranks) - 1e-9).astype(np.int64)
+        curves.append(precision[needed - 1])
+    return recall, np.mean(curves, axis=0)
+
+
+def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> np.ndarray:
+    """Return the confusion matrix of nearest neighbours.
+
+    Parameters
+    ----------
+    distances : array_like, shape (n, n)
+        Distance from query i to item j in row i, column j.
+    labels : sequence of hashable, length n
+        Class of each item.
+
+    Returns
+    -------
+    array of int, shape (n_classes, n_classes)
+        Number of queries by their class (row) and the class of their nearest neighbour (column),
+        in the order of `numpy.unique`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> rh.retrieval.confusion(D, ["a", "a", "b", "b"]).tolist()
+    [[2, 0], [0, 2]]
+    """
+    matrix, _ = labelled_distances(distances, labels)
+    np.fill_diagonal(matrix, np.inf)
+    names, classes = np.unique(np.asarray(labels), return_inverse=True)
+    counts = np.zeros((len(names), len(names)), dtype=np.int64)
+    np.add.at(counts, (classes, classes[matrix.argmin(axis=1)]), 1)
+    return counts
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """Scores of one representation on one task.
+
+    Attributes
+    ----------
+    representation : str
+        Name of the representation.
+    scores : RetrievalScores
+        Its scores.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> row = rh.retrieval.retrieval_table({"toy": D}, np.array([0, 0, 1, 1]))[0]
+    >>> row.representation, row.scores.first_tier
+    ('toy', 100.0)
+    """
+
+    representation: str
+    scores: RetrievalScores
+
+
+def retrieval_table(
+    distances: Mapping[str, np.ndarray], labels: np.ndarray, groups: np.ndarray | None = None
+) -> list[TableRow]:
+    """Return the scores of several distance matrices for the same labels.
+
+    Parameters
+    ----------
+    distances : mapping of str to array, shape (n, n)
+        Distance matrices by name of representation.
+    labels : array, shape (n,)
+        Class of each body.
+    groups : array, shape (n,), optional
+        Groups, such as people: bodies of the group of a query are left out.
+
+    Returns
+    -------
+    list of TableRow
+        In the order of `distances`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> row = rh.retrieval.retrieval_table({"toy": D}, np.array([0, 0, 1, 1]))[0]
+    >>> row.representation, row.scores.first_tier
+    ('toy', 100.0)
+    """
+    return [TableRow(name, scores(matrix, labels, groups)) for name, matrix in distances.items()]
+
+
+def format_table(title: str, rows: list[TableRow]) -> str:
+    """Return a table as text, one line per representation.
+
+    Parameters
+    ----------
+    title : str
+        Title of the first column.
+    rows : list of TableRow
+        Rows.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> rows = rh.retrieval.retrieval_table({"toy": D}, np.array([0, 0, 1, 1]))
+    >>> print(rh.retrieval.format_table("Who is it?", rows))
+    Who is it?     NN     FT     ST
+    toy         100.0  100.0  100.0
+    """
+    width = max(len(title), *(len(row.representation) for row in rows))
+    lines = [f"{title:<{width}}     NN     FT     ST"]
+    lines += [
+        f"{row.representation:<{width}}  {row.scores.nn:5.1f}  {row.scores.first_tier:5.1f}"
+        f"  {row.scores.second_tier:5.1f}"
+        for row in rows
+    ]
+    return "\n".join(lines)

@@ -455,13 +455,7 @@ TRIANGLES = np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4]])
     [
         (TRIANGLES[:1], "1 triangles found, 3 expected"),
         (TRIANGLES[[0, 1, 1]], "1 of 3 triangles differ, the first at index 2: (2, 1, 3) found"),
-        (TRIANGLES[:, [1, 2, 0]], "the corners of all triangles begin at another vertex"),
-        (TRIANGLES[:, ::-1], "all triangles are flipped, inside out, the first at index 0"),
-        (
-            np.concatenate([TRIANGLES[:1], TRIANGLES[1:, [0, 2, 1]]]),
-            "2 of 3 triangles are flipped, inside out, the first at index 1: (2, 3, 1) found",
-        ),
-        (TRIANGLES[[2, 1, 0]], "the triangles are the same in another order, the first at"),
+        (TRIANGLES[:, ::-1], "all triangles differ, the first at index 0: (2, 1, 0) found"),
     ],
 )
 def test_differences_of_triangulations(faces, difference):

@@ -5,7 +5,7 @@ import pytest
 
 from riemhuman.errors import ArgumentError
 from riemhuman.retrieval import scores
-from riemhuman.retrieval.rankings import confusion, precision_recall
+from riemhuman.retrieval.scores import confusion, precision_recall
 
 LABELS = np.repeat(["b", "a", "c"], 4)
 
