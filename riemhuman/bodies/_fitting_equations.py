@@ -61,6 +61,7 @@ class Skeleton:
     def __init__(self, model: Any) -> None:
         self.parents = model.parents
         self.order = model.joint_order
+        self.n_joints, self.n_betas = model.n_joints, model.n_betas
         self.rest_joints = model.joint_regressor @ model.template.vertices
         self.joint_shapes = np.einsum("jv,vxb->jxb", model.joint_regressor, model.shapedirs)
         # below[j, k]: whether joint k moves with joint j.
@@ -68,16 +69,6 @@ class Skeleton:
         for joint in reversed(self.order):
             if self.parents[joint] >= 0:
                 self.below[self.parents[joint]] += self.below[joint]
-
-    @property
-    def n_joints(self) -> int:
-        """Number of joints."""
-        return len(self.parents)
-
-    @property
-    def n_betas(self) -> int:
-        """Number of shape coefficients."""
-        return self.joint_shapes.shape[-1]
 
 
 class JointMotions:
@@ -284,18 +275,6 @@ class Equations:
             left[:, 2] *= np.linalg.det(left @ right)
             rotations[joint] = left @ right
         return rotations
-
-
-def by_main_joint(skeleton: Skeleton, weights: np.ndarray) -> list[np.ndarray]:
-    """Return the points that each joint moves most, in depth-first order of joints."""
-    main = weights.argmax(axis=1)
-    depth_first: list[int] = []
-    waiting = list(skeleton.order[:1])
-    while waiting:
-        joint = waiting.pop()
-        depth_first.append(joint)
-        waiting.extend(np.flatnonzero(skeleton.parents == joint).tolist())
-    return [np.flatnonzero(main == joint) for joint in depth_first]
 
 
 def _patch(

@@ -21,7 +21,6 @@ from riemhuman.bodies._fitting_equations import (
     Loss,
     Parameters,
     Skeleton,
-    by_main_joint,
     least_squares_step,
 )
 from riemhuman.checks import (
@@ -174,15 +173,16 @@ def fit_model(
     check_same_scale(
         surfaces, combine @ model.template.vertices, "points", "the model", remedy=_REMEDY
     )
+    in_pose = np.where(model.parents >= 0, real_number(pose_prior, "pose_prior", minimum=0.0), 0.0)
+    in_betas = np.full(model.n_betas, real_number(betas_prior, "betas_prior", minimum=0.0))
     fitter = _Fitter(
         model,
         combine,
         _shares(weights, n_points),
         _losses(loss, real_number(loss_scale, "loss_scale", minimum=0.0, strict=True)),
-        betas_prior=real_number(betas_prior, "betas_prior", minimum=0.0),
-        pose_prior=real_number(pose_prior, "pose_prior", minimum=0.0),
-        tolerance=real_number(tolerance, "tolerance", minimum=0.0, strict=True),
-        max_iter=whole_number(max_iter, "max_iter", minimum=1),
+        np.concatenate([np.repeat(in_pose, 3), in_betas, np.zeros(3)]),
+        real_number(tolerance, "tolerance", minimum=0.0, strict=True),
+        whole_number(max_iter, "max_iter", minimum=1),
     )
     lead = surfaces.shape[:-2]
     with single_threaded_libraries():  # the patches are too small to be shared between threads
@@ -321,23 +321,15 @@ class _Fitter:
         combine: sparse.csr_array,
         shares: np.ndarray,
         losses: tuple[Loss, ...],
-        *,
-        betas_prior: float,
-        pose_prior: float,
+        prior: np.ndarray,
         tolerance: float,
         max_iter: int,
     ) -> None:
-        self._skeleton = Skeleton(model)
-        self._tolerance = tolerance
-        self._max_iterations = max_iter
-        self._model, self._combine = model, combine
-
-        in_pose = np.where(model.parents >= 0, pose_prior, 0.0)
-        in_betas = np.full(model.n_betas, betas_prior)
-        self._prior = np.concatenate([np.repeat(in_pose, 3), in_betas, np.zeros(3)])
-
-        of_joints = by_main_joint(self._skeleton, combine @ model.weights)
-        of_joints = [numbers[shares[numbers] > 0] for numbers in of_joints]
+        self._model, self._combine, self._skeleton = model, combine, Skeleton(model)
+        self._prior, self._tolerance, self._max_iter = prior, tolerance, max_iter
+        # By the joint that moves them most, so that neighbours depend on few joints.
+        main = np.where(shares > 0, (combine @ model.weights).argmax(axis=1), -1)
+        of_joints = [np.flatnonzero(main == joint) for joint in model.joint_order]
         everything = np.concatenate(of_joints)
         few = np.concatenate([_spread_out(numbers, len(everything)) for numbers in of_joints])
         some, whole = (
@@ -389,7 +381,7 @@ class _Fitter:
         """Return the last parameters, the number of steps and whether they have converged."""
         damping = _LEAST_DAMPING
         cost = self._cost(equations, loss, parameters, target)
-        for n_steps in range(1, self._max_iterations + 1):
+        for n_steps in range(1, self._max_iter + 1):
             matrix, right = self._normal(equations, loss, parameters, target)
             while True:
                 step = least_squares_step(matrix, right, damping)
@@ -407,7 +399,7 @@ class _Fitter:
                     return parameters, n_steps, False
             parameters, cost = trial, trial_cost
             damping = max(damping / 10.0, _LEAST_DAMPING)
-        return parameters, self._max_iterations, False
+        return parameters, self._max_iter, False
 
     def _parameters(self, parameters: Parameters) -> np.ndarray:
         return np.concatenate([parameters.pose.ravel(), parameters.betas, parameters.trans])

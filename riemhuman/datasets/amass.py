@@ -19,10 +19,10 @@ from riemhuman.datasets._skeletons import SMPL_JOINTS, SMPL_PARENTS, model_joint
 from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model
+from riemhuman.datasets.registered_meshes import existing_path
 from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.io.arrays import load_arrays, open_archive
-from riemhuman.io.files import file_path
 from riemhuman.io.mesh_arrays import face_difference
 
 # All models of SMPL's family begin with the joints of its body.
@@ -47,7 +47,7 @@ _SIZES = {"body": _BODY, "fists": 2, "face": _FACE, "hands": _HANDS}
 _RATES = ("mocap_framerate", "mocap_frame_rate")
 _POSES = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3, "pose_eye": 6, "pose_hand": 90}
 _NEEDED_POSES = ("root_orient", "pose_body")
-_NOT_MOTIONS = ("shape.npz", "_stagei.npz")
+_SKIPPED = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
 # The rotation by 90 degrees about x that takes z up to y up.
 _TO_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -173,7 +173,13 @@ def load_amass(
     models = _models(load_open_model("coarse") if model is None else model)
     headers: dict[Path, _Header] = {}
     problems = []
-    for file in _find_files(path):
+    root = existing_path(path)
+    files = [root]
+    if root.is_dir():
+        files = [file for file in sorted(root.rglob("*.npz")) if not file.name.endswith(_SKIPPED)]
+    if not files:
+        raise FileError(f"{root} holds no .npz file with a motion")
+    for file in files:
         try:
             headers[file] = _read_header(file)
         except FileFormatError as error:
@@ -289,18 +295,6 @@ def _of_model(poses: np.ndarray, n_joints: int) -> np.ndarray:
         start += _SIZES[part]
     zero = {part: np.zeros((len(poses), size, 3)) for part, size in _SIZES.items()}
     return np.concatenate([parts.get(part, zero[part]) for part in _LAYOUTS[n_joints]], axis=1)
-
-
-def _find_files(path: str | os.PathLike[str]) -> list[Path]:
-    root = file_path(path, kind="file or folder")
-    if not root.exists():
-        raise FileError(f"there is no file or folder {root}")
-    if not root.is_dir():
-        return [root]
-    files = [file for file in sorted(root.rglob("*.npz")) if not file.name.endswith(_NOT_MOTIONS)]
-    if not files:
-        raise FileError(f"{root} holds no .npz file with a motion")
-    return files
 
 
 def _read_header(file: Path) -> _Header:

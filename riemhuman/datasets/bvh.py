@@ -230,8 +230,8 @@ class _Reader:
             elif keyword == "JOINT":
                 branch.append(self._begin_joint(joints, branch[-1]))
             elif keyword == "END":
-                for word in ("SITE", "{", "OFFSET"):
-                    self._next(word)
+                self._read_name()
+                self._next("OFFSET")
                 joints.append(_Joint(f"{joint.name} end", branch[-1], self._offset()))
                 self._next("}")
             elif not joint.offset:
@@ -240,11 +240,15 @@ class _Reader:
                 branch.pop()
 
     def _begin_joint(self, joints: list[_Joint], parent: int) -> int:
+        joints.append(_Joint(self._read_name(), parent))
+        return len(joints) - 1
+
+    def _read_name(self) -> str:
+        """Return the words before an opening brace."""
         name = " ".join(iter(lambda: next(self._words, "{"), "{"))
         if not name:
             raise self._error("the joint has no name")
-        joints.append(_Joint(name, parent))
-        return len(joints) - 1
+        return name
 
     def _floats(self, words: Iterable[str]) -> list[float]:
         try:

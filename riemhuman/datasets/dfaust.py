@@ -13,6 +13,7 @@ import numpy as np
 
 from riemhuman.checks import integer_array, real_number
 from riemhuman.datasets.motions import Motion, Motions, choose_names
+from riemhuman.datasets.registered_meshes import existing_path
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -21,7 +22,7 @@ from riemhuman.errors import (
     RiemhumanError,
 )
 from riemhuman.io.arrays import memory_limit, memory_size
-from riemhuman.io.files import check_file, file_path, short_message
+from riemhuman.io.files import check_file, short_message
 from riemhuman.io.mesh_arrays import face_difference, read_only
 from riemhuman.optional import import_optional
 from riemhuman.representation import join_names
@@ -131,7 +132,12 @@ def load_dfaust(
             f"frames_per_second must be {_FRAMES_PER_SECOND:g} divided by a whole number; "
             f"found {rate:g}"
         )
-    files = _find_files(path)
+    root = existing_path(path)
+    files = [root]
+    if root.is_dir():
+        files = [root / name for name in _FILES if (root / name).is_file()]
+    if not files:
+        raise FileError(f"{root} holds neither {_FILES[0]} nor {_FILES[1]}")
     places = " and ".join(str(file) for file in files)
     recorded: dict[str, dict[str, tuple[Path, int, str]]] = {}
     faces: np.ndarray | None = None
@@ -228,18 +234,6 @@ def _read_faces(contents: Any, names: Sequence[str], file: Path) -> np.ndarray:
     if faces.min(initial=0) < 0 or not faces.size:
         raise FileFormatError(f"{_FACES} of {file} must be numbers of vertices, from 0 on")
     return read_only(faces)
-
-
-def _find_files(path: str | os.PathLike[str]) -> list[Path]:
-    root = file_path(path, kind="file or folder")
-    if not root.exists():
-        raise FileError(f"there is no file or folder {root}")
-    if not root.is_dir():
-        return [root]
-    files = [root / name for name in _FILES if (root / name).is_file()]
-    if not files:
-        raise FileError(f"{root} holds neither {_FILES[0]} nor {_FILES[1]}")
-    return files
 
 
 def _choose_pairs(

@@ -23,7 +23,7 @@ ROOT Hips Of Ann {
     CHANNELS 2 Xrotation Zrotation
     OFFSET 2 0 0
     End Site { OFFSET 0 3 0 }
-    End Site
+    End Site of Arm
     {
       OFFSET 0 0 4
     }
@@ -98,6 +98,7 @@ def test_two_roots_and_no_end_sites(tmp_path):
         ("CHANNELS 2", "CHANNELS 1", "line 7: OFFSET or CHANNELS .* expected; found 'Zrotation'"),
         ("Zrotation\n    OFF", "Wrotation\n    OFF", "line 7: XPOSITION or .* found 'Wrotation'"),
         ("Yposition", "Xposition", "line 4: a position channel is repeated"),
+        ("End Site {", "End {", "line 9: the joint has no name"),
         ("JOINT mixamorig", "BONE mixamorig", "line 5: OFFSET or CHANNELS or JOINT"),
         ("{ OFFSET 0 3 0 }", "{ POSITION 0 3 0 }", "line 9: OFFSET expected"),
         ("MOTION", "MOTIONS", "line 17: ROOT or MOTION expected"),

@@ -82,7 +82,7 @@ MAKERS = {
             "{side}{part}",
             *("Shoulder", "UpperArm", "ForeArm", "Hand", "UpperLeg", "LowerLeg", "Foot", "Toe"),
         ),
-        *(1.0, "arms down", "YXZ", "y"),
+        *(1.0, "T", "YXZ", "y"),
     ),
     "SMPL": (
         {"pelvis": "Pelvis", "lower_spine": "Spine1", "middle_spine": "Spine2", "chest": "Spine3"}
@@ -132,16 +132,8 @@ def joint_frames(model, rest_pose):
     """Return the frame of each joint in the model's rest pose, where that of others is the unit."""
     joints, names = model.joints(), list(model.joint_names)
     frames = np.tile(np.eye(3), (len(names), 1, 1))
-    if rest_pose in ("T", "arms down"):
+    if rest_pose == "T":
         angles = pose_vectors(np.tile(np.eye(3), (len(names), 1, 1)), model)
-        if rest_pose == "arms down":
-            for side, sign in (("left", -1.0), ("right", 1.0)):
-                lowered = Rotation.from_euler("z", 75.0 * sign, degrees=True).as_matrix()
-                rotations = np.tile(np.eye(3), (len(names), 1, 1))
-                rotations[names.index(f"{side}_shoulder")] = lowered
-                angles[names.index(f"{side}_shoulder")] = pose_vectors(rotations, model)[
-                    names.index(f"{side}_shoulder")
-                ]
         space, _ = joint_motions(joints, rotation_matrix(angles), model.parents, model.joint_order)
         return np.swapaxes(space, -1, -2)
     # Bones lie along x, as in files where joints have axes along their bones.
