@@ -251,9 +251,9 @@ class EbinMetric(ConeMetric):
 class GeneralElasticFieldMetric(ConeMetric):
     r"""The general elastic metric on pairs of a metric field and a normal field.
 
-    .. math:: ((\delta g, \delta n), (\delta g, \delta n)) = \int_T \left(
-              a \operatorname{tr}(A_0^2) + b \operatorname{tr}(A)^2 + c\, |\delta n|^2\right) \mu_g,
-              \qquad A = g^{-1} \delta g
+    .. math:: \begin{split} &((\delta g, \delta n), (\delta g, \delta n)) = \\
+              &\int_T \left(a \operatorname{tr}(A_0^2) + b \operatorname{tr}(A)^2
+              + c\, |\delta n|^2\right) \mu_g, \\ &A = g^{-1} \delta g \end{split}
 
     It is a cone over H² × S², with geodesics in closed form; `GeneralElasticMetric` pulls it back.
 

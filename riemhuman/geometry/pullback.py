@@ -19,8 +19,9 @@ from riemhuman.kernels import surface
 class PullbackMetric(RiemannianMetric):
     r"""The pull-back of any metric by any autograd-differentiable map φ.
 
-    .. math:: \langle a, b\rangle_x = \langle d_x\varphi(a), d_x\varphi(b)\rangle_{\varphi(x)},
-              \qquad d(x, y) = d_{target}(\varphi(x), \varphi(y))
+    .. math:: \begin{split} \langle a, b\rangle_x &=
+              \langle d_x\varphi(a), d_x\varphi(b)\rangle_{\varphi(x)}, \\
+              d(x, y) &= d_{target}(\varphi(x), \varphi(y)) \end{split}
 
     `dist` is the distance of the images (equation 4 of the paper). It bounds the length of every
     path between x and y from below; `length` and `energy` are those of a path.

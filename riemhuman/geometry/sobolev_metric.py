@@ -55,8 +55,8 @@ _PRESERVED = {"a1": "keep all angles", "b1": "keep all areas", "c1": "keep all n
 class SobolevMetric(MidpointMetric):
     r"""The six-parameter family of H² metrics, with areas of the moving surface.
 
-    .. math:: G_f(h, h) = \int a_0 |h|^2 + a_1 |dh_m|^2 + b_1 |dh_+|^2 + c_1 |dh_\perp|^2
-              + d_1 |dh_0|^2 + a_2 |\Delta h|^2 \, dA
+    .. math:: \begin{split} G_f(h, h) = \int & a_0 |h|^2 + a_1 |dh_m|^2 + b_1 |dh_+|^2 \\
+              & + c_1 |dh_\perp|^2 + d_1 |dh_0|^2 + a_2 |\Delta h|^2 \, dA \end{split}
 
     The first-order parts are the change of angles, of area, of the normal, and the rotation within
     the tangent plane; Δ is the cotangent Laplacian, see `riemhuman.terms._quadratic`. The weights
@@ -146,8 +146,8 @@ class GaugeInvariantMetric(MidpointMetric):
     principal curvatures κ, the metric :math:`\int a\operatorname{tr}A_0^2
     + b(\operatorname{tr}A)^2 + c|\delta n|^2\, dA` becomes
 
-    .. math:: \int 2a\varphi^2(\kappa_1 - \kappa_2)^2 + 4b\varphi^2(\kappa_1 + \kappa_2)^2
-              + c|\nabla\varphi|^2\, dA
+    .. math:: \begin{split} \int & 2a\varphi^2(\kappa_1 - \kappa_2)^2 \\
+              & + 4b\varphi^2(\kappa_1 + \kappa_2)^2 + c|\nabla\varphi|^2\, dA \end{split}
 
     (Tumpach, Drira, Daoudi, Srivastava, "Gauge invariant framework for shape analysis of surfaces",
     IEEE Transactions on Pattern Analysis and Machine Intelligence 38(1), 2016), with no estimate of

@@ -415,16 +415,17 @@ class ElasticMetric(SurfaceMetric):
 class GeneralElasticMetric(SurfaceMetric):
     r"""The elastic metric of stretching, growth and bending, weighted by the moving surface.
 
-    .. math:: \langle h, h\rangle_f = \int_{f(T)} \left(a \operatorname{tr}(A_0^2)
-              + b \operatorname{tr}(A)^2 + c\, |\delta n|^2\right) dA_f,
-              \qquad A = g^{-1}\delta g
+    .. math:: \begin{split} &\langle h, h\rangle_f = \int_{f(T)} \left(a \operatorname{tr}(A_0^2)
+              + b \operatorname{tr}(A)^2 + c\, |\delta n|^2\right) dA_f, \\
+              &A = g^{-1}\delta g \end{split}
 
     with A₀ the traceless part of A (Jermyn, Kurtek, Klassen and Srivastava, "Elastic shape
     matching of parameterized surfaces using square root normal fields", ECCV 2012). On fields
     (g, n) it is the metric of a cone, whose geodesic distance has a closed form:
 
-    .. math:: d^2 = 16 b \int_T \left(s_1^2 + s_2^2 - 2 s_1 s_2 \cos\min(\pi, \psi)\right) dx,
-              \qquad \psi = \frac{\sqrt{a \operatorname{tr} L_0^2 + c\, \varphi^2}}{4 \sqrt b}
+    .. math:: \begin{split}
+              d^2 &= 16 b \int_T \left(s_1^2 + s_2^2 - 2 s_1 s_2 \cos\min(\pi, \psi)\right) dx, \\
+              \psi &= \frac{\sqrt{a \operatorname{tr} L_0^2 + c\, \varphi^2}}{4 \sqrt b} \end{split}
 
     with s the square root of the area ratio, L₀ the traceless part of log(g₁⁻¹g₂) and φ the angle
     of the normals.

@@ -40,9 +40,9 @@ class _Curve:
 class RateInvariantMetric(MotionDistance):
     r"""The distance of transported square root velocities after the best re-timing.
 
-    .. math:: d(m_1, m_2)^2 = w\, d(m_1(0), m_2(0))^2
-              + \min_\gamma \int_0^1 |q_1 - (q_2 \circ \gamma)\sqrt{\dot\gamma}|^2\, dt,
-              \qquad q = v / \sqrt{|v|}
+    .. math:: \begin{split} d(m_1, m_2)^2 = &\ w\, d(m_1(0), m_2(0))^2 \\
+              & + \min_\gamma \int_0^1 |q_1 - (q_2 \circ \gamma)\sqrt{\dot\gamma}|^2\, dt, \\
+              q = &\ v / \sqrt{|v|} \end{split}
 
     where v is the velocity of Φ(m(t)), transported along geodesics to the fields of the
     template (Su, Kurtek, Klassen and Srivastava, Annals of Applied Statistics 8, 2014). As the

@@ -646,8 +646,9 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     combination of the points of the body nearest to the vertices that it combines in the model. The
     mean body in the rest pose is the body itself, with the fitted pose and the fitted shape undone:
 
-    .. math:: v_i = \Big(\sum_j w_{ij} R_j\Big)^{-1} \Big(f_i - \sum_j w_{ij} t_j\Big)
-              - \text{shapedirs}_i\, \beta - \text{posedirs}_i\,(R - I)
+    .. math:: \begin{split}
+              v_i = & \Big(\sum_j w_{ij} R_j\Big)^{-1} \Big(f_i - \sum_j w_{ij} t_j\Big) \\
+              & - \text{shapedirs}_i\, \beta - \text{posedirs}_i\,(R - I) \end{split}
 
     with the rigid motions :math:`x \mapsto R_j x + t_j` of the joints (Loper et al. 2015,
     equation 2). What the model cannot fit of the body stays in the mean body.
