@@ -299,54 +299,15 @@ def test_degenerate_triangles_are_refused_by_index():
     ("parameters", "message"),
     [
         ((1.0, 0.0, 0.0), r"lam must be above 0 where a > 0 \(found lam = 0\)"),
-        ((1.0, 0.0, 1.0), r"lam must be above 0 where a > 0 \(found lam = 0\)"),
         ((-1.0, 1.0, 1.0), "a must be a finite number of at least 0; found -1"),
         ((1.0, -0.5, 0.0), "lam must be a finite number of at least 0; found -0.5"),
         ((1.0, 1.0, -1e-9), "c must be a finite number of at least 0; found -1e-09"),
-        ((np.nan, 1.0, 1.0), "a must be a finite number of at least 0; found nan"),
-        ((1.0, np.inf, 1.0), "lam must be a finite number of at least 0; found inf"),
         ((0.0, 1.0, 0.0), "a and c must not both be 0"),
     ],
 )
 def test_weights_are_checked(parameters, message):
     with pytest.raises(ArgumentError, match=message):
         ElasticMetric(AlignedSurfaces(sphere_template()), *parameters)
-
-
-def test_random_surfaces_are_linear_images_of_the_template():
-    template = sphere_template()
-    space = AlignedSurfaces(template, equip=False)
-    points = space.random_point(50, rng=1)
-    maps = np.stack([np.linalg.lstsq(template.vertices, f)[0] for f in points])
-    np.testing.assert_allclose(template.vertices @ maps, points, atol=1e-12)
-    off = maps - np.eye(3)
-    # Uniform in ±0.2.
-    assert 0.195 < np.abs(off).max() <= 0.2
-    assert np.abs(off.mean()) < 0.02
-    assert np.linalg.det(maps).min() > 0
-
-
-@pytest.mark.parametrize("weights", [(0.4, 0.0), (3.0, 0.0), (0.0, 0.4), (0.6, 0.2), (3.0, 5.0)])
-def test_lower_bounds_add_up_over_the_fields(weights):
-    template, (a, c) = sphere_template(), weights
-    space = AlignedSurfaces(template, equip=False)
-    points = surfaces(template, 3, rng=14)
-    expected, length = 0.0, 0
-    for weight, metric, width in (
-        (a, ElasticMetric(space, 1.0, 0.1, 0.0), 4),
-        (c, ElasticMetric(space, 0.0, 0.0, 1.0), 3),
-    ):
-        if weight > 0:
-            coordinates = metric.lower_bound_coordinates(points)
-            expected = expected + weight * squared_gaps(coordinates)
-            length += width * template.n_faces
-    found = ElasticMetric(space, a, 0.1, c).lower_bound_coordinates(points)
-    assert found.shape == (3, length)
-    np.testing.assert_allclose(squared_gaps(found), expected, rtol=1e-12, atol=1e-15)
-
-
-def squared_gaps(coordinates):
-    return np.sum((coordinates[:, None] - coordinates) ** 2, axis=-1)
 
 
 def test_lower_bounds_without_normals_take_triangles_without_area():

