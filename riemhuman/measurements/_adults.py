@@ -108,8 +108,8 @@ def predict(
 def _contradictions(
     known: Sequence[str], values: ndarray, noise: ndarray, sex: str
 ) -> tuple[dict[str, float], tuple[str, ...], tuple[str, str, float] | None]:
-    if len(known) < 2:
-        return dict.fromkeys(known, 0.0), (), None
+    if not known:
+        return {}, (), None
     names = adults()["names"]
     rows = [names.index(name) for name in known]
     deviations = values - adults()[sex]["mean"][rows]

@@ -41,6 +41,10 @@ _LEAST_STEP, _LEAST_GAIN = 1e-6, 1e-5
 _LENGTH_TOLERANCE, _SHARE_TOLERANCE = 1e-4, 5e-4
 # The body meets predicted values to this share of their standard deviations.
 _OF_PREDICTED = 0.3
+# Values that differ by more than this factor from those of adults are in other units.
+_MOST_TIMES = 10.0
+# Given values that the body misses by more standard deviations than this are named.
+_MOST_MISSED = 3.0
 _WAIST, _OMPHALION = "waist girth", "waist girth (omphalion)"
 _MOST_HALVINGS = 12
 
@@ -67,7 +71,8 @@ class MeasuredPerson:
     sexes : dict of str to float
         Probabilities of "woman" and "man" given the values.
     z_scores : dict of str to float
-        Each given value less its prediction from the others, in standard deviations.
+        Each given value less its prediction from the others (of a single one, its mean among
+        adults), as a t-value; of measurements that ANSUR II has, or that are regressed on these.
     contradictory : tuple of str
         Names of values that do not fit the others in at most 1 of 100 people, the worst first.
     improbability : float
@@ -75,8 +80,8 @@ class MeasuredPerson:
     converged : bool
         Whether the search converged.
     message : str
-        Which two values contradict each other, which waist was given, and whether the search
-        converged.
+        Which two values contradict each other, which waist was given, whether the search
+        converged, and which values the body misses.
 
     Examples
     --------
@@ -117,7 +122,8 @@ def model_from_measurements(
         probability given the values.
     tolerances : mapping of str to float, optional
         Standard deviations σ of the values, in their units; by default 0.1 mm for lengths, and a
-        two-thousandth of the value for areas, volumes and masses.
+        two-thousandth of the value for areas, volumes and masses. Many values need larger ones,
+        since the model measures people up to centimetres otherwise than ANSUR does.
     resolution : {"full", "coarse"}
         Resolution of the model.
     max_iter : int
@@ -143,12 +149,18 @@ def model_from_measurements(
     standing = open_measurements(resolution)
     assert standing is not None, "the open model has measurements"
     given = as_mapping(values, list(dict.fromkeys((*standing.names, *adults()["names"]))))
-    for name, value in given.items():
-        real_number(value, name, minimum=0.0, strict=True)
     errors = {}
     units = dict(zip(standing.names, Measurements(standing).units, strict=True))
+    typical = dict(zip(adults()["names"], adults()["woman"]["mean"], strict=True))
     for name, value in given.items():
-        is_length = units.get(name, "m") == "m"
+        real_number(value, name, minimum=0.0, strict=True)
+        unit, usual = units.get(name, "m"), typical.get(name, value)
+        if not usual / _MOST_TIMES < value < usual * _MOST_TIMES:
+            raise ArgumentError(
+                f"{name} must be in {unit}, where women have {usual:.3g} in the mean; found "
+                f"{value:g}"
+            )
+        is_length = unit == "m"
         errors[name] = _LENGTH_TOLERANCE if is_length else _SHARE_TOLERANCE * value
     for name, error in as_mapping(tolerances, list(given)).items() if tolerances else ():
         errors[name] = real_number(error, f"tolerance of {name}", minimum=0.0, strict=True)
@@ -170,11 +182,19 @@ def model_from_measurements(
     measured = own.measure(points, axes="space", missing="nan").to_dict()
     in_body = {name: float(measured[name]) for name in given if name in measured}
     converged = bool(found.status > 0)
+    misses = {name: value - given[name] for name, value in in_body.items()}
+    missed = [n for n, miss in misses.items() if abs(miss) > _MOST_MISSED * errors[n]]
+    missed.sort(key=lambda name: -abs(misses[name]) / errors[name])
+    remarks = _remarks(given, sex, prediction, converged)
+    if missed:
+        some = ", ".join(f"{n} by {misses[n]:+.2g} {units[n]}" for n in missed[:3])
+        more = f" and {len(missed) - 3} more" if len(missed) > 3 else ""
+        remarks.append(f"the body misses {some}{more}: larger tolerances give a likelier body")
     return MeasuredPerson(
         points=points,
         betas=found.x,
         values=in_body,
-        misses={name: value - given[name] for name, value in in_body.items()},
+        misses=misses,
         predicted=prediction.mean,
         predicted_std=prediction.std,
         sexes=prediction.sexes,
@@ -182,7 +202,7 @@ def model_from_measurements(
         contradictory=prediction.contradictory,
         improbability=float(np.linalg.norm(found.fun[: len(found.x)])),
         converged=converged,
-        message=_message(given, sex, prediction, converged),
+        message="; ".join(remarks),
     )
 
 
@@ -203,7 +223,9 @@ def _shapes(prediction: Prediction) -> tuple[ndarray, ndarray]:
     return mean, np.sum(covariances, axis=0)
 
 
-def _message(given: Mapping[str, float], sex: str, prediction: Prediction, converged: bool) -> str:
+def _remarks(
+    given: Mapping[str, float], sex: str, prediction: Prediction, converged: bool
+) -> list[str]:
     remarks = [] if converged else ["the search did not converge"]
     if prediction.pair is not None:
         first, second, agreeing = prediction.pair
@@ -211,10 +233,13 @@ def _message(given: Mapping[str, float], sex: str, prediction: Prediction, conve
             f"{first} of {given[first]:.4g} contradicts {second} of {given[second]:.4g}: at most 1 "
             f"of 100 adults combine such values; {first} of about {agreeing:.4g} would agree"
         )
-    others = [name for name in prediction.contradictory if name not in (prediction.pair or ())]
+    elif prediction.contradictory:
+        (name,) = given
+        remarks.append(f"{name} of {given[name]:.4g}: at most 1 of 100 adults have such a value")
+    others = [name for name in prediction.contradictory if name not in (prediction.pair or given)]
     if others:
         remarks.append(f"so do {', '.join(others)}")
-    if not prediction.contradictory:
+    if not prediction.contradictory and len(given) > 1:
         remarks.append("the values agree with each other")
     if _WAIST in given and _OMPHALION not in given:
         remark = "the waist is the natural one; give the navel's, as in ANSUR, as " + repr(
@@ -224,7 +249,7 @@ def _message(given: Mapping[str, float], sex: str, prediction: Prediction, conve
         if prediction.contradictory and not predict(renamed, sex).contradictory:
             remark += ", with which the values would agree"
         remarks.append(remark)
-    return "; ".join(remarks)
+    return remarks
 
 
 def _nearest_betas(

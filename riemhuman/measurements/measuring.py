@@ -12,9 +12,9 @@ from autograd import make_vjp
 from numpy import ndarray
 
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import likely_units, one_of, real_array
+from riemhuman.checks import likely_units, one_of, real_array, real_number
 from riemhuman.datasets import Bodies
-from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.threads import in_chunks
@@ -114,6 +114,11 @@ class Measurements:
         own: MeasurementSet | None
         if isinstance(model, Bodies):
             model = model.template if model.model is None else model.model
+        if not isinstance(model, (BodyModel, Template, MeasurementSet)):
+            raise ArgumentTypeError(
+                "model must be a BodyModel, a Template, Bodies or a MeasurementSet; found "
+                f"{type(model).__name__}"
+            )
         if isinstance(model, MeasurementSet):
             own = model
         elif isinstance(definitions, MeasurementSet):
@@ -218,7 +223,16 @@ class Measurements:
         in_chunks(task, len(surfaces), threaded=len(surfaces) >= _THREADED)
         why_missing = self._why_missing(surfaces, values, axes)
         if trusted_vertices is not None:
-            trusted = np.broadcast_to(np.asarray(trusted_vertices, dtype=bool), points.shape[:-1])
+            trusted = np.asarray(trusted_vertices)
+            if trusted.dtype != bool or trusted.shape not in (
+                points.shape[:-1],
+                points.shape[-2:-1],
+            ):
+                raise ArgumentError(
+                    f"trusted_vertices must be Boolean, of shape {points.shape[:-1]}; found "
+                    f"{trusted.dtype} of shape {trusted.shape}"
+                )
+            trusted = np.broadcast_to(trusted, points.shape[:-1])
             unseen = self._unseen(surfaces, trusted.reshape(len(surfaces), -1), axes)
             for number, which, share in unseen:
                 values[number, which] = np.nan
@@ -344,7 +358,8 @@ def as_mapping(values: Any, names: Sequence[str]) -> dict[str, float]:
     """Return values of measurements by name; raise an error if there are none or unknown ones."""
     if not isinstance(values, Mapping) or not values:
         raise ArgumentError(f"values must map names of measurements to numbers; found {values!r}")
-    return {nearest_name(name, "measurement", names): float(v) for name, v in values.items()}
+    named = {nearest_name(str(name), "measurement", names): v for name, v in values.items()}
+    return {name: real_number(value, name) for name, value in named.items()}
 
 
 def _check_metres(surfaces: ndarray) -> None:

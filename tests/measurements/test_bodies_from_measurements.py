@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from riemhuman.datasets import load_open_bodies, load_open_model
-from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SobolevMetric
 from riemhuman.measurements import (
     Measurements,
@@ -71,6 +71,27 @@ def test_contradictory_values_are_named():
     assert predict(wanted, "woman", {"inside leg height": 0.2}).contradictory == ()
 
 
+def test_a_tall_heavy_woman_is_found():
+    """Large steps of the search lead to bodies whose waist is not defined."""
+    wanted = {"stature": 1.827, "body mass": 93.1, "chest girth": 1.021, "hip girth": 1.136}
+    wanted["waist girth (omphalion)"] = 1.08
+    person = model_from_measurements(wanted, "woman", resolution="coarse")
+    assert person.converged
+    assert abs(person.misses["body mass"]) < 0.05
+    assert person.improbability < 10.0
+    assert person.message == "the values agree with each other"
+
+
+def test_single_values_and_misses_are_named():
+    person = model_from_measurements({"stature": 1.0}, resolution="coarse", max_iter=1)
+    assert person.contradictory == ("stature",)
+    assert "stature of 1: at most 1 of 100 adults have such a value" in person.message
+    assert "the body misses stature by" in person.message
+    person = model_from_measurements({"stature": 1.70}, resolution="coarse")
+    assert person.contradictory == ()
+    assert person.message == ""
+
+
 def test_the_message_says_which_waist():
     wanted = {"stature": 1.63, "waist girth": 1.0, "chest girth": 0.95, "hip girth": 1.02}
     person = model_from_measurements(wanted, "woman", resolution="coarse", max_iter=1)
@@ -131,8 +152,11 @@ def test_wrong_values():
         (({"waist girth": 0.8}, "w"), "sex must be one of"),
         (({"waist girth": -0.8},), "waist girth must be a finite number above 0"),
         (({},), "must map names"),
+        (({"stature": "tall"},), "stature must be a"),
+        (({"stature": 170},), "stature must be in m, where women have 1.63"),
+        (({"body mass": 70000},), "body mass must be in kg"),
     ):
-        with pytest.raises(ArgumentError, match=message):
+        with pytest.raises((ArgumentError, ArgumentTypeError), match=message):
             model_from_measurements(*arguments)
     with pytest.raises(ArgumentError, match="there is no measurement 'stature'"):
         model_from_measurements({"waist girth": 0.8}, tolerances={"stature": 1.0})

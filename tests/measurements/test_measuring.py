@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
 from riemhuman.datasets import load_open_bodies, load_open_model
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.measurements import Girth, Measurements, in_standard_pose
 from riemhuman.measurements._landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements._sections import HULL, section_sizes
@@ -221,8 +221,10 @@ def test_wrong_arguments(bodies, own):
         (lambda: own.measure(point, pose="standard", gradient=True), "gradient requires pose"),
         (lambda: Measurements(other), "there are no measurements for"),
         (lambda: own.measure(point)["statur"], "did you mean 'stature'"),
+        (lambda: Measurements(point), "model must be a BodyModel"),
+        (lambda: own.measure(point, trusted_vertices=np.arange(5)), "trusted_vertices must be"),
     ):
-        with pytest.raises(ArgumentError, match=message):
+        with pytest.raises((ArgumentError, ArgumentTypeError), match=message):
             wrong()
 
 
