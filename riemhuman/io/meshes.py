@@ -12,6 +12,8 @@ import re
 from array import array
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -247,11 +249,16 @@ def _read_ply_mesh(file: Path) -> _Mesh:
 
 def _read_with_meshio(file: Path) -> _Mesh:
     meshio = import_optional("meshio", "meshes")
+    printed = StringIO()
     try:
-        mesh = meshio.read(file)
+        with redirect_stdout(printed), redirect_stderr(printed):
+            mesh = meshio.read(file)
         return mesh.points, _triangles_of_cells(mesh.cells)
-    except (Exception, SystemExit) as error:  # meshio ends the program on some errors
-        raise FileFormatError(f"meshio cannot read it: {short_message(error)}") from error
+    except (Exception, SystemExit) as error:  # meshio prints some errors and ends the program
+        reason = " ".join(printed.getvalue().split()) or short_message(error)
+        raise FileFormatError(
+            f"meshio cannot read it ({reason[:300]}); save it as .ply, .obj or .stl"
+        ) from error
 
 
 def _triangles_of_cells(cells: Any) -> ndarray:

@@ -93,11 +93,6 @@ class MetricCodes(Estimator):
             Bodies, at least three, of the kind that is to be compared.
         y : object
             Not used.
-
-        Returns
-        -------
-        MetricCodes
-            The estimator itself.
         """
         n_codes = whole_number(self.n_codes, "n_codes", minimum=2)
         n_components = whole_number(self.n_components, "n_components", minimum=1)

@@ -90,11 +90,6 @@ class NearestNeighbors(Estimator):
         ----------
         X : array or sequence, shape (n, \*shape)
             Points: an array, or a sequence whose slices are arrays of points.
-
-        Returns
-        -------
-        NearestNeighbors
-            The estimator itself.
         """
         whole_number(self.n_neighbors, "n_neighbors", minimum=1)
         thread_count(self.n_jobs)

@@ -79,11 +79,6 @@ class KMedoids(Estimator):
             Symmetric distances.
         y : object
             Not used.
-
-        Returns
-        -------
-        KMedoids
-            The estimator itself.
         """
         distances = distance_matrix(X, "X")
         k = whole_number(self.n_clusters, "n_clusters", minimum=1)

@@ -115,11 +115,6 @@ class LearnedMetric(Estimator):
         groups : sequence of hashable, length n, optional
             Group of each point, such as its person, which cross-validation keeps together; by
             default every point is a group.
-
-        Returns
-        -------
-        LearnedMetric
-            The estimator itself.
         """
         coordinates = self._coordinates(X)
         classes = _numbers(y, "y", len(coordinates))
@@ -215,9 +210,10 @@ class LearnedMetric(Estimator):
         shares = np.zeros(len(_SHRINKAGES))
         for held_out in self._folds(members):
             seen = ~held_out
+            mean, directions, reduced = _principal(coordinates[seen])
+            every = (coordinates - mean) @ directions.T
             for k, shrinkage in enumerate(_SHRINKAGES):
-                mean, components, _ = _whitening(coordinates[seen], classes[seen], shrinkage)
-                whitened = (coordinates - mean) @ components.T
+                whitened = every @ _inverse_root(reduced, classes[seen], shrinkage)[0].T
                 distances = _distances(whitened[held_out], whitened)
                 shares[k] += _share_in_order(distances, classes, np.flatnonzero(held_out))
         return _SHRINKAGES[int(np.argmax(shares))]
@@ -238,13 +234,26 @@ def _whitening(
     coordinates: ndarray, classes: ndarray, shrinkage: str | float
 ) -> tuple[ndarray, ndarray, float]:
     """Return the mean, the rows that whiten the scatter within classes, and the shrinkage."""
+    mean, directions, reduced = _principal(coordinates)
+    inverse_root, shrinkage = _inverse_root(reduced, classes, shrinkage)
+    return mean, inverse_root @ directions, shrinkage
+
+
+def _principal(coordinates: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """Return the mean, the principal directions, and the coordinates along these."""
     mean = coordinates.mean(axis=0)
     centered = coordinates - mean
-    # Principal directions by the Gram matrix: there are far fewer points than coordinates.
+    # By the Gram matrix: there are far fewer points than coordinates.
     values, vectors = np.linalg.eigh(centered @ centered.T)
     kept = values > _ROUNDING * max(values[-1], 0.0)
     directions = (vectors[:, kept] / np.sqrt(values[kept])).T @ centered
-    reduced = centered @ directions.T
+    return mean, directions, centered @ directions.T
+
+
+def _inverse_root(
+    reduced: ndarray, classes: ndarray, shrinkage: str | float
+) -> tuple[ndarray, float]:
+    """Return the matrix that whitens the scatter within classes, and the shrinkage."""
     numbers, classes = np.unique(classes, return_inverse=True)
     if len(numbers) < 2:
         raise ArgumentError(f"y must name at least two classes to learn from; found {len(numbers)}")
@@ -259,8 +268,7 @@ def _whitening(
         shrinkage = float(covariance.ledoit_wolf_shrinkage(within, assume_centered=True))
     scatter = (1.0 - shrinkage) * scatter
     scatter += shrinkage * np.sum(within**2) / within.size * np.eye(len(scatter))
-    inverse_root = np.linalg.inv(np.linalg.cholesky(scatter))
-    return mean, inverse_root @ directions, float(shrinkage)
+    return np.linalg.inv(np.linalg.cholesky(scatter)), float(shrinkage)
 
 
 def _distances(rows: ndarray, others: ndarray) -> ndarray:

@@ -296,6 +296,8 @@ def test_other_formats_are_read_by_meshio(tmp_path):
     assert_reads(tmp_path / "surface.vtk", (VERTICES, expected))
     assert as_arrays(made)[1].tolist() == expected
     assert_refused(write(tmp_path, "broken.vtk", b"# vtk"), "meshio cannot read it")
+    poly = b"# vtk DataFile Version 4.2\nmade up\nASCII\nDATASET POLYDATA\nPOINTS 0 float\n"
+    assert_refused(write(tmp_path, "poly.vtk", poly), r"\(not POLYDATA\).*save it as \.ply")
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

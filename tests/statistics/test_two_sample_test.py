@@ -39,13 +39,13 @@ def test_statistic_and_exact_p_value_by_definition():
 def test_random_splits_follow_the_convention():
     distances = distances_of(np.random.default_rng(4).standard_normal((20, 2)))
     first = np.arange(20) < 12
-    found = two_sample_test(distances, first, n_permutations=300, rng=5)
+    found = two_sample_test(distances, first, n_permutations=301, rng=5)
     assert not found.exact
-    assert found.n_permutations == len(found.statistics) == 300
+    assert found.n_permutations == len(found.statistics) == 301
     as_large = np.sum(found.statistics >= found.statistic)
-    assert found.p_value == (as_large + 1) / 301
-    assert found.p_value == two_sample_test(distances, first, n_permutations=300, rng=5).p_value
-    swapped = two_sample_test(distances, ~first, n_permutations=300)
+    assert found.p_value == (as_large + 1) / 302
+    assert found.p_value == two_sample_test(distances, first, n_permutations=301, rng=5).p_value
+    swapped = two_sample_test(distances, ~first, n_permutations=301)
     assert swapped.statistic == pytest.approx(found.statistic)
 
 
