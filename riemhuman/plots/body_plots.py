@@ -187,7 +187,9 @@ def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarra
     array([6.])
     """
     areas = triangle_areas(np.asarray(vertices, dtype=np.float64), np.asarray(faces))
-    return real_array(values, "values", (len(areas),)) / np.maximum(areas, 1e-30)
+    if not areas.all():
+        raise ArgumentError("faces must not include triangles without area")
+    return real_array(values, "values", (len(areas),)) / areas
 
 
 def _tints(

@@ -279,11 +279,7 @@ def view_bodies(
     surfaces = real_array(points, "points", ("n_vertices", 3))
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
     n_bodies = len(surfaces)
-    labels = [""] * n_bodies if names is None else list(names)
-    if len(labels) != n_bodies or n_bodies == 0:
-        raise ArgumentError(
-            f"names must have one entry per body; found {len(labels)} for {n_bodies} bodies"
-        )
+    labels = _labels([""] * n_bodies if names is None else names, n_bodies)
     shades: list[ndarray | None] = [None] * n_bodies
     largest = None
     if values is not None:
@@ -299,6 +295,15 @@ def view_bodies(
         for label, surface, shade in zip(labels, surfaces, shades, strict=True)
     ]
     return _viewer(faces, {title: bodies}, "Show", title, description, view)
+
+
+def _labels(names: Sequence[str], n_bodies: int) -> list[str]:
+    labels = list(names)
+    if len(labels) != n_bodies or n_bodies == 0:
+        raise ArgumentError(
+            f"names must have one entry per body; found {len(labels)} for {n_bodies} bodies"
+        )
+    return labels
 
 
 def _viewer(
@@ -356,8 +361,12 @@ def save_picture(
     'Anna, Ben'
     """
     surfaces = real_array(points, "points", ("n", "n_vertices", 3), batched=False)
+    names = _labels(names, len(surfaces))
+    ending = file_path(path).suffix.lower()
+    if ending not in (".png", ".html"):
+        raise ArgumentError(f"path must end in .png or .html; found {os.fspath(path)!r}")
     colors = [SKIN] * (len(surfaces) - mean) + [MEAN] * mean
-    if file_path(path).suffix.lower() == ".html":
+    if ending == ".html":
         shown = zip(names, surfaces[:, None], colors, strict=True)
         _viewer(faces, {title: [ViewedBody(*body) for body in shown]}, "Show", title).save(path)
         return f"all {len(surfaces)} bodies"

@@ -9,7 +9,7 @@ from riemhuman.io import to_trimesh
 from riemhuman.measurements import Measurements
 from riemhuman.plots import view_bodies
 from riemhuman.plots._colors import colour_limit
-from riemhuman.plots.body_plots import plot_body, plot_measurement_lines, plot_path
+from riemhuman.plots.body_plots import per_area, plot_body, plot_measurement_lines, plot_path
 from riemhuman.surfaces import Template
 
 TEMPLATE = sphere_template()
@@ -102,6 +102,7 @@ def test_meshes_of_other_packages_are_drawn_as_their_arrays(made):
     [
         (lambda: plot_body(PATH[0], TEMPLATE.faces, [1.0]), r"values must have shape \(80\)"),
         (lambda: plot_path(PATH, TEMPLATE.faces, n_shown=1), "n_shown"),
+        (lambda: per_area([1.0], np.zeros((3, 3)), [[0, 1, 2]]), "triangles without area"),
         (lambda: plot_path(PATH, TEMPLATE.faces, colors=np.full((5, 3), 2)), "between 0 and 1"),
     ],
 )

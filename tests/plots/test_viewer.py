@@ -136,6 +136,17 @@ def test_saved_whole(tmp_path):
         viewer.save(tmp_path / "absent" / "body.html")
 
 
+def test_pictures_have_an_ending_that_says_so_and_a_name_for_each_body(tmp_path):
+    for name, names, message in (
+        ("x.jpg", "abcd", r"path must end in .png or .html; found .*x\.jpg"),
+        ("x.png", "abc", "found 3 for 4 bodies"),
+        ("x.html", "abcde", "found 5 for 4 bodies"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            rh.plots.save_picture(tmp_path / name, PATH, TEMPLATE.faces, list(names))
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_library_is_the_one_described():
     import hashlib
     from importlib.resources import files
