@@ -199,25 +199,44 @@ def wrong_starts(registration, result):
         yield name, replace(result, fit=fit, likelihood=-np.inf)
 
 
-def results_to_trust_or_not(registration, points, truth, places):
+def other_starts(registration, result, rng, n_starts=2):
+    """Yield names, poses and shapes of other people in moments of motions, at a body's place."""
+    model = registration.model
+    resolution = "full" if model.n_vertices > 5000 else "coarse"
+    motions = rh.datasets.load_open_motions(resolution, sequences=list(MOTIONS))
+    root = int(np.flatnonzero(model.parents < 0)[0])
+    for _ in range(n_starts):
+        motion = motions[rng.integers(len(motions))]
+        pose = motion.pose_vectors[rng.integers(len(motion))].copy()
+        pose[root] = result.fit.pose[root]
+        betas = rng.standard_normal(model.n_betas)
+        shift = result.points.mean(axis=0) - model(betas, pose).mean(axis=0)
+        fit = replace(result.fit, betas=betas, pose=pose, trans=shift)
+        yield "another person", replace(result, fit=fit, likelihood=-np.inf)
+
+
+def results_to_trust_or_not(registration, points, truth, places, rng):
     """Yield the start, error in metres and result, before others are tried, of one search.
 
     It is followed by results from starts that are deliberately wrong. `places` are those of the
-    true vertices on the model, None if they are its own.
+    true vertices on the model, None if they are its own. The error is that of the trusted vertices,
+    of all if none is trusted.
     """
     scan = as_scan(points)
     prepared, fitter = prepare_scan(scan), registration._fitter
+    faces = registration.model.faces
 
     def solved(start):
         result = registration._solve(fitter, scan, prepared, {}, start)
-        own = result.points
+        own, chosen = result.points, result.trusted_vertices
         if places is not None:
-            own = points_at(places, own, registration.model.faces)
-        return float(np.linalg.norm(own - truth, axis=1).mean()), result
+            own, chosen = points_at(places, own, faces), chosen[faces[places.triangles, 0]]
+        errors = np.linalg.norm(own - truth, axis=1)
+        return float(errors[chosen].mean() if chosen.any() else errors.mean()), result
 
     error, first = solved(None)
     yield "search", error, first
-    for name, start in wrong_starts(registration, first):
+    for name, start in [*wrong_starts(registration, first), *other_starts(registration, first, rng)]:
         yield name, *solved(start)
 
 

@@ -26,7 +26,7 @@ _N_NOISE, _MEDIAN = 3000, 0.6745
 _MODEL_SCALES = (0.04, 0.03, 0.03, 0.03, *(0.02,) * 5, *(0.012,) * 4)
 _MODEL_ALONG = 0.05
 # Weight of the prior: one unit of a coefficient counts as much as this mean distance.
-_PRIOR_METRES = 1e-4
+_PRIOR_METRES = 2e-4
 # Largest rotation of a joint in a step, radians.
 _LONGEST = 0.3
 

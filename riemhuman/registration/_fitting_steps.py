@@ -1,8 +1,7 @@
-"""Steps of the fit of a posed body to loose points, compiled: equations, assignment, annealing.
+"""Steps of the fit of a posed body to loose points: equations, assignment, annealing.
 
-The equations are those of `riemhuman.bodies.fit_model`, here in loops that release the interpreter
-lock, so that many starts run in parallel. Joints have rotation matrices, and a step rotates a joint
-by a small δ in the axes of space: x moves by δ × a, with the lever
+The equations are those of `riemhuman.bodies.fit_model`. Joints have rotation matrices, and a step
+rotates a joint by a small δ in the axes of space: x moves by δ × a, with the lever
 
     a = Σ_k w_k (G_k v + t_k − p_j)   over the joints k below j (j included).
 
@@ -18,16 +17,18 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from riemhuman.bodies import rotation_matrix
 from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.registration._posed_body import (
+    JointMotions,
     ModelSamples,
     Pose,
+    blended_rotations,
+    from_parents,
     joint_motions,
-    multiply,
     pose_body,
-    rotation,
-    rotation_vector,
     shaped_points,
 )
 
@@ -52,132 +53,33 @@ class Prior(NamedTuple):
     betas_precision: float  # inverse variance
 
 
-@compiled
-def _add_equations(
-    body: ModelSamples,
-    pose: Pose,
-    shares: np.ndarray,
-    gaps: np.ndarray,
-    directions: np.ndarray,
-    along: float,
-    matrix: np.ndarray,
-    right: np.ndarray,
-) -> None:
-    """Add the normal equations of a step without the prior."""
-    rotations, positions, shifts, shift_shapes, _ = joint_motions(body, pose)
-    shaped = shaped_points(body, pose)
-    n_joints, n_betas = len(body.parents), len(pose.betas)
-    n_angles = 3 * n_joints
-    n_columns = n_angles + n_betas + 3
-    n_bones = body.bones.shape[1]
-    patch = 256
-    rows, sides = np.empty((3 * patch, n_columns)), np.empty(3 * patch)
-    row = np.empty((3, n_columns))
-    levers, moved, blended = np.empty((n_joints, 3)), np.empty(3), np.empty((3, 3))
-    weight_below = np.empty(n_joints)
-    root = math.sqrt(along)
-    filled = 0
-    for i in range(len(shares)):
-        if shares[i] > 0.0:
-            levers[:], weight_below[:], row[:], blended[:] = 0.0, 0.0, 0.0, 0.0
-            for c in range(n_bones):
-                weight = body.weights[i, c]
-                if weight == 0.0:
-                    continue
-                k = body.bones[i, c]
-                for x in range(3):
-                    value = shifts[k, x]
-                    for y in range(3):
-                        value += rotations[k, x, y] * shaped[i, y]
-                        blended[x, y] += weight * rotations[k, x, y]
-                    moved[x] = weight * value
-                    for b in range(n_betas):
-                        row[x, n_angles + b] += weight * shift_shapes[k, x, b]
-                while k >= 0:
-                    for x in range(3):
-                        levers[k, x] += moved[x]
-                    weight_below[k] += weight
-                    k = body.parents[k]
-            for k in range(n_joints):
-                if weight_below[k] > 0.0:
-                    a = levers[k, 0] - weight_below[k] * positions[k, 0]
-                    b = levers[k, 1] - weight_below[k] * positions[k, 1]
-                    c = levers[k, 2] - weight_below[k] * positions[k, 2]
-                    row[0, 3 * k + 1], row[0, 3 * k + 2] = c, -b
-                    row[1, 3 * k], row[1, 3 * k + 2] = -c, a
-                    row[2, 3 * k], row[2, 3 * k + 1] = b, -a
-            for x in range(3):
-                for y in range(3):
-                    for b in range(n_betas):
-                        row[x, n_angles + b] += blended[x, y] * body.shapedirs[i, y, b]
-                row[x, n_columns - 3 + x] = 1.0
-            scale = math.sqrt(shares[i])
-            across = 0.0
-            for x in range(3):
-                across += directions[i, x] * gaps[i, x]
-            for x in range(3):
-                pull = scale * (1.0 - root) * directions[i, x]
-                sides[3 * filled + x] = scale * root * gaps[i, x] + pull * across
-                for column in range(n_columns):
-                    value = scale * root * row[x, column]
-                    for y in range(3):
-                        value += pull * directions[i, y] * row[y, column]
-                    rows[3 * filled + x, column] = value
-            filled += 1
-        if filled == patch or (i == len(shares) - 1 and filled):
-            used = rows[: 3 * filled]
-            matrix += used.T @ used
-            right += used.T @ sides[: 3 * filled]
-            filled = 0
+def _derivatives(body: ModelSamples, pose: Pose, motions: JointMotions) -> np.ndarray:
+    """Return derivatives (n, 3, c) of the points by rotations in space, betas and trans.
+
+    The change of the pose offsets is left out. Single precision suffices for steps.
+    """
+    n, n_joints = body.weights.shape
+    n_angles, n_betas = 3 * n_joints, len(pose.betas)
+    rows = np.zeros((n, 3, n_angles + n_betas + 3), np.float32)
+
+    by_bone = shaped_points(body, pose) @ motions.rotations.transpose(2, 1, 0).reshape(3, -1)
+    by_bone = by_bone.reshape(n, 3, n_joints) + motions.shifts.T
+    levers = (by_bone * body.weights[:, np.newaxis]) @ body.below
+    levers -= motions.positions.T * (body.weights @ body.below)[:, np.newaxis]
+    for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        rows[:, x, y:n_angles:3] = levers[:, z]
+        rows[:, y, x:n_angles:3] = -levers[:, z]
+
+    axes, rotations = motions.axes, motions.rotations
+    bones = (axes @ from_parents(body, body.joint_shapes)).reshape(n_joints, -1)
+    shifts = body.below @ bones - (rotations @ body.joint_shapes).reshape(n_joints, -1)
+    of_betas = rows[:, :, n_angles : n_angles + n_betas]
+    of_betas[:] = (body.weights @ shifts).reshape(n, 3, n_betas)
+    of_betas += blended_rotations(body, motions) @ body.shapedirs
+    rows[:, :, -3:] = np.eye(3)
+    return rows
 
 
-@compiled
-def _add_prior(
-    body: ModelSamples, pose: Pose, prior: Prior, size: float, matrix: np.ndarray, right: np.ndarray
-) -> None:
-    """Add the equations of the prior, in the same coordinates."""
-    axes = joint_motions(body, pose)[4]
-    n_joints = len(body.parents)
-    difference = np.empty((3, 3))
-    for k in range(n_joints):
-        precision = size * prior.precisions[k]
-        if precision > 0.0:
-            multiply(pose.local[k], prior.local[k].T, difference)
-            away = rotation_vector(difference)
-            for x in range(3):
-                matrix[3 * k + x, 3 * k + x] += precision
-                for y in range(3):
-                    right[3 * k + x] -= precision * axes[k, x, y] * away[y]
-    for b in range(len(pose.betas)):
-        precision = size * prior.betas_precision
-        matrix[3 * n_joints + b, 3 * n_joints + b] += precision
-        right[3 * n_joints + b] -= precision * (pose.betas[b] - prior.betas[b])
-
-
-@compiled(forceinline=True, fastmath=SUM)
-def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve positive definite equations by Cholesky factors, which overwrite the matrix."""
-    solution = right.copy()
-    for i in range(len(right)):
-        for j in range(i):
-            total = matrix[i, j]
-            for k in range(j):
-                total -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = total / matrix[j, j]
-        total = matrix[i, i]
-        for k in range(i):
-            total -= matrix[i, k] * matrix[i, k]
-            solution[i] -= matrix[i, k] * solution[k]
-        matrix[i, i] = math.sqrt(total)
-        solution[i] /= matrix[i, i]
-    for i in range(len(right) - 1, -1, -1):
-        for k in range(i + 1, len(right)):
-            solution[i] -= matrix[k, i] * solution[k]
-        solution[i] /= matrix[i, i]
-    return solution
-
-
-@compiled
 def take_step(
     body: ModelSamples,
     pose: Pose,
@@ -195,34 +97,43 @@ def take_step(
     τ = `along`, plus `prior_weight` (square metres) times the prior. No joint rotates by more than
     `longest`, radians.
     """
-    n_joints, n_betas = len(body.parents), len(pose.betas)
-    n_columns = 3 * n_joints + n_betas + 3
-    matrix, right = np.zeros((n_columns, n_columns)), np.zeros(n_columns)
-    _add_equations(body, pose, shares, gaps, directions, along, matrix, right)
-    _add_prior(body, pose, prior, prior_weight, matrix, right)
-    for k in range(len(right)):
-        matrix[k, k] += 1e-4 * matrix[k, k] + 1e-9
-    step = _solve(matrix, right)
-    axes = joint_motions(body, pose)[4]
-    local = np.empty_like(pose.local)
-    vector = np.empty(3)
-    for k in range(n_joints):
-        for x in range(3):
-            vector[x] = 0.0
-            for y in range(3):
-                vector[x] += axes[k, y, x] * step[3 * k + y]
-        angle = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
-        if angle > longest:
-            vector *= longest / angle
-        multiply(rotation(vector), pose.local[k], local[k])
+    n_angles = 3 * len(body.parents)
+    motions = joint_motions(body, pose)
+    rows = _derivatives(body, pose, motions)
+    root = math.sqrt(along)
+    scale = np.sqrt(shares)[:, np.newaxis, np.newaxis]
+    weighted = scale * (
+        root * np.eye(3)
+        + (1.0 - root) * directions[:, :, np.newaxis] * directions[:, np.newaxis]
+    )
+    rows = (weighted.astype(np.float32) @ rows).reshape(-1, rows.shape[2])
+    matrix = (rows.T @ rows).astype(float)
+    right = rows.T @ (weighted @ gaps[:, :, np.newaxis]).ravel().astype(np.float32)
+
+    precisions = prior_weight * np.concatenate(
+        [
+            np.repeat(prior.precisions, 3),
+            np.full(len(pose.betas), prior.betas_precision),
+            np.zeros(3),
+        ]
+    )
+    away = Rotation.from_matrix(pose.local @ prior.local.transpose(0, 2, 1)).as_rotvec()
+    in_space = np.einsum("jxy,jy->jx", motions.axes, away)
+    offsets = np.concatenate([in_space.ravel(), pose.betas - prior.betas, np.zeros(3)])
+    right -= precisions * offsets
+    diagonal = np.diag(matrix) + precisions
+    matrix += np.diag(precisions + 1e-4 * diagonal + 1e-9)
+    step = np.linalg.solve(matrix, right)
+
+    vectors = np.einsum("jyx,jy->jx", motions.axes, step[:n_angles].reshape(-1, 3))
+    angles = np.linalg.norm(vectors, axis=1, keepdims=True)
+    vectors *= longest / np.maximum(angles, longest)
     return Pose(
-        local,
-        pose.betas + step[3 * n_joints : 3 * n_joints + n_betas],
-        pose.trans + step[3 * n_joints + n_betas :],
+        rotation_matrix(vectors) @ pose.local, pose.betas + step[n_angles:-3], pose.trans + step[-3:]
     )
 
 
-@compiled(forceinline=True, fastmath=SUM)
+@compiled(fastmath=SUM)
 def assign(
     points: np.ndarray,
     normals: np.ndarray,
@@ -289,7 +200,6 @@ def assign(
     return likelihood / scan.shape[0] - math.log(volume)
 
 
-@compiled
 def anneal(
     body: ModelSamples,
     start: Pose,
@@ -309,13 +219,13 @@ def anneal(
     n = len(body.areas)
     areas = body.areas.astype(np.float32)
     masses, targets = np.empty(n, np.float32), np.empty((3, n), np.float32)
-    shares, gaps = np.empty(n), np.empty((n, 3))
+    known = ~np.isnan(landmarks[:, 0])
     pose, likelihood = start, -np.inf
     for sigma in sigmas:
         points, normals = pose_body(body, pose)
         likelihood = assign(
-            np.ascontiguousarray(points.T).astype(np.float32),
-            np.ascontiguousarray(normals.T).astype(np.float32),
+            np.ascontiguousarray(points.T, np.float32),
+            np.ascontiguousarray(normals.T, np.float32),
             areas,
             scan,
             scan_normals,
@@ -324,15 +234,10 @@ def anneal(
             masses,
             targets,
         )
-        for i in range(n):
-            shares[i] = masses[i] / len(scan)
-            for x in range(3):
-                mean = targets[x, i] / masses[i] if masses[i] > 0.0 else 0.0
-                gaps[i, x] = mean - points[i, x]
-            if not math.isnan(landmarks[i, 0]):
-                shares[i] = LANDMARK
-                for x in range(3):
-                    gaps[i, x] = landmarks[i, x] - points[i, x]
+        # The smallest positive number stands for a mass of 0, whose share is 0.
+        means = targets.T / np.maximum(masses, np.finfo(np.float32).tiny)[:, np.newaxis]
+        gaps = np.where(known[:, np.newaxis], landmarks, means) - points
+        shares = np.where(known, LANDMARK, masses / len(scan))
         weight = sigma * sigma / _WORTH
         pose = take_step(body, pose, prior, weight, shares, gaps, normals, 1.0, _LONGEST)
     return pose, likelihood

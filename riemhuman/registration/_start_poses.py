@@ -17,7 +17,7 @@ import numpy as np
 from riemhuman.bodies import BodyModel, rotation_matrix
 from riemhuman.datasets import joint_rotations, pose_vectors
 from riemhuman.datasets.open_poses import mirror_angles
-from riemhuman.registration._posed_body import Pose, rotation
+from riemhuman.registration._posed_body import Pose
 
 _TABLE = json.loads((Path(__file__).parent / "data/start_poses.json").read_text(encoding="utf-8"))
 # Axes and degrees of joints from the T-pose, as for `riemhuman.datasets.joint_rotations`.
@@ -143,6 +143,6 @@ def rotate_forearm(pose: Pose, arm: np.ndarray, rest_joints: np.ndarray) -> Iter
     forearm = rest_joints[wrist] - rest_joints[elbow]
     for angle in _FOREARM_ANGLES:
         local = pose.local.copy()
-        local[elbow] = local[elbow] @ rotation(angle * forearm / np.linalg.norm(forearm))
+        local[elbow] = local[elbow] @ rotation_matrix(angle * forearm / np.linalg.norm(forearm))
         local[wrist] = np.eye(3)
         yield pose._replace(local=local)

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riemhuman.bodies import BodyModel
+from riemhuman.bodies import BodyModel, rotation_matrix
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._fitting_steps import LANDMARK, Prior, anneal
-from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body, rotation, sample_model
+from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body, sample_model
 from riemhuman.registration._scan_preparation import thin_points
 from riemhuman.registration._start_poses import (
     UP_POSES,
@@ -173,7 +173,7 @@ class StartSearch:
         for name in names:
             for angle in (np.arange(_N_HEADINGS) + offset) * (2.0 * np.pi / _N_HEADINGS):
                 local = self.poses[name].copy()
-                local[self.root] = upright @ rotation(angle * _UP) @ local[self.root]
+                local[self.root] = upright @ rotation_matrix(angle * _UP) @ local[self.root]
                 pose = Pose(local, betas, np.zeros(3))
                 shift = centre - body.areas @ pose_body(body, pose)[0]
                 prior = Prior(self.poses[name], self.precisions, betas, 1.0)
@@ -246,4 +246,4 @@ def _rotation_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     if sine < 1e-9:
         return np.eye(3) if cosine > 0 else np.diag([1.0, -1.0, -1.0])
     vector: np.ndarray = axis * (np.arctan2(sine, cosine) / sine)
-    return rotation(vector)
+    return rotation_matrix(vector)

@@ -12,7 +12,6 @@ import os
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -38,8 +37,9 @@ _VERSION = 4
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
 _FIELDS = ("trusted", "message", "likelihood", "median_distance", "matched_share")
-_SURFACE = ("points", "faces", "up", "transform", "matched", "trusted_vertices")
-_ARRAYS = (*_SURFACE, "shown", "shown_distances", "betas", "pose", "trans")
+_OF_RESULT = ("points", "up", "transform", "matched", "trusted_vertices")
+_OF_FIT = ("betas", "pose", "trans")
+_ARRAYS = (*_OF_RESULT, "faces", "shown", "shown_distances", *_OF_FIT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,18 +53,16 @@ class ScanRecord:
     trusted : bool
         Whether the registration is trusted.
     message : str
-        Why the registration is not trusted, which parts the scan does not show, or why the scan
-        could not be registered.
+        As of `RegisteredScan`, or why the scan could not be registered.
     likelihood : float
-        Mean log-likelihood of the scan; NaN if it could not be registered.
+        As of `RegisteredScan`; NaN if the scan could not be registered.
     median_distance : float
         Median distance of the scan's points from the body, metres.
     matched_share : float
         Share of the vertices that match the scan.
     arrays : dict of str to array
-        Points and faces of the body, the direction up, the transform to upright axes, the matched
-        and the trusted vertices, some points of the scan and their distances, and betas, pose and
-        trans, all in the axes of the scan; empty if the scan could not be registered.
+        What `RegisteredScan` has, in the axes of the scan, faces, and some points of the scan with
+        their distances; empty if the scan could not be registered.
 
     Examples
     --------
@@ -95,14 +93,13 @@ def register_folder(
     """Register the scans of a folder.
 
     A scan that the output holds already, from the same file by the same model, is skipped. A scan
-    that cannot be read or registered is recorded with the reason. Bodies of scans that do not show
-    all of them are written to the folder ``partial``, untrusted ones to ``untrusted``. A warning
-    names bodies whose scans are no longer there.
+    that cannot be read or registered is recorded with the reason. Incomplete bodies are written to
+    the folder ``partial``, untrusted ones to ``untrusted``. A warning names bodies whose scans are
+    no longer there.
 
     Parameters
     ----------
     registration : ScanRegistration
-        The model and the options of the registration.
     scans : path_like
         Folder with the scans, in the natural order of their names; subfolders are ignored.
     output : path_like
@@ -110,9 +107,8 @@ def register_folder(
     sequence : bool
         Whether the scans show one person in motion, so that each starts from the one before.
     keep_axes : bool
-        Whether to write bodies at the positions of the scans, in metres. By default, they stand on
-        the ground, y up, facing z (`RegisteredScan.transform`); those of a sequence are moved like
-        its first body.
+        Whether to write bodies at the positions of the scans. By default they stand upright
+        (`RegisteredScan.transform`); those of a sequence are moved like its first body.
     progress : bool
         Whether to show a progress bar.
 
@@ -144,14 +140,14 @@ def register_folder(
             place.mkdir(exist_ok=True)
         except OSError as error:
             raise FileError(f"{place} cannot be made: {error.strerror or error}") from error
-    _check_outputs(folder, {file.stem for file in files})
+    complete = _read_output(folder, {file.stem for file in files})
     identity = _identity(registration, sequence, keep_axes)
     records: list[ScanRecord] = []
     before: RegisteredScan | None = None
     transform = np.eye(4) if keep_axes else None
     for file in ProgressBar(files, desc="Scans", unit="scan", disable=not progress):
         key = hashlib.sha256(identity + read_bytes(file)).hexdigest()
-        record = _completed_record(folder, file.stem, key)
+        record = complete.get((file.stem, key))
         is_new = record is None
         if record is None:
             record, before = _register_file(registration, file, before if sequence else None)
@@ -231,19 +227,13 @@ def record_of(name: str, scan: Scan, result: RegisteredScan, faces: np.ndarray) 
     """Return the record of a registered scan."""
     seen = np.flatnonzero(~result.background)
     shown = seen[thin_points(scan.points[seen], _N_SHOWN, np.random.default_rng(0))]
-    arrays: dict[str, Any] = {
-        "points": result.points,
+    arrays = {name: getattr(result, name) for name in _OF_RESULT}
+    arrays |= {name: getattr(result.fit, name) for name in _OF_FIT}
+    arrays |= {
         "faces": faces,
-        "up": result.up,
-        "transform": result.transform,
-        "matched": result.matched,
-        "trusted_vertices": result.trusted_vertices,
         "shown": scan.points[shown].astype(np.float32),
         "shown_distances": result.distances[shown].astype(np.float32),
     }
-    if result.fit is not None:
-        fit = result.fit
-        arrays |= {"betas": fit.betas, "pose": fit.pose, "trans": fit.trans}
     return ScanRecord(
         name=name,
         trusted=result.trusted,
@@ -281,25 +271,32 @@ def _body_file(folder: Path, record: ScanRecord) -> Path:
     return (place if record.trusted else folder / UNTRUSTED) / f"{record.name}.ply"
 
 
-def _check_outputs(folder: Path, names: set[str]) -> None:
-    """Refuse bodies that were changed, and warn of those whose scans are gone."""
-    gone = []
+def _read_output(folder: Path, names: set[str]) -> dict[tuple[str, str], ScanRecord]:
+    """Return records of scans whose files are complete, by name and key.
+
+    Bodies that were changed are refused; a warning names those whose scans are gone.
+    """
+    complete = {}
     for file in sorted((folder / RECORDS).glob("*.npz")):
         try:
             record = _read(file)
-            digest = str(load_arrays(file, ["digest"], [])["digest"])
+            saved = load_arrays(file, ["key", "digest"], [])
         except FileFormatError:
             continue  # damaged: the scan is registered again
-        body = _body_file(folder, record)
-        if record.arrays and body.is_file():
-            if hashlib.sha256(read_bytes(body)).hexdigest() != digest:
+        if record.arrays:
+            body = _body_file(folder, record)
+            if not body.is_file():
+                continue
+            if hashlib.sha256(read_bytes(body)).hexdigest() != str(saved["digest"]):
                 raise FileError(
                     f"{body} was changed after it was registered; move it elsewhere to have its "
                     "scan registered again"
                 )
-            gone += [record.name] if record.name not in names else []
+        complete[record.name, str(saved["key"])] = record
+    gone = [each.name for each in complete.values() if each.arrays and each.name not in names]
     if gone:
         warn(f"{folder} holds bodies whose scans are gone: {', '.join(gone)}", UserWarning)
+    return complete
 
 
 def _write(folder: Path, record: ScanRecord, key: str, transform: np.ndarray | None) -> None:
@@ -320,22 +317,6 @@ def _write(folder: Path, record: ScanRecord, key: str, transform: np.ndarray | N
         {"key": np.array(key), "digest": np.array(digest), **fields, **record.arrays},
         compressed=True,
     )
-
-
-def _completed_record(folder: Path, name: str, key: str) -> ScanRecord | None:
-    """Return the record of a scan from an earlier run, if its files are complete."""
-    file = folder / RECORDS / f"{name}.npz"
-    if not file.is_file():
-        return None
-    try:
-        if str(load_arrays(file, ["key"], [])["key"]) != key:
-            return None
-        record = _read(file)
-    except FileFormatError:
-        return None  # damaged: the scan is registered again
-    if record.arrays and not _body_file(folder, record).is_file():
-        return None
-    return record
 
 
 def _read(file: Path) -> ScanRecord:

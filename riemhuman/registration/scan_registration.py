@@ -54,32 +54,28 @@ class RegisteredScan:
     trusted : bool
         Whether the result passed all checks.
     trusted_vertices : array of bool, shape (V,)
-        Which vertices are to be trusted: those that the scan shows or that are within 6 cm of
-        these along the surface. None if the body is not trusted, but for a limb alone in doubt.
+        Vertices that the scan shows or that are within 6 cm of these along the surface. None if the
+        body is not trusted, but for a limb alone in doubt.
     message : str
         The checks that the result failed, and parts that the scan does not show.
     likelihood : float
-        Mean log-likelihood of the scan points under the fitted body, scaled to an area of 1.8
-        square metres; NaN without a body model.
+        Mean log-likelihood of the scan points for a body of 1.8 square metres; NaN without a model.
     fit : ModelFit or None
-        Betas, pose and trans of the model, and the distances of `points` from it; None without a
-        body model.
+        Betas, pose and trans of the model, and the distances of `points` from it.
     distances : array, shape (N,)
         Distance of each point of the scan from the registered surface, metres.
     matched : array of bool, shape (V,)
-        Which vertices match points of the scan within 2 cm; the positions of the others follow
-        from the model and the elastic metric.
+        Vertices within 2 cm of matching points of the scan; the positions of the others follow from
+        the model and the elastic metric.
     correspondence : SurfacePoints
-        Triangle and barycentric coordinates of the point on the surface nearest to each point of
-        the scan, by which data on the scan are carried over to the body.
+        The nearest point on the surface for each point of the scan.
     background : array of bool, shape (N,)
-        Which points of the scan were classified as floor, strays or hair.
+        Points of the scan classified as floor, strays or hair.
     up : array, shape (3,)
         The direction up in the scan.
     transform : array, shape (4, 4)
-        The rigid motion from the axes of the scan, metres, to upright ones: y points up, the body
-        faces z, and its lowest point is at the height 0, with the centre of the box around it on
-        the axis. Without a body model, the axes stay those of the scan.
+        The rigid motion from the axes of the scan, metres, to upright ones: y up, the body facing
+        z, standing on the ground in the middle of the axes. The identity without a model.
     unit : str
         The unit of the scan.
 
@@ -154,17 +150,16 @@ class ScanRegistration:
 
     Many starts with different headings and poses are fitted by soft assignment, and the likeliest
     is kept; each of its arms is then tried in the positions of all start poses. Finer soft
-    assignment and closest points then determine its parameters, with forearms rotated so that they
-    come nearest to the scan. The surface leaves the model as far as the elastic metric (a, λ, c) =
-    (1, 1, 1) allows, the farther the less noise the scan has, and the model is fitted to it again,
-    twice. If the result is not trusted, other starts are tried, and bodies without legs and without
-    all above the waist.
+    assignment and closest points determine its parameters, with forearms rotated so that they come
+    nearest to the scan. The surface then leaves the model as far as the elastic metric (a, λ, c) =
+    (1, 1, 1) allows, and the model is fitted to it again, twice. If the result is not trusted,
+    other starts are tried, and bodies without legs or without all above the waist.
 
     Parameters
     ----------
     model : BodyModel, optional
-        The model; by default the open model at full resolution. Start poses exist for models with
-        its joint names and for the SMPL family; for other models, only the rest pose.
+        By default the open model at full resolution. Start poses exist for models with its joint
+        names and for the SMPL family; for others, only the rest pose.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
         Unit of the scans; by default it is inferred from their sizes.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
@@ -207,9 +202,9 @@ class ScanRegistration:
             A file; a mesh of trimesh, PyVista or meshio; points, shape (N, 3), or (N, 6) with
             normals; or vertices and faces.
         landmarks : mapping of str to array_like, shape (3,), optional
-            Positions of joints of the model in the scan, in its unit, within some centimetres.
+            Rough positions of joints of the model in the scan, in its unit.
         start : RegisteredScan, optional
-            Registration of the same person a moment before, from which the search starts.
+            Registration of the same person a moment before.
 
         Returns
         -------
@@ -218,8 +213,8 @@ class ScanRegistration:
         Raises
         ------
         ArgumentError
-            If too few points are left, the size is not that of a body, the model has no joint with
-            the name of a landmark, or a landmark is not in the scan.
+            If fewer than 200 points are left without the background, or the size is not that of a
+            body.
         """
         whole = as_scan(scan, self.unit)
         known = self._landmark_positions({} if landmarks is None else landmarks, whole)
@@ -245,7 +240,8 @@ class ScanRegistration:
         """Register scans of one person in motion, each started from the one before.
 
         A scan is registered from scratch if the one before is not trusted, or if the start from it
-        leads to a much lower likelihood.
+        leads to a much lower likelihood. An interruption from the keyboard leaves the finished
+        ones.
 
         Parameters
         ----------
@@ -257,7 +253,6 @@ class ScanRegistration:
         Returns
         -------
         results : list of RegisteredScan
-            In the order of the scans; after an interruption from the keyboard, the finished ones.
         """
         results: list[RegisteredScan] = []
         try:
@@ -565,10 +560,9 @@ class TemplateRegistration:
         Parameters
         ----------
         scan : path, Scan, array_like or pair
-            A file; points, shape (N, 3), or (N, 6) with normals; or vertices and faces.
+            As for `ScanRegistration.solve`.
         start : array_like, shape (V, 3), optional
-            The template roughly at the place of the scan, in the scan's unit; by default its own
-            vertices.
+            The template roughly at the place of the scan; by default its own vertices.
 
         Returns
         -------
@@ -656,14 +650,12 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     Parameters
     ----------
     model : BodyModel
-        The model, metres.
     body : Template
         A body with the other mesh, metres, in any pose without contacts.
 
     Returns
     -------
     model : BodyModel
-        A model of the same joints and shape coefficients with the mesh of the body.
 
     Raises
     ------
@@ -676,8 +668,6 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> body = rh.Template(bodies[0], bodies.template.faces)
     >>> model = rh.registration.transfer_model(bodies.model, body)  # doctest: +SKIP
-    >>> model  # doctest: +SKIP
-    <BodyModel: 23 joints, 32 shape coefficients, 1,202 vertices>
     """
     vertices, faces = body.vertices, body.faces
     registered = ScanRegistration(model, unit="metres").solve((vertices, faces))

@@ -70,9 +70,8 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
     Parameters
     ----------
     path : path_like
-        A mesh (PLY, OBJ, OFF, STL or GLB) or loose points (PLY, XYZ or NPY), by its suffix. A line
-        of an XYZ file holds x, y, z and possibly a unit normal; other values are ignored. An NPY
-        file holds an array, shape (N, 3), or (N, 6) with unit normals.
+        A mesh (PLY, OBJ, OFF, STL or GLB) or loose points (PLY, XYZ or NPY), by its suffix. XYZ and
+        NPY files hold x, y, z and possibly a unit normal.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
         Unit of the file; by default it is inferred from the size.
 

@@ -8,7 +8,7 @@ import riemhuman as rh
 from riemhuman.registration import simulated_scan
 from riemhuman.registration._closest_points import ScanTree
 from riemhuman.registration._dense_fit import DenseFitter
-from riemhuman.registration._posed_body import Pose, rotation
+from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._scan_preparation import estimate_normals, prepare_scan
 from riemhuman.registration._start_poses import arms_of
 from riemhuman.registration._start_search import Candidate, StartSearch, Target
@@ -54,7 +54,7 @@ def test_turned_hands_come_back(model):
 
     for degrees in (-120.0, 180.0):
         local = right.pose.local.copy()
-        local[elbow] = local[elbow] @ rotation(np.radians(degrees) * axis)
+        local[elbow] = local[elbow] @ rh.bodies.rotation_matrix(np.radians(degrees) * axis)
         start = Pose(local, right.pose.betas, right.pose.trans)
         found = fitter.fit(Candidate(start, best.prior, 0.0, UP), prepared)
         assert error(found.points) < error(right.points) + 0.005

@@ -61,7 +61,7 @@ def test_rotating_a_forearm_moves_no_joint(model):
                 np.delete(each.local, arm[2:], 0), np.delete(pose.local, arm[2:], 0)
             )
             np.testing.assert_array_equal(each.local[wrist], np.eye(3))
-            places = [joint_motions(body, one)[1] for one in (pose, each)]
+            places = [joint_motions(body, one).positions for one in (pose, each)]
             np.testing.assert_allclose(*places, atol=1e-12)
             turns.append(pose.local[elbow].T @ each.local[elbow])
         angles = Rotation.from_matrix(np.stack(turns)).magnitude()
