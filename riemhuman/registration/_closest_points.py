@@ -25,8 +25,9 @@ _N_NOISE, _MEDIAN = 3000, 0.6745
 
 _MODEL_SCALES = (0.04, 0.03, 0.03, 0.03, *(0.02,) * 5, *(0.012,) * 4)
 _MODEL_ALONG = 0.05
-# Weight of the prior: one unit of a coefficient counts as much as this mean distance.
-_PRIOR_METRES = 2e-4
+# One unit of a coefficient counts as much as one point of the scan that lies so far off: the fewer
+# points, the more the prior counts.
+_PRIOR_METRES = 0.02
 # Largest rotation of a joint in a step, radians.
 _LONGEST = 0.3
 
@@ -54,6 +55,11 @@ class ScanTree:
     def __init__(self, points: np.ndarray, normals: np.ndarray) -> None:
         self.points, self.normals = points, normals
         self._tree = cKDTree(np.concatenate([points, _NORMAL_METRES * normals], axis=1))
+
+    @property
+    def prior_weight(self) -> float:
+        """The weight of the prior, square metres."""
+        return _PRIOR_METRES**2 / len(self.points)
 
     @cached_property
     def noise(self) -> float:
@@ -103,7 +109,7 @@ def fit_closest(
             body,
             pose,
             prior,
-            _PRIOR_METRES**2,
+            scan.prior_weight,
             shares,
             matches.gaps,
             matches.normals,
@@ -114,7 +120,12 @@ def fit_closest(
 
 
 def fit_surface(
-    body: ModelSamples, pose: Pose, prior: Prior, surface: np.ndarray, weights: np.ndarray
+    body: ModelSamples,
+    pose: Pose,
+    prior: Prior,
+    prior_weight: float,
+    surface: np.ndarray,
+    weights: np.ndarray,
 ) -> Pose:
     """Return the parameters that bring the model's vertices to a surface, with weights (V,)."""
     is_vertex = (body.numbers >= 0)[:, np.newaxis]
@@ -122,8 +133,7 @@ def fit_surface(
     for _ in range(_N_SURFACE_STEPS):
         points, normals = pose_body(body, pose)
         gaps = np.where(is_vertex, surface[body.numbers] - points, 0.0)
-        weight = _PRIOR_METRES**2
-        pose = take_step(body, pose, prior, weight, shares, gaps, normals, 1.0, _LONGEST)
+        pose = take_step(body, pose, prior, prior_weight, shares, gaps, normals, 1.0, _LONGEST)
     return pose
 
 

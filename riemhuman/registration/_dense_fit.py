@@ -132,7 +132,7 @@ class DenseFitter:
         )
         for _ in range(_N_REPEATS):
             weights = np.maximum(matches.weights, _UNMATCHED)
-            pose = fit_surface(dense, pose, best.prior, points, weights)
+            pose = fit_surface(dense, pose, best.prior, tree.prior_weight, points, weights)
             model_points = self.surface(pose)
             softest = softer[-_N_STEPS_AGAIN:]
             points, matches = fit_elastic(
