@@ -236,7 +236,10 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
 
     error, first = solved(None)
     yield "search", error, first
-    for name, start in [*wrong_starts(registration, first), *other_starts(registration, first, rng)]:
+    for name, start in [
+        *wrong_starts(registration, first),
+        *other_starts(registration, first, rng),
+    ]:
         yield name, *solved(start)
 
 

@@ -11,8 +11,15 @@ import numpy as np
 
 from riemhuman.bodies import BodyModel, rotation_matrix
 from riemhuman.kernels.threads import mapped
-from riemhuman.registration._fitting_steps import LANDMARK, Prior, anneal
-from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body, sample_model
+from riemhuman.registration._posed_body import (
+    LANDMARK,
+    ModelSamples,
+    Pose,
+    Prior,
+    anneal,
+    pose_body,
+    sample_model,
+)
 from riemhuman.registration._scan_preparation import thin_points
 from riemhuman.registration._start_poses import (
     UP_POSES,

@@ -20,8 +20,7 @@ from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.progress import ProgressBar
-from riemhuman.registration._closest_points import ScanTree, fit_elastic
-from riemhuman.registration._dense_fit import DenseFitter
+from riemhuman.registration._dense_fit import DenseFitter, ScanTree, fit_elastic
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._scan_preparation import PreparedScan, prepare_scan
 from riemhuman.registration._start_poses import arms_of, hidden_parts, joint_names, joints_below

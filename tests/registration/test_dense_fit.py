@@ -6,8 +6,7 @@ from scanned_people import foreign_bodies, foreign_places, points_at
 
 import riemhuman as rh
 from riemhuman.registration import simulated_scan
-from riemhuman.registration._closest_points import ScanTree
-from riemhuman.registration._dense_fit import DenseFitter
+from riemhuman.registration._dense_fit import DenseFitter, ScanTree
 from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._scan_preparation import estimate_normals, prepare_scan
 from riemhuman.registration._start_poses import arms_of

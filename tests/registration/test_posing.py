@@ -5,17 +5,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.registration._fitting_steps import (
+from riemhuman.registration._posed_body import (
     KAPPA,
     OUTLIERS,
+    Pose,
     Prior,
     assign,
-    take_step,
-)
-from riemhuman.registration._posed_body import (
-    Pose,
     pose_body,
     sample_model,
+    take_step,
 )
 
 
