@@ -24,7 +24,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel, rotation_matrix
+from riemhuman.bodies import BodyModel
 from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.registration._scan_preparation import thin_points
@@ -168,29 +168,29 @@ class Prior(NamedTuple):
 
 
 def _derivatives(body: ModelSamples, pose: Pose, motions: JointMotions) -> np.ndarray:
-    """Return derivatives (n, 3, c) of the points by rotations in space, betas and trans.
+    """Return derivatives (3, n, c) of the points by rotations in space, betas and trans.
 
-    The change of the pose offsets is left out. Single precision suffices for steps.
+    The first columns are those of all rotations about x, then y, then z. The change of the pose
+    offsets is left out. Single precision suffices for steps.
     """
     n, n_joints = body.weights.shape
     n_angles, n_betas = 3 * n_joints, len(pose.betas)
-    rows = np.zeros((n, 3, n_angles + n_betas + 3), np.float32)
+    rows = np.zeros((3, n, n_angles + n_betas + 3), np.float32)
 
-    by_bone = shaped_points(body, pose) @ motions.rotations.transpose(2, 1, 0).reshape(3, -1)
-    by_bone = by_bone.reshape(n, 3, n_joints) + motions.shifts.T
-    levers = (by_bone * body.weights[:, np.newaxis]) @ body.below
-    levers -= motions.positions.T * (body.weights @ body.below)[:, np.newaxis]
+    by_bone = shaped_points(body, pose) @ motions.rotations.transpose(1, 2, 0)
+    levers = ((by_bone + motions.shifts.T[:, np.newaxis]) * body.weights) @ body.below
+    levers -= motions.positions.T[:, np.newaxis] * (body.weights @ body.below)
     for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        rows[:, x, y:n_angles:3] = levers[:, z]
-        rows[:, y, x:n_angles:3] = -levers[:, z]
+        rows[x, :, y * n_joints : (y + 1) * n_joints] = levers[z]
+        rows[y, :, x * n_joints : (x + 1) * n_joints] = -levers[z]
 
     axes, rotations = motions.axes, motions.rotations
     bones = (axes @ from_parents(body, body.joint_shapes)).reshape(n_joints, -1)
     shifts = body.below @ bones - (rotations @ body.joint_shapes).reshape(n_joints, -1)
-    of_betas = rows[:, :, n_angles : n_angles + n_betas]
-    of_betas[:] = (body.weights @ shifts).reshape(n, 3, n_betas)
+    of_betas = (body.weights @ shifts).reshape(n, 3, n_betas)
     of_betas += blended_rotations(body, motions) @ body.shapedirs
-    rows[:, :, -3:] = np.eye(3)
+    rows[:, :, n_angles:-3] = of_betas.transpose(1, 0, 2)
+    rows[:, :, -3:] = np.eye(3)[:, np.newaxis]
     return rows
 
 
@@ -211,41 +211,37 @@ def take_step(
     τ = `along`, plus `prior_weight` (square metres) times the prior. No joint rotates by more than
     `longest`, radians.
     """
-    n_angles = 3 * len(body.parents)
     motions = joint_motions(body, pose)
-    rows = _derivatives(body, pose, motions)
-    root = math.sqrt(along)
-    scale = np.sqrt(shares)[:, np.newaxis, np.newaxis]
-    weighted = scale * (
-        root * np.eye(3) + (1.0 - root) * directions[:, :, np.newaxis] * directions[:, np.newaxis]
-    )
-    rows = (weighted.astype(np.float32) @ rows).reshape(-1, rows.shape[2])
+    scale = np.sqrt(shares, dtype=np.float32)[:, np.newaxis]
+    rows = _derivatives(body, pose, motions) * scale
+    sides = (gaps * scale).T
+    if along < 1.0:
+        root = math.sqrt(along)
+        across = directions.astype(np.float32).T
+        pull = (1.0 - root) * across
+        rows = root * rows + pull[:, :, np.newaxis] * np.einsum("xn,xnc->nc", across, rows)
+        sides = root * sides + pull * np.einsum("xn,xn->n", across, sides)
+    rows = rows.reshape(-1, rows.shape[2])
     matrix = (rows.T @ rows).astype(float)
-    right = rows.T @ (weighted @ gaps[:, :, np.newaxis]).ravel().astype(np.float32)
+    right = (rows.T @ sides.ravel().astype(np.float32)).astype(float)
 
-    precisions = prior_weight * np.concatenate(
-        [
-            np.repeat(prior.precisions, 3),
-            np.full(len(pose.betas), prior.betas_precision),
-            np.zeros(3),
-        ]
-    )
+    rest = np.zeros(3)
+    betas_precision = np.full(len(pose.betas), prior.betas_precision)
+    precisions = np.concatenate([np.tile(prior.precisions, 3), betas_precision, rest])
     away = Rotation.from_matrix(pose.local @ prior.local.transpose(0, 2, 1)).as_rotvec()
-    in_space = np.einsum("jxy,jy->jx", motions.axes, away)
-    offsets = np.concatenate([in_space.ravel(), pose.betas - prior.betas, np.zeros(3)])
-    right -= precisions * offsets
-    diagonal = np.diag(matrix) + precisions
-    matrix += np.diag(precisions + 1e-4 * diagonal + 1e-9)
+    in_space = np.einsum("jxy,jy->xj", motions.axes, away)
+    offsets = np.concatenate([in_space.ravel(), pose.betas - prior.betas, rest])
+    right -= prior_weight * precisions * offsets
+    diagonal = np.diag(matrix) + prior_weight * precisions
+    np.fill_diagonal(matrix, 1.0001 * diagonal + 1e-9)
     step = np.linalg.solve(matrix, right)
 
-    vectors = np.einsum("jyx,jy->jx", motions.axes, step[:n_angles].reshape(-1, 3))
+    n_angles = 3 * len(body.parents)
+    vectors = np.einsum("jyx,yj->jx", motions.axes, step[:n_angles].reshape(3, -1))
     angles = np.linalg.norm(vectors, axis=1, keepdims=True)
     vectors *= longest / np.maximum(angles, longest)
-    return Pose(
-        rotation_matrix(vectors) @ pose.local,
-        pose.betas + step[n_angles:-3],
-        pose.trans + step[-3:],
-    )
+    local = Rotation.from_rotvec(vectors).as_matrix() @ pose.local
+    return Pose(local, pose.betas + step[n_angles:-3], pose.trans + step[-3:])
 
 
 @compiled(fastmath=SUM)

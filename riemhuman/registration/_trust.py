@@ -15,7 +15,7 @@ from riemhuman.surfaces.template import Template
 # Likelihoods are compared for bodies of this area, because the density falls as the area grows.
 AREA = 1.8
 LEAST_LIKELIHOOD = 2.4
-LEAST_MARGIN = 0.10
+LEAST_MARGIN = 0.06
 RIVAL_METRES = 0.15
 NEAR_METRES, LEAST_NEAR = 0.05, 0.97
 # A limb that is elsewhere has few matches, and leaves part of the scan far from the body.

@@ -278,6 +278,13 @@ class ScanRegistration:
         return owners
 
     @cached_property
+    def _on_hands(self) -> np.ndarray:
+        """Which vertices belong to the hands."""
+        wrists = [int(arm[-1]) for arm in arms_of(self.model)]
+        on_hands: np.ndarray = np.isin(self._owners, joints_below(self.model, wrists))
+        return on_hands
+
+    @cached_property
     def _fitter(self) -> DenseFitter:
         return DenseFitter(self._search)
 
@@ -441,7 +448,8 @@ class ScanRegistration:
         some = scan.points[:: max(len(scan.points) // _N_DENSE, 1)]
         some = some[~fitter.find_hair(model_points, some)]
         _, model_distances = nearest_points(some, model_points, self.model.faces)
-        overlaps = find_overlaps(self.model.template, points, matched)
+        # Hands that lie on the body are thin enough to be where it is, though they are right.
+        overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands)
         seen = near_matched(self.model.template, matched)
         shares = self._shares(matched)
         limb = int(np.argmin(shares))
