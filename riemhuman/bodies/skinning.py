@@ -22,7 +22,7 @@ _UNSIGNED_ROOT = 2**32 - 1
 def joint_motions(
     joints: Any, rotations: Any, parents: Any, order: Sequence[int]
 ) -> tuple[Any, Any]:
-    """Return the rotation in space and the position of every joint (equations 3 and 4).
+    """Return the rotation in space and the position of every joint (Loper et al., equations 3, 4).
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def joint_motions(
 
 
 def skin_surface(surface: Any, weights: Any, joints: Any, rotations: Any, positions: Any) -> Any:
-    """Move every vertex with the mean of its joints' rigid motions (equation 2).
+    """Move every vertex with the weighted mean of its joints' motions (Loper et al., equation 2).
 
     Parameters
     ----------

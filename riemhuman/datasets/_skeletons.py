@@ -15,6 +15,7 @@ from riemhuman.bodies import BodyModel
 from riemhuman.datasets.bvh import SkeletonMotion
 from riemhuman.errors import ArgumentError
 from riemhuman.representation import join_names
+from riemhuman.surfaces.procrustes import make_upright
 
 SIDES = ("left", "right")
 # Names of joints in recordings, the surest first; a joint is used once, so that "foot" is the toes
@@ -42,10 +43,14 @@ BONES = tuple((first, second) for limb in LIMBS for first, second in pairwise(li
 _STILL = 0.15
 # … averaged over so many seconds, against noise.
 _SMOOTHED = 0.1
+# Still feet so near to the floor in the recording stand on it, and their joints are at most so high
+# above its lowest point, in lengths of the leg (some 3 and 12 cm).
+_NEAR_FLOOR, _FOOT = 0.04, 0.15
+# The rest pose is upright along an axis if shoulders are above feet in it by this cosine.
+_UPRIGHT = 0.8
 # A knee or elbow shows its axis where it bends by more than this, degrees.
 BENT = 15.0
 _MOST_NAMES = 40
-_Z_TO_Y = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 SMPL_JOINTS = (
     *("pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2"),
     *("left_ankle", "right_ankle", "spine3", "left_foot", "right_foot", "neck", "left_collar"),
@@ -114,6 +119,7 @@ def _branch(parents: ndarray, joint: int) -> list[int]:
 
 def _read_name(name: str) -> tuple[str, str]:
     """Return the side and the part that the name of a joint says, or empty texts."""
+    name = name.rpartition(":")[2]  # before the colon is the name of the person
     words = [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)]
     side = "".join(_SIDE_WORDS.get(word, "") for word in words)
     words = [word for word in words if word not in _SIDE_WORDS]
@@ -122,8 +128,9 @@ def _read_name(name: str) -> tuple[str, str]:
     for text in texts:
         if text in _PARTS:
             return side, text
-        if not side and text[:1] in _SIDE_WORDS and text[1:] in _PARTS:
-            return _SIDE_WORDS[text[0]], text[1:]
+        for word, own in _SIDE_WORDS.items():
+            if not side and text.removeprefix(word) in _PARTS:
+                return own, text.removeprefix(word)
     return side, ""
 
 
@@ -173,9 +180,8 @@ class RecordedSkeleton(Skeleton):
                 rest[joint] += rest[parent]
         super().__init__(parents, rest, find_joints(recording.joint_names, parents, table))
         self.rotations, self.positions = recording.global_rotations, recording.positions
-        if up == "z" or (up is None and self._is_z_up()):
-            self.rotations = _Z_TO_Y @ self.rotations
-            self.positions = self.positions @ _Z_TO_Y.T
+        upright = make_upright(np.eye(3), up=up or self._upward()).T
+        self.rotations, self.positions = upright @ self.rotations, self.positions @ upright.T
         self.hips = self.middle(self.positions, "hip")
         self.trunk = self.middle(self.positions, "shoulder") - self.hips
         self.frames_per_second = recording.frames_per_second
@@ -185,12 +191,32 @@ class RecordedSkeleton(Skeleton):
         ]
         # Whether the ball of each foot, and the whole foot, stand still, shapes (n_frames, 2).
         self.still = self._still_frames(self.balls)
-        self.flat = self.still & self._still_frames(self.ankles)
+        self.grounded = self.still & self._near_floor()
+        self.flat = self.grounded & self._still_frames(self.ankles)
 
-    def _is_z_up(self) -> bool:
-        shoulders, feet = (self.middle(self.positions, part) for part in ("shoulder", "ankle"))
-        upward = unit(shoulders - feet).mean(axis=0)
-        return bool(upward[2] > abs(upward[1]))
+    def _upward(self) -> str:
+        """Return the axis, y or z, along which people stand in the recording."""
+        recorded, resting = (
+            unit(self.middle(places, "shoulder") - self.middle(places, "ankle")).reshape(-1, 3)
+            for places in (self.positions, self.rest)
+        )
+        upward = recorded.mean(axis=0)
+        axis = "z" if upward[2] > abs(upward[1]) else "y"
+        other = "yz".replace(axis, "")
+        if resting[0]["xyz".index(other)] < _UPRIGHT:
+            return axis
+        # The rest pose stands along the other axis: either people lie in the recording, or it was
+        # converted. The floor is at height 0 in most recordings.
+        lowest = np.abs(np.percentile(self.positions.min(axis=1), 1.0, axis=0))
+        return axis if lowest["xyz".index(axis)] <= lowest["xyz".index(other)] else other
+
+    def _near_floor(self) -> ndarray:
+        """Return whether each foot is as low as where it stands, and near the lowest joint."""
+        heights = self.positions[:, self.balls, 1]
+        known = heights[self.still] if self.still.any() else heights
+        lowest = np.percentile(self.positions[..., 1].min(axis=1), 1.0)
+        floor = min(np.percentile(known, 10.0), lowest + _FOOT * self.leg)
+        return np.asarray(heights < floor + _NEAR_FLOOR * self.leg)
 
     def direction(self, first: str, second: str) -> ndarray:
         """Return the directions between two joints in all frames."""

@@ -128,7 +128,7 @@ def load_amass(
 
     Another model, such as the open model, performs the motions as by `retarget`. Betas in the files
     belong to SMPL's models: they are ignored then, with a warning, and the person is one with the
-    proportions of SMPL's mean. `RetargetedMotion.performed_by` gives it the body of another.
+    proportions of SMPL's mean; ``motion.performed_by(betas)`` gives it the body of another.
 
     Parameters
     ----------

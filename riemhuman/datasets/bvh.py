@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from array import array
@@ -23,6 +22,8 @@ from riemhuman.representation import Record
 _CHANNELS = tuple(f"{axis}{kind}" for kind in ("POSITION", "ROTATION") for axis in "XYZ")
 # Bytes of the rotation and the translation of a joint in a frame.
 _BYTES_OF_JOINT = 96
+# Larger numbers, and shorter times from frame to frame (seconds), are damage.
+_LARGEST, _SHORTEST = 1e9, 1e-5
 # Messages quote at most so many characters of a file.
 _LONGEST_QUOTE = 60
 
@@ -255,8 +256,8 @@ class _Reader:
             numbers = [float(word) for word in words]
         except ValueError as error:
             raise self._error(short_message(error)) from None
-        if not all(map(math.isfinite, numbers)):
-            raise self._error("every number must be finite; found NaN or infinity")
+        if not all(-_LARGEST < number < _LARGEST for number in numbers):
+            raise self._error(f"every number must be finite, and below {_LARGEST:g}")
         return numbers
 
     def _offset(self) -> list[float]:
@@ -299,8 +300,8 @@ class _Reader:
         if " ".join(key.lower().split()) != name.lower():
             raise self._error(f"{name}: expected; found {_shortened(line)}")
         (number,) = self._floats([value])
-        if name == "Frame Time" and not (number > 0.0 and math.isfinite(1.0 / number)):
-            raise self._error(f"Frame Time must be above 0; found {number:g}")
+        if name == "Frame Time" and not number > _SHORTEST:
+            raise self._error(f"Frame Time must be above {_SHORTEST:g} s; found {number:g}")
         return number
 
 

@@ -49,9 +49,12 @@ from riemhuman.datasets.motions import ModelMotion
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import ArgumentTypeError
 from riemhuman.representation import Record
+from riemhuman.surfaces.procrustes import AXES
 
-# Metres: still feet so near to the floor in the recording stand on it, and soles so near touch it.
-_NEAR_FLOOR, _TOUCHING = 0.03, 0.005
+# Soles so near to the floor touch it, metres.
+_TOUCHING = 0.005
+# Frames in which the lowest point is sought where nobody stands.
+_FRAMES_OF_FLOOR = 30
 # Still feet are moved by at most so much to stay in place, metres.
 _MOST_SHIFT = 0.05
 # The body moves with one foot or the other over so many seconds, and a little with feet in the air.
@@ -107,30 +110,7 @@ class RetargetingErrors(Record):
 
 
 class RetargetedMotion(ModelMotion):
-    """A recording performed by a person of a body model, from `retarget`.
-
-    Frame i is ``model(betas, pose_vectors[i], translations[i])``: metres, y up, on a floor at
-    height 0.
-
-    Parameters
-    ----------
-    recording : SkeletonMotion, or function that returns it
-        Recorded skeleton.
-    model : BodyModel
-        Model with named joints.
-    names : pair of str
-        Names of the person and of the motion.
-    frames_per_second, n_frames
-        Those of the recording.
-    betas, joints, up
-        As for `retarget`.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> jump = rh.datasets.retarget(rh.datasets.load_bvh("jump.bvh"))  # doctest: +SKIP
-    >>> other = jump.performed_by(-jump.betas)  # doctest: +SKIP
-    """
+    """A recording, which may be read on access, performed by a person of a body model."""
 
     def __init__(
         self,
@@ -171,17 +151,7 @@ class RetargetedMotion(ModelMotion):
         return self._performance[3]
 
     def performed_by(self, betas: Any) -> RetargetedMotion:
-        """Return the motion of another person.
-
-        Parameters
-        ----------
-        betas : array_like, shape (B,)
-            Shape coefficients of the person.
-
-        Returns
-        -------
-        RetargetedMotion
-        """
+        """Return the motion of the person with these shape coefficients, shape (B,)."""
         other = copy(self)
         other.__dict__.pop("_performance", None)
         other._betas = real_array(betas, "betas", (self.model.n_betas,), batched=False)
@@ -219,21 +189,22 @@ def retarget(
     model : BodyModel, optional
         Model with named joints, or with those of SMPL; by default the open model, "coarse".
     betas : array_like, shape (B,), optional
-        Shape coefficients of the person; by default one with the proportions of the recording. See
-        also `RetargetedMotion.performed_by`.
+        Shape coefficients of the person; by default one with the proportions of the recording.
     joints : mapping of str to str, optional
         Names of joints in the recording by those of the open model, such as
         ``{"left_hip": "LeftUpLeg"}``, where they are not recognised. Names of Mixamo, Biped, Xsens,
         CMU, LAFAN1, Bandai-Namco, SMPL and similar skeletons are.
-    up : {"y", "z"}, optional
-        Axis of the recording that points up; by default from feet to shoulders in most frames.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis of the recording that points up; by default y or z, along which people stand.
     frames_per_second : float, optional
         Frame rate, at most that of the recording: the frames nearest in time are used.
 
     Returns
     -------
-    RetargetedMotion
-        Its `errors` are angles of bones and distances of joints from the recording.
+    motion : Motion
+        Frame i is ``model(betas, pose_vectors[i], translations[i])``: metres, y up, on a floor at
+        height 0. ``motion.performed_by(betas)`` is the motion of another person,
+        ``motion.recording`` the skeleton, and ``motion.errors`` are `RetargetingErrors`.
 
     Raises
     ------
@@ -245,8 +216,7 @@ def retarget(
     >>> import riemhuman as rh
     >>> recording = rh.datasets.load_bvh("jump.bvh")  # doctest: +SKIP
     >>> jump = rh.datasets.retarget(recording)  # doctest: +SKIP
-    >>> jump[0].shape, jump.errors.directions.max()  # doctest: +SKIP
-    ((1202, 3), 3.1)
+    >>> other = jump.performed_by(-jump.betas)  # doctest: +SKIP
     """
     if not isinstance(recording, SkeletonMotion):
         raise ArgumentTypeError(
@@ -258,7 +228,7 @@ def retarget(
     if betas is not None:
         betas = real_array(betas, "betas", (model.n_betas,), batched=False)
     if up is not None:
-        one_of(up, "up", ("y", "z"))
+        one_of(up, "up", AXES)
     model_joints(model)
     find_joints(recording.joint_names, recording.parents, joints)
     rate = recording.frames_per_second
@@ -282,7 +252,8 @@ class _Performer(Skeleton):
 
     def __init__(self, source: RecordedSkeleton, model: BodyModel, betas: ndarray) -> None:
         super().__init__(model.parents, model.joints(betas), model_joints(model))
-        self.source, self.model, self.order = source, model, model.joint_order
+        self.source, self.model, self.betas = source, model, betas
+        self.order = model.joint_order
         self.scale = self.leg / source.leg
         # Takes directions in the model's rest pose to those in the recording's.
         self.between = source.frame @ self.frame.T
@@ -490,9 +461,8 @@ class _Performer(Skeleton):
         `lows` are the heights of soles, and `balls` positions, relative to the ankles.
         """
         heights = ankles[..., 1] + lows
-        grounded = self._grounded()
-        standing = heights[grounded] if grounded.any() else heights.min(keepdims=True)
-        floor = np.median(standing)
+        grounded = self.source.grounded
+        floor = np.median(heights[grounded]) if grounded.any() else self._lowest_point()
         targets, above = ankles - [0.0, floor, 0.0], heights - floor
         apart = np.sign(above) * np.maximum(np.abs(above) - _TOUCHING, 0.0)
         frames = np.arange(len(ankles))
@@ -512,14 +482,12 @@ class _Performer(Skeleton):
             targets[:, k] += shift
         return targets
 
-    def _grounded(self) -> ndarray:
-        """Return whether each foot stands still, and not above the floor, in each frame."""
-        still = self.source.still
-        heights = self.scale * self.source.positions[:, self.source.balls, 1]
-        known = [
-            np.percentile(h[s], 10.0) for h, s in zip(heights.T, still.T, strict=True) if s.any()
-        ]
-        return np.asarray(still & (heights < min(known, default=0.0) + _NEAR_FLOOR))
+    def _lowest_point(self) -> float:
+        """Return the height of the lowest vertex in some frames."""
+        poses, translations = self.parameters()
+        n_frames = len(poses)
+        some = np.unique(np.linspace(0, n_frames - 1, _FRAMES_OF_FLOOR).astype(np.int64))
+        return float(self.model(self.betas, poses[some], translations[some])[..., 1].min())
 
     def parameters(self) -> tuple[ndarray, ndarray]:
         """Return the pose vectors and the translations."""

@@ -109,7 +109,8 @@ def test_people_get_bodies_with_their_measurements(generator, monkeypatch):
     assert 50 < adults.is_woman.sum() <= 60
     np.testing.assert_array_less(np.abs(adults.given[:, 0] - adults.is_woman), 0.15)
     for measured, wanted in zip(adults.measured.T, adults.wanted.T, strict=True):
-        assert np.corrcoef(measured, wanted)[0, 1] > 0.9
+        # Not 1: people are drawn at random, and moved no further than measurements are uncertain.
+        assert np.corrcoef(measured, wanted)[0, 1] > 0.93
     # What the measurements leave open differs between people.
     assert adults.parameters.std(axis=0).min() > 0.05
 

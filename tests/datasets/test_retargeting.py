@@ -4,6 +4,7 @@ recordings/cmu_01_01.bvh is of the CMU Graphics Lab Motion Capture Database, see
 """
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -292,6 +293,41 @@ def test_feet_stay_in_place(jump):
         assert person.errors.directions.max() < 5.0
 
 
+def rotated(recording, vector, frames):
+    """Return a frame of a recording again and again, rotated, with the lowest joint at height 0."""
+    rotations, translations = (
+        np.tile(array[:1], (frames, *[1] * (array.ndim - 1)))
+        for array in (recording.rotations, recording.translations)
+    )
+    rotations[:, 0] = Rotation.from_rotvec(vector, degrees=True).as_matrix() @ rotations[:, 0]
+    moved = replace(recording, rotations=rotations, translations=translations)
+    translations[:, 0, 1] -= moved.positions[0, :, 1].min()
+    return replace(recording, rotations=rotations, translations=translations)
+
+
+@pytest.mark.parametrize(
+    ("vector", "top"),
+    [([90, 0, 0], 0.4), ([-90, 0, 0], 0.6), ([0, 0, 90], 1.5), ([0, 0, 180], 1.8), ([0] * 3, 1.8)],
+)
+def test_people_lie_and_stand_on_their_hands_on_the_floor(jump, vector, top):
+    motion = retarget(rotated(jump.recording, vector, 5))
+    assert -0.04 < motion[:][..., 1].min() < 0.02
+    assert 0.5 * top < motion[:][..., 1].max() < 1.1 * top
+
+
+def test_any_axis_may_point_up(jump):
+    fallen = retarget(rotated(jump.recording, [0, 0, -90], 2), up="x")
+    upright = retarget(rotated(jump.recording, [0, 0, 0], 2))
+    np.testing.assert_allclose(np.ptp(fallen[0], axis=0), np.ptp(upright[0], axis=0), atol=1e-3)
+
+
+@pytest.mark.parametrize("spelling", [str.upper, str.lower, "Actor_R:{}".format])
+def test_spellings_of_names(jump, spelling):
+    names = tuple(spelling(name) for name in jump.recording.joint_names)
+    motion = retarget(replace(jump.recording, joint_names=names))
+    np.testing.assert_array_equal(motion.pose_vectors, jump.pose_vectors)
+
+
 def test_a_minute_is_thinned(jump):
     motion = retarget(jump.recording, frames_per_second=10)
     assert (len(motion), motion.frames_per_second) == (20, 10)
@@ -332,5 +368,5 @@ def test_wrong_arguments(jump):
         retarget(jump.recording, "open")
     with pytest.raises(ArgumentError, match="betas"):
         retarget(jump.recording, betas=np.zeros(3))
-    with pytest.raises(ArgumentError, match="up must be one of 'y', 'z'; found 'x'"):
-        retarget(jump.recording, up="x")
+    with pytest.raises(ArgumentError, match="up must be one of 'x', 'y', .*; found 'w'"):
+        retarget(jump.recording, up="w")
