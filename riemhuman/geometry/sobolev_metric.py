@@ -11,7 +11,7 @@ from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.strategies import Solvers
-from riemhuman.geometry.surface_metric import MetricOfTerms, SurfaceMetric
+from riemhuman.geometry.surface_metric import MetricOfTerms, SurfaceMetric, all_terms
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.surface import derivatives
 from riemhuman.terms._quadratic import (
@@ -33,14 +33,8 @@ class MidpointMetric(MetricOfTerms):
     """
 
     driver = SumOfQuadraticTerms
-
-    @property
-    def is_translation_invariant(self) -> bool:  # type: ignore[override]
-        return all(term.is_translation_invariant for term in self.terms)
-
-    @property
-    def is_reparametrization_invariant(self) -> bool:  # type: ignore[override]
-        return all(term.is_reparametrization_invariant for term in self.terms)
+    is_translation_invariant = all_terms("is_translation_invariant")
+    is_reparametrization_invariant = all_terms("is_reparametrization_invariant")
 
     def remove_drift(self, path: ndarray) -> ndarray:
         path = self.check_points(path, "path")

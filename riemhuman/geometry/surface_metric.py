@@ -38,10 +38,16 @@ if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
 
 
+def all_terms(name: str) -> Any:
+    """Return a property: whether all terms of a metric have a property."""
+    return property(lambda self: all(getattr(term, name) for term in self.terms))
+
+
 class MetricOfTerms(RiemannianMetric):
     """A metric on aligned surfaces that is a sum of terms, which its `driver` runs."""
 
     driver: type[SumOfTerms] | type[SumOfQuadraticTerms]
+    is_stretch_invariant = all_terms("is_stretch_invariant")
     _sum: Any
 
     def __init__(
@@ -53,10 +59,6 @@ class MetricOfTerms(RiemannianMetric):
         super().__init__(space, **solvers)
         self.terms = checked_terms(terms, self.driver.term_class)
         self._sum = self.driver(self.terms, space.template)
-
-    @property
-    def is_stretch_invariant(self) -> bool:  # type: ignore[override]
-        return all(term.is_stretch_invariant for term in self.terms)
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
@@ -171,10 +173,7 @@ class SurfaceMetric(MetricOfTerms):
 
     driver = SumOfTerms
     is_translation_invariant = True
-
-    @property
-    def is_rotation_invariant(self) -> bool:  # type: ignore[override]
-        return all(term.is_rotation_invariant for term in self.terms)
+    is_rotation_invariant = all_terms("is_rotation_invariant")
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         """Return the sum of the squared distances of fields (equation 5)."""

@@ -79,9 +79,7 @@ class PoissonInterpolator:
     def unwrap(self, rotations: ndarray) -> ndarray:
         """Return the same rotations plus multiples of 2π, so that neighbours rotate alike.
 
-        From the triangle that rotates least, across the edges where rotations differ least, each
-        triangle gets the rotation vector closest to its neighbour's. Limbs may then rotate by up
-        to 2π.
+        From the triangle that rotates least across the edges where rotations differ least.
         """
         from riemhuman.surfaces._triangle_rotations import unwrap_turns
 

@@ -59,10 +59,7 @@ class TriangleHeat:
 
 
 class HeatStep(LinearOperator):
-    """The linear map (A + time L)⁻¹ A, or its transpose.
-
-    The map keeps constants and ∫ X dx.
-    """
+    """The linear map (A + time L)⁻¹ A, which keeps constants and ∫ X dx, or its transpose."""
 
     def __init__(self, factor: SuperLU, face_areas: ndarray, transposed: bool = False) -> None:
         super().__init__(np.float64, 2 * face_areas.shape)

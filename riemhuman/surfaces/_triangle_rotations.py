@@ -87,11 +87,7 @@ def _turns(
 
 
 def triangle_turns(start: ndarray, end: ndarray, faces: ndarray) -> ndarray:
-    """Return the rotation of every triangle between two surfaces.
-
-    The rotational part of the map that takes f_u, f_v and the normal at the start to those at the
-    end.
-    """
+    """Return the rotations of triangles, of the maps from f_u, f_v and n to those at the end."""
     turns = np.empty((len(faces), 3))
     ends = of_one_kind(start)[:, None], of_one_kind(end)[:, None]
 
@@ -122,8 +118,7 @@ def unwrap_turns(
 ) -> None:
     """Add full turns to rotation vectors so that each is close to a neighbour's.
 
-    The neighbours are those of the tree of least differences between rotations, which grows from
-    its root by the least difference first (Prim's algorithm).
+    Neighbours in the tree of least differences between rotations (Prim's algorithm).
     """
     done = np.zeros(len(turns), dtype=np.bool_)
     for root in roots:
@@ -204,12 +199,7 @@ def turned_sources(
     frames: ndarray,
     areas: ndarray,
 ) -> ndarray:
-    r"""Return the divergences of the first derivatives between two surfaces.
-
-    With J = (f_u, f_v) at the start, J' at the end and R the rotation of a triangle, the
-    derivatives wanted at time t are :math:`R^t ((1 - t) J + t R^\top J')`, where R^t turns by t
-    times the angle.
-    """
+    """Return the divergences of the first derivatives J(t) between two surfaces, see `_poisson`."""
     shape = (len(start), len(times), 3)
     ends = of_one_kind(start)[:, None], of_one_kind(end)[:, None]
 

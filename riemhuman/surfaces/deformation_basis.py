@@ -30,7 +30,7 @@ _STATISTICS = ("explained_variance", "explained_variance_ratio")
 class DeformationBasis:
     r"""Orthonormal deformations :math:`D_k` of a surface, the search directions of solvers.
 
-    Paths are sought as :math:`f + \sum_k \alpha_k D_k` [1]_, section 4. The vectors are
+    Paths are sought as :math:`f + \sum_k \alpha_k D_k` (section 4 of the paper). The vectors are
     orthonormal with respect to :math:`\langle d, e \rangle = \sum_v d_v \cdot e_v`.
 
     Parameters
@@ -40,11 +40,6 @@ class DeformationBasis:
         Whether to make them orthonormal by the Gram–Schmidt process. By default they are checked
         to be orthonormal within 1e-8.
 
-    References
-    ----------
-    .. [1] Pierson, Daoudi, Tumpach, "A Riemannian Framework for Analysis of Human Body Surface",
-       WACV 2022.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -52,8 +47,7 @@ class DeformationBasis:
     >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
     >>> basis.vectors.shape
     (20, 1202, 3)
-    >>> closest = basis.project(bodies[1] - bodies[0])  # the part of a deformation in the basis
-    >>> closest.shape
+    >>> basis.project(bodies[1] - bodies[0]).shape  # the part of a deformation in the basis
     (1202, 3)
     """
 
@@ -148,7 +142,7 @@ class DeformationBasis:
         Parameters
         ----------
         path : path_like
-            The .npz file. Pickled objects in it are refused.
+            The .npz file.
         """
         fields = load_arrays(path, ("format_version", "vectors"))
         version = fields["format_version"].tolist()
@@ -353,10 +347,7 @@ def frames_apart(
 
 
 def _every(motion: Any, step: int, name: str) -> Iterator[np.ndarray]:
-    """Yield every step-th frame of a motion, or raise an error if it is too short.
-
-    All frames are checked, but of a motion on disk, or computed on demand, only these are read.
-    """
+    """Yield every step-th frame of a motion; of one on disk, or on demand, no others are read."""
     n_frames = 0
     if hasattr(motion, "__getitem__") and not isinstance(motion, (np.ndarray, list, tuple, str)):
         n_frames = len(motion)

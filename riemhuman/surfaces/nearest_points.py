@@ -24,9 +24,8 @@ class SurfacePoints(NamedTuple):
     Attributes
     ----------
     triangles : array of int, shape (N,)
-        The triangle of each point.
     barycentric : array, shape (N, 3)
-        Its barycentric coordinates in the triangle.
+        Barycentric coordinates in the triangles.
 
     Examples
     --------

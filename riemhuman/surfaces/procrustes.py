@@ -32,8 +32,7 @@ def procrustes(
     ----------
     points : array_like, shape (..., V, 3), in metres
     to : array_like, shape (V, 3), optional
-        The reference y. By default the surfaces are aligned with each other by
-        `generalized_procrustes` with its default tolerance.
+        The reference y; by default surfaces are aligned by `generalized_procrustes`.
     scale : bool or None
         Whether surfaces are also scaled. With False, surfaces that are evidently in another unit
         raise an error; None accepts them unscaled.
@@ -49,11 +48,10 @@ def procrustes(
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> moved = bodies[0] + [0.0, 0.0, 2.0]
-    >>> bool(np.allclose(rh.procrustes(moved, to=bodies[0]), bodies[0]))
+    >>> bool(abs(rh.procrustes(moved, to=bodies[0]) - bodies[0]).max() < 1e-12)
     True
     """
     if to is None:
