@@ -88,45 +88,26 @@ LIVE = {
 
 STILL = {
     "a dotted name": stack_global("numpy", "f2py.os.system") + text(COMMAND) + b"\x85R.",
-    "through NumPy's own helpers": with_field(
-        Call("numpy.testing._private.utils runstring", (PROGRAMME, {}))
-    ),
     "a dotted name of an allowed class": stack_global("numpy", "ndarray.tofile") + b".",
     "the class of an allowed class": stack_global("numpy", "dtype.__class__") + b".",
-    "a name with a blank": b"cnumpy\ndtype \n.",
-    "another module's dtype": b"cnumpy.core\ndtype\n.",
     "load": with_field(Call("numpy load", ("x.npy", None, True))),
     "an allowed name, called where it is not": with_field(Call("chumpy.ch Ch", ("x",))),
     "ndarray, called": with_field(Call("numpy ndarray", ((2**40,),))),
-    "ndarray, made": with_field(Raw(b"cnumpy\nndarray\n(J\x00\x00\x00\x7ft\x85\x81")),
     "arguments for chumpy": with_field(Raw(b"cchumpy.ch\nCh\nK\x01\x85\x81")),
     "a call of what is no name": with_field(Raw(b"U\x01a)R")),
     "a state for a function": with_field(Raw(b"c_codecs\nencode\n}U\x08__code__K\x01sb")),
-    "a state for a dictionary": with_field(Raw(b"}}U\x06updateK\x01sb")),
     "reconstruct of something else": with_field(
         Call("numpy.core.multiarray _reconstruct", (Raw(b"cnumpy\ndtype\n"), (0,), "b"))
     ),
-    "copy_reg of something else": with_field(
-        Call(
-            "copy_reg _reconstructor",
-            (Raw(b"cchumpy.ch\nCh\n"), Raw(b"c__builtin__\nset\n"), ()),
-        )
-    ),
     "an array of objects": with_field(array_opcodes((1,), "O8", [1])),
-    "a structured array": with_field(array_opcodes((1,), "V8", b"12345678")),
-    "a type by a dictionary": with_field(Call("numpy dtype", ({},))),
     "a vast array without data": with_field(array_opcodes((2**31 - 1, 2**20))),
     "a vast text array": with_field(array_opcodes((10,), "S99999", b"a")),
-    "a type of no size": with_field(array_opcodes((2**62,), "S0", b"")),
     "a negative shape": with_field(array_opcodes((-1,))),
     "many axes": with_field(array_opcodes((1,) * 40, data=b"12345678")),
-    "data of another kind": with_field(array_opcodes((1,), data=[1.0])),
     "data beyond latin 1": with_field(
         array_opcodes((1,), data=Raw(b"X\x18\x00\x00\x00" + "€".encode() * 8))
     ),
-    "another encoding": with_field(Call("_codecs encode", ("a" * 50, "zlib_codec"))),
     "a vast text": b"\x80\x04\x8d" + struct.pack("<Q", 2**40) + b"a.",
-    "vast bytes": b"\x80\x04\x8e" + struct.pack("<Q", 2**62) + b"a.",
     "a vast bytearray": b"\x80\x05\x96" + struct.pack("<Q", 2**40) + b"a.",
     "a negative length": b"\x80\x02T" + struct.pack("<i", -1) + b"a.",
     "a vast number": b"\x80\x02\x8b" + struct.pack("<i", 10**6) + b"\x7f" * 10**6 + b".",
@@ -140,17 +121,10 @@ STILL = {
     + b"]("
     + b"".join(pickled(array_opcodes((100_000,), "i1", Raw(b"h\x01")))[2:-1] for _ in range(99))
     + b"e.",
-    "a persistent id": with_field(Raw(b"Psomewhere\n")),
-    "a persistent object": with_field(Raw(b"NQ")),
     "an extension": with_field(Raw(b"\x82\x01")),
-    "an outside buffer": b"\x80\x05\x97.",
-    "keywords": with_field(Raw(b"cchumpy.ch\nCh\n)}\x92")),
     "a memory that is not there": with_field(Raw(b"h\x07")),
-    "an empty stack": b"\x80\x02R.",
     "no end": smpl_pickle(FIELDS)[:-1],
     "an unknown opcode": b"\x80\x02\xff.",
-    "two objects": b"\x80\x02NN.",
-    "an open mark": b"\x80\x02N(.",
     "a list": pickled([1]),
     "nothing": b"",
 }

@@ -3,16 +3,13 @@
 import os
 import pickle
 import signal
-import subprocess
 import sys
-from pathlib import Path
 
 import cloudpickle
 import distributed
 import numpy as np
 import pytest
 from cases import sphere_template, surfaces
-from lengths import FULL
 
 import riemhuman.retrieval._cluster
 import riemhuman.retrieval.jobs
@@ -77,55 +74,6 @@ def test_a_worker_is_killed_on_the_way(client, local, tmp_path, monkeypatch):
     assert (tmp_path / "D.npy").read_bytes() == local
     client.wait_for_workers(2, timeout=120)
     assert set(client.run(os.getpid).values()) != set(pids.values())
-
-
-SCHEDULER = """
-import distributed, sys
-if __name__ == "__main__":
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0"
-    ) as cluster:
-        print(cluster.scheduler_address, flush=True)
-        sys.stdin.read()
-"""
-
-
-# Every day, the test below closes a cluster within this process.
-@pytest.mark.skipif(not FULL, reason="starts a cluster of its own, which takes long")
-def test_the_scheduler_is_killed_on_the_way(local, tmp_path, monkeypatch):
-    def killing(*arguments):
-        for k, (number, distances) in enumerate(in_turn(*arguments)):
-            if k == 5:
-                scheduler.kill()
-            yield number, distances
-
-    in_turn = riemhuman.retrieval.jobs.compute_parts
-    script = tmp_path / "scheduler.py"
-    script.write_text(SCHEDULER)
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
-    folder = tmp_path / "job"
-    with subprocess.Popen(
-        [sys.executable, script],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env=environment,
-        text=True,
-    ) as scheduler:
-        client = distributed.Client(scheduler.stdout.readline().strip())
-        try:
-            with monkeypatch.context() as patches:
-                patches.setattr(riemhuman.retrieval.jobs, "compute_parts", killing)
-                with pytest.raises(ClusterError, match="cluster is lost .* the same call goes on"):
-                    pairwise_job(METRIC, POINTS, folder, memory=MEMORY, client=client)
-        finally:
-            client.close(timeout=1)
-    n_done = np.count_nonzero(np.load(folder / "done.npy"))
-    assert 5 <= n_done < len(np.load(folder / "done.npy"))
-    with pytest.raises(ClusterError, match="client of the cluster is closed"):
-        pairwise_job(METRIC, POINTS, folder, memory=MEMORY, client=client)
-    pairwise_job(METRIC, POINTS, folder, memory=MEMORY)
-    assert (folder / "D.npy").read_bytes() == local
 
 
 @pytest.mark.parametrize(("moment", "closed"), [("tiles", "client"), ("waiting", "cluster")])

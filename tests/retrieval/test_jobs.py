@@ -121,13 +121,6 @@ def test_points_made_on_the_fly(tmp_path):
     assert max(len(POINTS[part]) for part in points.asked) < N_POINTS
 
 
-def test_points_mapped_from_a_file(tmp_path):
-    np.save(tmp_path / "points.npy", POINTS.astype(np.float32))
-    points = np.load(tmp_path / "points.npy", mmap_mode="r")
-    distances = pairwise_job(METRIC, points, tmp_path / "job")
-    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(points))
-
-
 def test_one_point(tmp_path):
     np.testing.assert_array_equal(pairwise_job(METRIC, POINTS[:1], tmp_path), [[0.0]])
 
@@ -312,17 +305,6 @@ def test_distances_of_other_code_are_refused_though_features_are_the_same(
     marks.flush()
     with pytest.raises(ArgumentError, match="the distance of points.*differs by"):
         pairwise_job(METRIC, POINTS, tmp_path, memory=memory)
-
-
-@pytest.mark.parametrize("exponent", [20, 30])
-def test_coordinates_beyond_single_precision(exponent, tmp_path):
-    points = POINTS[:5] * 10.0**exponent
-    metric = ElasticMetric(AlignedSurfaces(TEMPLATE, equip=False, scale=None), 1.0, 0.1, 0.1)
-    found = pairwise_job(metric, points, tmp_path)
-    np.testing.assert_array_equal(found, metric.dist_pairwise(points))
-    expected = metric.dist_pairwise(points, precision="double")
-    np.testing.assert_allclose(found, expected, rtol=1e-5)
-    assert np.isfinite(found).all()
 
 
 def test_a_folder_with_something_else_is_refused(tmp_path):

@@ -94,13 +94,6 @@ def test_duplicates_come_in_the_order_of_their_indices(metric):
     assert_same(everything, by_all_distances(metric, points[:4], points, len(points)))
 
 
-def test_a_set_of_one_body_many_times():
-    points = np.repeat(groups(sphere_template())[:1], 40, axis=0)
-    distances, indices = NearestNeighbors(POSE, 39).fit(points).kneighbors()
-    np.testing.assert_array_equal(distances, 0.0)
-    np.testing.assert_array_equal(indices[5], [*range(5), *range(6, 40)])
-
-
 @pytest.mark.parametrize("name", METRICS)
 def test_points_with_neighbors_are_compared_with_few(name):
     # Under the metric of shapes, all but the smallest changes are as far as can be.

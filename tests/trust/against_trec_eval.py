@@ -43,19 +43,6 @@ def our_scores(distances, labels):
     return [*tiers, found.mean_average_precision, found.n_queries]
 
 
-@pytest.mark.parametrize(
-    "weights", [(1.0, 1e-4, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0)], ids=["shape", "pose", "both"]
-)
-@pytest.mark.parametrize("task", ["subject", "pose"])
-def test_open_bodies(task, weights):
-    bodies = rh.datasets.load_open_bodies("coarse")
-    metric = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template), *weights)
-    distances, labels = metric.dist_pairwise(bodies.points), getattr(bodies, task)
-    np.testing.assert_allclose(
-        our_scores(distances, labels), trec_scores(distances, labels), rtol=1e-12
-    )
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_random_matrices(seed):
     """Classes of many sizes, with some of one and one of more than half of all items."""

@@ -16,11 +16,11 @@ from unittest import mock
 import h5py
 import numpy as np
 from model_pickles import smpl_fields, smpl_pickle
-from trust.fuzzing import ARCHIVES, BYTES, HDF5, PICKLES, Mutation, archive
+from trust.fuzzing import ARCHIVES, BYTES, PICKLES, Mutation, archive
 
 import riemhuman as rh
 from riemhuman.bodies import BodyModel, convert_model
-from riemhuman.datasets import load_amass, load_bodies, load_dfaust
+from riemhuman.datasets import load_amass, load_dfaust
 from riemhuman.errors import DamagedFileWarning
 from riemhuman.io.job_folder import JobFolder
 from riemhuman.io.meshes import load_mesh, save_mesh
@@ -210,23 +210,6 @@ def read_amass(folder: Path) -> None:
     finite(motion[:n_frames], (n_frames, 8, 3))
 
 
-def labelled_files() -> Files:
-    files = {}
-    for number, vertices in enumerate(surfaces(3)):
-        save_mesh("a.off", vertices, template().faces)
-        files[f"b_{number}.off"] = Path("a.off").read_bytes()
-        Path("a.off").unlink()
-    rows = "file,subject,pose\nb_0.off,Ann,a\nb_1,Bob,b\nb_2.off,Ann,a\n"
-    return files | {"labels.csv": rows.encode()}
-
-
-def read_labelled(folder: Path) -> None:
-    bodies = load_bodies(folder)
-    finite(bodies.points, (3, 6, 3))
-    finite(bodies.subject, (3,))
-    assert bodies.subject.max() < len(bodies.subject_names)
-
-
 def stl_file() -> Files:
     template().to_trimesh().export("a.stl")
     return _content_of("a.stl")
@@ -306,9 +289,8 @@ READERS: dict[str, Reader] = {
         read_and_convert,
         PICKLES,
     ),
-    "dynamic faust": Reader(hdf5_file, ("a.hdf5",), read_hdf5, HDF5),
+    "dynamic faust": Reader(hdf5_file, ("a.hdf5",), read_hdf5),
     "amass": Reader(amass_file, ("a/b_poses.npz",), read_amass, ARCHIVES),
-    "labels": Reader(labelled_files, ("labels.csv", "labels.csv", "b_1.off"), read_labelled),
     "job": Reader(
         job_files,
         (

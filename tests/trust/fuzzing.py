@@ -11,7 +11,6 @@ import warnings
 import zipfile
 from collections.abc import Callable
 
-import h5py
 import numpy as np
 
 CANARY = "canary"
@@ -196,32 +195,3 @@ def insert_opcodes(rng, content):
 
 
 PICKLES: tuple[Mutation, ...] = (*BYTES, *[insert_opcodes] * 15)
-
-
-def change_hdf5(rng, content):
-    """Change what an HDF5 file holds, by means of its own library."""
-    stream = io.BytesIO(content)
-    with h5py.File(stream, "r+") as file:
-        name = one_of(rng, list(file))
-        array, n_rows = file[name][()], file[name].shape[0]
-        changed = change_array(rng, array)
-        if changed.dtype.kind not in "fiub" or changed.ndim > 29:
-            changed = "text"
-        n_frames = int(10.0 ** rng.integers(3, 13))
-        del file[name]
-        one_of(
-            rng,
-            [
-                *[lambda: file.__setitem__(name, changed)] * 4,
-                lambda: file.__setitem__(name, h5py.SoftLink(f"/{name}")),
-                lambda: file.__setitem__(name, h5py.ExternalLink("/etc/passwd", "/x")),
-                lambda: file.__setitem__(name, np.dtype("f8")),
-                lambda: file.create_group(name),
-                lambda: file.create_dataset(name, (n_rows, 3, n_frames), "f8", chunks=(1, 3, 99)),
-                lambda: file.create_dataset(name, (n_frames, 3), "i8", chunks=(1000, 3)),
-            ],
-        )()
-    return stream.getvalue()
-
-
-HDF5: tuple[Mutation, ...] = (*BYTES, *[change_hdf5] * 8)

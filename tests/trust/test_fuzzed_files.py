@@ -18,7 +18,7 @@ CASES_A_READER = 300 if FULL else 100
 GROUPS = {
     "meshes": ["ply text", "ply binary", "obj", "off", "stl", "glb", "points"],
     "archives": ["basis", "amass", "dynamic faust"],
-    "pickles and folders": ["model pickle", "labels", "job"],
+    "pickles and folders": ["model pickle", "job"],
 }
 
 pytestmark = pytest.mark.skipif(

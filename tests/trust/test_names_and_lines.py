@@ -53,15 +53,6 @@ def test_vectors_hold_numbers_of_ascii(tmp_path, number):
 
 
 @pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
-def test_vectors_with_any_line_end(tmp_path, line_end):
-    text = line_end.join(["id,x,y", "Ann\u2028a,1,-2e-3", '"Bo, b",+3.5,.25', ""])
-    (tmp_path / "v.csv").write_bytes(text.encode())
-    vectors = LatentVectors.from_file(tmp_path / "v.csv")
-    assert vectors.ids == ("Ann\u2028a", "Bo, b")
-    assert vectors.vectors.tolist() == [[1, -0.002], [3.5, 0.25]]
-
-
-@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
 def test_words_of_a_class_file_end_at_ascii_blanks(tmp_path, line_end):
     text = line_end.join(["PSB 1", "1 2", "", "Ann\u2028a\u00a0b 0 2", "0", "1\x85"])
     (tmp_path / "x.cla").write_bytes(text.encode())

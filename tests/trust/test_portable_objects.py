@@ -9,7 +9,7 @@ import pytest
 from cases import CASES, name_of, sphere_template, surfaces
 
 import riemhuman as rh
-from riemhuman import descriptors, solvers
+from riemhuman import solvers
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, VectorSpace
 from riemhuman.io.fingerprint import describe
 
@@ -75,35 +75,11 @@ OBJECTS = {
         lambda s: s.solve(METRIC, *POINTS[:2]).path,
     ),
     "linear path": (lambda: solvers.LinearPath(4), lambda s: s.solve(METRIC, *POINTS[:2]).path),
-    "path result": (
-        lambda: solvers.LinearPath(4).solve(METRIC, *POINTS[:2]),
-        lambda r: r.path,
-    ),
-    "logarithm": (
-        lambda: solvers.DiscreteLogarithm(BASIS, 3),
-        lambda s: s.solve(METRIC, POINTS[1], POINTS[0]).tangent_vec,
-    ),
-    "mean": (lambda: rh.FrechetMean(PLANE).fit(IN_PLANE), lambda e: e.estimate_),
-    "components": (
-        lambda: rh.TangentPCA(SURFACES, 1).fit(POINTS, base_point=POINTS[0]),
-        lambda e: e.transform(POINTS),
-    ),
-    "regression": (
-        lambda: rh.GeodesicRegression(PLANE).fit(np.arange(4.0), IN_PLANE),
-        lambda e: e.predict(np.arange(2.0)),
-    ),
     "neighbors": (
         lambda: rh.NearestNeighbors(METRIC, 2, algorithm="index").fit(POINTS),
         lambda e: e.kneighbors(POINTS[:2])[0],
     ),
     "body model": (lambda: BODIES.model, lambda m: m(pose=np.full((m.n_joints, 3), 0.1))),
-    "model fit": (lambda: BODIES.model.fit(BODIES[0]), lambda f: f.pose),
-    "bodies": (lambda: BODIES[:3], lambda b: b.points),
-    "motion": (lambda: next(iter(rh.datasets.load_open_motions("coarse"))), lambda m: m[0]),
-    "heat kernel": (
-        lambda: descriptors.HeatKernelSignature(n_eigenvalues=20),
-        lambda d: d.describe(TEMPLATE.vertices, TEMPLATE.faces),
-    ),
 }
 
 
