@@ -21,7 +21,7 @@ from riemhuman.measurements.definitions import (
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.measurements.measuring import MeasuredBodies, Measurements, in_standard_pose
 from riemhuman.measurements.shape_regression import ShapeRegression, regress_shape
-from riemhuman.measurements.visits import VisitComparison, compare_visits, noise_of_poses
+from riemhuman.measurements.visits import VisitComparison, compare_visits
 
 __all__ = [
     "Area",
@@ -45,7 +45,6 @@ __all__ = [
     "measurement_from_dict",
     "model_from_measurements",
     "nearest_body",
-    "noise_of_poses",
     "open_measurements",
     "regress_shape",
 ]

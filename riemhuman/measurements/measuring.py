@@ -55,11 +55,7 @@ class MeasuredBodies:
 
     Examples
     --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> measured = rh.measurements.Measurements(bodies.model).measure(bodies[0])
-    >>> round(float(measured["stature"]), 2)
-    1.72
+    See `Measurements`.
     """
 
     names: tuple[str, ...]
@@ -77,12 +73,7 @@ class MeasuredBodies:
         return f"<MeasuredBodies: {len(self.names)} measurements of {n_bodies} bodies>"
 
     def to_dict(self) -> dict[str, ndarray]:
-        """Return the values by name, each of shape (...).
-
-        Returns
-        -------
-        dict of str to array
-        """
+        """Return the values by name, each of shape (...)."""
         return {name: self.values[..., k] for k, name in enumerate(self.names)}
 
 
@@ -367,8 +358,7 @@ def _check_metres(surfaces: ndarray) -> None:
     if not surfaces.size:
         return
     some = surfaces[:, :: max(1, surfaces.shape[1] // _N_SAMPLES)]
-    extents = np.ptp(some, axis=1).max(axis=1)
-    for number, extent in enumerate(extents):
+    for number, extent in enumerate(np.ptp(some, axis=1).max(axis=1)):
         units = likely_units(float(extent))
         if units and "metres" not in units:
             raise ArgumentError(

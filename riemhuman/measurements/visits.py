@@ -35,8 +35,8 @@ class VisitComparison:
     before, after : array, shape (M,)
         Values in the standard pose.
     noise : array, shape (M,)
-        Standard deviation of each measurement over poses of one person, see `noise_of_poses`; NaN
-        for measurements that the open body does not have.
+        Standard deviation of each measurement over poses of one simulated person; NaN for
+        measurements that the open body does not have. Real people, who breathe, vary more.
     points_before, points_after : array, shape (V, 3)
         Both visits in the standard pose, the second moved onto the first.
     area_changes : array, shape (F,)
@@ -49,11 +49,7 @@ class VisitComparison:
 
     Examples
     --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> own = rh.measurements.Measurements(bodies.model, ["stature", "waist girth"])
-    >>> rh.measurements.compare_visits(own, bodies[0], bodies[3]).changes.shape
-    (2,)
+    See `compare_visits`.
     """
 
     names: tuple[str, ...]
@@ -145,25 +141,10 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
 
 @lru_cache(maxsize=1)
 def noise_of_poses() -> tuple[dict[str, float], dict[str, float]]:
-    """Return standard deviations over poses of one person, measured in the standard pose.
+    """Return the noise of each measurement over poses of one person, and of log areas by part.
 
-    They are medians over five people who played no part in tuning, in ten poses each, registered
-    from simulated scans, see `tutorials/remake/build_noise_of_poses.py`. Scans of real people,
-    who breathe and stand differently, vary more.
-
-    Returns
-    -------
-    measurements : dict of str to float
-        Of each measurement by name, in its unit.
-    parts : dict of str to float
-        Of the logarithm of a triangle's area, by part of the body.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> girths, areas = rh.measurements.noise_of_poses()
-    >>> girths["waist girth"] < 0.005
-    True
+    Medians over five people who played no part in tuning, in ten poses each, registered from
+    simulated scans, see `tutorials/remake/build_noise_of_poses.py`. Real people vary more.
     """
     record = json.loads((DATA / "noise_of_poses.json").read_text(encoding="utf-8"))
     return record["measurements"], record["log_areas"]

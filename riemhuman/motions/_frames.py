@@ -49,6 +49,21 @@ def face_forward(space: Manifold, frames: ndarray) -> ndarray:
     return np.stack([cosines * x - sines * z, frames[..., 1], sines * x + cosines * z], axis=-1)
 
 
+def surfaces_between(space: Any, start: ndarray, end: ndarray, times: ndarray) -> ndarray:
+    """Return the surfaces between two at times in [0, 1], where limbs keep their length."""
+    surfaces = np.empty((len(times), *space.shape))
+    surfaces[times == 0.0], surfaces[times == 1.0] = start, end
+    inside = (times > 0.0) & (times < 1.0)
+    if inside.any():
+        space.check_immersed(np.stack([start, end]), "frames")
+        interpolator = space.template.interpolator
+        rotations = interpolator.rotations(start, end)
+        if interpolator.has_jumps(rotations):
+            rotations = interpolator.unwrap(rotations)
+        surfaces[inside] = interpolator.interpolate(start, end, times[inside], rotations)
+    return surfaces
+
+
 def read_motion(space: Manifold, motion: Motion, name: str = "motion", minimum: int = 1) -> ndarray:
     """Return all frames of a motion as one checked array, shape (n_frames, V, 3)."""
     frame_count(motion, name, minimum)

@@ -60,8 +60,6 @@ class GramHankel:
         Rows r of the Hankel matrix; a sequence needs at least r frames.
     n_features : int
         Number of random Fourier features.
-    seed : int
-        Seed of the random features.
 
     Examples
     --------
@@ -76,24 +74,14 @@ class GramHankel:
     width: float = 0.2
     n_rows: int = 8
     n_features: int = 64
-    seed: int = 0
 
     def __post_init__(self) -> None:
         real_number(self.width, "width", minimum=0.0, strict=True)
         whole_number(self.n_rows, "n_rows", minimum=1)
         whole_number(self.n_features, "n_features", minimum=1)
-        whole_number(self.seed, "seed", minimum=0)
 
-    def describe(self, motion: Motion, name: str = "motion") -> ndarray:
-        """Return G divided by its norm, shape (r, r).
-
-        Parameters
-        ----------
-        motion : array or sequence, shape (n_frames, V, 3)
-            Motion of at least r frames.
-        name : str
-            Name of the motion, for messages.
-        """
+    def _describe(self, motion: Motion, name: str) -> ndarray:
+        """Return G divided by its norm, shape (r, r)."""
         rows = np.concatenate([self._currents(run) for run in frame_runs(self.space, motion, name)])
         if len(rows) < self.n_rows:
             raise ArgumentError(
@@ -112,7 +100,7 @@ class GramHankel:
         m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
             Motions.
         """
-        return float(np.linalg.norm(self.describe(m1, "m1") - self.describe(m2, "m2")))
+        return float(np.linalg.norm(self._describe(m1, "m1") - self._describe(m2, "m2")))
 
     def dist_pairwise(self, motions: Sequence[Motion]) -> ndarray:
         """Return all distances within a set of motions, shape (n, n).
@@ -123,12 +111,12 @@ class GramHankel:
             Motions.
         """
         check_motions(motions)
-        rows = [self.describe(m, f"motions[{k}]").ravel() for k, m in enumerate(motions)]
+        rows = [self._describe(m, f"motions[{k}]").ravel() for k, m in enumerate(motions)]
         return squareform(pdist(np.stack(rows)))
 
     def _currents(self, run: ndarray) -> ndarray:
         """Return frames as vectors: area vectors times Fourier features at the centres."""
-        rng = np.random.default_rng(self.seed)
+        rng = np.random.default_rng(0)
         # The Fourier transform of exp(−|x|²/σ²) is a normal density of deviation √2/σ.
         waves = rng.normal(0.0, np.sqrt(2.0) / self.width, (3, self.n_features))
         faces = self.space.template.faces
@@ -160,7 +148,6 @@ def retime_at_random(motion: OpenMotion, rng: np.random.Generator) -> ndarray:
 def compare_representations(
     seed: int = 0,
     *,
-    resolution: str = "coarse",
     task: Callable[[str], AbstractContextManager[None]] = lambda name: nullcontext(),
 ) -> tuple[dict[str, ndarray], ndarray]:
     """Return the distances of the open motions, re-timed at random, by each representation.
@@ -169,8 +156,6 @@ def compare_representations(
     ----------
     seed : int
         Seed of the speeds.
-    resolution : {"full", "coarse"}
-        Resolution of the bodies.
     task : callable
         Maps the name of a task to the context manager in which the task runs.
 
@@ -191,7 +176,7 @@ def compare_representations(
 
     rng = np.random.default_rng(seed)
     with task("Motions"):
-        open_motions = load_open_motions(resolution)
+        open_motions = load_open_motions("coarse")
         motions = [retime_at_random(motion, rng) for motion in open_motions]
     labels = np.array([motion.sequence for motion in open_motions])
     model = open_motions[0].model

@@ -19,6 +19,7 @@ from riemhuman.motions._frames import (
     face_forward,
     frame_count,
     read_motion,
+    surfaces_between,
 )
 
 if TYPE_CHECKING:
@@ -63,20 +64,16 @@ class MotionSpace(Manifold):
         super().__init__(n_times * frames.dim, (n_times, *frames.shape), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
-        """Return `RateDependentMetric`."""
         return RateDependentMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Return whether all frames belong to their space."""
         point, _ = self._candidates(point, "point")
         return np.all(self.frames.belongs(point, atol), axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Return the vector itself: every deformation of every frame is tangent."""
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Return straight paths between random surfaces."""
         n_samples, rng = sample_count(n_samples), generator(rng)
         ends = self.frames.random_point(2 * n_samples, bound, rng)
         start, end = ends[:n_samples, None], ends[n_samples:, None]
@@ -84,7 +81,6 @@ class MotionSpace(Manifold):
         return stack_samples((1.0 - times) * start + times * end, n_samples)
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
-        """Return motions as float64 arrays after checking them."""
         return self.frames.check_point(real_array(point, name, self.shape), name)
 
     def resample(
@@ -128,38 +124,10 @@ class MotionSpace(Manifold):
         for k in np.unique(segments):
             chosen = segments == k
             pair = read_motion(self.frames, motion[k : k + 2], f"{name}[{k}:{k + 2}]")
-            result[chosen] = self.between(pair[0], pair[1], places[chosen] - k)
+            result[chosen] = surfaces_between(self.frames, *pair, places[chosen] - k)
         return result
 
-    def between(self, start: ndarray, end: ndarray, times: ndarray) -> ndarray:
-        """Return the surfaces between two surfaces.
-
-        Parameters
-        ----------
-        start, end : array, shape (V, 3)
-            Surfaces.
-        times : array, shape (n,)
-            Times in [0, 1].
-
-        Returns
-        -------
-        array, shape (n, V, 3)
-            At 0 and 1 the surfaces themselves.
-        """
-        times = np.asarray(times, dtype=np.float64)
-        surfaces = np.empty((len(times), *self.frames.shape))
-        surfaces[times == 0.0], surfaces[times == 1.0] = start, end
-        inside = (times > 0.0) & (times < 1.0)
-        if inside.any():
-            self.frames.check_immersed(np.stack([start, end]), "frames")
-            interpolator = self.frames.template.interpolator
-            rotations = interpolator.rotations(start, end)
-            if interpolator.has_jumps(rotations):
-                rotations = interpolator.unwrap(rotations)
-            surfaces[inside] = interpolator.interpolate(start, end, times[inside], rotations)
-        return surfaces
-
-    def face_forward(self, motion: Motion, *, name: str = "motion") -> ndarray:
+    def face_forward(self, motion: Motion) -> ndarray:
         """Return a motion whose every frame faces the way that the template does.
 
         Each frame is rotated about the vertical axis, y, to its best fit with the template, and
@@ -169,14 +137,8 @@ class MotionSpace(Manifold):
         ----------
         motion : array or sequence, shape (n_frames, V, 3)
             The motion.
-        name : str
-            Name of the motion, for messages.
-
-        Returns
-        -------
-        array, shape (n_frames, V, 3)
         """
-        frames = read_motion(self.frames, motion, name)
+        frames = read_motion(self.frames, motion)
         places = frames.mean(axis=1, keepdims=True)
         return face_forward(self.frames, frames - places) + places
 
@@ -237,25 +199,21 @@ class RateDependentMetric(RiemannianMetric):
 
     @property
     def has_closed_form_dist(self) -> bool:
-        """Whether the metric on frames has a closed form."""
         return self.metric.has_closed_form_dist
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        """Return the mean over time of the inner products of deformations of frames."""
         products = self.metric.inner_product(tangent_vec_a, tangent_vec_b, base_point)
         return np.sum(self.time_weights * products, axis=-1)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        """Return the mean over time of the squared distances of frames."""
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
         return np.sum(self.time_weights * self.metric.squared_dist(point_a, point_b), axis=-1)
 
     @property
     def bulk(self) -> Bulk:
-        """The bulk work of the metric on frames, time by time."""
         return SumOfFactors(
             [(partial(_at, t=t), w, self.metric.bulk) for t, w in enumerate(self.time_weights)]
         )

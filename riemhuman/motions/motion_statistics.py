@@ -12,7 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array, whole_number
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import ElasticMetric, ProductManifold, ProductMetric
-from riemhuman.motions._frames import Motion, check_motions, frame_count
+from riemhuman.motions._frames import Motion, check_motions, frame_count, surfaces_between
 from riemhuman.motions.motion_space import MotionSpace, RateDependentMetric
 from riemhuman.motions.time_warping import DynamicTimeWarping, MotionDistance, Warp
 from riemhuman.progress import ProgressBar
@@ -149,7 +149,8 @@ class MotionGeodesic:
         """
         first, second, warp = align_motions(space, m1, m2, self.alignment)
         shares = np.linspace(0.0, 1.0, self.n_nodes)
-        columns = [space.between(a, b, shares) for a, b in zip(first, second, strict=True)]
+        pairs = zip(first, second, strict=True)
+        columns = [surfaces_between(space.frames, a, b, shares) for a, b in pairs]
         return MotionPath(np.stack(columns, axis=1), _even_times(warp, space.n_times))
 
 
@@ -230,11 +231,6 @@ class MotionMean(Estimator):
             Motions of any numbers of frames, of at least two each.
         y : object
             Ignored; scikit-learn passes it.
-
-        Returns
-        -------
-        MotionMean
-            The estimator itself.
         """
         motions = check_motions(X, "X")
         n_iterations = whole_number(self.n_iterations, "n_iterations", minimum=1)
@@ -336,11 +332,6 @@ class MotionComponents(Estimator):
             Motions, at least two.
         y : object
             Ignored; scikit-learn passes it.
-
-        Returns
-        -------
-        MotionComponents
-            The estimator itself.
 
         Raises
         ------

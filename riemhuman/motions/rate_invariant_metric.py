@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import metric_weight, real_number, whole_number
+from riemhuman.checks import metric_weight, real_number
 from riemhuman.kernels.projections import Projection
 from riemhuman.motions._frames import MOST_SAMPLED, Motion, frame_count, frame_runs
 from riemhuman.motions._velocity_curves import (
@@ -21,6 +21,9 @@ from riemhuman.motions._velocity_curves import (
 )
 from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.time_warping import MotionDistance, Warp
+
+# Number of chords that represent a motion, and of steps of the re-timing within a pair of them.
+_N_CHORDS, _N_STEPS = 60, 8
 
 
 @dataclass(frozen=True)
@@ -45,15 +48,13 @@ class RateInvariantMetric(MotionDistance):
               q = &\ v / \sqrt{|v|} \end{split}
 
     where v is the velocity of Φ(m(t)), transported along geodesics to the fields of the
-    template (Su, Kurtek, Klassen and Srivastava, Annals of Applied Statistics 8, 2014). As the
-    template is the same for all motions, all q lie in one Euclidean space, where re-timing acts by
-    isometries: d is a metric on motions modulo re-timing, and the triangle inequality holds. The
-    transported velocities of a motion add up to a curve, a cubic spline of the frames; it is
-    averaged along its length by `smoothing`, and chords of equal arcs are compared; the re-timing
-    of these polygons is found to `n_steps`. A spline is far from the motion between frames that are
-    far apart: motions of few frames are better compared by `VelocityTimeWarping`, which is not a
-    metric. The pose in which a motion begins counts by the weight w alone; without it, two motions
-    that change alike in different poses would be at distance 0.
+    template (Su, Kurtek, Klassen and Srivastava, Annals of Applied Statistics 8, 2014). All q lie
+    in one Euclidean space, where re-timing acts by isometries: d is a metric on motions modulo
+    re-timing, and the triangle inequality holds. The transported velocities of a motion add up to a
+    curve, a cubic spline of the frames; it is averaged along its length by `smoothing`, and 60
+    chords of equal arcs are compared. Between frames that are far apart a spline is far from the
+    motion: motions of few frames are better compared by `VelocityTimeWarping`, which is not a
+    metric. The pose in which a motion begins counts by the weight w alone.
 
     Parameters
     ----------
@@ -64,15 +65,10 @@ class RateInvariantMetric(MotionDistance):
         of their space.
     start_weight : float
         w, at least 0.
-    n_segments : int
-        Number of chords that represent a motion. More chords distinguish finer movements, and need
-        more frames.
     smoothing : float
         Standard deviation of the Gaussian mean along the curve, as a share of its length. It
         removes shorter movements, such as noise and triangles that flip in the crease of a joint.
         At 0 nothing is removed.
-    n_steps : int
-        Grid steps of the re-timing within each pair of segments.
     heading : bool
         Whether the direction in which bodies face counts, as for `DynamicTimeWarping`.
     n_components : int, optional
@@ -105,9 +101,7 @@ class RateInvariantMetric(MotionDistance):
         metric: Any = None,
         *,
         start_weight: float = 1.0,
-        n_segments: int = 60,
         smoothing: float = 0.03,
-        n_steps: int = 8,
         heading: bool = False,
         n_components: int | None = None,
         n_jobs: int | None = None,
@@ -116,9 +110,7 @@ class RateInvariantMetric(MotionDistance):
         super().__init__(metric, heading, n_components, n_jobs)
         self.space = space
         self.start_weight = metric_weight(start_weight, "start_weight")
-        self.n_segments = whole_number(n_segments, "n_segments", minimum=1)
         self.smoothing = real_number(smoothing, "smoothing", minimum=0.0)
-        self.n_steps = whole_number(n_steps, "n_steps", minimum=1)
         self._velocities = TransportedVelocities(
             self.metric, space.frames.template.vertices, heading=heading
         )
@@ -127,12 +119,12 @@ class RateInvariantMetric(MotionDistance):
         """Return the best re-timing of the velocities."""
         a, b = self._prepare(None, m1, "m1"), self._prepare(None, m2, "m2")
         products = a.directions @ b.directions.T
-        lower, left = _empty_gains(products.shape, self.n_steps)
-        gain = best_gain(products, self.n_steps, lower, left)
+        lower, left = _empty_gains(products.shape, _N_STEPS)
+        gain = best_gain(products, _N_STEPS, lower, left)
         path = np.empty((sum(products.shape) + 2, 2))
-        length = trace_gain(products, self.n_steps, lower, left, path)
+        length = trace_gain(products, _N_STEPS, lower, left, path)
         matched = path[:length][::-1].T
-        corners = np.arange(self.n_segments + 1)
+        corners = np.arange(_N_CHORDS + 1)
         first, second = (
             np.interp(places, corners, curve.places)
             for places, curve in zip(matched, (a, b), strict=True)
@@ -170,7 +162,7 @@ class RateInvariantMetric(MotionDistance):
     def _prepare(self, basis: Projection | None, motion: Motion, name: str) -> _Curve:
         frame_count(motion, name, 2)
         sides = self._velocities.segments(motion, name)
-        segments, places = even_segments(sides, self.n_segments, self.smoothing)
+        segments, places = even_segments(sides, _N_CHORDS, self.smoothing)
         lengths = np.sqrt(np.einsum("ij,ij->i", segments, segments))
         directions = segments / np.sqrt(np.where(lengths > 0.0, lengths, 1.0))[:, None]
         if basis is not None:
@@ -180,7 +172,7 @@ class RateInvariantMetric(MotionDistance):
     def _between(self, basis: Projection | None, a: _Curve, b: _Curve) -> float:
         """Return the distance of the velocities after the best re-timing."""
         products = a.directions @ b.directions.T
-        gain = best_gain(products, self.n_steps, *_empty_gains(products.shape, self.n_steps))
+        gain = best_gain(products, _N_STEPS, *_empty_gains(products.shape, _N_STEPS))
         return math.sqrt(max(a.length + b.length - 2.0 * gain, 0.0))
 
 

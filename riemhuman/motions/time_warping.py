@@ -43,8 +43,6 @@ class Warp:
     >>> warp = rh.motions.Warp(0.0, np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 4.0]))
     >>> warp(np.array([0.5, 1.5])).tolist()
     [0.5, 2.5]
-    >>> warp.inverse()(2.5).tolist()
-    1.5
     """
 
     dist: float
@@ -68,10 +66,6 @@ class Warp:
         moments, places = np.unique(self.first, return_inverse=True)
         means = np.bincount(places, weights=self.second) / np.bincount(places)
         return np.asarray(np.interp(times, moments, means))
-
-    def inverse(self) -> Warp:
-        """Return the warp from the second motion to the first."""
-        return Warp(self.dist, self.second, self.first)
 
 
 class MotionDistance(ABC):
@@ -112,7 +106,7 @@ class MotionDistance(ABC):
         """
 
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
-        """Return all distances within a set of motions.
+        """Return all distances within a set of motions, shape (n, n).
 
         Features of all frames are computed once and kept in memory.
 
@@ -122,11 +116,6 @@ class MotionDistance(ABC):
             Motions of at least two frames each; their numbers of frames may differ.
         progress : bool
             Whether to show a progress bar.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal.
         """
         check_motions(motions)
         basis = self._basis(motions)

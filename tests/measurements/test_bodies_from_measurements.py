@@ -12,7 +12,7 @@ from riemhuman.measurements import (
     model_from_measurements,
     nearest_body,
 )
-from riemhuman.measurements._adults import adults, predict
+from riemhuman.measurements.bodies_from_measurements import adults, predict
 
 SIXTEEN = (
     ["stature", "cervical height", "chest girth", "under-bust girth", "waist girth", "hip girth"]

@@ -10,10 +10,10 @@ from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.measurements import (
     Measurements,
     compare_visits,
-    noise_of_poses,
     open_measurements,
     regress_shape,
 )
+from riemhuman.measurements.visits import noise_of_poses
 
 
 @pytest.fixture(scope="module")
