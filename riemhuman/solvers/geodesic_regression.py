@@ -66,8 +66,7 @@ class GeodesicRegression(ImageEstimator):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> space = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    >>> space = rh.AlignedSurfaces(bodies.template).equip_with_metric(rh.ElasticMetric, 1, 1, 1)
     >>> points, regression = bodies.points[:50:10], rh.GeodesicRegression(space)
     >>> regression.fit(points[:, :, 1].max(axis=1), points).predict([1.8]).shape
     (1, 1202, 3)
@@ -151,10 +150,6 @@ class GeodesicRegression(ImageEstimator):
         ----------
         X : array, shape (n,) or (n, 1)
             Numbers.
-
-        Returns
-        -------
-        array, shape (n, \*shape)
         """
         self._require_fit("velocity_")
         times = _numbers(X) - self.center_
@@ -167,10 +162,8 @@ class GeodesicRegression(ImageEstimator):
 
         Parameters
         ----------
-        X : array, shape (n,) or (n, 1)
-            Numbers.
-        y : array, shape (n, \*shape)
-            Points.
+        X, y
+            As of `fit`.
         """
         metric = self._metric
         points, predictions = metric.check_points(y, "y"), self.predict(X)

@@ -64,9 +64,8 @@ class LogarithmResult(Result):
     --------
     >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((2,)).metric
-    >>> result = rh.solvers.DiscreteLogarithm(n_steps=4).solve(metric, [2.0, 0.0], [0.0, 0.0])
-    >>> result.tangent_vec.round(6).tolist()
-    [2.0, 0.0]
+    >>> rh.solvers.DiscreteLogarithm(n_steps=4).solve(metric, [2.0, 0.0], [0.0, 0.0]).converged
+    True
     """
 
     tangent_vec: ndarray
@@ -98,15 +97,11 @@ class DiscreteLogarithm(Solver):
         Solver for the path; its number of points is that of the steps, which are not halved. By
         default `BasisPath` with the basis or `PathStraightening` without, both with narrow
         tolerances.
-    tolerance : float
-        Largest error of the equations, as a share of the length of two segments.
-    max_iter : int
-        Largest number of iterations for each equation.
+    tolerance, max_iter
+        As of `DiscreteExponential`.
     n_doublings : int
         How often the number of steps may be doubled, where the exponential does not come back, the
-        step before the start degenerates or, over all coordinates, a triangle rotates by more than
-        60 degrees within a step: a fold of skin that snaps within one step takes its path of least
-        energy to a place that the exponential does not reach.
+        step before the start degenerates or a step is too long, see `DiscreteExponential`.
     end_tolerance : float
         Largest `end_error` of a logarithm that has converged, in units of the points: by default
         0.1 mm for bodies in metres.
@@ -115,11 +110,8 @@ class DiscreteLogarithm(Solver):
     --------
     >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((2,)).metric
-    >>> solver = rh.solvers.DiscreteLogarithm(n_steps=4)
-    >>> result = solver.solve(metric, [2.0, 0.0], [0.0, 0.0])
-    >>> back = solver.inverse(result).solve(metric, result.tangent_vec, [0.0, 0.0])
-    >>> back.end.round(6).tolist()
-    [2.0, 0.0]
+    >>> rh.solvers.DiscreteLogarithm().solve(metric, [2.0, 0.0], [0.0, 0.0]).tangent_vec.round(6)
+    array([2., 0.])
     """
 
     basis: DeformationBasis | None = None

@@ -81,15 +81,11 @@ class BasisMean(Solver, MeanSolver):
         Stop when a Newton step would gain at most this share of the variance, as far as the
         preconditioned gradient tells. By default 1e-8 over a basis, and in all coordinates 1e-5
         where moreover the second half of the iterations has gained less than 0.3 %.
-    max_iter : int
-        Largest number of iterations.
+    max_iter, callback, progress
+        As of `BasisPath`.
     sample_size : int
         Where points come in batches, number of points of the sample from whose mean the search
         starts and whose differences join the basis: evenly spaced among all.
-    callback : callable, optional
-        Called with (iteration, variance, point) after each iteration.
-    progress : bool
-        Whether to show a progress bar.
 
     Examples
     --------
@@ -148,13 +144,6 @@ class BasisMean(Solver, MeanSolver):
         ------
         DegenerateSurfaceError
             If triangles of the mean vanish, as between dissimilar bodies for a small λ.
-
-        Warns
-        -----
-        ConvergenceWarning
-            If the stopping test was not met.
-        StretchInvarianceWarning
-            If neither the metric nor a companion measures the lengths of edges.
         """
         of_search = metric_of_search(metric, self.companion_weight)
         dispersion = dispersion_of(of_search, points, weights, self.sample_size)
@@ -273,10 +262,9 @@ class GradientDescentMean(Solver, MeanSolver):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> plane = rh.VectorSpace((2,))
-    >>> result = rh.solvers.GradientDescentMean().solve(plane.metric, [[0.0, 0.0], [1.0, 3.0]])
-    >>> result.point.round(6).tolist()
-    [0.5, 1.5]
+    >>> metric = rh.VectorSpace((1,)).metric
+    >>> rh.solvers.GradientDescentMean().solve(metric, [[0.0], [1.0]]).point.round(6)
+    array([0.5])
     """
 
     tolerance: float = 1e-8

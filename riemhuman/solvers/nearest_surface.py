@@ -59,13 +59,8 @@ class NearestSurface(Solver):
     ----------
     companion_weight : float
         ε, of at least 0.
-    tolerance : float
-        Stop when a Newton step would gain at most this share of the functional, as far as the
-        preconditioned gradient tells.
-    max_iter : int
-        Most iterations.
-    progress : bool
-        Whether to show a progress bar.
+    tolerance, max_iter, progress
+        As of `BasisPath`.
 
     Examples
     --------
@@ -105,8 +100,7 @@ class NearestSurface(Solver):
         Returns
         -------
         MeanResult
-            `variance` is the weighted mean squared distance without the companion's part, which
-            `variances` include.
+            `variances` include the companion's part, `variance` does not.
         """
         target = metric.target_metric
         images = target.check_points(images, "images")

@@ -54,8 +54,7 @@ class PathMeasures(Record):
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> metric = rh.AlignedSurfaces(bodies.template).metric
-    >>> path = rh.solvers.LinearPath(n_nodes=5).solve(metric, bodies[0], bodies[2]).path
-    >>> sorted(rh.solvers.measure_path({"shape": metric}, path).energies)
+    >>> list(rh.solvers.measure_path({"shape": metric}, bodies.points[:3]).energies)
     ['shape']
     """
 
@@ -88,9 +87,8 @@ class PathComparison(Record):
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> metrics = {"elastic": rh.AlignedSurfaces(bodies.template).metric}
     >>> solvers = {"straight": (rh.solvers.LinearPath(n_nodes=5), "elastic")}
-    >>> [row] = rh.solvers.compare_paths(metrics, bodies[0], bodies[2], solvers)
-    >>> row.as_row()["n_iterations"]
-    0
+    >>> rh.solvers.compare_paths(metrics, bodies[0], bodies[2], solvers)[0].name
+    'straight'
     """
 
     name: str
@@ -182,8 +180,7 @@ def measure_path(
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> metric = rh.AlignedSurfaces(bodies.template).metric
-    >>> path = rh.solvers.LinearPath(n_nodes=5).solve(metric, bodies[0], bodies[2]).path
-    >>> sorted(rh.solvers.measure_path({"shape": metric}, path).energies)
+    >>> list(rh.solvers.measure_path({"shape": metric}, bodies.points[:3]).energies)
     ['shape']
     """
     if not metrics:
@@ -231,11 +228,9 @@ class PathDistances(Result):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> metric = rh.AlignedSurfaces(bodies.template).metric
-    >>> table = rh.solvers.path_distances(rh.solvers.PoissonPath(5), metric, bodies.points[:3])
-    >>> bool((table.excess >= 0).all())
-    True
+    >>> metric = rh.VectorSpace((1,)).metric
+    >>> rh.solvers.path_distances(rh.solvers.LinearPath(), metric, [[0.0], [4.0]]).excess
+    array([0.])
     """
 
     lengths: ndarray
@@ -252,9 +247,6 @@ class PathDistances(Result):
     @staticmethod
     def row_of(metric: RiemannianMetric, result: PathResult) -> ndarray:
         """Return the numbers of one path that `from_rows` takes, shape (6,).
-
-        These are its length, the distance in closed form, the gap, iterations, evaluations, and
-        whether it converged.
 
         Parameters
         ----------

@@ -94,13 +94,6 @@ class PathSearch(PathSolver):
             End points.
         initial_path : array, shape (n_nodes, \*shape), optional
             Path to start from, between the same ends.
-
-        Raises
-        ------
-        ArgumentError
-            If the initial path has other ends, leaves the manifold or has no finite energy.
-        Interrupted
-            If it is interrupted from the keyboard, with the best result so far.
         """
         start, end = check_end_points(metric, start, end)
         self._check_search(metric, start, end)

@@ -62,10 +62,9 @@ class FiniteDifferenceEnergy(PathEnergy):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> metric = rh.VectorSpace((2,)).metric
-    >>> path = [[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]]
-    >>> rh.solvers.FiniteDifferenceEnergy().value(metric, path)
-    8.0
+    >>> metric = rh.VectorSpace((1,)).metric
+    >>> rh.solvers.FiniteDifferenceEnergy().value(metric, [[0.0], [1.0], [2.0]])
+    4.0
     """
 
     def value(self, metric: RiemannianMetric, path: ndarray) -> float:
@@ -199,8 +198,8 @@ class ClosedFormGeodesic(PathSolver):
 
     Parameters
     ----------
-    n_nodes : int
-        Number of points of the path, both ends included.
+    n_nodes
+        As of `LinearPath`.
 
     Examples
     --------

@@ -26,9 +26,8 @@ _FEWEST_VERTICES = 100
 
 
 class Status(StrEnum):
-    """How a solver ended.
+    """How a solver ended: its stopping test was met, or why it stopped before.
 
-    ``CONVERGED``: its stopping test was met. ``MAX_ITER``: the most iterations were made.
     ``STALLED``: no step improved the result. ``OUTSIDE_MANIFOLD``: it met the boundary of the
     manifold. ``INTERRUPTED``: it was stopped from the keyboard.
 
@@ -45,17 +44,6 @@ class Status(StrEnum):
     OUTSIDE_MANIFOLD = "outside_manifold"
     INTERRUPTED = "interrupted"
 
-    @classmethod
-    def of(cls, converged: bool) -> Status:
-        """Return ``CONVERGED`` if a stopping test was met, otherwise ``MAX_ITER``.
-
-        Parameters
-        ----------
-        converged : bool
-            Whether it was met.
-        """
-        return cls.CONVERGED if converged else cls.MAX_ITER
-
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Result(Record):
@@ -65,18 +53,14 @@ class Result(Record):
     ----------
     n_iterations, n_evaluations : int
         Iterations, and evaluations of the objective and its gradient.
-    status : Status
-        How it ended.
-    message : str
-        The same for people, in more detail.
+    status, message : Status, str
+        How it ended, for code and for people.
 
     Examples
     --------
     >>> import riemhuman as rh
-    >>> metric = rh.VectorSpace((2,)).metric
-    >>> result = rh.solvers.LinearPath(n_nodes=3).solve(metric, [0.0, 0.0], [2.0, 0.0])
-    >>> result.converged, result.n_iterations
-    (True, 0)
+    >>> rh.solvers.Result(status=rh.solvers.Status.MAX_ITER).converged
+    False
     """
 
     n_iterations: int = 0
@@ -186,9 +170,9 @@ class PathResult(Result):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> metric = rh.VectorSpace((2,)).metric
-    >>> rh.solvers.LinearPath(n_nodes=3).solve(metric, [0.0, 0.0], [2.0, 0.0]).path.tolist()
-    [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]
+    >>> metric = rh.VectorSpace((1,)).metric
+    >>> rh.solvers.LinearPath(n_nodes=3).solve(metric, [0.0], [2.0]).path.tolist()
+    [[0.0], [1.0], [2.0]]
     """
 
     path: ndarray
@@ -216,10 +200,8 @@ class MeanResult(Result):
     Examples
     --------
     >>> import riemhuman as rh
-    >>> plane = rh.VectorSpace((2,))
-    >>> result = rh.solvers.GradientDescentMean().solve(plane.metric, [[0.0, 0.0], [1.0, 3.0]])
-    >>> result.point.round(6).tolist()
-    [0.5, 1.5]
+    >>> rh.FrechetMean(rh.VectorSpace((1,))).fit([[0.0], [2.0]]).result_.point
+    array([1.])
     """
 
     point: ndarray
@@ -298,27 +280,28 @@ def finish(solver: object, result: ResultType) -> ResultType:
 
 def complete_path_result(found: Any) -> PathResult:
     """Return the result of anybody's geodesic solver, a path and its energy, with defaults."""
-    if isinstance(found, PathResult):
-        return found
-    path, energy = np.asarray(found.path, dtype=float), float(found.energy)
-    energies = np.asarray(getattr(found, "energies", [energy]), dtype=float)
-    return PathResult(path, energy, energies, **_outcome(found))
+    return _complete(found, PathResult, "path", "energy", "energies")
 
 
 def complete_mean_result(found: Any) -> MeanResult:
     """Return the result of anybody's mean solver, a point and its variance, with defaults."""
-    if isinstance(found, MeanResult):
+    return _complete(found, MeanResult, "point", "variance", "variances")
+
+
+def _complete(found: Any, cls: type[ResultType], point: str, value: str, values: str) -> ResultType:
+    if isinstance(found, cls):
         return found
-    point, variance = np.asarray(found.point, dtype=float), float(found.variance)
-    variances = np.asarray(getattr(found, "variances", [variance]), dtype=float)
-    return MeanResult(point, variance, variances, **_outcome(found))
-
-
-def _outcome(found: object) -> dict[str, Any]:
-    converged = bool(getattr(found, "converged", True))
-    return {
-        "n_iterations": int(getattr(found, "n_iterations", 0)),
-        "n_evaluations": int(getattr(found, "n_evaluations", 0)),
-        "status": Status.CONVERGED if converged else Status.STALLED,
-        "message": str(getattr(found, "message", "")),
+    last = float(getattr(found, value))
+    arrays: dict[str, Any] = {
+        point: np.asarray(getattr(found, point), dtype=float),
+        value: last,
+        values: np.asarray(getattr(found, values, [last]), dtype=float),
     }
+    converged = bool(getattr(found, "converged", True))
+    return cls(
+        **arrays,
+        n_iterations=int(getattr(found, "n_iterations", 0)),
+        n_evaluations=int(getattr(found, "n_evaluations", 0)),
+        status=Status.CONVERGED if converged else Status.STALLED,
+        message=str(getattr(found, "message", "")),
+    )

@@ -78,10 +78,8 @@ class TangentPCA(ImageEstimator):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> space = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=1.0)
-    >>> components = rh.TangentPCA(space, n_components=2).fit(bodies.points[:50:10])
-    >>> components.transform(bodies.points[:50:10]).shape
+    >>> space = rh.AlignedSurfaces(bodies.template).equip_with_metric(rh.ElasticMetric, 1, 1, 1)
+    >>> rh.TangentPCA(space, n_components=2).fit_transform(bodies.points[:50:10]).shape
     (5, 2)
     """
 
@@ -162,7 +160,7 @@ class TangentPCA(ImageEstimator):
         self.explained_variance_ratio_ = values[:wanted] / values[values > 0].sum()
 
     def transform(self, X: ndarray, y: object = None) -> ndarray:
-        r"""Return the coordinates of points, ⟨log x − offset, u_k⟩.
+        r"""Return the coordinates of points, ⟨log x − offset, u_k⟩, shape (n, n_components).
 
         Parameters
         ----------
@@ -170,10 +168,6 @@ class TangentPCA(ImageEstimator):
             Points.
         y : object
             Not used.
-
-        Returns
-        -------
-        array, shape (n, n_components)
         """
         self._require_fit("components_")
         image = self._image_space()
@@ -189,12 +183,8 @@ class TangentPCA(ImageEstimator):
 
         Parameters
         ----------
-        X : array, shape (n, \*shape)
-            Points.
-        y : object
-            Not used.
-        base_point : array, shape (\*shape,), optional
-            Point to use instead of the mean.
+        X, y, base_point
+            As of `fit`.
         """
         return self.fit(X, base_point=base_point).transform(X)
 
@@ -205,10 +195,6 @@ class TangentPCA(ImageEstimator):
         ----------
         X : array, shape (n, m)
             Coordinates z along the first m ≤ n_components directions; the others are 0.
-
-        Returns
-        -------
-        array, shape (n, \*shape)
         """
         self._require_fit("components_")
         scores = real_array(X, "X", ("n", "n_components"), batched=False)

@@ -237,8 +237,7 @@ class DisentanglingResult(Result):
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> build, pose = rh.ElasticMetric(space, 1.0, 1.0, 0.0), rh.ElasticMetric(space, 0.0, 0.0, 1.0)
-    >>> result = rh.solvers.Disentangling().solve(build, pose, bodies[0], bodies[13])
-    >>> bool(result.value <= result.values[0])
+    >>> rh.solvers.Disentangling().solve(build, pose, bodies[0], bodies[13]).converged
     True
     """
 
@@ -282,15 +281,8 @@ class Disentangling(Solver):
         them. The default is the largest of 3, 10, 20 and 30 that adds at most 3 % to the distance
         from A's own performance of the pose (tests/benchmarks/test_transfer.py); much larger values
         may leave triangles without area.
-    tolerance : float
-        Stop when a Newton step would gain at most this share of the value, as far as the
-        preconditioned gradient tells.
-    max_iter : int
-        Most iterations.
-    callback : callable, optional
-        Called with (iteration, value, surface) after each iteration.
-    progress : bool
-        Whether to show a progress bar.
+    tolerance, max_iter, callback, progress
+        As of `BasisPath`.
 
     Examples
     --------

@@ -75,8 +75,6 @@ def test_exact_in_flat_space():
     np.testing.assert_allclose(result.end, start + velocity, atol=1e-12)
     assert (result.complete, result.converged) == (True, True)
     assert result.message == "all steps were made"
-    one_more = solver.extend(case.metric, result.path, 1)
-    np.testing.assert_allclose(one_more.end, start + 4.0 / 3.0 * velocity, atol=1e-12)
 
 
 @pytest.mark.sampled(4)
@@ -123,25 +121,6 @@ def test_energy_along_bodies_is_conserved_to_second_order(elbow):
     assert np.all(orders(drifts) > 1.5)
     assert np.all(orders(errors) > 1.5)
     assert drifts[-1] < 0.1
-
-
-def test_extension_stays_in_the_basis_and_the_last_segment():
-    case = CASES["mixed sphere"]
-    start, velocity = case.points[0], 0.3 * case.tangent_vecs[0]
-    basis = DeformationBasis(deformations(sphere_template(), 4, rng=9), orthonormalize=True)
-    joined = basis.extend(velocity[None])
-    assert len(joined) == 5
-    half = DiscreteExponential(basis, n_steps=3).solve(case.metric, velocity, start)
-    whole = DiscreteExponential(basis).extend(case.metric, half.path, 2)
-    assert whole.converged
-    difference = whole.path - start
-    np.testing.assert_allclose(joined.project(difference), difference, atol=1e-10)
-    expected = DiscreteExponential(joined, n_steps=3).solve(case.metric, velocity, start)
-    expected = DiscreteExponential(joined).extend(case.metric, expected.path, 2)
-    np.testing.assert_allclose(whole.path, expected.path, atol=1e-6)
-    # The last segment decides alone.
-    last = DiscreteExponential(basis).extend(case.metric, half.path[-2:], 2)
-    np.testing.assert_allclose(last.path[1:], whole.path[-3:], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["all sphere", "mixed open", "all triangle", "stretch triangle"])
@@ -220,10 +199,6 @@ def test_bad_input():
         solver.solve(metric, start[None], start)
     with pytest.raises(ArgumentError, match="tangent_vec holds 9 NaN"):
         solver.solve(metric, np.nan * start, start)
-    with pytest.raises(ArgumentError, match="path must have at least two times; found 1"):
-        solver.extend(metric, start[None], 3)
-    with pytest.raises(ArgumentError, match="n_steps must be a whole number of at least 1"):
-        solver.extend(metric, np.stack([start, start]), 0)
     with pytest.raises(ArgumentError, match="the basis belongs to another template"):
         DiscreteExponential(bodies.basis(20)).solve(metric, start, start)
 

@@ -27,7 +27,7 @@ class Solver:
             1.0,
             np.array([1.0]),
             n_iterations=7,
-            status=Status.of(converged),
+            status=Status.CONVERGED if converged else Status.MAX_ITER,
             message="out of time",
         )
         finish(self, result)
