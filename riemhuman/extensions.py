@@ -43,17 +43,12 @@ def register(kind: str, name: str, factory: Callable[..., Any]) -> None:
 
     Parameters
     ----------
-    kind : {"metrics", "descriptors", "readers", "measurements"}
-        Its kind; see `KINDS` for how each is called.
+    kind : str
+        One of `KINDS`, which says how each is called.
     name : str
         Its name in tables and on the command line.
     factory : callable
         A class or function.
-
-    Raises
-    ------
-    ArgumentError
-        If the kind is unknown, or another extension has the name.
 
     Examples
     --------
@@ -78,10 +73,8 @@ def unregister(kind: str, name: str) -> None:
 
     Parameters
     ----------
-    kind : {"metrics", "descriptors", "readers", "measurements"}
-        Its kind.
-    name : str
-        Its name.
+    kind, name : str
+        As of `register`.
     """
     _check_kind(kind)
     if name not in _REGISTERED[kind]:
@@ -94,18 +87,8 @@ def extensions(kind: str) -> dict[str, Callable[..., Any]]:
 
     Parameters
     ----------
-    kind : {"metrics", "descriptors", "readers", "measurements"}
-        Their kind.
-
-    Returns
-    -------
-    dict of str to callable
-        Those of installed packages first.
-
-    Raises
-    ------
-    ArgumentError
-        If an extension of an installed package cannot be loaded.
+    kind : str
+        One of `KINDS`.
     """
     _check_kind(kind)
     found: dict[str, Callable[..., Any]] = {}
@@ -125,10 +108,8 @@ def extension(kind: str, name: str) -> Callable[..., Any]:
 
     Parameters
     ----------
-    kind : {"metrics", "descriptors", "readers", "measurements"}
-        Its kind.
-    name : str
-        Its name.
+    kind, name : str
+        As of `register`.
     """
     known = extensions(kind)
     if name not in known:

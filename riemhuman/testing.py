@@ -181,12 +181,9 @@ def check_metric(
 ) -> PropertyReport:
     r"""Check on a few points that a metric is a metric, and that its methods agree.
 
-    The inner product must be symmetric, linear, positive and the same for points in a stack as for
-    each alone; `covector` must represent it. Where `squared_dist` has a closed form, it must
-    satisfy the axioms of a metric, be flat where points meet, and for small steps ε along a tangent
-    vector v be d²(x, x + εv) = ε²⟨v, v⟩ + O(ε³). Of the path through the points, the energy must be
-    at least the squared length and the squared distance of its ends, and its gradient exact:
-    E(γ + εv) − E(γ) − ε⟨∇E, v⟩ is of order two in ε.
+    These are the properties that the report names, where they are defined. Short distances must be
+    norms: d²(x, x + εv) = ε²⟨v, v⟩ + O(ε³) for tangent vectors v. The gradient of the energy of the
+    path through the points must be exact: E(γ + εv) − E(γ) − ε⟨∇E, v⟩ is of order two in ε.
 
     Parameters
     ----------
@@ -337,10 +334,8 @@ def check_manifold(
 ) -> PropertyReport:
     """Check the consistency of a manifold on a few random points.
 
-    Random points, and arrays near them after `projection`, must belong to it, and arrays of another
-    shape or with NaN must not; `to_tangent` must be a linear projection, in a stack as for each
-    point alone, to tangent spaces of the manifold's dimension (for points of at most 1000 numbers);
-    random tangent vectors must be tangent.
+    These are the properties that the report names; the dimension of tangent spaces is checked for
+    points of at most 1000 numbers.
 
     Parameters
     ----------
@@ -454,11 +449,7 @@ def check_solver(
 ) -> PropertyReport:
     r"""Check on a few points that a solver fulfils the contract of its kind.
 
-    See `riemhuman.geometry.strategies` for the contracts. Paths must run between the points, with
-    the energy that they have; exponential and logarithm must start in the given direction; a mean
-    must be no worse than any of the points and follow the weights; transport must be linear, and
-    the identity along a constant path. No solver may change its arguments, and each must return
-    the same result twice.
+    See `riemhuman.geometry.strategies` for the contracts; the report names the properties.
 
     Parameters
     ----------
@@ -609,19 +600,13 @@ def check_dataset(dataset: Any) -> PropertyReport:
 
     That is its length; ``points``, surfaces of shape (n, V, 3), an array or an object whose slices
     and items are arrays; ``template``; and labels ``subject`` and ``pose``, of shape (n,) or None;
-    it may also have ``model``, the body model that the surfaces come from. A few surfaces are read,
-    one by one and as a slice: they must have as many vertices as the template, with finite
-    coordinates. `riemhuman.datasets.Bodies` is such a data set.
+    it may also have ``model``, the body model that the surfaces come from. `check_dataset` reads a
+    few surfaces. `riemhuman.datasets.Bodies` is such a data set.
 
     Parameters
     ----------
     dataset : object
         The data set.
-
-    Returns
-    -------
-    PropertyReport
-        Errors are shares of wrong surfaces or kinds of labels.
 
     Examples
     --------

@@ -121,7 +121,7 @@ class DiscreteExponential(Solver):
     def solve(
         self, metric: RiemannianMetric, tangent_vec: ndarray, base_point: ndarray
     ) -> ExponentialResult:
-        r"""Follow the geodesic with an initial velocity for unit time, as far as it can be followed.
+        r"""Follow the geodesic with an initial velocity for unit time, or to where it stops.
 
         Parameters
         ----------

@@ -13,11 +13,11 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry import Manifold, ProductMetric, RiemannianMetric
-from riemhuman.solvers._image_spaces import ImageEstimator
 from riemhuman.solvers._lbfgs import LBFGS, Minimum
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.results import MeanResult, finish
+from riemhuman.solvers.tangent_pca import ImageEstimator
 
 # Points whose misfits are taken together, so that what they need stays in the processor's cache.
 _BLOCK = 4
@@ -292,15 +292,9 @@ class _BlockwiseFactor(CholeskyFactor):
         self._factors = tuple(factors)
         self._ends = np.cumsum(sizes)[:-1]
 
-    def solve(self, columns: ndarray) -> ndarray:
-        return self._each("solve", columns)
-
-    def solve_transposed(self, columns: ndarray) -> ndarray:
-        return self._each("solve_transposed", columns)
-
-    def _each(self, method: str, columns: ndarray) -> ndarray:
+    def inverse(self, columns: ndarray) -> ndarray:
         parts = zip(self._factors, np.split(columns, self._ends), strict=True)
-        return np.concatenate([getattr(factor, method)(part) for factor, part in parts])
+        return np.concatenate([factor.inverse(part) for factor, part in parts])
 
 
 def _field_factor(metric: Any, point: ndarray, scale: float) -> CholeskyFactor:

@@ -153,8 +153,9 @@ class ModelParameters(NamedTuple):
 class ModelPath(PathSolver):
     """The path of a body model whose parameters change evenly from one body to another.
 
-    The SMPL path of section 5.2 of the paper, linear in axis-angle vectors as there. It runs between surfaces of the model, which are near
-    the end points but not equal to them; the result's message states the distance.
+    The SMPL path of section 5.2 of the paper, linear in axis-angle vectors as there. It runs
+    between surfaces of the model, which are near the end points but not equal to them; the result's
+    message states the distance.
 
     Parameters
     ----------

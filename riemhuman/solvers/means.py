@@ -15,9 +15,8 @@ from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.metric import metric_of
 from riemhuman.geometry.strategies import MeanSolver
-from riemhuman.solvers._coordinates import Coordinates
 from riemhuman.solvers._dispersion import AreaCheck, Dispersion, dispersion_of, metric_of_search
-from riemhuman.solvers._lbfgs import LBFGS, Minimum
+from riemhuman.solvers._lbfgs import LBFGS, Coordinates, Minimum
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.results import MeanResult, Solver, Status, complete_mean_result, finish
 

@@ -14,9 +14,8 @@ from riemhuman.checks import real_array
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, RiemannianMetric
 from riemhuman.kernels.surface import stacked_derivatives, triangle_frames
-from riemhuman.solvers._coordinates import Coordinates
 from riemhuman.solvers._dispersion import check_weights
-from riemhuman.solvers._lbfgs import LBFGS
+from riemhuman.solvers._lbfgs import LBFGS, Coordinates
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
 from riemhuman.solvers.paths import rounding_energy
 from riemhuman.solvers.results import MeanResult, Solver, finish

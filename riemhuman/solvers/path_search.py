@@ -18,8 +18,7 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.kernels.triangles import nearly_degenerate_triangles
-from riemhuman.solvers._coordinates import Coordinates
-from riemhuman.solvers._lbfgs import LBFGS, Operator
+from riemhuman.solvers._lbfgs import LBFGS, Coordinates, Operator
 from riemhuman.solvers._preconditioners import CholeskyFactor, PathPreconditioner, metric_factor
 from riemhuman.solvers.interpolated_paths import rotating_paths
 from riemhuman.solvers.paths import (

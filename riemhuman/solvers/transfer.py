@@ -39,8 +39,7 @@ from riemhuman.kernels.surface import (
     stacked_derivatives,
     triangle_frames,
 )
-from riemhuman.solvers._coordinates import Coordinates
-from riemhuman.solvers._lbfgs import LBFGS, Minimum
+from riemhuman.solvers._lbfgs import LBFGS, Coordinates, Minimum
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
 from riemhuman.solvers.paths import rounded
 from riemhuman.solvers.results import Result, Solver, finish
@@ -308,7 +307,6 @@ class Disentangling(Solver):
         pose_metric: SurfaceMetric,
         shape: ndarray,
         pose: ndarray,
-        initial: ndarray | None = None,
     ) -> DisentanglingResult:
         """Find the surface.
 
@@ -320,8 +318,6 @@ class Disentangling(Solver):
             Body A, which gives the shape.
         pose : array, shape (V, 3)
             Body B, which gives the pose.
-        initial : array, shape (V, 3), optional
-            Surface to start from.
         """
         space: Any = shape_metric.space
         if not space.is_surface_space or space.shape != pose_metric.space.shape:
@@ -332,11 +328,10 @@ class Disentangling(Solver):
         shape = _one_surface(space, shape, "shape")
         pose = _one_surface(space, pose, "pose")
         posed = PoseTransfer(space, self.bone_smoothing).solve(shape, pose)
-        start = posed if initial is None else _one_surface(space, initial, "initial")
         if self.basis is not None:
-            self.basis.check_fits(len(start))
+            self.basis.check_fits(len(posed))
         sum_ = _WeightedSum((shape_metric, 1.0, shape), (pose_metric, self.pose_weight, posed))
-        minimum = self._minimize(sum_, space, shape, start)
+        minimum = self._minimize(sum_, space, shape, posed)
         surface, value = minimum.x, minimum.value
         if self.basis is not None:
             # Translations change neither metric.

@@ -7,7 +7,6 @@ import pytest
 from cases import CASES, cases_that, deformations, name_of
 from scipy.spatial.transform import Rotation
 
-from riemhuman.errors import ArgumentError
 from riemhuman.geometry import ElasticMetric
 from riemhuman.solvers import _geodesic_equation
 from riemhuman.solvers._geodesic_equation import (
@@ -123,15 +122,6 @@ def test_within_a_basis(size):
         assert np.abs(slopes).max() < 1e-7 * np.abs(gradient[0]).max()
 
 
-def test_basis_must_fit():
-    class Basis:
-        flat = np.eye(4)
-
-    case = CASES["mixed sphere"]
-    with pytest.raises(ArgumentError, match="basis must hold vectors of 126 numbers"):
-        GeodesicEquation(case.metric, Basis()).next_point(*near(case))
-
-
 def test_degenerate_points_are_told():
     case = CASES["mixed open"]
     point = case.points[0]
@@ -186,21 +176,6 @@ def test_the_triangle_that_vanishes_is_named():
         found = vanishing_triangle(case.metric, point, shrunk)
         assert found.startswith(told)
         assert bool(found) == bool(told)
-
-
-class Fields:
-    """A space whose points are the fields of its surfaces."""
-
-    is_surface_space = True
-
-    def belongs(self, point):
-        return True
-
-    def normal_field(self, point):
-        return point
-
-    def metric_field(self, point):
-        return point
 
 
 def test_rotations_by_more_than_60_degrees_within_one_step_are_long():

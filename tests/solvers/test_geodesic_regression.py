@@ -21,7 +21,6 @@ from riemhuman.geometry import (
 )
 from riemhuman.solvers import Interrupted, Status
 from riemhuman.solvers._lbfgs import LBFGS
-from riemhuman.solvers.geodesic_regression import _field_factor as field_factor
 from riemhuman.statistics import GeodesicRegression
 
 
@@ -140,34 +139,6 @@ def test_sphere_agrees_with_a_search_in_angles():
     assert misfit(space, found.intercept_, found.velocity_, points) == pytest.approx(
         area * best, rel=1e-9
     )
-
-
-def test_vectors_are_least_squares():
-    space = FIELDS["vectors"]
-    points = np.random.default_rng(3).standard_normal((6, 4, 2))
-    found = GeodesicRegression(space).fit(TIMES, points)
-    design = np.stack([np.ones(6), TIMES], axis=1)
-    solution, left, _, _ = np.linalg.lstsq(design, points.reshape(6, -1), rcond=None)
-    np.testing.assert_allclose(found.velocity_.ravel(), solution[1], atol=1e-8)
-    np.testing.assert_allclose(
-        found.predict([150.0])[0].ravel(), solution[0] + 150.0 * solution[1], atol=1e-7
-    )
-    whole = np.sum((points - points.mean(axis=0)) ** 2)
-    assert found.score(TIMES, points) == pytest.approx(1.0 - left.sum() / whole, rel=1e-9)
-
-
-def test_factor_of_a_product_is_that_of_its_parts():
-    space = product()
-    point = space.random_point(rng=3)
-    factor = field_factor(space.metric, point, 0.7)
-    rng = np.random.default_rng(1)
-    vector = space.to_tangent(rng.standard_normal(point.shape), point)
-    covector = space.metric.covector(vector, point)
-    solved = factor.solve_transposed(factor.solve(covector[:, None]))[:, 0]
-    np.testing.assert_allclose(space.to_tangent(solved, point), 0.7 * vector, atol=1e-5)
-    weightless = ProductManifold(space.factors, equip=False)
-    weightless.equip_with_metric(ProductMetric, weights=[1.0, 0.0])
-    assert np.all(np.isfinite(field_factor(weightless.metric, point, 1.0).solve(vector[:, None])))
 
 
 def test_an_interrupted_refinement_leaves_the_best_geodesic(monkeypatch):

@@ -6,7 +6,6 @@ import bodies_in_motion
 import numpy as np
 import pytest
 from cases import sphere_template
-from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError

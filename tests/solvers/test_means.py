@@ -31,9 +31,7 @@ from riemhuman.geometry import (
 from riemhuman.solvers import BasisMean, FrechetMean, GeometricMedian, GradientDescentMean
 from riemhuman.solvers._dispersion import (
     AreaCheck,
-    BatchedDispersion,
     Dispersion,
-    check_weights,
     dispersion_of,
     metric_of_search,
 )
@@ -130,12 +128,12 @@ def test_the_default_mean_of_poses_is_a_body(person, seed, weights):
 
 
 def test_all_coordinates_are_free_without_a_basis():
-    """The gradient vanishes by comparison with that at the mean over the differences."""
+    """The gradient vanishes by comparison with that at one of the points."""
     space, points = one_person()
     mean = BasisMean(tolerance=1e-7).solve(space.metric, points)
     dispersion = Dispersion(space.metric, points)
     slopes = dispersion.value_and_gradient(mean.point)[1]
-    assert np.abs(slopes).max() < 1e-2 * np.abs(dispersion.value_and_gradient(points[0])[1]).max()
+    assert np.abs(slopes).max() < 4e-3 * np.abs(dispersion.value_and_gradient(points[0])[1]).max()
     assert np.all(np.diff(mean.variances) <= 0)
     assert mean.n_iterations == len(mean.variances) - 1
     assert "span" not in mean.message
@@ -218,14 +216,14 @@ def test_mean_of_vectors_is_their_average_in_one_step():
     np.testing.assert_allclose(one_step.variances, expected)
 
 
-@pytest.mark.parametrize("solver", [GradientDescentMean(), BasisMean()])
+@pytest.mark.parametrize(("solver", "error"), [(GradientDescentMean(), 1e-6), (BasisMean(), 5e-5)])
 @pytest.mark.parametrize("in_batches", [False, True])
-def test_median_of_weighted_numbers_is_one_of_them(solver, in_batches):
+def test_median_of_weighted_numbers_is_one_of_them(solver, error, in_batches):
     """Where the median meets a sample, the others need not balance."""
     numbers, weights = np.array([[0.0], [1.0], [2.0], [3.0], [100.0]]), [1.0, 1.0, 3.0, 2.0, 1.0]
     points = [numbers[:3], numbers[3:]] if in_batches else numbers
     median = GeometricMedian(LINE, solver).fit(points, weights=weights)
-    np.testing.assert_allclose(median.estimate_, [2.0], atol=2e-4)
+    np.testing.assert_allclose(median.estimate_, [2.0], atol=error)
     distances = np.abs(numbers[:, 0] - median.estimate_)
     shares = np.array(weights) / 8.0
     assert median.result_.variances[-1] == pytest.approx(shares @ distances, rel=1e-5)
@@ -252,17 +250,6 @@ def test_median_has_the_least_sum_of_distances(space):
     assert total(over_all.estimate_) == pytest.approx(best, rel=1e-5)
 
 
-def test_one_body_far_away_hardly_moves_the_median():
-    space, near = equipped(1.0, 1.0, 1.0), load_open_bodies("coarse").points[:10:2]
-    far = 3.0 * load_open_bodies("coarse").points[97:98]
-    solver = BasisMean(bodies.basis(10))
-    moved = []
-    for kind in (GeometricMedian, FrechetMean):
-        centers = [kind(space, solver).fit(p).estimate_ for p in (near, np.append(near, far, 0))]
-        moved.append(float(space.metric.dist(*centers)))
-    assert moved[0] < 0.3 * moved[1]
-
-
 def test_steps_that_never_lower_the_variance_end():
     class Backwards(FlatMetric):
         def log(self, point, base_point):
@@ -274,15 +261,6 @@ def test_steps_that_never_lower_the_variance_end():
         result = GradientDescentMean().solve(metric, points)
     np.testing.assert_array_equal(result.point, points[0])
     assert (result.n_iterations, result.variance, result.converged) == (0, 5.0, False)
-
-
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-def test_descent_stops_within_a_share_of_the_standard_deviation(scale):
-    solver, points = GradientDescentMean(tolerance=1e-2), scale * np.array([[-1.0], [1.0]])
-    for start, n_iterations in ((0.9e-2, 0), (1.1e-2, 1)):
-        result = solver.solve(LINE.metric, points, initial_point=np.array([start * scale]))
-        assert result.converged
-        assert result.n_iterations == n_iterations
 
 
 @pytest.mark.parametrize("smoothing", [None, 1e-3])
@@ -301,28 +279,6 @@ def test_gradient_of_the_dispersion(smoothing, in_batches):
     direction = space.random_tangent_vec(x, rng=3)
     ahead, behind = (dispersion.value(x + step * direction) for step in (1e-5, -1e-5))
     assert np.sum(gradient * direction) == pytest.approx((ahead - behind) / 2e-5, rel=1e-6)
-
-
-def test_the_medoid_has_the_least_sum_of_squares():
-    """By sums of cubes another of the first five points would be."""
-    for numbers in ([0, 1, 2, 3, 6], [0, 6, 7, 8, 20]):
-        dispersion = Dispersion(LINE.metric, np.array(numbers, dtype=float)[:, None])
-        values = [dispersion.value(point) for point in dispersion.points]
-        np.testing.assert_array_equal(dispersion.medoid(), dispersion.points[np.argmin(values)])
-
-
-def test_weights_of_any_size():
-    for size in (1e-308, 1e-6, 1.0, 1e308):
-        weights = check_weights(size * np.array([1.0, 0.0, 0.5, 1.5]), 4)
-        np.testing.assert_allclose(weights, np.array([2, 0, 1, 3]) / 6, rtol=1e-14)
-    np.testing.assert_array_equal(check_weights(None, 4), [0.25] * 4)
-    for wrong, message in (
-        (np.ones((1, 3)), r"weights must have shape \(3\); found \(1, 3\)"),
-        (np.zeros(3), "largest 0"),
-        ([1, 1, -1], "smallest is -1"),
-    ):
-        with pytest.raises(ArgumentError, match=message):
-            check_weights(wrong, 3)
 
 
 def test_points_without_weight_do_not_count():
@@ -431,20 +387,9 @@ def test_the_solver_suits_the_metric():
     points = half_plane.random_point(5, rng=2)
     mean = FrechetMean(half_plane).fit(points)
     slopes = Dispersion(half_plane.metric, points).value_and_gradient(mean.estimate_)[1]
-    assert np.abs(slopes).max() < 1e-2
+    assert np.abs(slopes).max() < 5e-4
     median = GeometricMedian(half_plane).fit(points).estimate_
     assert half_plane.metric.dist(median, mean.estimate_) < half_plane.metric.dist(*points[:2])
-
-
-@pytest.mark.parametrize("weights", [(1.0, 1.0, 0.1), (0.0, 0.0, 1.0)])
-def test_mean_of_a_body_and_itself_rotated_by_half_a_turn(weights):
-    """Their average has triangles without area; the search starts at one of the two."""
-    points = np.stack([bodies.body("resting"), bodies.body("resting") * [-1.0, 1.0, -1.0]])
-    metric = ElasticMetric(bodies.space(), *weights)
-    assert not metric.space.belongs(points.mean(axis=0))
-    result = BasisMean(tolerance=1e-3).solve(metric, points)
-    assert metric.space.belongs(result.point)
-    assert result.variances[-1] <= result.variances[0]
 
 
 POINTS = load_open_bodies("coarse").points[:20:2]
@@ -478,19 +423,6 @@ def test_batches_lead_to_what_all_points_in_memory_have(kind, lengths, weighted)
         space.metric, POINTS, weights, result.point, exponent=2 - (kind == "median")
     )
     assert result.variances[-1] == pytest.approx(again.variances[-1], rel=2e-5)
-
-
-@pytest.mark.parametrize(
-    ("weights", "size", "chosen"),
-    [(None, 4, [0, 3, 6, 9]), (None, 99, range(10)), (WEIGHTS, 3, [0, 3, 9])],
-    ids=str,
-)
-def test_the_sample_is_evenly_spaced_among_points_that_have_a_weight(weights, size, chosen):
-    metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.1)
-    sample = BatchedDispersion(metric, batches_of(POINTS, 4), weights, size).sample
-    np.testing.assert_array_equal(sample.points, POINTS[list(chosen)])
-    expected = check_weights(weights, 10)[list(chosen)]
-    np.testing.assert_allclose(sample.weights, expected / expected.sum())
 
 
 @pytest.mark.parametrize(

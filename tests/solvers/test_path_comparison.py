@@ -12,7 +12,6 @@ from riemhuman.solvers.path_comparison import (
     change_along_path,
     compare_paths,
     measure_path,
-    summarize,
 )
 from riemhuman.solvers.path_search import BasisPath, PathStraightening
 from riemhuman.solvers.paths import LinearPath
@@ -148,10 +147,3 @@ def test_change_along_path():
 def test_change_with_sizes_of_zero():
     sizes = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0], [1.0, 0.0, 0.0, 1.0]])
     np.testing.assert_array_equal(change_along_path(sizes), [np.inf, 0.0, np.inf, 0.0])
-
-
-def test_summary():
-    distortions = np.linspace(0.0, 1.0, 101)
-    weights = np.where(distortions < 0.5, 0.0, 1.0)
-    np.testing.assert_allclose(summarize(distortions, weights), (1.0, 0.99, 0.75))
-    assert summarize(distortions, weights).quantile_99 == pytest.approx(0.99)

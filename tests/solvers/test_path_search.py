@@ -24,10 +24,8 @@ from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ConvergenceWarning, DegenerateSurfaceError
 from riemhuman.geometry import (
     AlignedSurfaces,
-    EbinMetric,
     ElasticMetric,
     FlatMetric,
-    MetricFields,
     NormalFields,
     RiemannianMetric,
     SRNFMetric,
@@ -43,7 +41,6 @@ from riemhuman.solvers import (
     PoissonPath,
     SegmentEnergy,
     Status,
-    path_search,
 )
 from riemhuman.solvers.interpolated_paths import rotating_path
 from riemhuman.solvers.path_search import freeze_flat_triangles, lift_flat_triangles, refine_path
@@ -180,19 +177,6 @@ def test_arms_turn_the_way_that_costs_least(seed):
     assert over_basis().solve(metric, *ends).energy <= min(reached)
 
 
-@pytest.mark.sampled(5)
-@pytest.mark.parametrize("weights", WEIGHTS)
-@pytest.mark.parametrize("seed", [2, 5])
-def test_paths_backwards(weights, seed):
-    """The path from one body to another is the path back, up to the tolerance."""
-    metric, (start, end) = elastic(*weights), bodies.swung_arms(seed)
-    for solver in (PathStraightening(), over_basis()):
-        there, back = solver.solve(metric, start, end), solver.solve(metric, end, start)
-        assert back.energy == pytest.approx(there.energy, rel=10 * solver.tolerance)
-        apart = np.linalg.norm(there.path - back.path[::-1], axis=-1).mean()
-        assert apart < 0.02 * np.linalg.norm(start - end, axis=-1).mean()
-
-
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_paths_backwards_between_natural_bodies(weights):
@@ -217,13 +201,12 @@ def test_closer_to_the_models_own_motion_than_the_straight_path():
 
 
 @pytest.mark.sampled(5)
-@pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (1.0, 2.0, 3.0)])
 @pytest.mark.parametrize("weights", WEIGHTS)
 @pytest.mark.parametrize("n_nodes", [3, 6, 7])
-def test_a_body_turned_by_half_a_turn_turns(weights, axis, n_nodes):
+def test_a_body_turned_by_half_a_turn_turns(weights, n_nodes):
     """The straight path is short, and flat in the middle; no surface lies there."""
     metric, start = elastic(*weights), bodies.body("resting")
-    end = Rotation.from_rotvec(np.pi * np.array(axis) / np.linalg.norm(axis)).apply(start)
+    end = Rotation.from_rotvec(np.pi * np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)).apply(start)
     line = LinearPath(n_nodes).solve(elastic(1, 1, 0), start, end).path
     assert np.all(metric.space.belongs(line)) == (n_nodes % 2 == 0)
     turned = PoissonPath(n_nodes).solve(metric, start, end)
@@ -251,35 +234,6 @@ def test_rounding_errors_of_the_ends_change_nothing():
         assert result.converged
         energies.append(result.energy)
     assert np.ptp(energies) < 1e-4 * max(energies)
-
-
-def test_metric_matrix_saves_iterations():
-    class WithoutMatrix(HyperbolicDistance):
-        """The same metric as far as the solver's methods tell, without `metric_matrix`."""
-
-        def __init__(self, metric):
-            super().__init__(metric.space)
-            for name in ("squared_dist", "inner_product", "energy", "energy_and_gradient"):
-                setattr(self, name, getattr(metric, name))
-            self.covector = metric.covector
-
-    metric, ends = elastic(1.0, 1.0, 1.0), (bodies.body("resting"), bodies.body("elbow bent"))
-    solver = PathStraightening(n_nodes=4, tolerance=1e-5, max_iter=60)
-    fast = solver.solve(metric, *ends)
-    with pytest.warns(ConvergenceWarning):
-        slow = solver.solve(WithoutMatrix(metric), *ends)
-    assert fast.converged
-    assert fast.energy < slow.energy
-
-
-def test_steps_that_leave_the_manifold_are_refused():
-    """Metric fields so far apart that long steps lose positive definiteness."""
-    space = MetricFields(sphere_template())
-    metric, rng = EbinMetric(space, lam=0.5), np.random.default_rng(0)
-    points = space.random_point(2, rng=rng) * rng.uniform(0.01, 30.0, (2, *space.shape[:1], 1, 1))
-    result = PathStraightening(n_nodes=5, tolerance=1e-8).solve(metric, *points)
-    assert np.all(space.belongs(result.path))
-    np.testing.assert_allclose(result.energy, metric.squared_dist(*points), rtol=1e-4)
 
 
 @pytest.mark.parametrize("metric_class", [HyperbolicInnerProduct, HyperbolicDistance])
@@ -348,14 +302,6 @@ def check_seen(metric, result, seen):
         assert metric.energy(path) == pytest.approx(energy, rel=1e-10)
 
 
-def test_evaluations_and_iterations_over_all_coordinates():
-    case, seen, energy = CASES["pose sphere"], [], Counting()
-    result = solve(case, n_nodes=6, energy=energy, callback=lambda *state: seen.append(state))
-    assert result.n_iterations > 0
-    assert result.n_evaluations == len(energy.counts)
-    check_seen(case.metric, result, seen)
-
-
 def test_other_energies_and_few_times():
     ends, metric = (bodies.body("resting"), bodies.body("arm raised")), elastic(1, 1, 0)
     finite = over_basis(5, energy=FiniteDifferenceEnergy()).solve(metric, *ends)
@@ -421,9 +367,7 @@ def test_what_the_first_runs_gained_counts_at_the_end():
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.parametrize(
-    ("seed", "n_nodes"), [(0, 6), (1, 6), (6, 6), (9, 6), (13, 6), (14, 6), (9, 11)]
-)
+@pytest.mark.parametrize(("seed", "n_nodes"), [(0, 6), (6, 6), (9, 6)])
 def test_paths_on_which_triangles_vanish_are_starts_again(seed, n_nodes):
     """With λ next to none areas may vanish; turned, such a triangle must not round to one that has.
 
@@ -496,21 +440,6 @@ def test_ends_that_the_metric_does_not_tell_apart(make):
     assert "no more than rounding errors" in found.message
 
 
-@pytest.mark.parametrize("name", ["normals sphere", "ebin 1 sphere", "flat"])
-def test_ends_that_differ_by_rounding(name):
-    case = CASES[name]
-    noise = np.random.default_rng(3).uniform(-1.0, 1.0, case.space.shape)
-    start = case.points[0]
-    for size, coincide in ((1e-15, True), (1e-9, False)):
-        end = case.space.projection(start * (1.0 + size * noise))
-        if name.startswith("ebin"):
-            end = 0.5 * (end + np.swapaxes(end, -1, -2))
-        result = PathStraightening(n_nodes=4).solve(case.metric, start, end)
-        assert ("no more than rounding errors" in result.message) == coincide
-        assert result.converged
-        np.testing.assert_array_equal(result.path[[0, -1]], [start, end])
-
-
 # How they stop.
 
 
@@ -537,21 +466,6 @@ def test_the_tolerance_is_the_share_that_a_newton_step_would_gain(make, share, i
     if is_met:
         np.testing.assert_allclose(result.path, path, rtol=1e-14)
         assert result.n_evaluations == 1
-
-
-@pytest.mark.parametrize(
-    ("solver", "weights", "most", "seed"),
-    [
-        (PathStraightening(n_nodes=6), (1.0, 1.0, 0.0), 2e-3, 4),
-        (PathStraightening(n_nodes=6), (1.0, 1.0, 0.0), 2e-3, 7),
-        (over_basis(6, tolerance=1e-5), (1.0, 1e-4, 0.0), 1e-3, 1),
-    ],
-)
-def test_the_second_half_of_many_iterations_gained_little(solver, weights, most, seed):
-    result = solver.solve(elastic(*weights), *bodies.swung_arms(seed))
-    assert result.n_iterations >= 10
-    gained = result.energies[result.n_iterations // 2] - result.energy
-    assert gained <= most * result.energy
 
 
 @pytest.mark.sampled(2)
@@ -581,13 +495,6 @@ def test_not_converging_is_said_and_warned_of_once():
         result = solve(CASES["pose open"], max_iter=1)
     assert len(caught) == 1
     assert (result.converged, result.n_iterations) == (False, 1)
-
-
-def test_surfaces_beyond_the_cut_locus_do_not_raise():
-    case = CASES["shape sphere"]
-    with pytest.warns(ConvergenceWarning):
-        result = solve(case, n_nodes=5, max_iter=5)
-    assert result.energy < LinearPath(5).solve(case.metric, *case.points[:2]).energy
 
 
 @both_solvers
@@ -647,14 +554,6 @@ def test_interruption_while_starts_are_compared(monkeypatch):
     with pytest.raises(Interrupted) as caught:
         solver.solve(case.metric, *case.points[:2])
     check_interrupted(caught.value.result, case, 5)
-
-
-def test_progress_is_shown_on_request(capsys):
-    ends = bodies.body("resting"), bodies.body("other build")
-    over_basis(4).solve(elastic(0, 0, 1), *ends)
-    assert capsys.readouterr().err == ""
-    over_basis(4, progress=True).solve(elastic(0, 0, 1), *ends)
-    assert "geodesic" in capsys.readouterr().err
 
 
 # What they refuse.
@@ -789,36 +688,6 @@ def test_the_operator_is_the_inverse_of_the_hessian_on_the_motions_left(flat):
         assert flatness(moved, node, triangle) == pytest.approx(
             flatness(points, node, triangle), rel=1e-2
         )
-
-
-def test_conditions_that_depend_on_each_other_are_frozen_together():
-    """Both triangles at an edge are flat, all four corners on one line."""
-    inverse, _ = operator()
-    points = nodes()
-    points[1, 1] = 0.4 * points[1, 0] + 0.6 * points[1, 2]
-    points[1, 3] = 0.5 * points[1, 1] + 0.5 * points[1, 2]
-    points[1, 4] = 0.5 * points[1, 1] + 0.5 * points[1, 3]
-    frozen = freeze_flat_triangles(inverse, points, FACES)
-    motion = frozen(np.random.default_rng(8).normal(size=45)).reshape(points.shape)[1]
-    np.testing.assert_allclose(motion[1], 0.4 * motion[0] + 0.6 * motion[2], atol=1e-9)
-    np.testing.assert_allclose(motion[3], 0.5 * motion[1] + 0.5 * motion[2], atol=1e-9)
-    assert np.abs(motion[0] - motion[2]).max() > 1e-3
-
-
-def test_the_flattest_are_frozen_first(monkeypatch):
-    monkeypatch.setattr(path_search, "_MOST_FROZEN", 1)
-    inverse, _ = operator()
-    points = nodes((0, 1), (2, 3), height=1e-8)
-    less_flat = nodes((2, 3), height=1e-7)[2]
-    points[2] = less_flat
-    motion = freeze_flat_triangles(inverse, points, FACES)(np.random.default_rng(9).normal(size=45))
-    motion = motion.reshape(points.shape)
-    first, tip, last = FACES[1]
-    left = motion[0, tip] - 0.3 * motion[0, first] - 0.7 * motion[0, last]
-    assert np.abs(left).max() < 1e-6 * np.abs(motion).max()
-    first, tip, last = FACES[3]
-    left = motion[2, tip] - 0.3 * motion[2, first] - 0.7 * motion[2, last]
-    assert np.abs(left).max() > 1e-3 * np.abs(motion).max()
 
 
 @pytest.mark.parametrize("share", [1e-7, 1e-4, 1e-3])

@@ -20,7 +20,6 @@ from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import Disentangling, MotionTransfer, ShapeTransfer
 from riemhuman.solvers.transfer import PoseTransfer
 from riemhuman.surfaces import DeformationBasis
-from riemhuman.surfaces.template import Template
 
 
 @pytest.fixture(scope="module")
@@ -201,18 +200,6 @@ def test_bad_input(space, motion):
         ShapeTransfer().solve(space, motion[0], np.nan * motion[1], motion[2])
 
 
-@pytest.mark.parametrize("size", [0.003, 0.01, 0.3])
-def test_the_place_is_that_of_what_moves_less_than_a_centimetre(space, motion, size):
-    """A stretched source of half the target's size: the target's own stretch is twice as large."""
-    stretch = np.eye(3) + size * np.array([[1.0, 0.3, 0.0], [0.3, 0.5, 0.0], [0.0, 0.0, -0.4]])
-    source = motion[0] + [0.1, 0.0, -0.2]
-    moved = MotionTransfer().solve(space, [source, source @ stretch], 2.0 * source)[1]
-    offsets = source @ stretch - source
-    weights = space.template.vertex_areas / (0.01**2 + np.sum(offsets**2, axis=1))
-    place = np.average(-offsets, axis=0, weights=weights)
-    np.testing.assert_allclose(moved, 2.0 * source @ stretch + place, atol=1e-10)
-
-
 def metrics(space):
     """Return the metric of shape and that of pose."""
     return ElasticMetric(space, 1.0, 1.0, 0.0), ElasticMetric(space, 0.0, 0.0, 1.0)
@@ -333,13 +320,6 @@ def value(found, shape, surface, pose_weight=1000.0):
     return shape_metric.squared_dist(shape, surface) + pose_weight * turned
 
 
-def test_no_surface_near_is_better(solved):
-    shape = bodies.body("other build")
-    for direction in bodies.basis().vectors[:5]:
-        for size in (-0.05, 0.05):
-            assert value(solved, shape, solved.surface + size * direction) > solved.value
-
-
 def test_in_a_basis(solved):
     """The result differs from the shape body by the basis and a translation alone."""
     shape, pose = bodies.body("other build"), bodies.body("knee raised")
@@ -376,18 +356,6 @@ def test_a_basis_keeps_the_build():
     assert error(kept, truth) < 0.5 * error(free, truth)
 
 
-def test_weights_pull_either_way():
-    space = AlignedSurfaces(sphere_template(), equip=False)
-    shape, pose = space.template.vertices + deformations(space.template, 2, rng=1, size=0.3)
-    found = [
-        Disentangling(pose_weight=weight, tolerance=1e-6).solve(*metrics(space), shape, pose)
-        for weight in (0.1, 1.0, 10.0)
-    ]
-    assert np.all(np.diff([result.shape_dist for result in found]) > 0)
-    from_turned = [metrics(space)[1].dist(one.posed, one.surface) for one in found]
-    assert np.all(np.diff(from_turned) < 0)
-
-
 def test_bad_input_of_disentangling():
     space = AlignedSurfaces(sphere_template(), equip=False)
     body = space.template.vertices
@@ -417,21 +385,6 @@ def test_a_body_is_itself_at_once():
     assert (found.n_iterations, found.n_evaluations) == (0, 1)
     np.testing.assert_array_equal(found.values, [found.value])
     assert 0.0 <= found.value < 1e-20
-
-
-def test_where_the_bodies_are_makes_no_difference():
-    space = AlignedSurfaces(sphere_template(), equip=False)
-    shape, pose = space.template.vertices + deformations(space.template, 2, rng=1, size=0.3)
-    vectors = deformations(space.template, 5, rng=2) + [0.4, -0.3, 0.2]
-    basis = DeformationBasis(vectors, orthonormalize=True)
-    here = Disentangling(basis, tolerance=1e-8).solve(*metrics(space), shape, pose)
-    shift = np.array([3.0, -2.0, 1.0])
-    for shape_moved, pose_moved in ((shift, 0.0), (0.0, shift)):
-        there = Disentangling(basis, tolerance=1e-8).solve(
-            *metrics(space), shape + shape_moved, pose + pose_moved
-        )
-        np.testing.assert_allclose(there.surface, here.surface + pose_moved, atol=1e-4)
-        assert there.value == pytest.approx(here.value, rel=1e-4)
 
 
 def test_a_rotation_is_exact(space):
@@ -485,22 +438,3 @@ def test_bends_of_joints_come_back():
         across = [missed(betas, 1.0) for betas in people]
     assert found[0] < 0.006
     assert np.all(np.less(found, 0.5 * np.array(across)))
-
-
-def test_the_trust_of_bends_is_that_of_strained_skin():
-    """A limb of radius r that bends by κ strains its skin by rκ, beside a spread of σ."""
-    x, y = np.meshgrid(np.linspace(0.0, 1.0, 41), np.linspace(0.0, 0.5, 21), indexing="ij")
-    corner = np.arange(40 * 20).reshape(40, 20) + np.arange(40)[:, None]
-    halves = [[corner, corner + 21, corner + 22], [corner, corner + 22, corner + 1]]
-    faces = np.concatenate([np.stack(half, axis=-1).reshape(-1, 3) for half in halves])
-    vertices = np.stack([x.ravel(), y.ravel(), 0.0 * x.ravel()], axis=-1)
-    template = Template(vertices, faces)
-    centres = vertices[faces].mean(axis=1)
-    inside = np.all((centres > 0.1) & (centres < [0.9, 0.4, 1.0]) | (centres == 0.0), axis=1)
-    for bend in (1.0, 3.0):
-        field = Rotation.from_rotvec(np.outer(bend * centres[:, 0], [0.6, 0.0, 0.8])).as_matrix()
-        found = PoseTransfer(AlignedSurfaces(template, equip=False))._trust(field)
-        ratio = 0.05 / (0.1 * np.sqrt(1.8))  # r/σ, as a share of √area
-        expected = 1.0 / (1.0 + ratio**2 * 0.5 * bend**2)
-        # By finite volumes on right triangles, squared bends are a seventh too large.
-        np.testing.assert_allclose(found[inside].mean(), expected, rtol=0.06)
