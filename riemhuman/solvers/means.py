@@ -80,11 +80,13 @@ class BasisMean(Solver, MeanSolver):
         Stop when a Newton step would gain at most this share of the variance, as far as the
         preconditioned gradient tells. By default 1e-8 over a basis, and in all coordinates 1e-5
         where moreover the second half of the iterations has gained less than 0.3 %.
-    max_iter, callback, progress
-        As of `BasisPath`.
+    max_iter : int
+        Most iterations.
     sample_size : int
         Where points come in batches, number of points of the sample from whose mean the search
         starts and whose differences join the basis: evenly spaced among all.
+    callback, progress
+        As of `BasisPath`.
 
     Examples
     --------
