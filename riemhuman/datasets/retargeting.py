@@ -61,8 +61,8 @@ _MOST_SHIFT = 0.05
 _SHIFTED, _SWING = 0.25, 0.05
 # Vertices of a sole that are held above the floor.
 _SOLE_VERTICES = 40
-# Limbs leave the recorded directions, and collars their posture, by at most so many radians.
-_LIMB, _COLLAR = np.radians([3.8, 8.0])
+# Limbs leave the recorded directions by at most so many radians.
+_LIMB = np.radians(3.8)
 _BISECTIONS = 12
 _TRUNK_STEPS = 3
 # Share of the length of a limb that it is stretched to.
@@ -268,8 +268,9 @@ class _Performer(Skeleton):
         for joint in self.order:
             self.rotations[:, joint] = own.get(joint, self.rotations[:, self.parents[joint]])
         self._straighten_trunk()
-        for side, arm in zip(SIDES, LIMBS[2:], strict=True):
-            self._reach_wrist(side, arm)
+        for arm in LIMBS[2:]:
+            shoulder, wrist = self.joints[arm[0]], source.joints[arm[2]]
+            self._reach(arm, self.scale * source.positions[:, wrist] - self.positions[:, shoulder])
         self._stand(model(betas))
 
     def _recorded(self, name: str, start: ndarray) -> ndarray:
@@ -372,25 +373,6 @@ class _Performer(Skeleton):
             rotation = shortest(unit(shoulders - start), towards)
             self.rotations[:, spine] = rotation[:, None] @ self.rotations[:, spine]
         self._set_positions()
-
-    def _reach_wrist(self, side: str, arm: tuple[str, ...]) -> None:
-        """Bring a shoulder and a wrist nearer to where they were recorded."""
-        source = self.source
-        shoulder, wrist = (
-            self.scale * source.positions[:, source.joints[name]] for name in (arm[0], arm[2])
-        )
-        start = self.positions[:, self.joints[arm[0]]]
-        if f"{side}_collar" in self.joints:
-            collar = self.joints[f"{side}_collar"]
-            place = self.positions[:, collar]
-            bone, towards = start - place, unit(shoulder - place)
-            vectors = Rotation.from_matrix(shortest(unit(bone), towards)).as_rotvec()
-            angles = np.linalg.norm(vectors, axis=1, keepdims=True)
-            vectors *= np.minimum(1.0, _COLLAR / np.maximum(angles, _COLLAR))
-            rotation = Rotation.from_rotvec(vectors)
-            self.rotations[:, collar] = rotation.as_matrix() @ self.rotations[:, collar]
-            start = place + rotation.apply(bone)
-        self._reach(arm, wrist - start)
 
     def _reach(self, limb: tuple[str, ...], to_end: ndarray) -> None:
         """Bend a limb so that its end is as near to a place as its directions may go."""
