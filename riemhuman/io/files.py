@@ -6,7 +6,6 @@ or the new one. Only regular files are read: a device or a pipe may never end.
 
 from __future__ import annotations
 
-import errno
 import os
 import secrets
 import shutil
@@ -25,18 +24,9 @@ def file_path(path: str | os.PathLike[str], name: str = "path", kind: str = "fil
     """Return a path; ``~`` is the user's home, and `name` and `kind` are for messages."""
     try:
         # `Path.expanduser` would refuse a file ~anna.ply where there is no user anna.ply.
-        expanded = Path(os.path.expanduser(path))
+        return Path(os.path.expanduser(path))
     except TypeError as error:
         raise ArgumentTypeError(f"{name} must be the path of a {kind}; found {path!r}") from error
-    try:
-        expanded.lstat()
-    except (OSError, ValueError) as error:
-        if isinstance(error, ValueError) or error.errno == errno.ENAMETOOLONG:
-            raise FileError(
-                f"{str(expanded)[:_LONGEST_MESSAGE]!r} cannot be the name of a {kind}: "
-                f"{short_message(error)}"
-            ) from error
-    return expanded
 
 
 def check_file(file: Path) -> int:

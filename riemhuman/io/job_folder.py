@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import shutil
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -22,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_array
 from riemhuman.io.files import (
     convert_errors,
@@ -124,13 +123,6 @@ class JobFolder:
         with convert_errors(self.path):
             for name in missing:
                 (self.path / (name + _UNFINISHED)).unlink(missing_ok=True)
-            needed = sum(math.prod(shape) * dtype.itemsize for shape, dtype in missing.values())
-            free = shutil.disk_usage(self.path).free
-            if needed > free:
-                raise FileError(
-                    f"{self.path} has no room for the job: {needed / 1e9:.3g} GB are needed, "
-                    f"{free / 1e9:.3g} GB are free"
-                )
             for name, (shape, dtype) in missing.items():
                 unfinished = self.path / (name + _UNFINISHED)
                 try:

@@ -60,11 +60,6 @@ class PairedCodes(ABC):
         -------
         ShapePoseCodes or IntrinsicExtrinsicCodes
             The network; it runs without PyTorch.
-
-        Raises
-        ------
-        FileFormatError
-            If it does not hold a network of this class.
         """
         return cls(path)
 
@@ -136,7 +131,18 @@ class PairedCodes(ABC):
 
     @abstractmethod
     def transform(self, X: ArrayLike) -> ndarray:
-        """Return both codes of bodies (n, V, 3), shape (n, n_codes)."""
+        """Return the codes of bodies, one after the other; `split` separates them.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, V, 3)
+            Bodies over the template `template_`, metres; `IntrinsicExtrinsicCodes` needs them
+            upright, facing forward.
+
+        Returns
+        -------
+        array, shape (n, n_codes)
+        """
 
     @abstractmethod
     def inverse_transform(self, Z: ArrayLike) -> ndarray:

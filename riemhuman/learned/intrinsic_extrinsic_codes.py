@@ -92,23 +92,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         return codes
 
     def transform(self, X: ArrayLike) -> ndarray:
-        """Return the codes of bodies, which must be upright and face forward.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, V, 3)
-            Bodies over the template `template_`, metres.
-
-        Returns
-        -------
-        array, shape (n, n_intrinsic + n_extrinsic)
-            The intrinsic code, then the extrinsic code, see `split`.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a body has no area.
-        """
         points = self._check_points(X)
         codes = [self.describe(surface, self.template_.faces) for surface in points]
         return np.array(codes).reshape(len(points), sum(self._n_codes))
@@ -126,11 +109,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         Returns
         -------
         array, shape (n_intrinsic + n_extrinsic,)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If the mesh has no area.
         """
         mesh = check_mesh(vertices, faces)
         self._check_scale(mesh[0], "vertices")

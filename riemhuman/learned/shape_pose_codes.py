@@ -76,23 +76,6 @@ class ShapePoseCodes(PairedCodes):
         return codes
 
     def transform(self, X: ArrayLike) -> ndarray:
-        """Return the codes of bodies.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, V, 3)
-            Bodies over the template `template_`, metres.
-
-        Returns
-        -------
-        array, shape (n, n_shape + n_pose)
-            The shape code, then the pose code, see `split`.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle has no area.
-        """
         points = self._check_points(X)
         if self._carried is not None:
             points = self._carried.forth(points)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Self
 
 import numpy as np
@@ -18,7 +19,39 @@ from riemhuman.statistics._distance_matrix import distance_matrix
 LINKAGES = ("ward", "average", "complete", "single", "weighted")
 
 
-class KMedoids(Estimator):
+class _Clustering(Estimator):
+    labels_: ndarray
+
+    @abstractmethod
+    def fit(self, X: ArrayLike, y: object = None) -> Self:
+        """Find the clusters.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, n)
+            Symmetric distances.
+        y : object
+            Not used.
+        """
+
+    def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
+        """Fit, and return the labels.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, n)
+            Symmetric distances.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        array of int, shape (n,)
+        """
+        return self.fit(X).labels_
+
+
+class KMedoids(_Clustering):
     """The k points that minimise the sum of distances of all points to the nearest of them.
 
     Partitioning around medoids [1]_: medoids are chosen one by one, always the best, and then
@@ -61,7 +94,6 @@ class KMedoids(Estimator):
     """
 
     medoid_indices_: ndarray
-    labels_: ndarray
     inertia_: float
     n_iter_: int
 
@@ -71,15 +103,6 @@ class KMedoids(Estimator):
         self.rng = rng
 
     def fit(self, X: ArrayLike, y: object = None) -> Self:
-        """Find the medoids.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, n)
-            Symmetric distances.
-        y : object
-            Not used.
-        """
         distances = distance_matrix(X, "X")
         k = whole_number(self.n_clusters, "n_clusters", minimum=1)
         whole_number(self.n_init, "n_init", minimum=1)
@@ -94,22 +117,6 @@ class KMedoids(Estimator):
         self.labels_ = self.predict(distances)
         self.labels_[self.medoid_indices_] = np.arange(k)
         return self
-
-    def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
-        """Fit, and return the labels.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, n)
-            Symmetric distances.
-        y : object
-            Not used.
-
-        Returns
-        -------
-        array of int, shape (n,)
-        """
-        return self.fit(X).labels_
 
     def predict(self, X: ArrayLike) -> ndarray:
         """Return the nearest medoid of points.
@@ -133,7 +140,7 @@ class KMedoids(Estimator):
         return np.argmin(distances[:, self.medoid_indices_], axis=1)
 
 
-class HierarchicalClustering(Estimator):
+class HierarchicalClustering(_Clustering):
     """Clusters joined one after the other, the two nearest first, by SciPy.
 
     Parameters
@@ -164,7 +171,6 @@ class HierarchicalClustering(Estimator):
     [0, 0, 1, 1]
     """
 
-    labels_: ndarray
     linkage_matrix_: ndarray
 
     def __init__(
@@ -179,26 +185,6 @@ class HierarchicalClustering(Estimator):
         self.distance_threshold = distance_threshold
 
     def fit(self, X: ArrayLike, y: object = None) -> Self:
-        """Join the clusters.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, n)
-            Symmetric distances.
-        y : object
-            Not used.
-
-        Returns
-        -------
-        HierarchicalClustering
-            The estimator itself.
-
-        Raises
-        ------
-        ArgumentError
-            If X is no matrix of distances, there are fewer points than clusters, or not exactly
-            one of `n_clusters` and `distance_threshold` is given.
-        """
         distances = distance_matrix(X, "X")
         one_of(self.linkage, "linkage", LINKAGES)
         if (self.n_clusters is None) == (self.distance_threshold is None):
@@ -219,22 +205,6 @@ class HierarchicalClustering(Estimator):
         self.labels_ = np.argsort(np.argsort(first))[labels]
         self.linkage_matrix_ = tree
         return self
-
-    def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
-        """Fit, and return the labels.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, n)
-            Symmetric distances.
-        y : object
-            Not used.
-
-        Returns
-        -------
-        array of int, shape (n,)
-        """
-        return self.fit(X).labels_
 
 
 def _greedy_medoids(distances: ndarray, k: int) -> ndarray:

@@ -2,8 +2,6 @@
 
 import json
 import os
-import shutil
-from collections import namedtuple
 
 import numpy as np
 import pytest
@@ -90,11 +88,14 @@ def test_folders_with_other_files(tmp_path):
 
 
 def test_no_space(job, monkeypatch):
-    usage = namedtuple("usage", "free")
-    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage(10))
-    with pytest.raises(FileError, match="has no room for the job"):
+    def allocate(*arguments):
+        raise OSError(28, "No space left on device")
+
+    before = set(job.path.iterdir())
+    monkeypatch.setattr(os, "posix_fallocate", allocate)
+    with pytest.raises(FileError, match="cannot be written: No space left"):
         job.make_tables({"E.npy": ((100,), np.float64)})
-    assert not job.exists("E.npy")
+    assert set(job.path.iterdir()) == before
 
 
 def test_disk_space_is_reserved(job):
