@@ -38,10 +38,10 @@ _DEFINITIONS = cli.several(
     "--definitions, in metres, square metres, cubic metres and kilograms. A fit of the body\n"
     "model brings bodies to the standard pose first; --as-is measures them as they stand.",
     "  riemhuman measure anna.ply\n"
-    "  riemhuman measure scans/ -o table.csv\n"
+    "  riemhuman measure bodies/ -o table.csv\n"
     "  riemhuman measure anna.ply --as-is --only stature --only volume\n"
     "  riemhuman measure anna.ply --picture lines.png\n"
-    "  riemhuman measure scans/ --model smpl.npz --definitions smpl.json -o table.csv\n",
+    "  riemhuman measure bodies/ --model smpl.npz --definitions smpl.json -o table.csv\n",
     cli.FILES,
     cli.output("CSV", ".csv", text="table to write, one row per body", required=False),
     cli.output(
