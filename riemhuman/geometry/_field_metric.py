@@ -1,20 +1,38 @@
-"""What the metrics on fields over a template have in common."""
+"""What fields over a template have in common, and the metrics on them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import real_array
-from riemhuman.geometry.manifold import Manifold
+from riemhuman.checks import Rng, generator, real_array
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.terms._sum import SumOfTerms
 from riemhuman.terms.term import Fields, Term
+
+if TYPE_CHECKING:
+    from riemhuman.surfaces.template import Template
+
+
+class TriangleFields(Manifold):
+    """Fields with a value of one kind on every triangle of a template."""
+
+    value_dim: int
+    value_shape: tuple[int, ...]
+
+    def __init__(self, template: Template, equip: bool = True) -> None:
+        self.template, n_faces = template, template.n_faces
+        super().__init__(self.value_dim * n_faces, (n_faces, *self.value_shape), equip)
+
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+        noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
+        return stack_samples(self.projection(noise), n_samples)
 
 
 class FieldMetric(RiemannianMetric):

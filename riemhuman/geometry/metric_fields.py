@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
-from riemhuman.geometry._field_metric import FieldMetric
-from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
+from riemhuman.geometry._field_metric import FieldMetric, TriangleFields
+from riemhuman.geometry.manifold import sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.product import ProductManifold
 from riemhuman.kernels import sphere
@@ -20,11 +20,8 @@ from riemhuman.terms import ConeTerm, EbinTerm
 from riemhuman.terms import _cone_geodesics as cones
 from riemhuman.terms.term import Fields
 
-if TYPE_CHECKING:
-    from riemhuman.surfaces.template import Template
 
-
-class MetricFields(Manifold):
+class MetricFields(TriangleFields):
     """Met(T): a symmetric positive definite 2 × 2 matrix on every triangle of a template.
 
     Parameters
@@ -42,9 +39,7 @@ class MetricFields(Manifold):
     ((2400, 2, 2), 7200)
     """
 
-    def __init__(self, template: Template, equip: bool = True) -> None:
-        self.template = template
-        super().__init__(3 * template.n_faces, (template.n_faces, 2, 2), equip)
+    value_dim, value_shape = 3, (2, 2)
 
     def default_metric(self) -> type[RiemannianMetric]:
         return EbinMetric

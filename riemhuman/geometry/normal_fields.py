@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array, values_of
+from riemhuman.checks import real_array, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry._field_metric import FieldMetric
-from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry._field_metric import FieldMetric, TriangleFields
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.terms.normals import NormalTerm
 from riemhuman.terms.term import Fields
 
-if TYPE_CHECKING:
-    from riemhuman.surfaces.template import Template
 
-
-class NormalFields(Manifold):
+class NormalFields(TriangleFields):
     """C^∞(T, S²): a unit vector on every triangle of a template.
 
     Parameters
@@ -39,9 +35,7 @@ class NormalFields(Manifold):
     ((2400, 3), 4800)
     """
 
-    def __init__(self, template: Template, equip: bool = True) -> None:
-        self.template = template
-        super().__init__(2 * template.n_faces, (template.n_faces, 3), equip)
+    value_dim, value_shape = 2, (3,)
 
     def default_metric(self) -> type[RiemannianMetric]:
         return NormalFieldMetric
@@ -55,10 +49,6 @@ class NormalFields(Manifold):
 
     def projection(self, point: ndarray) -> ndarray:
         return point / np.sqrt(dot(point, point))[..., None]
-
-    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
-        return stack_samples(self.projection(noise), n_samples)
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
         point = real_array(point, name, self.shape, rows=True)

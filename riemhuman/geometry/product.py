@@ -142,8 +142,7 @@ class ProductMetric(RiemannianMetric):
     space : ProductManifold
     weights : sequence of float, optional
         A weight w_k ≥ 0 for each factor, not all 0; by default all are 1.
-    **solvers
-        Strategies for what has no closed form, see `RiemannianMetric`.
+    **solvers : strategies, see `RiemannianMetric`
 
     Examples
     --------

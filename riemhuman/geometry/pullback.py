@@ -33,8 +33,7 @@ class PullbackMetric(RiemannianMetric):
     map : callable
         φ, from arrays (..., \*space.shape) to (..., \*target_metric.space.shape), acting on each
         point of a batch by itself, written with `autograd.numpy`.
-    **solvers
-        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
+    **solvers : strategies, see `RiemannianMetric`
 
     Examples
     --------

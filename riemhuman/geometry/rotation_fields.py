@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import Any, Unpack
 
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array, real_number, values_of
+from riemhuman.checks import real_array, real_number, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry._field_metric import FieldMetric
-from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry._field_metric import FieldMetric, TriangleFields
+from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.pullback import PullbackMetric
@@ -37,16 +37,13 @@ from riemhuman.terms._sum import SumOfTerms
 from riemhuman.terms.rotations import RotationTerm
 from riemhuman.terms.term import Fields
 
-if TYPE_CHECKING:
-    from riemhuman.surfaces.template import Template
-
 # √(4 time) is then 10 cm on an adult body, whose skin has 1.8 m²: the thickness of a limb.
 _SHARE_OF_AREA = 0.0025 / 1.8
 # Deformations whose images are computed together, for the sake of memory.
 _AT_A_TIME = 8
 
 
-class RotationFields(Manifold):
+class RotationFields(TriangleFields):
     """C^∞(T, SO(3)): a rotation on every triangle of a template.
 
     Tangent vectors at R are fields of matrices R A with A skew.
@@ -66,9 +63,7 @@ class RotationFields(Manifold):
     ((2400, 3, 3), 7200)
     """
 
-    def __init__(self, template: Template, equip: bool = True) -> None:
-        self.template = template
-        super().__init__(3 * template.n_faces, (template.n_faces, 3, 3), equip)
+    value_dim, value_shape = 3, (3, 3)
 
     def default_metric(self) -> type[RiemannianMetric]:
         return RotationFieldMetric
@@ -83,10 +78,6 @@ class RotationFields(Manifold):
 
     def projection(self, point: ndarray) -> ndarray:
         return nearest_rotations(point)
-
-    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
-        return stack_samples(self.projection(noise), n_samples)
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
         point = real_array(point, name, self.shape, rows=True)
@@ -173,8 +164,7 @@ class RotationMetric(PullbackMetric):
         Duration of the heat flow, in squared units of the template, such as m²: heat spreads by √(4
         time). By default a 720th of the template's area. On an adult, √(4 time) is then the
         thickness of a limb, 10 cm. At 0 there is no diffusion.
-    **solvers
-        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
+    **solvers : strategies, see `RiemannianMetric`
 
     Examples
     --------

@@ -66,8 +66,7 @@ class SobolevMetric(MidpointMetric):
     a0, a1, b1, c1, d1, a2 : float
         Weights, at least 0. Where a body and its deformation grow s times larger, the cost by a0
         grows s⁴ times, that of the first order s² times, that of a2 not at all.
-    **solvers
-        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
+    **solvers : strategies, see `RiemannianMetric`
 
     Notes
     -----
@@ -153,8 +152,7 @@ class GaugeInvariantMetric(MidpointMetric):
     metric : RiemannianMetric
         A first-order metric G on surfaces: `ElasticMetric`, `SRNFMetric`, `GeneralElasticMetric`,
         `SobolevMetric` with a0 = a2 = 0, or any sum of isotropic terms.
-    **solvers
-        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
+    **solvers : strategies, see `RiemannianMetric`
 
     Notes
     -----

@@ -158,8 +158,7 @@ class SurfaceMetric(MetricOfTerms):
     space : AlignedSurfaces
     terms : sequence of Term
         The terms, at least one; see `riemhuman.terms`.
-    **solvers
-        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
+    **solvers : strategies, see `RiemannianMetric`
 
     Examples
     --------
@@ -352,8 +351,7 @@ class ElasticMetric(SurfaceMetric):
         λ, the weight of changes of area within it; above 0 unless a = 0, where it has no effect.
     c : float
         Weight of the change of the normals, at least 0.
-    **solvers
-        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
+    **solvers : strategies, see `RiemannianMetric`
 
     Notes
     -----
@@ -438,8 +436,7 @@ class GeneralElasticMetric(SurfaceMetric):
         Weight of the change of area, above 0.
     c : float
         Weight of bending, the rotation of normals; at least 0.
-    **solvers
-        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
+    **solvers : strategies, see `RiemannianMetric`
 
     Notes
     -----
@@ -485,8 +482,7 @@ class SRNFMetric(SurfaceMetric):
     Parameters
     ----------
     space : AlignedSurfaces
-    **solvers
-        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
+    **solvers : strategies, see `RiemannianMetric`
 
     Examples
     --------

@@ -42,19 +42,6 @@ def test_exp_loses_no_more_than_its_conditioning(anisotropy):
     np.testing.assert_allclose(end, exact, rtol=0, atol=5e-15 * anisotropy)
 
 
-@pytest.mark.parametrize("lam", LAMBDAS)
-def test_exp_agrees_with_matrix_exponential(lam):
-    rng = np.random.default_rng(3)
-    g = matrices(N_PAIRS, 3.0, rng)
-    for size in (1e-3, 0.5, 3.0):
-        velocity = size * _cone_geodesics.symmetric_part(rng.normal(size=g.shape))
-        end, met_apex = ebin_matrices.exp(velocity, g, lam)
-        assert not met_apex.any()
-        expected = [oracles.matrix_exp(v, m, lam) for v, m in zip(velocity, g, strict=True)]
-        np.testing.assert_allclose(end, expected, rtol=1e-10, atol=1e-10)
-        np.testing.assert_array_equal(end, np.swapaxes(end, 1, 2))
-
-
 def test_pure_scaling_and_standing_still():
     g = matrices(N_PAIRS, 3.0, np.random.default_rng(4))
     np.testing.assert_allclose(ebin_matrices.log(g, g, 0.3), 0.0, atol=1e-14)

@@ -76,19 +76,6 @@ def test_degenerate_triangles(template_name):
     assert np.all(np.isfinite(gradient))
 
 
-@pytest.mark.parametrize("axis", range(3))
-def test_triangle_pressed_to_an_edge_along_an_axis(axis):
-    template = TEMPLATES["triangle"]()
-    space = AlignedSurfaces(template, equip=False)
-    path = np.stack([template.vertices] * 3)
-    path[1] = path[1, 0] + np.array([[0.0], [0.7], [0.4]]) * np.eye(3)[axis]
-    path[1, 2, axis - 1] += 1e-9
-    for metric in (ElasticMetric(space, 1.0, 0.3, 0.0), SRNFMetric(space)):
-        check_against_definition(metric, path)
-        np.testing.assert_array_equal(metric.energy_and_gradient(path)[1][1], 0.0)
-    assert ElasticMetric(space, 0.0, 0.0, 1.0).energy_and_gradient(path)[0] == np.inf
-
-
 def test_path_that_stands_still():
     for case in COMPILED:
         energy, gradient = case.metric.energy_and_gradient(np.repeat(case.points[:1], 3, axis=0))

@@ -2,11 +2,8 @@
 
 import numpy as np
 import pytest
-from cases import sphere_template, surfaces
 from packed_fields import field_features
 
-from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
 from riemhuman.kernels.threads import of_one_kind
 from riemhuman.terms import RotationTerm
 
@@ -55,12 +52,3 @@ def test_rounding_bounds_what_single_precision_loses():
     chords = np.linalg.norm(single[:, :, : len(AREAS)] - np.moveaxis(fields, -1, 1), axis=1)
     np.testing.assert_allclose(rounding**2, 8.0 * chords**2 @ AREAS, rtol=1e-9)
     assert np.all(rounding < 1e-5)
-
-
-def test_surfaces_without_area_are_refused():
-    template = sphere_template()
-    metric = SurfaceMetric(AlignedSurfaces(template), [RotationTerm()])
-    points = surfaces(template, 2)
-    points[1, template.faces[3]] = points[1, template.faces[3, 0]]
-    with pytest.raises(DegenerateSurfaceError, match="every triangle"):
-        metric.dist_pairwise(points)
