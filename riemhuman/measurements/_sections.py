@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from autograd.extend import defvjp, primitive
+from autograd.extend import defvjp_argnums, primitive
 from numpy import ndarray
 from scipy.spatial import ConvexHull
 
@@ -99,29 +99,55 @@ def section_sizes(
     return sizes
 
 
-def _pull_back(number: int) -> Any:
-    def make(
-        sizes: ndarray,
-        surfaces: ndarray,
-        origins: ndarray,
-        normals: ndarray,
-        directions: ndarray,
-        cutter: Cutter,
-        kind: int,
-    ) -> Any:
-        def pull_back(upstream: ndarray) -> ndarray:
-            slopes = [np.zeros(a.shape) for a in (surfaces, origins, normals, directions)]
-            f, *planes, scales = _plain(surfaces, origins, normals, directions, upstream)
-            trace = _workspace(cutter)
-            _differentiate(f, cutter.mesh, tuple(planes), kind, scales, trace, tuple(slopes))
-            return slopes[number]
+def _make_pull_back(argnums: tuple[int, ...], sizes: ndarray, arguments: Any, _: Any) -> Any:
+    *arrays, cutter, kind = arguments
 
-        return pull_back
+    def pull_back(upstream: ndarray) -> tuple[ndarray, ...]:
+        slopes = [np.zeros(array.shape) for array in arrays]
+        for i in np.flatnonzero(upstream):
+            _add_slopes(
+                [array[i] for array in arrays], cutter, kind, upstream[i], [s[i] for s in slopes]
+            )
+        return tuple(slopes[number] for number in argnums)
 
-    return make
+    return pull_back
 
 
-defvjp(section_sizes, *(_pull_back(number) for number in range(4)), argnums=(0, 1, 2, 3))
+defvjp_argnums(section_sizes, _make_pull_back)
+
+
+def _add_slopes(
+    arrays: list[ndarray], cutter: Cutter, kind: int, scale: float, slopes: list[ndarray]
+) -> None:
+    """Add the derivatives of one size by the surface, the plane and the direction."""
+    f, o, n, direction = _plain(*arrays)
+    of_surface, of_origin, of_normal, of_direction = slopes
+    ends, places, wanted = trace = _workspace(cutter)
+    count = _trace(f, cutter.mesh, o, n, trace)
+    if count < 0:
+        of_surface[:] = np.nan
+        return
+    ends, t = ends[:count], places[:count, np.newaxis]
+    a, b = f[ends[:, 0]], f[ends[:, 1]]
+    points = a + t * (b - a)
+    p, q = _segments(points, wanted, count, n, direction, kind).T
+    steps = scale * (points[q] - points[p])
+    if kind == EXTENT:
+        of_direction += steps.sum(axis=0)
+        pull = np.broadcast_to(scale * direction, steps.shape)
+    else:
+        lengths = np.linalg.norm(points[q] - points[p], axis=1, keepdims=True)
+        pull = np.divide(steps, lengths, out=np.zeros_like(steps), where=lengths > 0.0)
+    pulls = np.zeros_like(points)
+    np.add.at(pulls, q, pull)
+    np.subtract.at(pulls, p, pull)
+    above, below = (a - o) @ n, (b - o) @ n
+    along = np.sum(pulls * (b - a), axis=1) / (above - below) ** 2
+    by_above, by_below = -along * below, along * above
+    np.add.at(of_surface, ends[:, 0], (1.0 - t) * pulls + by_above[:, np.newaxis] * n)
+    np.add.at(of_surface, ends[:, 1], t * pulls + by_below[:, np.newaxis] * n)
+    of_origin -= (by_above + by_below).sum() * n
+    of_normal += by_above @ (a - o) + by_below @ (b - o)
 
 
 def _plain(*arrays: ndarray) -> list[ndarray]:
@@ -307,47 +333,3 @@ def _measure(surfaces: Any, mesh: Any, planes: Any, kind: int, trace: Any, sizes
                 along += step * directions[i, x]
             size += along if kind == EXTENT else np.sqrt(squared)
         sizes[i] = size
-
-
-@compiled
-def _differentiate(
-    surfaces: Any, mesh: Any, planes: Any, kind: int, upstream: Any, trace: Any, slopes: Any
-) -> None:
-    origins, normals, directions = planes
-    ends, places, wanted = trace
-    of_surfaces, of_origins, of_normals, of_directions = slopes
-    points, pulls = np.empty((len(mesh[0]), 3)), np.empty((len(mesh[0]), 3))
-    for i in range(len(surfaces)):
-        if upstream[i] == 0.0:
-            continue
-        f, o, n = surfaces[i], origins[i], normals[i]
-        count = _trace(f, mesh, o, n, trace)
-        if count < 0:
-            of_surfaces[i] = np.nan
-            continue
-        _fill_points(f, ends, places, count, points)
-        pulls[:count] = 0.0
-        for p, q in _segments(points, wanted, count, n, directions[i], kind):
-            step = points[q] - points[p]
-            length = np.sqrt(np.sum(step * step))
-            for x in range(3):
-                if kind == EXTENT:
-                    pull = upstream[i] * directions[i, x]
-                    of_directions[i, x] += upstream[i] * step[x]
-                else:
-                    pull = upstream[i] * step[x] / length if length > 0.0 else 0.0
-                pulls[q, x] += pull
-                pulls[p, x] -= pull
-        for k in range(count):
-            a, b, t = ends[k, 0], ends[k, 1], places[k]
-            above, below = _height(f, a, o, n), _height(f, b, o, n)
-            width = above - below
-            along = 0.0
-            for x in range(3):
-                along += pulls[k, x] * (f[b, x] - f[a, x])
-            by_above, by_below = -along * below / width**2, along * above / width**2
-            for x in range(3):
-                of_surfaces[i, a, x] += (1.0 - t) * pulls[k, x] + by_above * n[x]
-                of_surfaces[i, b, x] += t * pulls[k, x] + by_below * n[x]
-                of_origins[i, x] -= (by_above + by_below) * n[x]
-                of_normals[i, x] += by_above * (f[a, x] - o[x]) + by_below * (f[b, x] - o[x])
