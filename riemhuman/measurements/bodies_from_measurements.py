@@ -28,7 +28,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import permutations, product
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -309,13 +309,12 @@ def _contradictions(
     pair = None
     if contradictory:
         # Of all pairs with the worst value, the one whose values fit each other least.
-        worst, least = int(order[0]), -1.0
-        for k, j in permutations(range(len(known)), 2):
-            if worst not in (k, j):
-                continue
-            both, gaps = _t_values(deviations[[k, j]], covariance[np.ix_([k, j], [k, j])])
-            if k == worst and abs(both[0]) > least:
-                least, pair = abs(both[0]), (known[k], known[j], float(values[k] - gaps[0]))
+        worst, least = order[0], -1.0
+        for j in order[1:]:
+            both = [worst, j]
+            own, gaps = _t_values(deviations[both], covariance[np.ix_(both, both)])
+            if abs(own[0]) > least:
+                least, pair = abs(own[0]), (known[worst], known[j], float(values[worst] - gaps[0]))
     return dict(zip(known, scores.tolist(), strict=True)), contradictory, pair
 
 
@@ -358,7 +357,7 @@ def _remarks(
             f"of 100 adults combine such values; {first} of about {agreeing:.4g} would agree"
         )
     elif prediction.contradictory:
-        (name,) = given
+        name = prediction.contradictory[0]
         remarks.append(f"{name} of {given[name]:.4g}: at most 1 of 100 adults have such a value")
     others = [name for name in prediction.contradictory if name not in (prediction.pair or given)]
     if others:

@@ -214,16 +214,7 @@ class Measurements:
         in_chunks(task, len(surfaces), threaded=len(surfaces) >= _THREADED)
         why_missing = self._why_missing(surfaces, values, axes)
         if trusted_vertices is not None:
-            trusted = np.asarray(trusted_vertices)
-            if trusted.dtype != bool or trusted.shape not in (
-                points.shape[:-1],
-                points.shape[-2:-1],
-            ):
-                raise ArgumentError(
-                    f"trusted_vertices must be Boolean, of shape {points.shape[:-1]}; found "
-                    f"{trusted.dtype} of shape {trusted.shape}"
-                )
-            trusted = np.broadcast_to(trusted, points.shape[:-1])
+            trusted = _checked_trust(trusted_vertices, points.shape[:-1])
             unseen = self._unseen(surfaces, trusted.reshape(len(surfaces), -1), axes)
             for number, which, share in unseen:
                 values[number, which] = np.nan
@@ -343,6 +334,16 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
         target = model(fit.betas[index], pose)
         straight[index] = transfer.solve(space, fitted, points[index], target)
     return straight
+
+
+def _checked_trust(trusted_vertices: Any, shape: tuple[int, ...]) -> ndarray:
+    trusted = np.asarray(trusted_vertices)
+    if trusted.dtype != bool or trusted.shape not in (shape, shape[-1:]):
+        raise ArgumentError(
+            f"trusted_vertices must be Boolean, of shape {shape}; found {trusted.dtype} of shape "
+            f"{trusted.shape}"
+        )
+    return np.broadcast_to(trusted, shape)
 
 
 def as_mapping(values: Any, names: Sequence[str]) -> dict[str, float]:

@@ -107,7 +107,7 @@ class RateInvariantMetric(MotionDistance):
         n_jobs: int | None = None,
     ) -> None:
         metric = space.frames.metric if metric is None else metric
-        super().__init__(metric, heading, n_components, n_jobs)
+        super().__init__(metric, heading=heading, n_components=n_components, n_jobs=n_jobs)
         self.space = space
         self.start_weight = metric_weight(start_weight, "start_weight")
         self.smoothing = real_number(smoothing, "smoothing", minimum=0.0)

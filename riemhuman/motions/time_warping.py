@@ -24,6 +24,10 @@ from riemhuman.motions._warping_kernels import (
 from riemhuman.progress import ProgressBar
 from riemhuman.representation import constructor_text
 
+# Largest number of steps of a motion by whose velocities it is matched; frames in excess are
+# skipped. More steps distinguish finer movements; noise counts less in fewer, longer ones.
+_MOST_STEPS = 20
+
 
 @dataclass(frozen=True)
 class Warp:
@@ -72,7 +76,12 @@ class MotionDistance(ABC):
     """Base of distances of motions by their best re-timing."""
 
     def __init__(
-        self, metric: Any, heading: bool, n_components: int | None, n_jobs: int | None
+        self,
+        metric: Any,
+        *,
+        heading: bool = False,
+        n_components: int | None = None,
+        n_jobs: int | None = None,
     ) -> None:
         self.metric = metric
         self.heading = heading
@@ -220,7 +229,7 @@ class DynamicTimeWarping(MotionDistance):
         n_components: int | None = None,
         n_jobs: int | None = None,
     ) -> None:
-        super().__init__(metric, heading, n_components, n_jobs)
+        super().__init__(metric, heading=heading, n_components=n_components, n_jobs=n_jobs)
         self.centered = centered
         self.between_frames = between_frames
 
@@ -326,9 +335,6 @@ class VelocityTimeWarping(MotionDistance):
     metric : RiemannianMetric
         Metric on frames. Without `lower_bound_coordinates`, it needs a closed form, and inner
         products of steps and chords come from squared distances.
-    n_steps : int
-        Largest number of steps of a motion; frames in excess are skipped. More steps distinguish
-        finer movements. Fewer steps are longer, so that noise counts less.
     heading : bool
         Whether the direction in which bodies face counts, as for `DynamicTimeWarping`.
     n_components : int, optional
@@ -348,18 +354,6 @@ class VelocityTimeWarping(MotionDistance):
     True
     """
 
-    def __init__(
-        self,
-        metric: RiemannianMetric,
-        *,
-        n_steps: int = 20,
-        heading: bool = False,
-        n_components: int | None = None,
-        n_jobs: int | None = None,
-    ) -> None:
-        super().__init__(metric, heading, n_components, n_jobs)
-        self.n_steps = whole_number(n_steps, "n_steps", minimum=1)
-
     def warp(self, m1: Motion, m2: Motion) -> Warp:
         """Return the best re-timing, in the direction of the smaller distance."""
         basis = FrameDistances(self.metric, heading=self.heading, flat=True)
@@ -373,7 +367,7 @@ class VelocityTimeWarping(MotionDistance):
         n_frames = frame_count(motion, name, 2)
         features = basis.features(motion, name)
         within = basis.squared(features, features)
-        n_steps = min(self.n_steps, n_frames - 1)
+        n_steps = min(_MOST_STEPS, n_frames - 1)
         frames = np.linspace(0, n_frames - 1, n_steps + 1).round().astype(int)
         return _Steps(features, within, frames, np.sqrt(within[frames[:-1], frames[1:]]))
 

@@ -120,7 +120,6 @@ def test_wrong_motions_are_named(distance, motions):
     ("name", "options"),
     [
         ("frames", {"n_components": 0}),
-        ("velocities", {"n_steps": 0}),
         ("velocities", {"n_jobs": 0}),
         ("rate-invariant", {"smoothing": -0.1}),
     ],
