@@ -44,6 +44,11 @@ class Parameters:
     pose: np.ndarray
     trans: np.ndarray
 
+    @property
+    def vector(self) -> np.ndarray:
+        """The numbers in the order of the equations."""
+        return np.concatenate([self.pose.ravel(), self.betas, self.trans])
+
     def moved(self, step: np.ndarray) -> Parameters:
         """Return the parameters after a step."""
         n_angles = self.pose.size
@@ -197,7 +202,7 @@ class Equations:
     """Least-squares equations for chosen points of a model's surface.
 
     The points are rows `numbers` of the matrix `combine` times the model's vertices, with the
-    weights `shares`.
+    weights `shares`; `prior` holds the weight of the square of each parameter.
     """
 
     def __init__(
@@ -207,8 +212,10 @@ class Equations:
         combine: sparse.csr_array,
         shares: np.ndarray,
         numbers: np.ndarray,
+        loss: Loss,
+        prior: np.ndarray,
     ) -> None:
-        self._skeleton = skeleton
+        self._skeleton, self._loss, self._prior = skeleton, loss, prior
         self._shares = shares / shares[numbers].sum()
         self._patches = [
             _patch(model, skeleton, combine, numbers[first : first + _PATCH])
@@ -223,14 +230,13 @@ class Equations:
         parts = [patch.combined(patch.surface(motions)[2]) for patch in self._patches]
         return np.concatenate(parts) + parameters.trans
 
-    def cost(self, parameters: Parameters, target: np.ndarray, loss: Loss) -> float:
-        """Return the mean loss of the distances from the points to their targets."""
+    def cost(self, parameters: Parameters, target: np.ndarray) -> float:
+        """Return the mean loss of the distances from the points to their targets, and the prior."""
         gaps = target[self._numbers] - self.points(parameters)
-        return float(self._shares[self._numbers] @ loss(np.sum(gaps**2, axis=-1))[0])
+        losses, _ = self._loss(np.sum(gaps**2, axis=-1))
+        return float(self._shares[self._numbers] @ losses + self._prior @ parameters.vector**2)
 
-    def normal(
-        self, parameters: Parameters, target: np.ndarray, loss: Loss
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def normal(self, parameters: Parameters, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the normal equations for changes of pose, betas and trans: (P, P) and (P,).
 
         The right-hand side is half the negative gradient of the cost.
@@ -242,14 +248,15 @@ class Equations:
         for patch in self._patches:
             shaped, rotations, moved = patch.surface(motions)
             gaps = target[patch.points] - patch.combined(moved) - parameters.trans
-            factors = np.sqrt(self._shares[patch.points] * loss(np.sum(gaps**2, axis=-1))[1])
+            factors = np.sqrt(self._shares[patch.points] * self._loss(np.sum(gaps**2, axis=-1))[1])
             rows = patch.derivatives(motions, shaped, rotations)
             rows *= factors[:, np.newaxis, np.newaxis]
             rows = rows.reshape(-1, rows.shape[-1])
             matrix[np.ix_(patch.columns, patch.columns)] += rows.T @ rows
             right[patch.columns] += rows.T @ (factors[:, np.newaxis] * gaps).ravel()
         change = linalg.block_diag(*motions.rotations_of_pose, np.eye(n_betas + 3))
-        return change.T @ matrix @ change, change.T @ right
+        matrix, right = change.T @ matrix @ change, change.T @ right
+        return matrix + np.diag(self._prior), right - self._prior * parameters.vector
 
     def closed_form_rotations(self, target: np.ndarray, betas: np.ndarray) -> np.ndarray:
         """Return rotations in space that bring the joints' points near their targets, (J, 3, 3).

@@ -35,7 +35,7 @@ from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.representation import Record
 
-_LOSSES = ("squared", "huber", "geman-mcclure")
+_LOSSES = ("squared", "huber")
 
 # The first stage uses about this number of points in all, and at least this number for each joint.
 _FEW_POINTS = 1500
@@ -131,10 +131,10 @@ def fit_model(
     weights : array_like, shape (n_points,), optional
         Weights of the points, for instance areas; equal by default. Points of weight zero are left
         out.
-    loss : {"squared", "huber", "geman-mcclure"}
-        Loss ρ(r): r²; or r² up to the scale c and 2 c r − c² beyond; or r² c² / (r² + c²).
+    loss : {"squared", "huber"}
+        Loss ρ(r): r²; or r² up to the scale c and 2 c r − c² beyond, for points far off.
     loss_scale : float
-        Scale c of the robust losses, metres.
+        Scale c of Huber's loss, metres.
     betas_prior : float
         Weight b, square metres: with 1e-6, one unit of a coefficient costs as much as 1 mm of
         root mean square distance.
@@ -179,7 +179,7 @@ def fit_model(
         model,
         combine,
         _shares(weights, n_points),
-        _losses(loss, real_number(loss_scale, "loss_scale", minimum=0.0, strict=True)),
+        _loss(loss, real_number(loss_scale, "loss_scale", minimum=0.0, strict=True)),
         np.concatenate([np.repeat(in_pose, 3), in_betas, np.zeros(3)]),
         real_number(tolerance, "tolerance", minimum=0.0, strict=True),
         whole_number(max_iter, "max_iter", minimum=1),
@@ -320,31 +320,28 @@ class _Fitter:
         model: Any,
         combine: sparse.csr_array,
         shares: np.ndarray,
-        losses: tuple[Loss, ...],
+        loss: Loss,
         prior: np.ndarray,
         tolerance: float,
         max_iter: int,
     ) -> None:
         self._model, self._combine, self._skeleton = model, combine, Skeleton(model)
-        self._prior, self._tolerance, self._max_iter = prior, tolerance, max_iter
+        self._tolerance, self._max_iter = tolerance, max_iter
         # By the joint that moves them most, so that neighbours depend on few joints.
         main = np.where(shares > 0, (combine @ model.weights).argmax(axis=1), -1)
         of_joints = [np.flatnonzero(main == joint) for joint in model.joint_order]
         everything = np.concatenate(of_joints)
         few = np.concatenate([_spread_out(numbers, len(everything)) for numbers in of_joints])
-        some, whole = (
-            Equations(model, self._skeleton, combine, shares, numbers)
-            for numbers in (few, everything)
-        )
-        self._stages = [(some, each) for each in losses] + [(whole, losses[-1])]
-        if len(few) == len(everything):
-            self._stages.pop()
+        self._stages = [
+            Equations(model, self._skeleton, combine, shares, numbers, loss, prior)
+            for numbers in ((few, everything) if len(few) < len(everything) else (everything,))
+        ]
 
     def fit(self, target: np.ndarray) -> ModelFit:
         parameters = self._start(target)
         n_iterations, converged = 0, False
         for stage in self._stages:
-            parameters, steps, converged = self._descend(*stage, target, parameters)
+            parameters, steps, converged = self._descend(stage, target, parameters)
             n_iterations += steps
         points = self._model(parameters.betas, parameters.pose, parameters.trans)
         gaps = self._combine @ points - target
@@ -359,14 +356,14 @@ class _Fitter:
 
     def _start(self, target: np.ndarray) -> Parameters:
         """Return the closed-form start of a fit."""
-        (equations, loss), skeleton = self._stages[0], self._skeleton
+        equations, skeleton = self._stages[0], self._skeleton
         betas, trans = np.zeros(skeleton.n_betas), np.zeros(3)
-        linear = np.arange(3 * skeleton.n_joints, len(self._prior))
         for _ in range(_CLOSED_FORM_ROUNDS):
             rotations = equations.closed_form_rotations(target, betas)
             pose = _relative(rotations, skeleton.parents)
             parameters = Parameters(betas, pose, trans)
-            matrix, right = self._normal(equations, loss, parameters, target)
+            matrix, right = equations.normal(parameters, target)
+            linear = np.arange(pose.size, len(right))
             step = np.zeros(len(right))
             step[linear] = least_squares_step(
                 matrix[np.ix_(linear, linear)], right[linear], _LEAST_DAMPING
@@ -376,13 +373,13 @@ class _Fitter:
         return parameters
 
     def _descend(
-        self, equations: Equations, loss: Loss, target: np.ndarray, parameters: Parameters
+        self, equations: Equations, target: np.ndarray, parameters: Parameters
     ) -> tuple[Parameters, int, bool]:
         """Return the last parameters, the number of steps and whether they have converged."""
         damping = _LEAST_DAMPING
-        cost = self._cost(equations, loss, parameters, target)
+        cost = equations.cost(parameters, target)
         for n_steps in range(1, self._max_iter + 1):
-            matrix, right = self._normal(equations, loss, parameters, target)
+            matrix, right = equations.normal(parameters, target)
             while True:
                 step = least_squares_step(matrix, right, damping)
                 trial = parameters.moved(step)
@@ -391,7 +388,7 @@ class _Fitter:
                     movement < self._tolerance or step @ right < _ROUNDING * cost
                 ):
                     return trial, n_steps, True
-                trial_cost = self._cost(equations, loss, trial, target)
+                trial_cost = equations.cost(trial, target)
                 if trial_cost < cost:
                     break
                 damping = 10.0 * max(damping, 1e-5)
@@ -400,22 +397,6 @@ class _Fitter:
             parameters, cost = trial, trial_cost
             damping = max(damping / 10.0, _LEAST_DAMPING)
         return parameters, self._max_iter, False
-
-    def _parameters(self, parameters: Parameters) -> np.ndarray:
-        return np.concatenate([parameters.pose.ravel(), parameters.betas, parameters.trans])
-
-    def _cost(
-        self, equations: Equations, loss: Loss, parameters: Parameters, target: np.ndarray
-    ) -> float:
-        prior = float(self._prior @ self._parameters(parameters) ** 2)
-        return equations.cost(parameters, target, loss) + prior
-
-    def _normal(
-        self, equations: Equations, loss: Loss, parameters: Parameters, target: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        matrix, right = equations.normal(parameters, target, loss)
-        matrix[np.diag_indices_from(matrix)] += self._prior
-        return matrix, right - self._prior * self._parameters(parameters)
 
 
 def _relative(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
@@ -432,12 +413,9 @@ def _spread_out(numbers: np.ndarray, n_points: int) -> np.ndarray:
     return numbers[np.linspace(0, len(numbers) - 1, wanted).astype(np.int64)]
 
 
-def _losses(name: str, scale: float) -> tuple[Loss, ...]:
-    """Return the losses of the stages in order; the requested one is last."""
-    one_of(name, "loss", _LOSSES)
-
-    def squared(squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return squares, np.ones_like(squares)
+def _loss(name: str, scale: float) -> Loss:
+    if one_of(name, "loss", _LOSSES) == "squared":
+        return lambda squares: (squares, np.ones_like(squares))
 
     def huber(squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         distances = np.sqrt(squares)
@@ -445,14 +423,7 @@ def _losses(name: str, scale: float) -> tuple[Loss, ...]:
         factor = np.divide(scale, distances, out=np.ones_like(squares), where=far)
         return np.where(far, 2.0 * scale * distances - scale**2, squares), factor
 
-    def geman_mcclure(squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        quotient = scale**2 / (squares + scale**2)
-        return squares * quotient, quotient**2
-
-    if name == "geman-mcclure":
-        # This loss ignores points far away, and so needs a start near the solution.
-        return huber, geman_mcclure
-    return (squared,) if name == "squared" else (huber,)
+    return huber
 
 
 def _shares(weights: Any, n_points: int) -> np.ndarray:
