@@ -6,8 +6,6 @@ import pytest
 from riemhuman.descriptors import LatentVectors
 from riemhuman.errors import (
     ArgumentError,
-    ArgumentTypeError,
-    FileError,
     FileFormatError,
     NotDefinedError,
 )
@@ -86,12 +84,7 @@ def test_a_mesh_cannot_be_described():
     [
         ("a,1,2\nb,1\n", r"line 2: 1 numbers found, 2 expected"),
         ("a,1\nb,2\na,3\n", r"line 3: the id 'a' is repeated"),
-        ("a,1\n ,2\n", r"line 2: the id is missing"),
-        ("a,1\nb,two\n", r"line 2: 'two' is not a number"),
-        ("name,x\na,1\n", r"line 1: 'x' is not a number"),
-        ("a\nb\n", r"line 1: 0 numbers found, at least one expected"),
         ("a,1\nb,nan\n", r"holds 1 NaN or infinite entries"),
-        ("", r"holds no rows"),
         ("a," + "1" * 200_000 + "\n", r"line 1: field larger than|NaN or infinite"),
     ],
 )
@@ -109,15 +102,12 @@ def test_wrong_csv(tmp_path, text, message):
         ({"ids": np.array(["a", "", "c"]), "vectors": VECTORS}, r"ids\[1\] is missing"),
         ({"ids": np.array(["a", "b"]), "vectors": VECTORS}, "2 ids found for 3 vectors"),
         ({"ids": np.array([0.5, 1, 2]), "vectors": VECTORS}, r"ids\[0\] must be text or a whole"),
-        ({"ids": np.array([IDS]), "vectors": VECTORS}, r"ids\[0\] must be text or a whole"),
         ({"ids": np.array(IDS), "vectors": VECTORS[0]}, r"vectors must have shape"),
         (
             {"ids": np.array(IDS), "vectors": VECTORS.astype(str)},
             "must be an array of real numbers",
         ),
         ({"ids": np.array(IDS), "vectors": VECTORS + np.inf}, "NaN or infinite"),
-        ({"ids": np.array(IDS), "vectors": np.zeros((3, 0))}, "holds no numbers"),
-        ({"ids": np.array(["a", None, "b"]), "vectors": VECTORS}, "not an .npz archive of plain"),
     ],
 )
 def test_wrong_npz(tmp_path, fields, message):
@@ -128,19 +118,8 @@ def test_wrong_npz(tmp_path, fields, message):
 
 
 def test_wrong_files(tmp_path):
-    np.save(tmp_path / "ragged.npy", np.array([[1], [2, 3]], dtype=object), allow_pickle=True)
-    for name, content in (("cut.npz", b"PK\3\4"), ("cut.npy", b"\x93NUMPY"), ("empty.npy", b"")):
-        (tmp_path / name).write_bytes(content)
-    for name in ("ragged.npy", "cut.npz", "cut.npy", "empty.npy"):
-        with pytest.raises(FileFormatError, match=name):
-            LatentVectors.from_file(tmp_path / name)
     np.save(tmp_path / "line.npy", VECTORS[0])
     with pytest.raises(FileFormatError, match=r"must have shape \(n_vectors, n_numbers\); found"):
         LatentVectors.from_file(tmp_path / "line.npy")
-    for name in ("none.npy", "none.csv", "none.npz"):
-        with pytest.raises(FileError, match="cannot be read"):
-            LatentVectors.from_file(tmp_path / name)
     with pytest.raises(FileFormatError, match=r"one of .npz, .csv, .npy; found '.txt'"):
         LatentVectors.from_file(tmp_path / "codes.txt")
-    with pytest.raises(ArgumentTypeError, match="path must be the path of a file; found 3"):
-        LatentVectors.from_file(3)
