@@ -21,11 +21,11 @@ NEAR_METRES, LEAST_NEAR = 0.05, 0.97
 # A limb that is elsewhere has few matches, and leaves part of the scan far from the body.
 LIMB_ELSEWHERE, LEAST_NEAR_OF_LIMB = 0.3, 0.995
 LARGEST_BETA = 4.0
-LARGEST_OVERLAP = 0.02
+LARGEST_OVERLAP = 0.01
 # A body is wrong if ln(d / d₀) > l − l₀, with its likelihood l and the distance d from the model's
 # surface within which this share of the scan lies. `tests/benchmarks/test_registration.py -k trust`
 # prints how often right bodies are refused and wrong ones are trusted.
-FAR_SHARE, FAR_METRES, USUAL_LIKELIHOOD = 0.95, 0.022, 2.75
+FAR_SHARE, FAR_METRES, USUAL_LIKELIHOOD = 0.95, 0.020, 2.75
 
 # Holes up to twice this width are filled by the vertices around them, metres.
 _SEEN_METRES = 0.06

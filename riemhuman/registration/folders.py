@@ -120,16 +120,13 @@ def register_folder(
     Raises
     ------
     FileError
-        If the folder of scans does not exist or holds no scans, two scans have the same name, the
-        output cannot be written, or a body in it was changed after it was registered.
+        If two scans have the same name, or a body was changed after it was registered.
 
     Examples
     --------
     >>> import riemhuman as rh
     >>> registration = rh.registration.ScanRegistration()  # doctest: +SKIP
-    >>> records = rh.registration.register_folder(
-    ...     registration, "scans", "bodies"
-    ... )  # doctest: +SKIP
+    >>> rh.registration.register_folder(registration, "scans", "bodies")  # doctest: +SKIP
     """
     files = scan_files(scans)
     folder = file_path(output, "output", "folder")
@@ -177,7 +174,7 @@ def scan_files(folder: str | os.PathLike[str]) -> list[Path]:
 
 
 def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
-    """Return the records of the scans registered into a folder, untrusted ones first.
+    """Return the records of a folder, untrusted ones first, then those farthest from their scans.
 
     Parameters
     ----------
@@ -187,14 +184,6 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
     Returns
     -------
     records : list of ScanRecord
-        Untrusted ones first, then by the median distance from the scan.
-
-    Raises
-    ------
-    FileError
-        If the folder holds no records.
-    FileFormatError
-        If a record is damaged.
 
     Examples
     --------

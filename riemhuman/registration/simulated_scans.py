@@ -112,8 +112,8 @@ def simulated_scan(
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> surface = bodies[0], bodies.template.faces
-    >>> rh.registration.simulated_scan(*surface, rng=0, n_points=3000).points.shape
+    >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, n_points=3000)
+    >>> scan.points.shape
     (3000, 3)
     """
     vertices, triangles = check_mesh(points, faces)

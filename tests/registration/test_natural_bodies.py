@@ -6,6 +6,7 @@ import pytest
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration, simulated_scan
 from riemhuman.registration._scan_preparation import prepare_scan
+from riemhuman.registration._trust import LARGEST_OVERLAP, find_overlaps
 from riemhuman.registration.scans import as_scan
 
 HANDS_ON_HIPS, HAND_ON_EAR = 4, 6
@@ -29,6 +30,17 @@ def scan_of(bodies, number):
 
 def error(result, scan):
     return np.linalg.norm(result.points - scan.body, axis=1).mean()
+
+
+def test_hands_on_the_head_are_no_overlap(registration, bodies):
+    """A finger is so thin that the skin beneath it counts as matched; other parts are not."""
+    template, on_hands = registration.model.template, registration._on_hands
+    whole = np.ones(template.n_vertices, dtype=bool)
+    poses = [k for k in range(100) if bodies.pose_names[bodies.pose[k]] == "hands_on_head"]
+    shares = [find_overlaps(template, bodies[k], whole).mean() for k in poses]
+    assert max(shares) > LARGEST_OVERLAP
+    for k in poses:
+        assert not find_overlaps(template, bodies[k], ~on_hands).any()
 
 
 @pytest.mark.sampled(3, "scans that are trusted")
