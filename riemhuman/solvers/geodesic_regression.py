@@ -66,7 +66,8 @@ class GeodesicRegression(ImageEstimator):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template).equip_with_metric(rh.ElasticMetric, 1, 1, 1)
+    >>> space = rh.AlignedSurfaces(bodies.template, equip=False)
+    >>> space = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=1.0)
     >>> points, regression = bodies.points[:50:10], rh.GeodesicRegression(space)
     >>> regression.fit(points[:, :, 1].max(axis=1), points).predict([1.8]).shape
     (1, 1202, 3)

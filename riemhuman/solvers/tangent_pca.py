@@ -181,7 +181,8 @@ class TangentPCA(ImageEstimator):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template).equip_with_metric(rh.ElasticMetric, 1, 1, 1)
+    >>> space = rh.AlignedSurfaces(bodies.template, equip=False)
+    >>> space = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=1.0)
     >>> rh.TangentPCA(space, n_components=2).fit_transform(bodies.points[:50:10]).shape
     (5, 2)
     """
