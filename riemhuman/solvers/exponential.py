@@ -175,7 +175,22 @@ class DiscreteExponential(Solver):
                 "derivatives of the discrete exponential are those of surfaces with all "
                 "coordinates free, DiscreteExponential() without a basis"
             )
-        return derivatives_of_exponential(metric, path, tangent_vec, covectors)
+        covectors = np.array(covectors)
+        # Of every three neighbours x, y, z, y makes E = d²(x, y) + d²(y, z) stationary. Derivatives
+        # by z are passed on to x and y, from the end to the start, by one linear equation with the
+        # second derivatives of E for each point: the adjoint method.
+        for last in range(len(path) - 1, 1, -1):
+            # z = 2y − x + s.
+            points = path[last - 2 : last + 1]
+            by_x, by_y, by_z = _without_shift(metric, points, covectors[last], _LAST)
+            covectors[last - 2] += by_x - by_z
+            covectors[last - 1] += by_y + 2.0 * by_z
+        displacement = tangent_vec / (len(path) - 1)
+        start, first = path[:2]
+        # x = y − d + s and z = y + d + s.
+        points = np.stack([first - 2.0 * displacement, start, first])
+        by_x, by_y, by_z = _without_shift(metric, points, covectors[1], _SIDES)
+        return (by_z - by_x) / (len(path) - 1), covectors[0] + by_x + by_y + by_z
 
     def _walk(
         self,
@@ -234,31 +249,6 @@ class DiscreteExponential(Solver):
             message=stop or unsolved or "all steps were made",
         )
         return result, is_fine and not stop
-
-
-def derivatives_of_exponential(
-    metric: RiemannianMetric, path: ndarray, velocity: ndarray, covectors: ndarray
-) -> tuple[ndarray, ndarray]:
-    """Return the derivatives of a function of a discrete geodesic: the adjoint method.
-
-    Of every three neighbours x, y, z, y makes E = d²(x, y) + d²(y, z) stationary. Derivatives of
-    the function with respect to z are passed on to x and y, from the end to the start, by one
-    linear equation with the second derivatives of E for each point.
-    """
-    covectors = np.array(covectors)
-    for last in range(len(path) - 1, 1, -1):
-        # z = 2y − x + s.
-        points = path[last - 2 : last + 1]
-        by_x, by_y, by_z = _without_shift(metric, points, covectors[last], _LAST)
-        covectors[last - 2] += by_x - by_z
-        covectors[last - 1] += by_y + 2.0 * by_z
-    displacement = velocity / (len(path) - 1)
-    start, first = path[:2]
-    # x = y − d + s and z = y + d + s.
-    points = np.stack([first - 2.0 * displacement, start, first])
-    by_x, by_y, by_z = _without_shift(metric, points, covectors[1], _SIDES)
-    by_velocity = (by_z - by_x) / (len(path) - 1)
-    return by_velocity, covectors[0] + by_x + by_y + by_z
 
 
 def _without_shift(

@@ -17,7 +17,6 @@ from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, 
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.kernels.triangles import nearly_degenerate_triangles
 from riemhuman.solvers._lbfgs import LBFGS, Coordinates, Operator
 from riemhuman.solvers._preconditioners import CholeskyFactor, PathPreconditioner, metric_factor
 from riemhuman.solvers.interpolated_paths import rotating_paths
@@ -52,11 +51,6 @@ _RIDGES = 1e-6, 1e-4
 # flattest: each costs three vectors of all coordinates.
 _FLAT = 1e-5
 _MOST_FROZEN = 20
-
-# Share by which heights are lifted, more than rounding of rotations changes them, and how often at
-# most: a corner may be the tip of several triangles.
-_LIFT = 1e-4
-_MOST_LIFTS = 20
 
 
 class PathSearch(PathSolver):
@@ -212,16 +206,12 @@ class PathSearch(PathSolver):
         )
 
     def _without_drift(self, metric: RiemannianMetric, path: ndarray) -> ndarray:
-        """Return a path without drift, if asked for.
-
-        A triangle that is nearly flat may become flat by the rounding of a rotation.
-        """
+        """Return a path without drift, if asked for."""
         if not self.remove_drift:
             return path
-        path = metric.remove_drift(path)
-        if metric.space.is_surface_space and not np.all(metric.space.belongs(path)):
-            path[1:-1] = lift_flat_triangles(path[1:-1], metric.space.template)
-        return path
+        still = metric.remove_drift(path)
+        # A triangle that is nearly flat may become flat by the rounding of a rotation.
+        return still if np.all(metric.space.belongs(still)) else path
 
 
 @dataclass(frozen=True)
@@ -428,22 +418,6 @@ def freeze_flat_triangles(inverse: Operator, nodes: ndarray, faces: ndarray) -> 
     # Conditions on triangles that share corners may depend on each other.
     among = np.linalg.pinv((conditions @ images.T).T, hermitian=True)
     return lambda slope: inverse(slope) - (among @ (images @ slope)) @ images
-
-
-def lift_flat_triangles(nodes: ndarray, template: Any) -> ndarray:
-    """Return surfaces, shape (n, V, 3), whose triangles without area are very slightly higher.
-
-    The triangles have no area by rounding errors alone.
-    """
-    higher = nodes.copy()
-    for _ in range(_MOST_LIFTS):
-        marked = nearly_degenerate_triangles(higher, template.faces, template.frame_coefficients)
-        if not marked.any():
-            break
-        for node, triangle in np.argwhere(marked):
-            corners, weights = _tip_over_edge(higher[node], template.faces[triangle])
-            higher[node, corners[0]] += _LIFT * weights @ higher[node, corners]
-    return higher
 
 
 def _flat_triangles(nodes: ndarray, faces: ndarray) -> Iterator[tuple[int, ndarray, ndarray]]:

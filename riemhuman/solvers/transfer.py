@@ -1,25 +1,13 @@
 r"""Motions, changes of shape and poses of one body, transferred to another.
 
-=================================================  ================================================
-From what to what                                  By
-=================================================  ================================================
-A's motion, to B in the pose A starts from         `MotionTransfer`: B repeats the changes
-A's motion, to B in any pose                       ``MotionTransfer(transfer="pose")``: B takes A's
-                                                   poses
-two bodies in one pose, to the first in another    `ShapeTransfer`: it changes as they differ
-A's shape with all its details, in B's pose        `Disentangling`: the body of least distance from
-                                                   A in a metric of shape and from the pose in a
-                                                   metric of poses
-shapes and poses of many bodies, fast              `riemhuman.learned.ShapePoseCodes.transfer`:
-                                                   a trained network, details of skin aside
-=================================================  ================================================
+The page "Geodesics and statistics" of the documentation says when to use which.
 
-The first three solve one Poisson equation a surface. A triangle of body A and its normal move from
-frame P₀ to frame P; the matrix S = P P₀⁻¹ of this change is applied to the same triangle of body B,
-and the surface whose derivatives come closest to the results solves a Poisson equation (Sumner and
-Popović, "Deformation transfer for triangle meshes", SIGGRAPH 2004; `riemhuman.surfaces._poisson`).
-B thus keeps its own metric field, changed by as much as A's, and its triangles rotate as those of
-A. Poses are transferred by `PoseTransfer`, from which `Disentangling` starts.
+For `MotionTransfer` and `ShapeTransfer` a triangle of body A and its normal move from frame P₀ to
+frame P; the matrix S = P P₀⁻¹ of this change is applied to the same triangle of body B, and the
+surface whose derivatives come closest to the results solves a Poisson equation (Sumner and Popović,
+"Deformation transfer for triangle meshes", SIGGRAPH 2004; `riemhuman.surfaces._poisson`). B thus
+keeps its own metric field, changed by as much as A's, and its triangles rotate as those of A. Poses
+are transferred by `PoseTransfer`, from which `Disentangling` starts.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
 """Paths interpolated without a search: triangles that rotate, and parameters of a body model."""
 
-from types import SimpleNamespace
-
 import bodies_in_motion
 import numpy as np
 import pytest
@@ -67,57 +65,6 @@ def test_the_best_turned_path_and_its_rivals(seed):
         np.testing.assert_array_equal(path[[0, -1]], [start, end])
         assert energies[0] <= energy <= 1.1 * energies[0]
         assert energy == pytest.approx(metric.energy(path), rel=1e-12)
-
-
-def ways_of_parts(areas, energy):
-    """Return which parts of these areas turn like their neighbours, on the best path and rivals.
-
-    The energy is a function of whether each part does; the rest of the surface makes up 1000 units
-    of area.
-    """
-    n_parts = len(areas)
-    turned = np.zeros((n_parts + 1, 3))
-    turned[:n_parts, 0] = 2.0 * np.pi
-    interpolator = SimpleNamespace(
-        rotations=lambda start, end: np.zeros_like(turned),
-        has_jumps=lambda turns: True,
-        unwrap=lambda turns: turned,
-        parts=lambda mask: [np.array([k]) for k in np.flatnonzero(mask)],
-        interpolate=lambda start, end, times, turns: np.stack([turns] * len(times)),
-    )
-    template = SimpleNamespace(
-        interpolator=interpolator, face_areas=np.array([*areas, 1000.0 - sum(areas)])
-    )
-    space = SimpleNamespace(template=template, check_immersed=lambda point, name: None)
-    of_path = SimpleNamespace(value=lambda _, path: energy(path[1, :n_parts, 0] > 0))
-    found = rotating_paths(SimpleNamespace(space=space), of_path, turned, turned, 3)
-    return [tuple(np.flatnonzero(path[1, :, 0])) for path, _ in found]
-
-
-def sum_of(*costs):
-    return lambda alike: 100.0 + alike @ np.array(costs)
-
-
-def test_small_parts_turn_together_and_every_limb_by_itself():
-    """A limb has a hundredth of the area, and at most eight parts are limbs."""
-    # Parts 2 and 3 are too small: what the one would gain by itself, the other loses.
-    energy = sum_of(5.0, -20.0, -3.0, 4.0)
-    assert ways_of_parts([50.0, 10.0, 9.0, 8.0], energy)[0] == (1,)
-    # A ninth part and a tenth are too many.
-    costs = [*[-1.0, 1.0] * 4, -3.0, 4.0]
-    assert ways_of_parts([20.0] * 10, sum_of(*costs))[0] == (0, 2, 4, 6)
-    assert ways_of_parts([20.0] * 8, sum_of(*costs[2:]))[0] == (0, 2, 4, 6)
-
-
-def test_limbs_that_gain_only_together_turn_together():
-    areas = [20.0] * 3
-    assert ways_of_parts(areas, lambda alike: 101.0 + any(alike) - 2.0 * all(alike))[0] == (0, 1, 2)
-    assert ways_of_parts(areas, lambda alike: 101.0 + any(alike) - all(alike))[0] == ()
-
-
-def test_rivals_turn_one_limb_the_other_way_for_a_tenth_of_the_energy_at_most():
-    ways = ways_of_parts([50.0, 40.0, 30.0, 5.0], sum_of(9.9, 10.1, 1.0, 1.0))
-    assert ways == [(), (0,), (2,)]
 
 
 def test_turned_paths_are_at_equal_times(bodies):

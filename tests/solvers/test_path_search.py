@@ -23,7 +23,6 @@ from scipy.spatial.transform import Rotation
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ConvergenceWarning, DegenerateSurfaceError
 from riemhuman.geometry import (
-    AlignedSurfaces,
     ElasticMetric,
     FlatMetric,
     NormalFields,
@@ -43,10 +42,9 @@ from riemhuman.solvers import (
     Status,
 )
 from riemhuman.solvers.interpolated_paths import rotating_path
-from riemhuman.solvers.path_search import freeze_flat_triangles, lift_flat_triangles, refine_path
+from riemhuman.solvers.path_search import freeze_flat_triangles, refine_path
 from riemhuman.solvers.paths import linear_path
 from riemhuman.surfaces import DeformationBasis
-from riemhuman.surfaces.template import Template
 
 # With λ = 1e-4 nearly all triangles of two surfaces are at θ = π, where d² has a corner.
 # Gauge-invariant metrics let surfaces slide along themselves: in all vertices nothing holds them.
@@ -688,28 +686,3 @@ def test_the_operator_is_the_inverse_of_the_hessian_on_the_motions_left(flat):
         assert flatness(moved, node, triangle) == pytest.approx(
             flatness(points, node, triangle), rel=1e-2
         )
-
-
-@pytest.mark.parametrize("share", [1e-7, 1e-4, 1e-3])
-def test_triangles_without_area_are_lifted_and_others_stay(share):
-    """However far below the bound rounding has taken them."""
-    template = Template(nodes()[0], FACES)
-    space = AlignedSurfaces(template, equip=False)
-    points = nodes((0, 1), (2, 3), height=1e-3)
-    for node, triangle in ((0, 1), (2, 3)):
-        first, tip, last = FACES[triangle]
-        foot = 0.3 * points[node, first] + 0.7 * points[node, last]
-        over = points[node, tip] - foot
-        high, low = 1.0, 0.0
-        for _ in range(80):  # to the bound by halving
-            middle = 0.5 * (high + low)
-            points[node, tip] = foot + middle * over
-            high, low = (middle, low) if space.belongs(points)[node] else (high, middle)
-        points[node, tip] = foot + (1.0 - share) * high * over
-    np.testing.assert_array_equal(space.belongs(points), [False, True, False])
-    higher = lift_flat_triangles(points, template)
-    assert np.all(space.belongs(higher))
-    np.testing.assert_array_equal(higher[1], points[1])
-    assert np.count_nonzero(np.any(higher != points, axis=-1)) == 2
-    assert np.abs(higher - points).max() < 1e-9
-    np.testing.assert_array_equal(lift_flat_triangles(higher, template), higher)

@@ -241,15 +241,13 @@ def test_half_of_the_better_inputs_error():
 
 def test_the_person_is_kept_whoever_holds_the_pose():
     """On people who hold poses otherwise, with faces and flesh of their own."""
-    # Where heat flows less along bones, limbs end nearer to where the other person holds them.
-    solver = Disentangling(bone_smoothing=3.0)
-    measure = Disentangled(*natural_people("coarse"), solver).measure
+    measure = Disentangled(*natural_people("coarse")).measure
     found = [measure(*pair) for pair in random_pairs(6)]
     for part in PARTS:
         assert all(one.nearer[part] for one in found)
     assert max(one.edges for one in found) < 0.06
-    # 2.59 mm; by the rotations of B itself in place of the smooth field it is 4.98 mm.
-    assert np.mean([one.segments for one in found]) < 0.55 * 4.98
+    # 1.81 mm; by the rotations of B itself in place of the smooth field it is 4.98 mm.
+    assert np.mean([one.segments for one in found]) < 0.45 * 4.98
     ratios = [one.performed / one.nearer_input for one in found]
     assert np.mean(ratios) < 0.5
 
@@ -397,18 +395,6 @@ def test_size_is_no_pose(space):
     body = space.template.vertices + deformations(space.template, 1, rng=4, size=0.3)[0]
     found = PoseTransfer(space).solve(body, 1.3 * body)
     np.testing.assert_allclose(found, body + 0.3 * body.mean(axis=0), atol=1e-10)
-
-
-def test_units_make_no_difference(space):
-    """The time of the flow and the weights of joints are shares of the template's size."""
-    first, second = space.template.vertices + deformations(space.template, 2, rng=6, size=0.3)
-    template = type(space.template)(1000.0 * space.template.vertices, space.template.faces)
-    scaled = AlignedSurfaces(template, equip=False)
-    np.testing.assert_allclose(
-        PoseTransfer(scaled).solve(1000.0 * first, 1000.0 * second),
-        1000.0 * PoseTransfer(space).solve(first, second),
-        rtol=1e-8,
-    )
 
 
 def test_waves_of_the_skin_stay_with_their_owner():
