@@ -37,8 +37,6 @@ from riemhuman.report._report import (
     Weights,
     group_within,
     name_of,
-    pair_across,
-    pair_within,
 )
 from riemhuman.report.retrieval_benchmark import POSE_METRIC
 from riemhuman.solvers import (
@@ -157,7 +155,7 @@ def geodesic_section(report: Report) -> Section | None:
         name: _geodesic(report, *_GEODESICS[name], pair, name)
         for name, pair in report.pairs.items()
     }
-    both = pair_across(report.matrix(POSE_METRIC), bodies.subject, bodies.pose, 0.5)
+    both = report.pair(POSE_METRIC, 0.5, person=False, pose=False)
     viewed = {
         name: _geodesic(report, name.split()[0], weights, both, name)
         for name, weights in _VIEWED_METRICS.items()
@@ -281,7 +279,7 @@ def _geodesic_table(bodies: Bodies, steps: Mapping[str, Step]) -> Table:
 
 def comparison_section(report: Report) -> Section | None:
     bodies = report.bodies
-    pair = pair_within(report.matrix(POSE_METRIC), bodies.subject, bodies.pose, 0.9)
+    pair = report.pair(POSE_METRIC, 0.9, person=True, pose=False)
     if pair is None:
         return None
     step = _comparison(report, pair)
@@ -339,7 +337,7 @@ def _comparison(report: Report, pair: Pair) -> Step:
             SOBOLEV: (report.path_solver(), "sobolev"),
         }
         reference = None
-        model_path = _model_path(report, pair)
+        model_path = _model_path(report)
         if model_path is not None:
             solvers[MODEL] = (model_path, "ours")
             reference = model_path.solve(metrics["ours"], start, end).path
@@ -352,18 +350,15 @@ def _comparison(report: Report, pair: Pair) -> Step:
     return report.path_step("comparison", compute, "Paths compared", **inputs)
 
 
-def _model_path(report: Report, pair: Pair) -> ModelPath | None:
-    """Return the path of the body model, if the parameters of the bodies are known."""
-    bodies = report.bodies
-    model, betas, poses = bodies.model, bodies.betas, bodies.pose_vectors
-    places = bodies.translations
-    if model is None or betas is None or poses is None or places is None:
+def _model_path(report: Report) -> ModelPath | None:
+    """Return the path of the body model, if the bodies have one."""
+    model = report.bodies.model
+    if model is None:
         return None
 
     def parameters(surface: ndarray) -> ModelParameters:
-        gaps = [float(np.abs(bodies.points[index] - surface).max()) for index in pair]
-        index = pair[int(np.argmin(gaps))]
-        return ModelParameters(betas[index], poses[index], places[index])
+        fit = model.fit(surface)
+        return ModelParameters(fit.betas, fit.pose, fit.trans)
 
     return ModelPath(model, report.plan.n_nodes, parameters=parameters)
 

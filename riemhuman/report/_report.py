@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -27,8 +27,6 @@ from riemhuman.solvers import BasisPath
 from riemhuman.surfaces import DeformationBasis
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from riemhuman.datasets import Bodies
 
 Pair = tuple[int, int]
@@ -75,31 +73,19 @@ def name_of(bodies: Bodies, index: int) -> str:
     return f"{readable(subject)}, {readable(bodies.pose_names[bodies.pose[index]])}"
 
 
-def pair_within(distances: ndarray, same: ndarray, other: ndarray, share: float) -> Pair | None:
-    """Return two items that share one class and differ in another, by their distance.
+def choose_pair(distances: ndarray, suits: Callable[..., ndarray], share: float) -> Pair | None:
+    """Return, of the pairs that suit, that at a share of their order by distance: 1, the farthest.
 
-    The first class with such a pair is used; of its pairs in the order of their distances, the one
-    at `share`: 0 for the nearest, 1 for the farthest.
+    `suits` says of the numbers of two items, as arrays, which of these pairs do.
     """
-    for label in dict.fromkeys(same.tolist()):
-        items = np.flatnonzero(same == label)
-        first, second = np.triu_indices(len(items), 1)
-        apart = other[items[first]] != other[items[second]]
-        first, second = items[first[apart]], items[second[apart]]
-        if len(first):
-            order = np.argsort(distances[first, second], kind="stable")
-            chosen = order[round(share * (len(order) - 1))]
-            return int(first[chosen]), int(second[chosen])
-    return None
-
-
-def pair_across(distances: ndarray, same: ndarray, other: ndarray, share: float) -> Pair | None:
-    """Return the first item and one that differs from it in both classes, by their distance."""
-    items = np.flatnonzero((same != same[0]) & (other != other[0]))
-    if len(items) == 0:
+    first, second = np.triu_indices(len(distances), 1)
+    chosen = suits(first, second)
+    if not chosen.any():
         return None
-    order = items[np.argsort(distances[0, items], kind="stable")]
-    return 0, int(order[round(share * (len(order) - 1))])
+    first, second = first[chosen], second[chosen]
+    order = np.argsort(distances[first, second], kind="stable")
+    number = order[round(share * (len(order) - 1))]
+    return int(first[number]), int(second[number])
 
 
 def group_within(same: ndarray, other: ndarray, size: int) -> ndarray:
@@ -199,13 +185,22 @@ class Report:
     def matrix(self, name: str) -> ndarray:
         return self.distances[name].arrays["distances"]
 
+    def pair(self, metric: str, share: float, *, person: bool, pose: bool) -> Pair | None:
+        """Return bodies that do or do not share the person and the pose, see `choose_pair`."""
+
+        def suits(first: ndarray, second: ndarray) -> Any:
+            subject, stance = self.bodies.subject, self.bodies.pose
+            same_person = subject[first] == subject[second]
+            return (same_person == person) & ((stance[first] == stance[second]) == pose)
+
+        return choose_pair(self.matrix(metric), suits, share)
+
     @cached_property
     def pairs(self) -> dict[str, Pair]:
         """A person in two poses and two people in one pose, as far as there are such bodies."""
-        subject, pose = self.bodies.subject, self.bodies.pose
         found = {
-            SAME_PERSON: pair_within(self.matrix(POSE_METRIC), subject, pose, 0.5),
-            SAME_POSE: pair_within(self.matrix(SHAPE_METRIC), pose, subject, 1.0),
+            SAME_PERSON: self.pair(POSE_METRIC, 0.5, person=True, pose=False),
+            SAME_POSE: self.pair(SHAPE_METRIC, 1.0, person=False, pose=True),
         }
         return {name: pair for name, pair in found.items() if pair is not None}
 

@@ -7,7 +7,7 @@ import pytest
 
 from riemhuman.measurements import Measurements
 from riemhuman.report import _body_sections as sections
-from riemhuman.report._report import group_within, pair_across, pair_within
+from riemhuman.report._report import choose_pair, group_within
 from riemhuman.retrieval import scores
 
 SUBJECT = np.repeat([0, 1, 2], 3)
@@ -15,26 +15,14 @@ POSE = np.tile([0, 1, 2], 3)
 DISTANCES = np.abs(np.subtract.outer(np.arange(9.0) ** 2, np.arange(9.0) ** 2))
 
 
-def test_pairs_within_a_class_by_distance():
-    # Of the first person: 0-1 is 1 apart, 1-2 is 3, 0-2 is 4.
-    assert [pair_within(DISTANCES, SUBJECT, POSE, s) for s in (0.0, 0.5, 1.0)] == [
-        (0, 1),
-        (1, 2),
-        (0, 2),
-    ]
-    assert pair_within(DISTANCES, POSE, SUBJECT, 1.0) == (0, 6)
+def test_pairs_by_what_they_share_and_their_distance():
+    def suits(one, other):
+        return (SUBJECT[one] == SUBJECT[other]) & (POSE[one] != POSE[other])
 
-
-def test_pairs_across_classes():
-    assert pair_across(DISTANCES, SUBJECT, POSE, 0.0) == (0, 4)
-    assert pair_across(DISTANCES, SUBJECT, POSE, 1.0) == (0, 8)
-
-
-def test_nothing_to_choose():
-    alone = np.arange(9)
-    assert pair_within(DISTANCES, alone, POSE, 0.5) is None
-    assert pair_within(DISTANCES, 0 * alone, 0 * alone, 0.5) is None
-    assert pair_across(DISTANCES, 0 * alone, POSE, 0.5) is None
+    # Items i and j are |i² − j²| apart: 0 and 1 are nearest, 6 and 8 farthest within a person.
+    assert choose_pair(DISTANCES, suits, 0.0) == (0, 1)
+    assert choose_pair(DISTANCES, suits, 1.0) == (6, 8)
+    assert choose_pair(DISTANCES, lambda one, other: one == other, 0.5) is None
 
 
 def test_groups_hold_one_of_each():
