@@ -321,33 +321,24 @@ def _check_matrix_options(options: argparse.Namespace) -> None:
 
 
 def _distances(metric: Any, surfaces: inputs.Surfaces, options: argparse.Namespace) -> ndarray:
-    settings = {"precision": options.precision, "progress": options.bars}
-    matrix: ndarray
+    settings = {"n_jobs": options.jobs, "precision": options.precision, "progress": options.bars}
     if options.resume is None:
-        matrix = metric.dist_pairwise(surfaces, options.jobs, **settings)
-    else:
-        matrix = rh.retrieval.pairwise_job(
-            metric, surfaces, options.resume, n_jobs=options.jobs, **settings
-        )
-    return matrix
+        matrix: ndarray = metric.dist_pairwise(surfaces, **settings)
+        return matrix
+    return rh.retrieval.pairwise_job(metric, surfaces, options.resume, **settings)
 
 
-def _path_distances(
-    metric: Any, surfaces: inputs.Surfaces, options: argparse.Namespace
-) -> PathDistances:
+def _path_distances(metric: Any, surfaces: inputs.Surfaces, options: argparse.Namespace) -> Any:
     if len(surfaces) < 2:
         raise ArgumentError(f"{options.folder} holds one mesh; paths need two")
     basis = inputs.chosen_basis(options, surfaces.template)
     n_nodes = _N_NODES if options.n_nodes is None else options.n_nodes
     solver, points = rh.solvers.BasisPath(basis, n_nodes=n_nodes), surfaces[:]
     settings = {"n_jobs": options.jobs, "progress": options.bars}
-    paths: PathDistances
     with options.task(f"Paths, {inputs.metric_name(metric)}"):
         if options.resume is None:
-            paths = rh.solvers.path_distances(solver, metric, points, **settings)
-        else:
-            paths = rh.retrieval.path_job(solver, metric, points, options.resume, **settings)
-    return paths
+            return rh.solvers.path_distances(solver, metric, points, **settings)
+        return rh.retrieval.path_job(solver, metric, points, options.resume, **settings)
 
 
 def _excess(paths: PathDistances) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -231,7 +230,12 @@ def _npz_facts(file: Path) -> dict[str, Any]:
     if {"v_template", "shapedirs"} <= arrays.keys():
         return _model_facts(file)
     if {"distances", "names"} <= arrays.keys():
-        return _matrix_facts(arrays)
+        return {
+            "kind": "distance matrix",
+            "names": len(arrays["names"]),
+            "metric": str(arrays["metric"]) if "metric" in arrays else None,
+            "largest": float(arrays["distances"].max(initial=0.0)),
+        }
     if {"path", "faces"} <= arrays.keys() and arrays["path"].ndim == 3:
         n_times, n_vertices = arrays["path"].shape[:2]
         n_triangles = len(arrays["faces"])
@@ -251,25 +255,6 @@ def _model_facts(file: Path) -> dict[str, Any]:
         "shape_coefficients": model.n_betas,
         "pose_blend_shapes": model.posedirs is not None,
         "joint_names": ", ".join(model.joint_names),
-    }
-
-
-def _matrix_facts(arrays: Mapping[str, ndarray]) -> dict[str, Any]:
-    import numpy as np
-
-    distances = arrays["distances"]
-    square = distances.ndim == 2 and distances.shape[0] == distances.shape[1]
-    pairs = distances[~np.eye(len(distances), dtype=bool)] if square else distances.ravel()
-    return {
-        "kind": "distance matrix",
-        "shape": list(distances.shape),
-        "names": len(arrays["names"]),
-        "metric": str(arrays["metric"]) if "metric" in arrays else None,
-        "symmetric": bool(square and np.array_equal(distances, distances.T)),
-        "zero_diagonal": bool(square and not distances.diagonal().any()),
-        "finite": bool(np.isfinite(distances).all()),
-        "smallest": float(pairs.min()) if pairs.size else None,
-        "largest": float(pairs.max()) if pairs.size else None,
     }
 
 

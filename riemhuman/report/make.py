@@ -146,13 +146,10 @@ def make_report(
         "Bodies in 3-D are drawn by three.js (MIT licence).",
     )
     write_text(folder / "index.html", text)
-    kept = {
-        "name": "name",
-        "seconds": "seconds",
-        "is_reused": "reused",
-        "fingerprint": "fingerprint",
-    }
-    steps = [{key: getattr(step, field) for field, key in kept.items()} for step in store.steps]
+    steps = [
+        {"name": s.name, "seconds": s.seconds, "reused": s.is_reused, "fingerprint": s.fingerprint}
+        for s in store.steps
+    ]
     provenance = {
         "status": "finished",
         "started": started,
@@ -190,14 +187,13 @@ def _facts(bodies: Bodies) -> list[tuple[str, str]]:
 def _lead(bodies: Bodies, *, quick: bool) -> str:
     """Return the introduction as HTML."""
     names = ", ".join(escape(readable(name)) for name in bodies.pose_names[:3])
-    text = (
+    shorter = " This is a quick run, with fewer surfaces per path and fewer deformations."
+    return (
         "The experiments of Pierson, Daoudi and Tumpach, <cite>A Riemannian Framework for Analysis "
         "of Human Body Surface</cite> (WACV 2022), on bodies registered to one template: "
         f"retrieval of people and of poses ({names} …), and shortest paths between bodies."
+        f"{shorter if quick else ''}"
     )
-    if quick:
-        text += " This is a quick run, with fewer surfaces per path and fewer deformations."
-    return text
 
 
 def _making_section(report: Report) -> Section:
