@@ -312,8 +312,8 @@ def _check_matrix_options(options: argparse.Namespace) -> None:
         raise ArgumentError("--json and --csv - both write to standard output; leave one out")
     for name in ("n_nodes", "basis", "n_components"):
         if getattr(options, name) is not None and not options.paths:
-            cli.flag = name.replace("_", "-")
-            raise ArgumentError(f"--{cli.flag} needs --paths; add that, or leave it out")
+            flag = name.replace("_", "-")
+            raise ArgumentError(f"--{flag} needs --paths; add that, or leave it out")
     if options.paths and options.precision != "double":
         raise ArgumentError(
             f"--precision {options.precision} cannot be combined with --paths; leave out one"
