@@ -21,12 +21,12 @@ def small_figure():
         return figure_files(figure)
 
 
-@pytest.mark.parametrize("label", [r"$\frac$", "a $ b", "two\nlines", r"\alpha_1^2", "=1+1"])
-def test_labels_are_no_formulas(label):
+def test_labels_are_no_formulas():
     with figure_style():
         figure = new_figure(2.0, 1.5)
         ax = figure.subplots()
-        ax.set_title(label)
+        for label in (r"$\frac$", "a $ b", "two\nlines", r"\alpha_1^2", "=1+1"):
+            figure.text(0.5, 0.5, label)
         ax.set_yscale("log")
         svg, _ = figure_files(figure)
     ElementTree.fromstring(svg)

@@ -223,7 +223,7 @@ def test_bodies_keep_their_silhouette_in_every_pose():
     Of all others in all poses, the loss was 1.21 % at most (squatting).
     """
     performances, model = load_open_bodies("coarse"), load_open_model("full")
-    some = [3, *range(10), 49]
+    some = [3, 0, 5, 9, 49]
     points = model(performances.betas[some], performances.pose_vectors[some])
     kept, faces = decimate(points[0], model.faces, 3500)
     assert is_closed(faces)
