@@ -19,11 +19,7 @@ from riemhuman.checks import (
     real_array,
     whole_number,
 )
-from riemhuman.errors import (
-    ArgumentError,
-    ArgumentTypeError,
-    NotDefinedError,
-)
+from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.pairwise import (
     MEMORY,
@@ -141,18 +137,10 @@ class RiemannianMetric:
 
     has_closed_form_dist = _defines("squared_dist", "Whether the class has distances itself.")
     has_inner_product = _defines("inner_product", "Whether the class has inner products itself.")
-    has_closed_form_geodesic = _defines(
-        "_geodesic_between", "Whether geodesics between points need no solver."
-    )
-    has_closed_form_transport = _defines(
-        "parallel_transport", "Whether parallel transport needs no solver."
-    )
-    has_metric_matrix = _defines(
-        "metric_matrix", "Whether there is a matrix, with which solvers precondition."
-    )
-    has_lower_bound_coordinates = _defines(
-        "lower_bound_coordinates", "Whether there are such coordinates, for nearest neighbours."
-    )
+    has_closed_form_geodesic = _defines("_geodesic_between", "Whether geodesics need no solver.")
+    has_closed_form_transport = _defines("parallel_transport", "Whether it needs no solver.")
+    has_metric_matrix = _defines("metric_matrix", "Whether there is a matrix, for preconditioning.")
+    has_lower_bound_coordinates = _defines("lower_bound_coordinates", "Whether there are such.")
 
     @property
     def has_target_metric(self) -> bool:
@@ -545,11 +533,9 @@ class RiemannianMetric:
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the end of the geodesic with this initial velocity after unit time.
 
-        OutsideManifoldError says where it leaves the manifold.
-
-        Where the class has no closed form, `exp_solver` computes the geodesics one by one, by
-        default in ten steps over 60 harmonics of the template. Autograd differentiates through
-        solvers that have derivatives.
+        OutsideManifoldError says where it leaves the manifold. Where the class has no closed form,
+        `exp_solver` computes the geodesics one by one, by default in ten steps over 60 harmonics of
+        the template. Autograd differentiates through solvers that have derivatives.
 
         Parameters
         ----------
@@ -565,10 +551,9 @@ class RiemannianMetric:
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the initial velocity of the minimal geodesic from `base_point` to `point`.
 
-        OutsideManifoldError says where none, or more than one, exists.
-
-        Where the class has no closed form, `log_solver` computes the logarithms one by one. By
-        default it makes as many steps as `exp`, which undoes it, and warns where it does not.
+        OutsideManifoldError says where none, or more than one, exists. Where the class has no
+        closed form, `log_solver` computes the logarithms one by one. By default it makes as many
+        steps as `exp`, which undoes it, and warns where it does not.
 
         Parameters
         ----------
@@ -631,22 +616,24 @@ class RiemannianMetric:
         ----------
         initial_point : array, shape (..., \*shape)
         end_point : array, shape (..., \*shape), optional
-            End point.
         initial_tangent_vec : array, shape (..., \*shape), optional
             Initial velocity; exactly one of the two is given.
         """
-        initial_point = self.space.check_point(initial_point, "initial_point")
         if (end_point is None) == (initial_tangent_vec is None):
             raise ArgumentError("geodesic needs end_point or initial_tangent_vec, and not both")
         if end_point is not None:
-            end_point = self.space.check_point(end_point, "end_point")
-            return self._geodesic_between(initial_point, end_point)
+            start = self._check_end(initial_point, "initial_point")
+            return self._geodesic_between(start, self._check_end(end_point, "end_point"))
+        initial_point = self.space.check_point(initial_point, "initial_point")
         velocity = real_array(initial_tangent_vec, "initial_tangent_vec", self.space.shape)
-
         point, velocity = (
             np.expand_dims(array, -self.space.point_ndim - 1) for array in (initial_point, velocity)
         )
         return lambda t: self.exp(self._times(t) * velocity, point)
+
+    def _check_end(self, point: ndarray, name: str) -> ndarray:
+        """Return an end of a geodesic between two points after checking it."""
+        return self.space.check_point(point, name)
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         solver = self._solver("geodesic_solver")
@@ -785,7 +772,7 @@ def _scaled(name: str, power: float) -> Callable[..., Any]:
 for _power, _names in {
     1.0: "inner_product covector gram_matrix metric_matrix squared_dist energy curvature_form",
     0.5: "length injectivity_radius lower_bound_coordinates",
-    0.0: "exp log parallel_transport remove_drift map differential _geodesic_between",
+    0.0: "exp log parallel_transport remove_drift map differential _geodesic_between _check_end",
 }.items():
     for _name in _names.split():
         setattr(ScalarProductMetric, _name, _scaled(_name, _power))

@@ -232,15 +232,8 @@ class EbinMetric(ConeMetric):
         self._term = EbinTerm(lam=lam)
         self.lam = self._term.lam
 
-    def geodesic(
-        self,
-        initial_point: ndarray,
-        end_point: ndarray | None = None,
-        initial_tangent_vec: ndarray | None = None,
-    ) -> Callable[[Any], ndarray]:
-        if end_point is None or initial_tangent_vec is not None:
-            return super().geodesic(initial_point, end_point, initial_tangent_vec)
-        return self._geodesic_between(initial_point, end_point)
+    def _check_end(self, point: ndarray, name: str) -> ndarray:
+        return self._checked(point, name)[0]  # in the completion
 
 
 class GeneralElasticFieldMetric(ConeMetric):

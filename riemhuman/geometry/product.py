@@ -132,6 +132,10 @@ class ProductManifold(Manifold):
         )
 
 
+def _all_factors(name: str) -> Any:
+    return property(lambda self: all(getattr(one.metric, name) for one in self.space.factors))
+
+
 class ProductMetric(RiemannianMetric):
     """The weighted sum of the metrics of the factors.
 
@@ -181,13 +185,8 @@ class ProductMetric(RiemannianMetric):
     def has_closed_form_dist(self) -> bool:
         return all(factor.metric.has_closed_form_dist for _, factor, _ in self._weighted_factors())
 
-    @property
-    def has_closed_form_geodesic(self) -> bool:
-        return all(factor.metric.has_closed_form_geodesic for factor in self.space.factors)
-
-    @property
-    def has_closed_form_transport(self) -> bool:
-        return all(factor.metric.has_closed_form_transport for factor in self.space.factors)
+    has_closed_form_geodesic = _all_factors("has_closed_form_geodesic")
+    has_closed_form_transport = _all_factors("has_closed_form_transport")
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
