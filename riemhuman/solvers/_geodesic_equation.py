@@ -25,7 +25,7 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.drift import centroid
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
-from riemhuman.solvers.paths import rounded
+from riemhuman.solvers.paths import rounded, rounding_energy
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -211,8 +211,10 @@ def has_long_step(metric: RiemannianMetric, path: ndarray, all_coordinates: bool
         return True
     steps = np.diff(path, axis=0)
     norms = metric.squared_norm(steps, path[:-1]) + metric.squared_norm(steps, path[1:])
-    energies = [metric.energy(path[k : k + 2]) for k in range(len(steps))]
-    return bool(np.any(energies < _LEAST_SHARE * 0.5 * norms))
+    energies = [float(metric.energy(path[k : k + 2])) for k in range(len(steps))]
+    # Distances between surfaces that are the same up to rounding say nothing.
+    floor = rounding_energy(metric, path[0])
+    return bool(np.any(np.add(energies, floor) < _LEAST_SHARE * 0.5 * norms))
 
 
 def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
