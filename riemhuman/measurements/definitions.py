@@ -512,7 +512,7 @@ def nearest_name(name: str, what: str, known: Sequence[str] | Mapping[str, Any])
     """Return a name if it is known; otherwise raise an error that offers the nearest names."""
     if name in known:
         return name
-    near = get_close_matches(name, list(known), n=3, cutoff=0.5)
+    near = get_close_matches(str(name), list(known), n=3, cutoff=0.5)
     offered = f"did you mean {' or '.join(map(repr, near))}?" if near else ""
     listed = offered or f"there are {', '.join(map(repr, known)) or 'none'}"
     raise ArgumentError(f"there is no {what} {name!r}; {listed}")

@@ -2,13 +2,10 @@
 
 `DynamicTimeWarping` matches frames of two motions at any speed; `VelocityTimeWarping` also finds
 motions again that have few frames; `RateInvariantMetric` satisfies the triangle inequality;
-`RateDependentMetric` compares bodies at equal times; `GramHankel` needs no matching of frames.
+`RateDependentMetric` compares bodies at equal times.
 """
 
-from riemhuman.motions.motion_representations import (
-    GramHankel,
-    compare_representations,
-)
+from riemhuman.motions.motion_representations import compare_representations
 from riemhuman.motions.motion_search import MotionSearch
 from riemhuman.motions.motion_space import MotionSpace, RateDependentMetric
 from riemhuman.motions.motion_statistics import (
@@ -22,7 +19,6 @@ from riemhuman.motions.time_warping import DynamicTimeWarping, VelocityTimeWarpi
 
 __all__ = [
     "DynamicTimeWarping",
-    "GramHankel",
     "MotionComponents",
     "MotionGeodesic",
     "MotionMean",

@@ -23,7 +23,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial.distance import pdist, squareform
 
-from riemhuman.checks import Rng, generator, real_number, whole_number
+from riemhuman.checks import Rng, generator
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import (
     AlignedSurfaces,
@@ -48,26 +48,8 @@ _COMPONENTS = 200
 class GramHankel:
     """Distances of sequences by normalised products of Hankel matrices.
 
-    They do not change when all frames are rotated together. They depend on the speed.
-
-    Parameters
-    ----------
-    space : AlignedSurfaces
-        Space of the frames.
-    width : float
-        Width σ of the kernel, metres.
-    n_rows : int
-        Rows r of the Hankel matrix; a sequence needs at least r frames.
-    n_features : int
-        Number of random Fourier features.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
-    >>> hankel = rh.motions.GramHankel(rh.AlignedSurfaces(knees[0].template))
-    >>> hankel.dist_pairwise([m[:60:3] for m in knees]).shape
-    (2, 2)
+    They do not change when all frames are rotated together. They depend on the speed. `width` is σ
+    in metres, `n_rows` is r, and `n_features` the number of random Fourier features.
     """
 
     space: AlignedSurfaces
@@ -75,14 +57,9 @@ class GramHankel:
     n_rows: int = 8
     n_features: int = 64
 
-    def __post_init__(self) -> None:
-        real_number(self.width, "width", minimum=0.0, strict=True)
-        whole_number(self.n_rows, "n_rows", minimum=1)
-        whole_number(self.n_features, "n_features", minimum=1)
-
-    def _describe(self, motion: Motion, name: str) -> ndarray:
+    def describe(self, motion: Motion, name: str) -> ndarray:
         """Return G divided by its norm, shape (r, r)."""
-        rows = np.concatenate([self._currents(run) for run in frame_runs(self.space, motion, name)])
+        rows = np.concatenate([self.currents(run) for run in frame_runs(self.space, motion, name)])
         if len(rows) < self.n_rows:
             raise ArgumentError(
                 f"{name} must have at least n_rows={self.n_rows} frames; found {len(rows)}"
@@ -93,28 +70,14 @@ class GramHankel:
         return np.asarray(hankel / np.linalg.norm(hankel))
 
     def dist(self, m1: Motion, m2: Motion) -> float:
-        """Return the distance of two motions.
-
-        Parameters
-        ----------
-        m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
-            Motions.
-        """
-        return float(np.linalg.norm(self._describe(m1, "m1") - self._describe(m2, "m2")))
+        return float(np.linalg.norm(self.describe(m1, "m1") - self.describe(m2, "m2")))
 
     def dist_pairwise(self, motions: Sequence[Motion]) -> ndarray:
-        """Return all distances within a set of motions, shape (n, n).
-
-        Parameters
-        ----------
-        motions : sequence of motions
-            Motions.
-        """
         check_motions(motions)
-        rows = [self._describe(m, f"motions[{k}]").ravel() for k, m in enumerate(motions)]
+        rows = [self.describe(m, f"motions[{k}]").ravel() for k, m in enumerate(motions)]
         return squareform(pdist(np.stack(rows)))
 
-    def _currents(self, run: ndarray) -> ndarray:
+    def currents(self, run: ndarray) -> ndarray:
         """Return frames as vectors: area vectors times Fourier features at the centres."""
         rng = np.random.default_rng(0)
         # The Fourier transform of exp(−|x|²/σ²) is a normal density of deviation √2/σ.
