@@ -74,11 +74,11 @@ def find_joints(
     read = [_read_name(name) for name in names]
     sides = [(f"{side}_", side, _SIDED_NAMES) for side in SIDES] + [("", "", _OTHER_NAMES)]
     for prefix, side, parts in sides:
-        for part, known in parts.items():
+        for part, spellings in parts.items():
             candidates = [
-                (known.index(name), len(branches[joint]), joint)
+                (spellings.index(name), len(branches[joint]), joint)
                 for joint, (own_side, name) in enumerate(read)
-                if own_side == side and name in known and joint not in found.values()
+                if own_side == side and name in spellings and joint not in found.values()
             ]
             if candidates and prefix + part not in found:
                 found[prefix + part] = min(candidates)[2]

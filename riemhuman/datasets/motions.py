@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import operator
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, SupportsIndex, TypeVar, overload
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -77,23 +76,18 @@ class Motion(ABC):
         for first in range(0, len(self), _FRAMES_AT_A_TIME):
             yield from self[first : first + _FRAMES_AT_A_TIME]
 
-    @overload
-    def __getitem__(self, index: int) -> np.ndarray: ...
-    @overload
-    def __getitem__(self, index: slice) -> np.ndarray: ...
     def __getitem__(self, index: int | slice) -> np.ndarray:
-        if isinstance(index, slice):
-            return self._frames(range(len(self))[index])
         try:
-            number = operator.index(index)
+            numbers = range(len(self))[index]
+        except IndexError as error:
+            raise FrameIndexError(f"{self} has no frame {index}") from error
         except TypeError as error:
             raise ArgumentTypeError(
                 f"a motion is indexed by a whole number or a slice; found {index!r}"
             ) from error
-        if not -len(self) <= number < len(self):
-            raise FrameIndexError(f"{self} has no frame {number}")
-        number %= len(self)
-        return self._frames(range(number, number + 1))[0]
+        if isinstance(numbers, range):
+            return self._frames(numbers)
+        return self._frames(range(numbers, numbers + 1))[0]
 
     def __repr__(self) -> str:
         return (
@@ -165,15 +159,6 @@ class Motions(tuple[M, ...]):
     def __repr__(self) -> str:
         people, sequences = ({getattr(m, name) for m in self} for name in ("subject", "sequence"))
         return f"<Motions: {len(self)} of {len(people)} people, {len(sequences)} sequences>"
-
-    @overload
-    def __getitem__(self, index: SupportsIndex) -> M: ...
-    @overload
-    def __getitem__(self, index: slice) -> Motions[M]: ...
-    def __getitem__(self, index: SupportsIndex | slice) -> M | Motions[M]:
-        if isinstance(index, slice):
-            return Motions(super().__getitem__(index))
-        return super().__getitem__(index)
 
 
 def choose_names(wanted: Any, name: str, known: Sequence[str], source: str = "") -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
@@ -101,10 +101,6 @@ class RegisteredMeshes:
     def __len__(self) -> int:
         return len(self.files)
 
-    @overload
-    def __getitem__(self, index: int) -> np.ndarray: ...
-    @overload
-    def __getitem__(self, index: slice) -> np.ndarray: ...
     def __getitem__(self, index: int | slice) -> np.ndarray:
         if not isinstance(index, slice):
             return self._read(self.files[index])
@@ -302,14 +298,14 @@ def load_bodies(
             f"{', '.join(_COLUMNS)}, or give its path"
         )
     rows = _match_rows(files, table, allow_missing)
-    labels: dict[str, Any] = {}
+    columns: dict[str, Any] = {}
     for name, texts in zip(_COLUMNS[1:], zip(*rows.values(), strict=True), strict=True):
         names = sorted(set(texts), key=natural_key)
-        labels[f"{name}_names"] = tuple(names)
-        labels[name] = np.array([names.index(text) for text in texts], dtype=np.int64)
+        columns[f"{name}_names"] = tuple(names)
+        columns[name] = np.array([names.index(text) for text in texts], dtype=np.int64)
     files = list(rows)
     return _load(
-        files, labels, template, align=align, scale=scale, unit=unit, up=up, progress=progress
+        files, columns, template, align=align, scale=scale, unit=unit, up=up, progress=progress
     )
 
 

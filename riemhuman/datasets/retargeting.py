@@ -379,7 +379,7 @@ class _Performer(Skeleton):
         bones = [self.bone(*limb[:2]), self.bone(*limb[1:])]
         a, b = (float(np.linalg.norm(bone)) for bone in bones)
         joints = [self.joints[name] for name in limb[:2]]
-        known = [self.source.direction(*limb[:2]), self.source.direction(*limb[1:])]
+        known = self.source.direction(*limb[:2]), self.source.direction(*limb[1:])
         # A straight limb bends about its hinge, a bent one in its plane.
         hinge = self.rotations[:, joints[0]] @ self._hinge(limb)
         axis = np.cross(*known) + _HINGE_SHARE * hinge

@@ -135,13 +135,13 @@ def load_shrec14(
     subject, ids, files, missing = [], [], [], []
     for number, names in enumerate(members.values()):
         for name in names:
-            file = _file_of(name, by_name, class_file, root)
-            if file is None:
+            found = _file_of(name, by_name, class_file, root)
+            if found is None:
                 missing.append(name)
                 continue
             subject.append(number)
             ids.append(name)
-            files.append(file)
+            files.append(found)
     if missing and not (allow_missing and files):
         remedy = "; allow_missing=True loads the others" if files else ""
         raise FileError(
