@@ -28,6 +28,7 @@ from riemhuman.registration._start_search import Candidate, StartSearch, Target
 from riemhuman.registration._trust import (
     AREA,
     FAR_SHARE,
+    LIMB_ELSEWHERE,
     NEAR_METRES,
     RIVAL_METRES,
     Evidence,
@@ -127,6 +128,7 @@ _FARTHEST_LANDMARK = 5.0
 _LEAST_LEVEL = 0.3
 # Joints that move a smaller share of the vertices are ignored.
 _LIMB = 0.01
+_LIMB_JOINTS = ("shoulder", "elbow", "hip", "knee")
 # Unseen parts are named if they are more than this share of the surface together.
 _LEAST_UNSEEN = 0.1
 # With a larger unseen share, the direction up is a guess.
@@ -393,11 +395,25 @@ class ScanRegistration:
             joints += arm[1:].tolist() if joint in arm[1:] else []
         return np.isin(self._owners, joints_below(self.model, joints))
 
-    def _unseen_parts(self, seen: np.ndarray, scan: PreparedScan) -> list[str]:
+    def _lost_limbs(self, shares: np.ndarray) -> np.ndarray:
+        """Return which vertices belong to limbs that match little of the scan.
+
+        The model has no way to leave out a limb: without points of its own, it is fitted to others.
+        """
+        names = joint_names(self.model)
+        lost = [
+            int(k)
+            for k in np.flatnonzero(shares < LIMB_ELSEWHERE)
+            if names[k].split("_")[-1] in _LIMB_JOINTS
+        ]
+        vertices: np.ndarray = np.isin(self._owners, joints_below(self.model, lost))
+        return vertices
+
+    def _unseen_parts(self, seen: np.ndarray, lost: np.ndarray, scan: PreparedScan) -> list[str]:
         """Return what to say about the parts that a scan does not show."""
         areas = self.model.template.vertex_areas
         share = 1.0 - areas @ seen / areas.sum()
-        if share < _LEAST_UNSEEN:
+        if share < _LEAST_UNSEEN and not lost.any():
             return []
         names = joint_names(self.model)
         parts = [names[k] for k in np.flatnonzero(self._shares(seen) < 0.5)]
@@ -450,7 +466,8 @@ class ScanRegistration:
         _, model_distances = nearest_points(some, model_points, self.model.faces)
         # Hands that lie on the body are thin enough to be where it is, though they are right.
         overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands)
-        seen = near_matched(self.model.template, matched)
+        lost = self._lost_limbs(self._shares(matched & ~overlaps))
+        seen = near_matched(self.model.template, matched) & ~lost
         shares = self._shares(matched)
         limb = int(np.argmin(shares))
         doubts, limb_doubts = find_doubts(
@@ -473,7 +490,7 @@ class ScanRegistration:
             points=points,
             trusted=not doubts and not limb_doubts,
             trusted_vertices=trusted_vertices,
-            message="; ".join([*doubts, *limb_doubts, *self._unseen_parts(seen, scan)]),
+            message="; ".join([*doubts, *limb_doubts, *self._unseen_parts(seen, lost, scan)]),
             likelihood=likelihood,
             fit=ModelFit(
                 betas=pose.betas,

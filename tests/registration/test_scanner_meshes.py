@@ -79,6 +79,21 @@ def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
     assert "is not in the scan and not trusted" in result.message
 
 
+def test_a_missing_arm_is_not_trusted(registration, bodies):
+    """It is fitted to the trunk, where the scan has points."""
+    scan = simulated_scan(bodies[0], bodies.template.faces, rng=0, n_points=12000, rotate=False)
+    names, owners = bodies.model.joint_names, bodies.model.weights.argmax(axis=1)
+    arm = [names.index(f"left_{joint}") for joint in ("shoulder", "elbow", "wrist")]
+    on_arm = np.isin(owners, arm)
+    points = scan.points[~on_arm[cKDTree(scan.body).query(scan.points)[1]]]
+    result = registration.solve(points)
+    assert result.trusted, result.message
+    errors = np.linalg.norm(result.points - scan.body, axis=1)
+    assert errors[result.trusted_vertices].max() < 0.05
+    assert result.trusted_vertices[~on_arm].mean() > 0.95
+    assert "left_elbow, left_wrist, is not in the scan" in result.message
+
+
 def test_far_points_are_background_and_impossible_ones_are_named(registration, bodies):
     points = simulated_scan(bodies[0], bodies.template.faces, rng=0, n_points=2000).points
     result = registration.solve(np.concatenate([points, [[1000.0, 0.0, 0.0]]]))
