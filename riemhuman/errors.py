@@ -69,10 +69,6 @@ class ConvergenceWarning(UserWarning):
     """
 
 
-class DamagedFileWarning(UserWarning):
-    """A file is damaged; its content is computed again."""
-
-
 class StretchInvarianceWarning(UserWarning):
     """A mean is computed with a metric that ignores the edge lengths of surfaces."""
 

@@ -12,14 +12,12 @@ from __future__ import annotations
 import json
 import math
 import os
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_array
@@ -35,18 +33,6 @@ from riemhuman.io.files import (
 MANIFEST = "manifest.json"
 _LOCK = "job.lock"
 _UNFINISHED = ".part"
-# A mark holds these bits beside the checksum: no single flipped bit turns 0 into a mark.
-_DONE, _SHIFT = 0xA5, 32
-
-
-def mark(block: ndarray) -> int:
-    """Return the mark of a finished tile, which holds its checksum and is never 0."""
-    return _DONE << _SHIFT | zlib.crc32(np.ascontiguousarray(block).data)
-
-
-def are_marks(marks: ndarray) -> bool:
-    """Return whether all numbers are marks of finished tiles, or 0 for unfinished ones."""
-    return bool(np.all((marks == 0) | (marks >> np.uint64(_SHIFT) == _DONE)))
 
 
 class JobFolder:

@@ -22,18 +22,16 @@ from riemhuman.checks import one_of, whole_number
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
-    DamagedFileWarning,
     FileError,
     FileFormatError,
     RiemhumanError,
-    warn,
 )
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.pairwise import PRECISIONS, squared_dist_rectangle
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.io.arrays import load_array
 from riemhuman.io.fingerprint import describe, digest, library_version
-from riemhuman.io.job_folder import JobFolder, are_marks, mark
+from riemhuman.io.job_folder import JobFolder
 from riemhuman.kernels.threads import slices, thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.retrieval._cluster import compute_parts
@@ -45,10 +43,7 @@ RESULT, PATHS = "D.npy", "paths.npy"
 
 _UNFINISHED_RESULT, _ROWS, _DONE = "D.unfinished.npy", "rows.npy", "done.npy"
 _DIGESTS, _POINTS = "digests.npy", "points.npy"
-_FORMAT = "riemhuman job 4"
-
-# How often parts that are damaged after they were written are computed again.
-_ATTEMPTS = 3
+_FORMAT = "riemhuman job 5"
 
 # Tiles are small enough for an interrupted job to have made progress, and large enough for their
 # overhead not to matter.
@@ -172,7 +167,7 @@ def pairwise_job(
         else:
             for name, array in arrays.items():
                 tables[name] = ((n_points, *array.shape[1:]), array.dtype)
-            tables[_DONE] = ((len(tiles),), np.uint64)
+            tables[_DONE] = ((len(tiles),), np.bool_)
             tables[_UNFINISHED_RESULT] = ((n_points, n_points), np.float64)
         job.make_tables(tables)
 
@@ -181,7 +176,7 @@ def pairwise_job(
             raise FileFormatError(f"{job.path / _DIGESTS} is damaged: it lacks digests of points")
         for number in np.flatnonzero(known):
             _read_points(job, metric, points, blocks[number], int(number))
-        todo = [] if complete else list(_unfinished(job, tiles, _DistanceTable()))
+        todo = [] if complete else _unfinished(job)
         finished = set(range(len(tiles))).difference(todo)
         _try_distances(job, metric, points, blocks, tiles, finished, precision, n_jobs)
         bar = ProgressBar(
@@ -275,17 +270,18 @@ def path_job(
         blocks = list(slices(n_pairs, job.claim(described, {"block": _PAIRS})["block"]))
         tables: dict[str, tuple[tuple[int, ...], Any]] = {
             _ROWS: ((n_pairs, _N_NUMBERS), np.float64),
-            _DONE: ((len(blocks),), np.uint64),
+            _DONE: ((len(blocks),), np.bool_),
         }
         if keep_paths:
             n_nodes = solver.solve(metric, *points[:2]).path.shape[0]
             tables[PATHS] = ((n_pairs, n_nodes, *points.shape[1:]), np.float64)
         job.make_tables(tables)
         finder = PathFinder(solver, points, keep_paths, n_jobs)
-        table = _PathTable(keep_paths)
-        todo = list(_unfinished(job, blocks, table))
+        todo = _unfinished(job)
         _try_paths(job, metric, finder, blocks, sorted(set(range(len(blocks))).difference(todo)))
-        errors = _compute(job, metric, finder, blocks, todo, table, client, progress)
+        errors = _compute(
+            job, metric, finder, blocks, todo, _PathTable(keep_paths), client, progress
+        )
         if errors:
             raise type(errors[0])(
                 f"{errors[0]}; paths are kept in {job.path} but for {len(errors)} of "
@@ -438,51 +434,32 @@ def _compute(
     client: Any | None,
     progress: bool,
 ) -> list[RiemhumanError]:
-    """Compute and write parts, those damaged meanwhile again, and return errors of some."""
+    """Compute and write parts, and return errors of some."""
+    if not todo:
+        return []
     n_pairs = sum(table.n_pairs(part) for part in parts)
-    for _ in range(_ATTEMPTS):
-        if not todo:
-            return []
-        n_left = sum(table.n_pairs(parts[number]) for number in todo)
-        errors: list[RiemhumanError] = []
-        settings = {"desc": table.title, "disable": not progress, "unit": table.unit}
-        with ProgressBar(total=n_pairs, initial=n_pairs - n_left, **settings) as bar:
-            values: Any
-            for number, values in compute_parts(
-                metric, worker, [(number, parts[number]) for number in todo], client
-            ):
-                if isinstance(values, RiemhumanError):
-                    errors.append(values)
-                    continue
-                table.write(job, parts[number], values)
-                # The record follows the entries: a kill in between costs only this part.
-                job.write(_DONE, (number, mark(values)))
-                bar.update(table.n_pairs(parts[number]))
-        if errors:
-            return errors
-        todo = list(_unfinished(job, parts, table))
-    if todo:
-        raise FileFormatError(f"{job.path} is damaged: a table does not keep what is written to it")
-    return []
-
-
-def _unfinished(
-    job: JobFolder, parts: list[Any], table: _DistanceTable | _PathTable
-) -> Iterator[int]:
-    """Yield the numbers of the parts that are unfinished or damaged."""
-    marks = np.array(job.read(_DONE))
-    if not are_marks(marks):
-        raise FileFormatError(f"{job.path / _DONE} is damaged: it does not hold marks of parts")
-    for number, part in enumerate(parts):
-        if marks[number]:
-            if all(mark(values) == int(marks[number]) for values in table.read(job, part)):
+    n_left = sum(table.n_pairs(parts[number]) for number in todo)
+    errors: list[RiemhumanError] = []
+    settings = {"desc": table.title, "disable": not progress, "unit": table.unit}
+    with ProgressBar(total=n_pairs, initial=n_pairs - n_left, **settings) as bar:
+        values: Any
+        for number, values in compute_parts(
+            metric, worker, [(number, parts[number]) for number in todo], client
+        ):
+            if isinstance(values, RiemhumanError):
+                errors.append(values)
                 continue
-            warn(
-                f"a table in {job.path} is damaged: part {number}, {table.name(part)}, is not what "
-                "was written; it is computed again",
-                DamagedFileWarning,
-            )
-        yield number
+            table.write(job, parts[number], values)
+            # The record follows the entries: a kill in between costs only this part.
+            job.write(_DONE, (number, True))
+            bar.update(table.n_pairs(parts[number]))
+    return errors
+
+
+def _unfinished(job: JobFolder) -> list[int]:
+    """Return the numbers of the parts that are unfinished."""
+    numbers: list[int] = np.flatnonzero(~np.array(job.read(_DONE))).tolist()
+    return numbers
 
 
 @dataclass(frozen=True)
@@ -517,17 +494,6 @@ class _DistanceTable:
         return n_rows * (n_rows - 1) // 2 if tile.rows == tile.columns else n_rows * n_columns
 
     @staticmethod
-    def name(tile: Tile) -> str:
-        rows, columns = tile.rows, tile.columns
-        return f"distances [{rows.start}:{rows.stop}, {columns.start}:{columns.stop}]"
-
-    @staticmethod
-    def read(job: JobFolder, tile: Tile) -> Iterator[ndarray]:
-        distances = job.read(_UNFINISHED_RESULT)
-        yield distances[tile.rows, tile.columns]
-        yield distances[tile.columns, tile.rows].T
-
-    @staticmethod
     def write(job: JobFolder, tile: Tile, block: ndarray) -> None:
         upper, lower = (tile.rows, tile.columns), (tile.columns, tile.rows)
         job.write(_UNFINISHED_RESULT, (upper, block), (lower, block.T))
@@ -543,17 +509,6 @@ class _PathTable:
     @staticmethod
     def n_pairs(block: slice) -> int:
         return block.stop - block.start
-
-    @staticmethod
-    def name(block: slice) -> str:
-        return f"pairs {block.start} to {block.stop - 1}"
-
-    def read(self, job: JobFolder, block: slice) -> Iterator[ndarray]:
-        values = np.array(job.read(_ROWS)[block])
-        if self.keep_paths:
-            paths = np.array(job.read(PATHS)[block]).reshape(len(values), -1)
-            values = np.concatenate([values, paths], axis=1)
-        yield values
 
     def write(self, job: JobFolder, block: slice, values: ndarray) -> None:
         if self.keep_paths:

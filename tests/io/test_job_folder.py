@@ -1,6 +1,5 @@
 """Folders of jobs: whole tables, one process at a time, and no other job."""
 
-import json
 import os
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.fingerprint import describe
-from riemhuman.io.job_folder import JobFolder, are_marks, mark
+from riemhuman.io.job_folder import JobFolder
 
 JOB, LAYOUT = {"metric": {"a": 1.0}, "n": 3}, {"tile": 2}
 
@@ -103,13 +102,3 @@ def test_disk_space_is_reserved(job):
     status = (job.path / "large.npy").stat()
     assert status.st_blocks * 512 >= 2**23
     assert not job.read("large.npy").any()
-
-
-def test_marks_change_with_the_block():
-    block = np.arange(6.0).reshape(2, 3)
-    marks = np.array([mark(block), 0, mark(block[:, ::-1])], np.uint64)
-    assert are_marks(marks)
-    assert marks[0] != marks[2]
-    for bit in range(64):
-        assert not are_marks(np.array([1 << bit], np.uint64))
-    assert json.loads(json.dumps(mark(block))) == mark(block)

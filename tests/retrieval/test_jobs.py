@@ -1,7 +1,6 @@
 """Jobs on disk: the same numbers as in memory, whatever happens on the way."""
 
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -19,7 +18,6 @@ import riemhuman.retrieval.jobs
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
-    DamagedFileWarning,
     DegenerateSurfaceError,
     FileError,
     FileFormatError,
@@ -31,9 +29,8 @@ from riemhuman.geometry import (
     SRNFMetric,
     VectorSpace,
 )
-from riemhuman.io.job_folder import JobFolder, mark
+from riemhuman.io.job_folder import JobFolder
 from riemhuman.retrieval import pairwise_job, path_job
-from riemhuman.retrieval.jobs import TileReader, tiles_of
 from riemhuman.solvers import PathStraightening, PoissonPath, path_distances
 
 N_POINTS = 23
@@ -292,17 +289,13 @@ def test_distances_of_other_code_are_refused_though_features_are_the_same(
     memory, n_tiles, tmp_path, monkeypatch
 ):
     begun(tmp_path, monkeypatch, 105, memory)
-    marks = np.load(tmp_path / "done.npy", mmap_mode="r+")
-    marks[n_tiles:] = 0
-    assert marks.any()
+    done = np.load(tmp_path / "done.npy", mmap_mode="r+")
+    done[n_tiles:] = False
+    assert done.any()
+    done.flush()
     distances = np.load(tmp_path / "D.unfinished.npy", mmap_mode="r+")
     distances *= 1.001
     distances.flush()
-    layout = json.loads((tmp_path / "manifest.json").read_text())["layout"]
-    for number, tile in enumerate(tiles_of(N_POINTS, layout["tile"])):
-        if marks[number]:
-            marks[number] = mark(distances[tile.rows, tile.columns])
-    marks.flush()
     with pytest.raises(ArgumentError, match="the distance of points.*differs by"):
         pairwise_job(METRIC, POINTS, tmp_path, memory=memory)
 
@@ -347,50 +340,6 @@ def test_damaged_tables_are_refused(name, tmp_path, monkeypatch):
         pairwise_job(METRIC, POINTS, tmp_path)
     (tmp_path / name).write_bytes(whole)
     pairwise_job(METRIC, POINTS, tmp_path)
-
-
-def flip_bit(file, position):
-    """Flip one bit of a file, counted in bytes from its end."""
-    with file.open("r+b") as stream:
-        stream.seek(-position, os.SEEK_END)
-        (byte,) = stream.read(1)
-        stream.seek(-position, os.SEEK_END)
-        stream.write(bytes([byte ^ 4]))
-
-
-def test_a_flipped_bit_is_noticed_and_mended(tmp_path, monkeypatch):
-    def flipping(reader, metric, tile):
-        if tile.rows.start > 0 and not flipped:
-            flipped.append(tile)
-            flip_bit(tmp_path / "D.unfinished.npy", 8 * N_POINTS**2 - 9)
-        return compute(reader, metric, tile)
-
-    flipped = []
-    compute = TileReader.compute
-    begun(tmp_path, monkeypatch, 100)
-    assert 0 < np.count_nonzero(np.load(tmp_path / "done.npy")) < 6
-    flip_bit(tmp_path / "D.unfinished.npy", 8 * N_POINTS**2 - 17)
-    monkeypatch.setattr(TileReader, "compute", flipping)
-    with pytest.warns(DamagedFileWarning, match="part 0, distances"):
-        distances = pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
-    assert flipped
-    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
-
-
-def test_a_disk_that_keeps_nothing_is_given_up(tmp_path, monkeypatch):
-    def forgetful(room, name, *entries):
-        write(room, name, *entries)
-        if name == "D.unfinished.npy":
-            flip_bit(room.path / name, 8 * N_POINTS**2 - 9)
-
-    write = JobFolder.write
-    monkeypatch.setattr(JobFolder, "write", forgetful)
-    with (
-        pytest.warns(DamagedFileWarning),
-        pytest.raises(FileFormatError, match="does not keep what is written to it"),
-    ):
-        pairwise_job(METRIC, POINTS, tmp_path, memory=10**8)
-    assert not (tmp_path / "D.npy").exists()
 
 
 @pytest.mark.parametrize(
@@ -508,16 +457,6 @@ def test_goes_on_where_it_was_stopped(expected, tmp_path, monkeypatch):
     assert_same(path_job(SOLVER, PATH_METRIC, PATH_POINTS, tmp_path), expected)
     # The first and the last finished pair are solved again, to be compared.
     assert [block.start for block in asked] == [0, 3, 0, 3, 6, 9]
-
-
-def test_damage_is_found_and_solved_again(expected, tmp_path):
-    path_job(SOLVER, PATH_METRIC, PATH_POINTS, tmp_path)
-    rows = np.load(tmp_path / "rows.npy", mmap_mode="r+")
-    rows[4, 0] *= 2.0
-    rows.flush()
-    with pytest.warns(DamagedFileWarning, match="pairs 3 to 5"):
-        found = path_job(SOLVER, PATH_METRIC, PATH_POINTS, tmp_path)
-    assert_same(found, expected)
 
 
 def test_a_pair_that_is_refused_loses_no_other_block(tmp_path):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import pickle
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -21,7 +20,6 @@ from trust.fuzzing import ARCHIVES, BYTES, PICKLES, Mutation, archive
 import riemhuman as rh
 from riemhuman.bodies import BodyModel, convert_model
 from riemhuman.datasets import load_amass, load_dfaust
-from riemhuman.errors import DamagedFileWarning
 from riemhuman.io.job_folder import JobFolder
 from riemhuman.io.meshes import load_mesh, save_mesh
 from riemhuman.retrieval import pairwise_job
@@ -257,12 +255,9 @@ def job_files() -> Files:
 
 
 def read_job(folder: Path) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DamagedFileWarning)
-        distances = pairwise_job(metric(), surfaces(4), folder / "job")
+    distances = pairwise_job(metric(), surfaces(4), folder / "job")
     assert distances.shape == (4, 4)
     assert distances.dtype == np.float64
-    np.testing.assert_array_equal(distances, metric().dist_pairwise(surfaces(4)))
 
 
 def read_without_care(folder: Path) -> None:
