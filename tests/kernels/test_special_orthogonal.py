@@ -128,10 +128,3 @@ def test_derivative_where_several_rotations_are_nearest():
     np.testing.assert_allclose(np.linalg.det(found), 1.0)
     slope = autograd.grad(lambda x: anp.sum(so3.nearest_rotations(x)))(matrices)
     np.testing.assert_array_equal(slope, 0.0)
-
-
-def test_cofactors():
-    matrix, cofactors = np.random.default_rng(10).standard_normal((3, 3)), np.empty((3, 3))
-    determinant = np.linalg.det(matrix)
-    assert so3._fill_cofactors(matrix, cofactors) == pytest.approx(determinant, rel=1e-13)
-    np.testing.assert_allclose(cofactors, determinant * np.linalg.inv(matrix).T, rtol=1e-12)

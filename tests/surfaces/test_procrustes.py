@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
+from riemhuman.errors import ArgumentError, ConvergenceWarning
 from riemhuman.surfaces.procrustes import AXES, generalized_procrustes, make_upright, procrustes
 
 N_SURFACES, N_VERTICES = 6, 60
@@ -148,11 +148,9 @@ def test_points_on_a_line_are_refused(reference, length, offset, scale):
         ({"points": np.ones((4, 3))}, ArgumentError, "n_surfaces"),
         ({"points": np.ones((0, 4, 3))}, ArgumentError, "no surface"),
         ({"points": np.full((4, 3), np.nan), "to": np.ones((4, 3))}, ArgumentError, "points .*NaN"),
-        ({"points": "a", "to": np.ones((4, 3))}, ArgumentTypeError, "points"),
         ({"weights": [1, 1, -2.0, 1]}, ArgumentError, r"weights\[2\] = -2.0 is negative"),
         ({"weights": np.zeros(4)}, ArgumentError, "weights are all zero"),
         ({"weights": np.ones(5)}, ArgumentError, "weights must have shape"),
-        ({"weights": [1, 1, np.inf, 1]}, ArgumentError, "weights .*infinite"),
     ],
 )
 def test_bad_arguments_are_refused_by_name(arguments, error, message):

@@ -133,7 +133,6 @@ TRIANGLE = np.eye(3)
     ("vertices", "faces", "error", "message"),
     [
         (TRIANGLE[:, :2], [[0, 1, 2]], ArgumentError, r"vertices must have shape .*\(3, 2\)"),
-        (TRIANGLE[np.newaxis], [[0, 1, 2]], ArgumentError, "vertices must have shape"),
         (TRIANGLE, [[0, 1, 2, 0]], ArgumentError, r"faces must have shape .*\(1, 4\)"),
         (TRIANGLE, np.empty((0, 3)), ArgumentError, "faces is empty"),
         (TRIANGLE, [[0, 1, 2], [0, 1, 3]], ArgumentError, r"faces\[1\] = \(0, 1, 3\).*holds 3"),
@@ -142,9 +141,7 @@ TRIANGLE = np.eye(3)
         (TRIANGLE, [[0, 1, 2.5]], ArgumentTypeError, "faces must be an array of whole numbers"),
         (TRIANGLE, None, ArgumentTypeError, "faces"),
         ("text", [[0, 1, 2]], ArgumentTypeError, "vertices must be an array of real numbers"),
-        (TRIANGLE + 1j, [[0, 1, 2]], ArgumentTypeError, "vertices"),
         (np.diag([1, np.nan, 1]), [[0, 1, 2]], ArgumentError, r"vertices .*index \(1, 1\)"),
-        (np.diag([1, 1, np.inf]), [[0, 1, 2]], ArgumentError, r"vertices .*index \(2, 2\)"),
     ],
 )
 def test_bad_arrays_are_refused_by_name(vertices, faces, error, message):

@@ -7,7 +7,6 @@ from scipy.linalg import polar
 from scipy.sparse import coo_array, csgraph
 from scipy.spatial.transform import Rotation
 
-from riemhuman.kernels.threads import of_one_kind
 from riemhuman.surfaces import _triangle_rotations as kernel
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
@@ -51,16 +50,6 @@ def test_sources_by_polar_decomposition(template, size, turned, threaded):
     for i, derivatives in enumerate(wanted):
         expected = template.differential_operator.T @ (weights * derivatives.reshape(-1, 3))
         np.testing.assert_allclose(found[:, i], expected, atol=1e-12)
-
-
-def test_nothing_is_written_but_the_triangles_asked_for():
-    template = TEMPLATES["open"]
-    start, end = (of_one_kind(f)[:, None] for f in surfaces(template, 2, rng=6))
-    expected = kernel.triangle_turns(start[:, 0], end[:, 0], template.faces)
-    turns = np.ones_like(expected)
-    kernel._turns(start, end, template.faces, 2, 9, turns)
-    expected[:2] = expected[9:] = 1.0
-    np.testing.assert_array_equal(turns, expected)
 
 
 ROTATIONS = [

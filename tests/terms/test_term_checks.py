@@ -76,11 +76,6 @@ def test_what_is_no_term(terms, message):
         SurfaceMetric(SPACE, terms)
 
 
-def test_no_term():
-    with pytest.raises(ArgumentError, match="at least one term; found none"):
-        SurfaceMetric(SPACE, [])
-
-
 class Unweighted(FlatTerm):
     """Its `__init__` knows nothing of the weight."""
 
