@@ -42,10 +42,9 @@ class ViewedBody:
 
     Examples
     --------
+    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> mean = rh.plots.ViewedBody("mean", bodies.points[:1], color=(0.93, 0.74, 0.30))
-    >>> viewer = rh.plots.Viewer(bodies.template.faces, {"Bodies": [mean]})
+    >>> body = rh.plots.ViewedBody("mean", np.zeros((1, 3, 3)), color=(0.93, 0.74, 0.30))
     """
 
     label: str

@@ -68,7 +68,6 @@ def plot_body(
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> ax = rh.plots.plot_body(bodies[0], bodies.template.faces)
-    >>> ax.figure.savefig("body.png")
     """
     vertices, faces = as_surfaces(vertices, faces)
     ax = new_axes(ax, 3.2, 4.8)

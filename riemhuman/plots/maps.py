@@ -158,8 +158,7 @@ def plot_embedding(
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> ax = rh.plots.plot_embedding(bodies.points[:10, 0, :2], bodies.subject[:10])
+    >>> ax = rh.plots.plot_embedding([[0, 1], [1, 0], [1, 1]], [0, 0, 1], ["Anna", "Ben"])
     """
     places = real_array(positions, "positions", ("n_items", 2), batched=False)
     items = integer_array(labels, "labels", (len(places),))

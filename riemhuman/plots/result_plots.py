@@ -91,9 +91,8 @@ def plot_precision_recall(
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> D = rh.AlignedSurfaces(bodies.template).metric.dist_pairwise(bodies[:30])
-    >>> ax = rh.plots.plot_precision_recall({"shape": D}, bodies.subject[:30])
+    >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
+    >>> ax = rh.plots.plot_precision_recall({"toy": D}, [0, 0, 1, 1])
     """
     ax = new_axes(ax, 4.2, 3.2)
     styles = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
@@ -138,9 +137,8 @@ def plot_confusion(
     Examples
     --------
     >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> D = rh.AlignedSurfaces(bodies.template).metric.dist_pairwise(bodies[:30])
-    >>> ax = rh.plots.plot_confusion(D, bodies.subject[:30])
+    >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
+    >>> ax = rh.plots.plot_confusion(D, [0, 0, 1, 1])
     """
     items = integer_array(labels, "labels", ("n_items",))
     counts = confusion(distances, items)

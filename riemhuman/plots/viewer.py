@@ -218,7 +218,6 @@ def view_path(
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> viewer = rh.plots.view_path(bodies.points[:4], bodies.template.faces)
-    >>> viewer.save("path.html")
     """
     paths = path if isinstance(path, Mapping) else {"": path}
     if not paths:
@@ -273,7 +272,6 @@ def view_bodies(
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> viewer = rh.plots.view_bodies(bodies.points[:2], bodies.template.faces)
-    >>> viewer.save("bodies.html")
     """
     points, faces = as_surfaces(points, faces)
     surfaces = real_array(points, "points", ("n_vertices", 3))

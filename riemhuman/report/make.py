@@ -102,11 +102,6 @@ def make_report(
     bars : bool
         Whether to show progress bars within long tasks.
 
-    Returns
-    -------
-    Path
-        The page.
-
     Examples
     --------
     >>> import riemhuman as rh

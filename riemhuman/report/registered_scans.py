@@ -33,11 +33,6 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
     Path
         The page, ``index.html`` in the folder, for any browser without a network connection.
 
-    Raises
-    ------
-    FileError
-        If the folder holds no registered scans.
-
     Examples
     --------
     >>> import riemhuman as rh

@@ -94,16 +94,6 @@ def test_a_refusal_is_told_and_the_others_go_on(few):
     assert re.search(r"^a +failed: ArgumentError: body 3 has no head$", text, re.MULTILINE)
 
 
-def test_a_fault_is_raised_with_the_name(few):
-    class Faulty(Heights):
-        def describe(self, vertices, faces):
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError) as fault:
-        benchmark(few, {"my own": Faulty()})
-    assert "'my own'" in fault.value.__notes__[0]
-
-
 def test_metrics_do_not_take_meshes_that_are_not_registered(few):
     class Meshes:
         subject = few.subject
