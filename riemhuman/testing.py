@@ -48,6 +48,8 @@ _LIMIT = "short distances are norms of tangent vectors"
 _GRADIENT = "the gradient of the energy is exact"
 _EXP_BEGINS = "geodesics begin with their initial velocity"
 _LOG_BEGINS = "logarithms of points nearby lead there"
+# Number of random points of a manifold.
+_N_POINTS = 4
 # Number of surfaces of a data set, which may be larger than memory, that are read.
 _N_READ = 8
 
@@ -329,9 +331,7 @@ def _order(metric: RiemannianMetric, points: ndarray, a: ndarray) -> float:
     return float(np.maximum(2.0 - order, 0.0))
 
 
-def check_manifold(
-    space: Manifold, rng: Rng = 0, *, tolerance: float = 1e-9, n_points: int = 4
-) -> PropertyReport:
+def check_manifold(space: Manifold, rng: Rng = 0, *, tolerance: float = 1e-9) -> PropertyReport:
     """Check the consistency of a manifold on a few random points.
 
     These are the properties that the report names; the dimension of tangent spaces is checked for
@@ -345,8 +345,6 @@ def check_manifold(
         Seed, or the generator that points are drawn from.
     tolerance : float
         Largest relative error.
-    n_points : int
-        Number of points, at least two.
 
     Examples
     --------
@@ -359,11 +357,11 @@ def check_manifold(
 
     @cache
     def points() -> ndarray:
-        return np.asarray(space.random_point(n_points, rng=rng))
+        return np.asarray(space.random_point(_N_POINTS, rng=rng))
 
     @cache
     def noise() -> ndarray:
-        return rng.standard_normal((n_points, *shape))
+        return rng.standard_normal((_N_POINTS, *shape))
 
     @cache
     def vectors() -> ndarray:
@@ -371,17 +369,17 @@ def check_manifold(
 
     def shapes() -> bool:
         return np.shape(space.random_point(rng=rng)) != shape or (
-            points().shape != (n_points, *shape)
+            points().shape != (_N_POINTS, *shape)
         )
 
     def members() -> float:
         verdicts = np.asarray(space.belongs(points()))
-        return _share(~verdicts) if verdicts.shape == (n_points,) else np.inf
+        return _share(~verdicts) if verdicts.shape == (_N_POINTS,) else np.inf
 
     def nan() -> float:
         spoilt = points().copy()
         spoilt[0].flat[0] = np.nan
-        return _share(np.asarray(space.belongs(spoilt)) != (np.arange(n_points) > 0))
+        return _share(np.asarray(space.belongs(spoilt)) != (np.arange(_N_POINTS) > 0))
 
     def reached() -> float:
         near = points() + _NEAR * np.abs(points()).max() * noise() / np.abs(noise()).max()

