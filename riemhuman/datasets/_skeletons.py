@@ -195,20 +195,23 @@ class RecordedSkeleton(Skeleton):
         self.flat = self.grounded & self._still_frames(self.ankles)
 
     def _upward(self) -> str:
-        """Return the axis, y or z, along which people stand in the recording."""
+        """Return the axis along which people stand in the recording."""
         recorded, resting = (
             unit(self.middle(places, "shoulder") - self.middle(places, "ankle")).reshape(-1, 3)
             for places in (self.positions, self.rest)
         )
-        upward = recorded.mean(axis=0)
-        axis = "z" if upward[2] > abs(upward[1]) else "y"
-        other = "yz".replace(axis, "")
-        if resting[0]["xyz".index(other)] < _UPRIGHT:
-            return axis
-        # The rest pose stands along the other axis: either people lie in the recording, or it was
-        # converted. The floor is at height 0 in most recordings.
-        lowest = np.abs(np.percentile(self.positions.min(axis=1), 1.0, axis=0))
-        return axis if lowest["xyz".index(axis)] <= lowest["xyz".index(other)] else other
+        upward, at_rest = recorded.mean(axis=0), resting[0]
+        if np.abs(at_rest).max() < _UPRIGHT:
+            return "z" if upward[2] > abs(upward[1]) else "y"
+        # Where the rest pose stands along another axis, either people lie in the recording, or it
+        # was converted. The floor is at height 0 in most recordings.
+        floors = {}
+        for direction in (upward, at_rest):
+            number = int(np.abs(direction).argmax())
+            sign = float(np.sign(direction[number]))
+            lowest = np.percentile((sign * self.positions[..., number]).min(axis=1), 1.0)
+            floors["-" * (sign < 0) + "xyz"[number]] = max(abs(lowest), _FOOT * self.leg)
+        return min(floors, key=lambda axis: (floors[axis], axis not in ("y", "z")))
 
     def _near_floor(self) -> ndarray:
         """Return whether each foot is as low as where it stands, and near the lowest joint."""

@@ -291,7 +291,9 @@ class _Reader:
             values.extend(self._floats(words))
             count += 1
         if not count or count != n_frames:
-            raise self._error(f"Frames says {n_frames:g}; the file holds {count}")
+            raise self._error(
+                f"Frames must be the number of frames, at least 1; found {n_frames:g} for {count}"
+            )
         return np.array(values).reshape(count, n_channels), frame_time
 
     def _read_value(self, lines: Iterator[tuple[int, str]], name: str) -> float:

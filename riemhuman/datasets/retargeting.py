@@ -195,7 +195,7 @@ def retarget(
         ``{"left_hip": "LeftUpLeg"}``, where they are not recognised. Names of Mixamo, Biped, Xsens,
         CMU, LAFAN1, Bandai-Namco, SMPL and similar skeletons are.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Axis of the recording that points up; by default y or z, along which people stand.
+        Axis of the recording that points up; by default the one along which people stand.
     frames_per_second : float, optional
         Frame rate, at most that of the recording: the frames nearest in time are used.
 
