@@ -376,12 +376,13 @@ def _try_distances(
             for number, feature in zip(order, again, strict=True):
                 _compare(job, f"features of points[{number}]", table[number], feature, rounding)
     squared = squared_dist_rectangle(metric, features, features, some, some, n_jobs)
-    again = dict(zip(order, np.sqrt(squared), strict=True))
+    place = {number: k for k, number in enumerate(order)}
     distances = job.read(RESULT if complete else _UNFINISHED_RESULT)
     largest = float(np.sqrt(squared.max(initial=0.0)))
     for i, j in pairs:
         what = f"the distance of points[{i}] and points[{j}]"
-        _compare(job, what, distances[i, j], again[i][order.index(j)], rounding, largest)
+        again = np.sqrt(squared[place[i], place[j]])
+        _compare(job, what, distances[i, j], again, rounding, largest)
 
 
 def _spread(items: Sequence[Any] | ndarray) -> list[Any]:
