@@ -12,8 +12,8 @@ from autograd import grad
 from numpy import ndarray
 from scipy.sparse.linalg import LinearOperator, lsmr
 
-from riemhuman.checks import real_array, values_of
-from riemhuman.errors import ConvergenceWarning, NotDefinedError, warn
+from riemhuman.checks import real_array, values_of, whole_number
+from riemhuman.errors import ArgumentError, ConvergenceWarning, NotDefinedError, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.solvers._geodesic_equation import (
     GeodesicEquation,
@@ -144,12 +144,38 @@ class DiscreteExponential(Solver):
         for doubling in range(self.n_doublings + 1):
             n_steps = self.n_steps * 2**doubling
             may_double = doubling < self.n_doublings
-            result, is_fine = self._walk(metric, base_point, velocity, n_steps, may_double)
+            result, is_fine = self._walk(
+                metric, [base_point], n_steps, n_steps, velocity, may_double
+            )
             n_iterations += result.n_iterations
             n_evaluations += result.n_evaluations
             if is_fine:
                 break
         return replace(result, n_iterations=n_iterations, n_evaluations=n_evaluations)
+
+    def extend(self, metric: RiemannianMetric, path: ndarray, n_steps: int) -> ExponentialResult:
+        r"""Continue a discrete geodesic beyond its end, with the same time step; warns as `solve`.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_nodes, \*shape)
+            Path over unit time, of at least two points; only the last two matter.
+        n_steps : int
+            Number of points to add.
+
+        Returns
+        -------
+        ExponentialResult
+            Its path begins with the one given.
+        """
+        path = metric.check_points(path, "path")
+        if len(path) < 2:
+            raise ArgumentError(f"path must have at least two times; found {len(path)}")
+        n_steps = whole_number(n_steps, "n_steps", minimum=1)
+        result, _ = self._walk(metric, list(path), len(path) - 1, n_steps)
+        return finish(self, result)
 
     def derivatives(
         self, metric: RiemannianMetric, path: ndarray, tangent_vec: ndarray, covectors: ndarray
@@ -195,22 +221,24 @@ class DiscreteExponential(Solver):
     def _walk(
         self,
         metric: RiemannianMetric,
-        base_point: ndarray,
-        velocity: ndarray,
+        points: list[ndarray],
+        steps_per_unit: int,
         n_steps: int,
-        stop_early: bool,
+        velocity: ndarray | None = None,
+        stop_early: bool = False,
     ) -> tuple[ExponentialResult, bool]:
-        """Return the geodesic, and whether all steps were possible and short enough.
+        """Add points, the first of them by a velocity if there is one.
 
-        Stop early at one that is not.
+        Return also whether all steps were possible and short enough; stop early at one that is not.
         """
-        points, displacement = [base_point], velocity / n_steps
-        basis = None if self.basis is None else self.basis.extend(displacement[None])
+        displacement = None if velocity is None else velocity / steps_per_unit
+        direction = points[-1] - points[-2] if displacement is None else displacement
+        basis = None if self.basis is None else self.basis.extend(direction[None])
         equation = GeodesicEquation(metric, basis, self.tolerance, self.max_iter)
         n_iterations = n_evaluations = 0
         stop, unsolved, is_fine = "", "", True
         for step in range(1, n_steps + 1):
-            if step == 1:
+            if step == 1 and displacement is not None:
                 triple = equation.both_sides(points[0], displacement)
             else:
                 triple = equation.next_point(points[-2], points[-1])
@@ -240,8 +268,8 @@ class DiscreteExponential(Solver):
             status = Status.OUTSIDE_MANIFOLD
         result = ExponentialResult(
             path,
-            n_steps**2 * np.array(squared),
-            n_steps,
+            steps_per_unit**2 * np.array(squared),
+            steps_per_unit,
             complete=not stop,
             n_iterations=n_iterations,
             n_evaluations=n_evaluations,

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
+from scipy.spatial.transform import Rotation
 
-from riemhuman.checks import real_array
+from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import PathEnergy
@@ -43,8 +44,8 @@ class PoissonPath(PathSolver):
 
     Parameters
     ----------
-    n_nodes
-        As of `LinearPath`.
+    n_nodes : int
+        Number of points of the path, both ends included.
 
     Examples
     --------
@@ -120,6 +121,9 @@ def rotating_path(
     return path
 
 
+ROTATIONS = ("axis-angle", "geodesic")
+
+
 class ModelParameters(NamedTuple):
     """Parameters of a body model that give one surface.
 
@@ -153,16 +157,18 @@ class ModelParameters(NamedTuple):
 class ModelPath(PathSolver):
     """The path of a body model whose parameters change evenly from one body to another.
 
-    The SMPL path of section 5.2 of the paper, linear in axis-angle vectors as there. It runs
-    between surfaces of the model, which are near the end points but not equal to them; the result's
-    message states the distance.
+    The SMPL path of section 5.2 of the paper. It runs between surfaces of the model, which are near
+    the end points but not equal to them; the result's message states the distance.
 
     Parameters
     ----------
     model : callable
         Body model: maps betas, pose and trans to surfaces, as `BodyModel` does.
-    n_nodes
-        As of `LinearPath`.
+    n_nodes : int
+        Number of points of the path, both ends included.
+    rotations : str
+        "axis-angle" interpolates the axis-angle vectors linearly, as in the paper; "geodesic"
+        rotates every joint about one axis by the smallest angle.
     parameters : callable, optional
         Maps a surface, shape (V, 3), to its `ModelParameters`, for calls of `solve` without them.
 
@@ -181,7 +187,12 @@ class ModelPath(PathSolver):
 
     model: Callable[[ndarray, ndarray, ndarray], ndarray]
     n_nodes: int = 11
+    rotations: str = "axis-angle"
     parameters: Callable[[ndarray], ModelParameters] | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        one_of(self.rotations, "rotations", ROTATIONS)
 
     def solve(
         self,
@@ -215,6 +226,8 @@ class ModelPath(PathSolver):
         betas, pose, trans = (
             linear_path(a, b, self.n_nodes) for a, b in zip(first, last, strict=True)
         )
+        if self.rotations == "geodesic":
+            pose = _rotation_geodesics(first.pose, last.pose, self.n_nodes)
         path = metric.check_points(self.model(betas, pose, trans), "the model's surfaces")
         gap = max(_largest_distance(path[0], start), _largest_distance(path[-1], end))
         message = f"the model's surfaces are up to {1000.0 * gap:.3g} mm from start and end"
@@ -249,6 +262,14 @@ def _checked(parameters: Any, name: str) -> ModelParameters:
         pose.reshape(-1, 3),
         real_array(trans, f"trans of {name}", (3,), batched=False),
     )
+
+
+def _rotation_geodesics(start: ndarray, end: ndarray, n_nodes: int) -> ndarray:
+    """Return R₀ exp(t log(R₀⁻¹R₁)) of every joint, as axis-angle vectors."""
+    first, last = Rotation.from_rotvec(start), Rotation.from_rotvec(end)
+    change = (first.inv() * last).as_rotvec()
+    times = np.linspace(0.0, 1.0, n_nodes)
+    return np.stack([(first * Rotation.from_rotvec(t * change)).as_rotvec() for t in times])
 
 
 def _largest_distance(points: ndarray, others: ndarray) -> float:

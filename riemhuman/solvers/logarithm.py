@@ -97,8 +97,10 @@ class DiscreteLogarithm(Solver):
         Solver for the path; its number of points is that of the steps, which are not halved. By
         default `BasisPath` with the basis or `PathStraightening` without, both with narrow
         tolerances.
-    tolerance, max_iter
-        As of `DiscreteExponential`.
+    tolerance : float
+        Largest error of the equations, as a share of the length of two segments.
+    max_iter : int
+        Largest number of iterations for each equation.
     n_doublings : int
         How often the number of steps may be doubled, where the exponential does not come back, the
         step before the start degenerates or a step is too long, see `DiscreteExponential`.

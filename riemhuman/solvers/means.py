@@ -85,8 +85,10 @@ class BasisMean(Solver, MeanSolver):
     sample_size : int
         Where points come in batches, number of points of the sample from whose mean the search
         starts and whose differences join the basis: evenly spaced among all.
-    callback, progress
-        As of `BasisPath`.
+    callback : callable, optional
+        Called with (iteration, variance, point) after each iteration.
+    progress : bool
+        Whether to show a progress bar.
 
     Examples
     --------

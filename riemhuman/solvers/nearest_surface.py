@@ -58,8 +58,13 @@ class NearestSurface(Solver):
     ----------
     companion_weight : float
         ε, of at least 0.
-    tolerance, max_iter, progress
-        As of `BasisPath`.
+    tolerance : float
+        Stop when a Newton step would gain at most this share of the functional, as far as the
+        preconditioned gradient tells.
+    max_iter : int
+        Most iterations.
+    progress : bool
+        Whether to show a progress bar.
 
     Examples
     --------

@@ -70,8 +70,10 @@ class PoleLadder(Solver, TransportSolver):
         in the span of the basis.
     geodesic_solver : object, optional
         Solver for the geodesic, by default the metric's own.
-    tolerance, max_iter
-        As of `DiscreteExponential`.
+    tolerance : float
+        Largest error of each equation, as a share of the length of its two segments.
+    max_iter : int
+        Largest number of iterations of each equation.
 
     Examples
     --------

@@ -198,8 +198,8 @@ class ClosedFormGeodesic(PathSolver):
 
     Parameters
     ----------
-    n_nodes
-        As of `LinearPath`.
+    n_nodes : int
+        Number of points of the path, both ends included.
 
     Examples
     --------

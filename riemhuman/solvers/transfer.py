@@ -268,8 +268,15 @@ class Disentangling(Solver):
         them. The default is the largest of 3, 10, 20 and 30 that adds at most 3 % to the distance
         from A's own performance of the pose (tests/benchmarks/test_transfer.py); much larger values
         may leave triangles without area.
-    tolerance, max_iter, callback, progress
-        As of `BasisPath`.
+    tolerance : float
+        Stop when a Newton step would gain at most this share of the value, as far as the
+        preconditioned gradient tells.
+    max_iter : int
+        Most iterations.
+    callback : callable, optional
+        Called with (iteration, value, surface) after each iteration.
+    progress : bool
+        Whether to show a progress bar.
 
     Examples
     --------
@@ -295,6 +302,7 @@ class Disentangling(Solver):
         pose_metric: SurfaceMetric,
         shape: ndarray,
         pose: ndarray,
+        initial: ndarray | None = None,
     ) -> DisentanglingResult:
         """Find the surface.
 
@@ -306,6 +314,8 @@ class Disentangling(Solver):
             Body A, which gives the shape.
         pose : array, shape (V, 3)
             Body B, which gives the pose.
+        initial : array, shape (V, 3), optional
+            Surface to start from.
         """
         space: Any = shape_metric.space
         if not space.is_surface_space or space.shape != pose_metric.space.shape:
@@ -316,10 +326,11 @@ class Disentangling(Solver):
         shape = _one_surface(space, shape, "shape")
         pose = _one_surface(space, pose, "pose")
         posed = PoseTransfer(space, self.bone_smoothing).solve(shape, pose)
+        start = posed if initial is None else _one_surface(space, initial, "initial")
         if self.basis is not None:
-            self.basis.check_fits(len(posed))
+            self.basis.check_fits(len(start))
         sum_ = _WeightedSum((shape_metric, 1.0, shape), (pose_metric, self.pose_weight, posed))
-        minimum = self._minimize(sum_, space, shape, posed)
+        minimum = self._minimize(sum_, space, shape, start)
         surface, value = minimum.x, minimum.value
         if self.basis is not None:
             # Translations change neither metric.

@@ -4,6 +4,7 @@ import bodies_in_motion
 import numpy as np
 import pytest
 from cases import sphere_template
+from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
@@ -126,6 +127,48 @@ def test_axis_angle_vectors_are_interpolated_linearly(metric):
         np.testing.assert_allclose(surface, model(*mixed), atol=1e-12)
 
 
+class Recorder:
+    """A model that keeps the poses it was asked for."""
+
+    def __init__(self):
+        self.poses = None
+
+    def __call__(self, betas, pose, trans):
+        self.poses = pose
+        return bodies_in_motion.model()(betas, 0.0 * pose, trans)
+
+
+def poses_along(metric, first, last, rotations):
+    recorder, surface = Recorder(), bodies_in_motion.body("resting")
+    solver = ModelPath(recorder, n_nodes=9, rotations=rotations)
+    solver.solve(metric, surface, surface, start_parameters=first, end_parameters=last)
+    return recorder.poses
+
+
+def check_uniform_rotation(poses, first, last):
+    """Check that each joint turns about one axis, at constant speed, by the shortest way."""
+    for joint in range(poses.shape[1]):
+        rotations = Rotation.from_rotvec(poses[:, joint])
+        steps = (rotations[:-1].inv() * rotations[1:]).as_rotvec()
+        np.testing.assert_allclose(steps, steps[:1] + 0 * steps, atol=1e-12)
+        gap = Rotation.from_rotvec(first.pose[joint]).inv() * Rotation.from_rotvec(last.pose[joint])
+        np.testing.assert_allclose(8 * np.linalg.norm(steps[0]), gap.magnitude(), atol=1e-11)
+
+
+def test_rotation_geodesics(metric):
+    first, last = parameters(3), parameters(4)
+    check_uniform_rotation(poses_along(metric, first, last, "geodesic"), first, last)
+    with pytest.raises(AssertionError):
+        check_uniform_rotation(poses_along(metric, first, last, "axis-angle"), first, last)
+
+
+def test_about_one_axis_both_agree(metric):
+    first = parameters(3)
+    last = first._replace(pose=0.5 * first.pose)
+    one, other = (poses_along(metric, first, last, name) for name in ("axis-angle", "geodesic"))
+    np.testing.assert_allclose(one, other, atol=1e-12)
+
+
 def test_flat_poses_and_plain_tuples(metric):
     first, last = parameters(1, 0.2), parameters(2, 0.2)
     expected = solve(metric, first, last, n_nodes=3).path
@@ -196,6 +239,8 @@ def test_malformed_parameters_are_refused(metric, change, message):
 @pytest.mark.parametrize("wrong", [3.0, (np.zeros(3), np.zeros((2, 3)))])
 def test_parameters_are_three_arrays(metric, wrong):
     model, surface = bodies_in_motion.model(), bodies_in_motion.body("resting")
+    with pytest.raises(ArgumentError, match="rotations must be one of 'axis-angle', 'geodesic'"):
+        ModelPath(model, rotations="quaternion")
     with pytest.raises(ArgumentError, match="three arrays betas, pose and trans; found"):
         ModelPath(model).solve(metric, surface, surface, start_parameters=wrong)
 
