@@ -191,7 +191,8 @@ def model_from_measurements(
             goals[k] = prediction.mean[name] + sum(offsets)
             spread[k] = _OF_PREDICTED * prediction.std[name]
     is_given = np.array([name in given for name in own.names])
-    found, points = _nearest_betas(own, _shapes(prediction), goals, spread, is_given, max_iter)
+    shapes = _shapes(prediction)
+    found, betas, points = _nearest_betas(own, shapes, goals, spread, is_given, max_iter)
     measured = own.measure(points, axes="space", missing="nan").to_dict()
     in_body = {name: float(measured[name]) for name in given if name in measured}
     converged = bool(found.status > 0)
@@ -205,7 +206,7 @@ def model_from_measurements(
         remarks.append(f"the body misses {some}{more}: larger tolerances give a likelier body")
     return MeasuredPerson(
         points=points,
-        betas=found.x,
+        betas=betas,
         values=in_body,
         misses=misses,
         predicted=prediction.mean,
@@ -213,7 +214,7 @@ def model_from_measurements(
         sexes=prediction.sexes,
         z_scores=prediction.scores,
         contradictory=prediction.contradictory,
-        improbability=float(np.linalg.norm(found.fun[: len(found.x)])),
+        improbability=float(np.linalg.norm(found.x)),
         converged=converged,
         message="; ".join(remarks),
     )
@@ -382,34 +383,37 @@ def _nearest_betas(
     spread: ndarray,
     is_given: ndarray,
     max_iter: int,
-) -> tuple[Any, ndarray]:
-    """Search for the shape coefficients whose measurements are nearest to goals; and their body."""
+) -> tuple[Any, ndarray, ndarray]:
+    """Search for the shape coefficients whose measurements are nearest to goals; and their body.
+
+    The search runs over independent coordinates of unit variance among adults, of which a first
+    step changes one unit: larger ones may lead to bodies where measurements are not defined.
+    """
     model, pose = own.definitions.model, own.definitions.standard_pose_vector
     assert model is not None
-    bodies = model(np.concatenate([np.zeros((1, model.n_betas)), np.eye(model.n_betas)]), pose)
-    rest, directions = bodies[0], bodies[1:] - bodies[0]
     mean, covariance = shapes
-    root = np.linalg.cholesky(np.linalg.inv(covariance)).T
+    root = np.linalg.cholesky(covariance)
+    bodies = model(np.concatenate([mean[np.newaxis], mean + root.T]), pose)
+    middle, directions = bodies[0], bodies[1:] - bodies[0]
 
-    def body(betas: ndarray) -> ndarray:
-        return rest + np.tensordot(betas, directions, axes=1)
+    def body(z: ndarray) -> ndarray:
+        return middle + np.tensordot(z, directions, axes=1)
 
-    def residuals(betas: ndarray) -> ndarray:
-        values = own.measure(body(betas), axes="space", missing="nan").values
+    def residuals(z: ndarray) -> ndarray:
+        values = own.measure(body(z), axes="space", missing="nan").values
         # A predicted measurement that is not defined does not count; a given one refuses the step.
         values = np.where(np.isnan(values) & ~is_given, goals, values)
-        return np.concatenate([root @ (betas - mean), (values - goals) / spread])
+        return np.concatenate([z, (values - goals) / spread])
 
-    def slopes(betas: ndarray) -> ndarray:
-        measured = own.measure(body(betas), axes="space", gradient=True, missing="nan")
+    def slopes(z: ndarray) -> ndarray:
+        measured = own.measure(body(z), axes="space", gradient=True, missing="nan")
         rows = np.einsum("mvx,bvx->mb", measured.gradient, directions)
         rows[np.isnan(measured.values)] = 0.0
-        return np.concatenate([root, rows / spread[:, np.newaxis]])
+        return np.concatenate([np.eye(len(z)), rows / spread[:, np.newaxis]])
 
-    found = least_squares(
-        residuals, mean, slopes, ftol=_LEAST_GAIN, xtol=_LEAST_STEP, gtol=None, max_nfev=max_iter
-    )
-    return found, body(found.x)
+    limits: Any = {"ftol": _LEAST_GAIN, "xtol": _LEAST_STEP, "gtol": None, "max_nfev": max_iter}
+    found = least_squares(residuals, np.zeros(len(mean)), slopes, **limits)
+    return found, mean + root @ found.x, body(found.x)
 
 
 @dataclass(frozen=True, eq=False)
