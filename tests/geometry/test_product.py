@@ -105,6 +105,8 @@ def test_tables_of_distances_in_products_of_users_spaces():
     ):
         space = ProductManifold(factors)
         metric, points = ProductMetric(space, weights), space.random_point(4, rng=8)
+        assert metric.has_closed_form_dist
+        assert not metric.has_closed_form_geodesic
         expected = np.sqrt(
             sum(
                 weight * factor.metric.dist_pairwise(space.component(points, k)) ** 2
