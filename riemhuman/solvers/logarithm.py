@@ -222,8 +222,11 @@ class DiscreteLogarithm(Solver):
                 f"({forward.message}; path: {found.message}; step before the start: error "
                 f"{backward.error:.1e})"
             )
-            if metric.is_stretch_invariant:
-                message += "; the metric does not measure the sizes of triangles: add a small a"
+            message += (
+                "; the metric does not measure the sizes of triangles: add a small a"
+                if metric.is_stretch_invariant
+                else "; use more steps, or a metric with a larger lam and c > 0"
+            )
         return replace(
             result,
             end_error=end_error,
