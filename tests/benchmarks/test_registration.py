@@ -27,7 +27,7 @@ import riemhuman as rh
 from riemhuman.registration import ScanRegistration, simulated_scan, transfer_model
 
 SEED, NATURAL_SEED = 4242, 2024
-CALIBRATION_SEED, CHECK_SEED = 71, 72
+CALIBRATION_SEED, CHECK_SEED = 71, 73
 FAR = 0.05
 WEIGHTS = {"shape": (1.0, 1e-4, 0.0), "pose": (0.0, 0.0, 1.0)}
 CONDITIONS = {
