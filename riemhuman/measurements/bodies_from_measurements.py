@@ -407,7 +407,7 @@ def _nearest_betas(
 
     def slopes(z: ndarray) -> ndarray:
         measured = own.measure(body(z), axes="space", gradient=True, missing="nan")
-        rows = np.einsum("mvx,bvx->mb", measured.gradient, directions)
+        rows = np.tensordot(np.asarray(measured.gradient), directions, axes=([1, 2], [1, 2]))
         rows[np.isnan(measured.values)] = 0.0
         return np.concatenate([np.eye(len(z)), rows / spread[:, np.newaxis]])
 

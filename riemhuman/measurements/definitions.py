@@ -118,7 +118,7 @@ class Measurement:
         dict
         """
         defaults = {f.name: f.default for f in fields(self)} | {"equivalents": {}}
-        record = {"kind": type(self).__name__}
+        record: dict[str, Any] = {"kind": type(self).__name__}
         for name, value in asdict(self).items():
             if value != defaults[name]:
                 record[name] = list(value) if isinstance(value, tuple) else value
@@ -367,7 +367,7 @@ class Length(Measurement):
         """Return the ends of every step of the path: places, or points of the surface."""
         if self.path == "surface":
             return list(pairwise(bodies.on_surface(place) for place in self.along))
-        return list(pairwise(bodies.bones(*self.along) if self.path == "joints" else self.along))
+        return list(pairwise(bodies.bones(*map(str, self.along)) if self.path == "joints" else self.along))
 
     def value(self, bodies: LandmarkedBodies) -> Any:
         pairs = self._pairs(bodies)

@@ -127,8 +127,8 @@ class MeasurementSet:
             if isinstance(measurement, Length) and measurement.path == "joints":
                 if self.model is None:
                     raise ArgumentError("lengths along joints need a body model; found a surface")
-                for name in measurement.along:
-                    nearest_name(str(name), "joint", self.model.joint_names)
+                for joint in measurement.along:
+                    nearest_name(str(joint), "joint", self.model.joint_names)
 
     def __repr__(self) -> str:
         return (

@@ -123,8 +123,8 @@ class MotionSpace(Manifold):
         result = np.empty((len(places), *self.frames.shape))
         for k in np.unique(segments):
             chosen = segments == k
-            pair = read_motion(self.frames, motion[k : k + 2], f"{name}[{k}:{k + 2}]")
-            result[chosen] = surfaces_between(self.frames, *pair, places[chosen] - k)
+            start, end = read_motion(self.frames, motion[k : k + 2], f"{name}[{k}:{k + 2}]")
+            result[chosen] = surfaces_between(self.frames, start, end, places[chosen] - k)
         return result
 
     def face_forward(self, motion: Motion) -> ndarray:
