@@ -367,7 +367,9 @@ class Length(Measurement):
         """Return the ends of every step of the path: places, or points of the surface."""
         if self.path == "surface":
             return list(pairwise(bodies.on_surface(place) for place in self.along))
-        return list(pairwise(bodies.bones(*map(str, self.along)) if self.path == "joints" else self.along))
+        if self.path == "joints":
+            return list(pairwise(bodies.bones(*map(str, self.along))))
+        return list(pairwise(self.along))
 
     def value(self, bodies: LandmarkedBodies) -> Any:
         pairs = self._pairs(bodies)
