@@ -15,7 +15,7 @@ from riemhuman.datasets.registered_meshes import (
     load_faust,
     read_labels,
 )
-from riemhuman.datasets.retargeting import RetargetingErrors, retarget
+from riemhuman.datasets.retargeting import RetargetedMotion, RetargetingErrors, retarget
 from riemhuman.datasets.shrec import LabelledMeshes, load_shrec14
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Motion",
     "Motions",
     "RegisteredMeshes",
+    "RetargetedMotion",
     "RetargetingErrors",
     "SkeletonMotion",
     "find_meshes",

@@ -110,7 +110,30 @@ class RetargetingErrors(Record):
 
 
 class RetargetedMotion(ModelMotion):
-    """A recording, which may be read on access, performed by a person of a body model."""
+    """A recording performed by a person of a body model, from `retarget`.
+
+    Frame i is ``model(betas, pose_vectors[i], translations[i])``: metres, y up, on a floor at
+    height 0.
+
+    Parameters
+    ----------
+    recording : SkeletonMotion, or function that returns it
+        Recorded skeleton.
+    model : BodyModel
+        Model with named joints.
+    names : pair of str
+        Names of the person and of the motion.
+    frames_per_second, n_frames
+        Frame rate and number of frames of the recording.
+    betas, joints, up
+        As for `retarget`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> jump = rh.datasets.retarget(rh.datasets.load_bvh("jump.bvh"))  # doctest: +SKIP
+    >>> other = jump.performed_by(-jump.betas)  # doctest: +SKIP
+    """
 
     def __init__(
         self,
@@ -151,7 +174,17 @@ class RetargetedMotion(ModelMotion):
         return self._performance[3]
 
     def performed_by(self, betas: Any) -> RetargetedMotion:
-        """Return the motion of the person with these shape coefficients, shape (B,)."""
+        """Return the motion of another person, who does the same in his or her proportions.
+
+        Parameters
+        ----------
+        betas : array_like, shape (B,)
+            Shape coefficients.
+
+        Returns
+        -------
+        RetargetedMotion
+        """
         other = copy(self)
         other.__dict__.pop("_performance", None)
         other._betas = real_array(betas, "betas", (self.model.n_betas,), batched=False)
@@ -201,10 +234,9 @@ def retarget(
 
     Returns
     -------
-    motion : Motion
-        Frame i is ``model(betas, pose_vectors[i], translations[i])``: metres, y up, on a floor at
-        height 0. ``motion.performed_by(betas)`` is the motion of another person,
-        ``motion.recording`` the skeleton, and ``motion.errors`` are `RetargetingErrors`.
+    RetargetedMotion
+        ``motion.performed_by(betas)`` is the motion of another person, ``motion.recording`` the
+        skeleton, and ``motion.errors`` are `RetargetingErrors`.
 
     Raises
     ------
