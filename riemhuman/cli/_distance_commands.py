@@ -273,13 +273,14 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
     metric = inputs.chosen_metric(options, surfaces.template)
     name = inputs.metric_name(metric)
     n_pairs = len(surfaces) * (len(surfaces) - 1) // 2
+    counted = f"{n_pairs:,} distance{'' if n_pairs == 1 else 's'}"
     paths = None
     try:
         if options.paths:
             paths = _path_distances(metric, surfaces, options)
             matrices = {"distances": paths.bounds, "lengths": paths.lengths}
         else:
-            with options.task(f"{n_pairs:,} distances, {name}"):
+            with options.task(f"{counted}, {name}"):
                 matrices = {"distances": _distances(metric, surfaces, options)}
     except KeyboardInterrupt:
         if options.resume is not None:
@@ -300,7 +301,7 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
         return cli.Answer(text.rstrip("\n"), record, written=False)
     if options.csv is not None:
         write_text(options.csv, text)
-    said = [f"{len(names)} meshes, {n_pairs:,} distances, {name}"]
+    said = [f"{len(names)} meshes, {counted}, {name}"]
     said += [] if paths is None else [f"{_excess(paths)}; {paths.message}"]
     return cli.Answer("\n".join(said), record)
 
