@@ -225,7 +225,7 @@ class StartSearch:
 
         advanced = list(mapped(advance, candidates, N_THREADS))
         advanced.sort(key=lambda candidate: -candidate.likelihood)
-        return _drop_duplicates(advanced, body)[: each.n_best]
+        return _different(advanced, body, each.n_best)
 
 
 def _landmark_cost(joints: np.ndarray, landmarks: dict[int, np.ndarray]) -> float:
@@ -234,11 +234,13 @@ def _landmark_cost(joints: np.ndarray, landmarks: dict[int, np.ndarray]) -> floa
     return LANDMARK * float(np.sum(np.minimum(misses, _FAR_MISS) ** 2)) / (2.0 * _MISS_METRES**2)
 
 
-def _drop_duplicates(candidates: list[Candidate], body: ModelSamples) -> list[Candidate]:
-    """Return candidates without those that are close to a better one."""
+def _different(candidates: list[Candidate], body: ModelSamples, n_best: int) -> list[Candidate]:
+    """Return the best candidates that are not close to a better one."""
     different: list[Candidate] = []
     surfaces: list[np.ndarray] = []
     for candidate in candidates:
+        if len(different) == n_best:
+            break
         points = pose_body(body, candidate.pose)[0]
         if all(np.sqrt(np.mean((points - other) ** 2) * 3) > _SAME_METRES for other in surfaces):
             different.append(candidate)

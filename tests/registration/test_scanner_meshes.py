@@ -61,6 +61,7 @@ def test_a_hair_bun_is_background(registration, bodies):
     assert np.linalg.norm(result.points - scan.body, axis=1)[head].mean() < 0.01
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("upper", [True, False])
 def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
     scan = simulated_scan(bodies[0], bodies.template.faces, rng=0, n_points=12000, rotate=False)
