@@ -37,8 +37,8 @@ _CLOSE = 1.1
 class PoissonPath(PathSolver):
     """The path of surfaces whose triangles rotate and stretch uniformly: limbs do not collapse.
 
-    The surface at time t is the one whose triangles are nearest to those rotated and stretched, by a
-    Poisson equation as in deformation transfer. Triangles rotate by the smaller angle. Where
+    The triangles of the surface at time t are nearest to those rotated and stretched, by a Poisson
+    equation as in deformation transfer. Triangles rotate by the smaller angle. Where
     neighbours then rotate in different directions, as in a limb that rotates by about 180°, each
     limb, the largest first, rotates by the smaller angle or like its neighbours, whichever has less
     energy; so do all smaller parts together.
