@@ -58,11 +58,19 @@ def face_difference(faces: np.ndarray, expected: np.ndarray) -> str | None:
     if not differs.any():
         return None
     count = "all" if differs.all() else f"{int(differs.sum())} of {len(expected)}"
+    found = f"{count} triangles differ"
+    if np.array_equal(_in_order(faces), _in_order(expected)):
+        found = f"{count} triangles or their corners are listed in another order"
     first = int(differs.argmax())
     return (
-        f"{count} triangles differ, the first at index {first}: "
+        f"{found}, the first at index {first}: "
         f"{tuple(faces[first].tolist())} found, {tuple(expected[first].tolist())} expected"
     )
+
+
+def _in_order(faces: np.ndarray) -> np.ndarray:
+    corners = np.sort(faces, axis=1)
+    return corners[np.lexsort(corners.T)]
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
