@@ -94,7 +94,7 @@ def test_the_first_mesh_that_differs_is_named(folder, mesh):
     files = find_meshes(folder)
     points, faces = mesh
     for vertices, triangles, difference in (
-        (points[1], np.roll(faces, 1, axis=1), "corners are listed in another order"),
+        (points[1], np.roll(faces, 1, axis=1), ".*corners are listed in another order"),
         (points[1], faces[1:], "79 triangles found, 80 expected"),
         (np.vstack([points[1], points[1][:1]]), faces, "it has 43 vertices, that one has 42"),
     ):
