@@ -132,7 +132,7 @@ def test_all_coordinates_are_free_without_a_basis():
     mean = BasisMean(tolerance=1e-7).solve(space.metric, points)
     dispersion = Dispersion(space.metric, points)
     slopes = dispersion.value_and_gradient(mean.point)[1]
-    assert np.abs(slopes).max() < 4e-3 * np.abs(dispersion.value_and_gradient(points[0])[1]).max()
+    assert np.abs(slopes).max() < 1e-2 * np.abs(dispersion.value_and_gradient(points[0])[1]).max()
     assert np.all(np.diff(mean.variances) <= 0)
     assert mean.n_iterations == len(mean.variances) - 1
     assert "span" not in mean.message
