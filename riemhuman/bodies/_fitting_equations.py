@@ -61,14 +61,22 @@ class Parameters:
 
 
 class Skeleton:
-    """The joints of a body model: their tree, and their positions as functions of the betas."""
+    """The joints of a body model: their tree, and their positions as functions of the betas.
 
-    def __init__(self, model: Any) -> None:
+    With hands, the coefficients of the hand poses are further betas, which move no joint.
+    """
+
+    def __init__(self, model: Any, with_hands: bool = False) -> None:
         self.parents = model.parents
         self.order = model.joint_order
-        self.n_joints, self.n_betas = model.n_joints, model.n_betas
         self.rest_joints = model.joint_regressor @ model.template.vertices
+        self.directions = model.shapedirs
         self.joint_shapes = np.einsum("jv,vxb->jxb", model.joint_regressor, model.shapedirs)
+        if with_hands:
+            self.directions = np.concatenate([model.shapedirs, model.hand_directions], axis=-1)
+            still = np.zeros((model.n_joints, 3, model.hand_directions.shape[-1]))
+            self.joint_shapes = np.concatenate([self.joint_shapes, still], axis=-1)
+        self.n_joints, self.n_betas = model.n_joints, self.directions.shape[-1]
         # below[j, k]: whether joint k moves with joint j.
         self.below = np.eye(len(model.parents))
         for joint in reversed(self.order):
@@ -307,7 +315,7 @@ def _patch(
         points=numbers,
         combine=None if is_choice else local,
         rest=model.template.vertices[vertices],
-        shapedirs=model.shapedirs[vertices],
+        shapedirs=skeleton.directions[vertices],
         posedirs=posedirs,
         bones=bones,
         weights=weights[:, bones],

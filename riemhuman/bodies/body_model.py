@@ -12,10 +12,11 @@ import numpy as onp
 from numpy.typing import DTypeLike
 
 from riemhuman.bodies.fitting import ModelFit, fit_model
-from riemhuman.bodies.model_files import read_model_fields, write_model_fields
+from riemhuman.bodies.model_files import read_model_fields
 from riemhuman.bodies.skinning import joint_motions, joint_parents, parents_first, skin_surface
-from riemhuman.checks import real_array
+from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
+from riemhuman.io.arrays import save_arrays
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.surfaces.template import Template
@@ -38,6 +39,9 @@ class BodyModel:
     one about y turns the front to the body's left, and one about z raises the left arm sideways
     and lowers the right arm.
 
+    Hand poses are added to the surface before skinning; joints do not depend on them. The open
+    model has them, models in the files of others have none.
+
     Parameters
     ----------
     v_template : array_like, shape (V, 3)
@@ -57,6 +61,11 @@ class BodyModel:
         Displacement for each entry of R - I of the joints other than the root.
     joint_names : sequence of str, optional
         Names of the joints; by default "joint_0", "joint_1", and so on.
+    hand_directions : array_like, shape (V, 3, 2 K), optional
+        Displacement of each vertex from the relaxed hands for K poses of the left hand, then of the
+        right.
+    hand_poses : sequence of str
+        Names of the K hand poses.
     dtype : data type
         Precision of surfaces and joints, float64 or float32, which halves their memory. The model
         itself is kept in double precision.
@@ -67,6 +76,8 @@ class BodyModel:
         The mean body in the rest pose.
     faces, shapedirs, joint_regressor, weights, posedirs, joint_names, dtype
         As given; arrays are read-only.
+    hand_directions, hand_poses
+        As given; of shape (V, 3, 0) and empty where there are none.
     parents : array of int, shape (J,)
         Number of each joint's parent, -1 for the root.
     joint_order : tuple of int
@@ -96,6 +107,8 @@ class BodyModel:
         *,
         posedirs: Any = None,
         joint_names: Sequence[str] | None = None,
+        hand_directions: Any = None,
+        hand_poses: Sequence[str] = (),
         dtype: DTypeLike = onp.float64,
     ) -> None:
         self.dtype = _precision(dtype)
@@ -119,6 +132,11 @@ class BodyModel:
             raise ArgumentError(
                 f"joint_names must hold {n_joints} different names; found {names!r}"
             )
+        self.hand_poses = tuple(map(str, onp.atleast_1d(onp.array(hand_poses, dtype=str))))
+        shape = (n_vertices, 3, 2 * len(self.hand_poses))
+        if hand_directions is None:
+            hand_directions = onp.zeros((n_vertices, 3, 0))
+        self.hand_directions = _copy(hand_directions, "hand_directions", shape)
         self.n_vertices, self.n_joints = n_vertices, n_joints
         self.n_betas = self.shapedirs.shape[-1]
         self._rest, self._regressor, self._blend = (
@@ -162,12 +180,6 @@ class BodyModel:
         Returns
         -------
         model : BodyModel
-
-        Raises
-        ------
-        FileFormatError
-            If the file is damaged, lacks a field, has a malformed field, or is a .pkl file with
-            objects other than arrays.
         """
         dtype = _precision(dtype)
         fields = read_model_fields(path, n_betas)
@@ -190,16 +202,19 @@ class BodyModel:
         kintree_table = onp.stack([self.parents, onp.arange(self.n_joints)])
         fields: dict[str, Any] = {
             "v_template": self.template.vertices.astype(real),
-            "faces": self.faces.astype(onp.int32),
+            "f": self.faces.astype(onp.int32),
             "shapedirs": self.shapedirs.astype(real),
-            "joint_regressor": self.joint_regressor.astype(real),
+            "J_regressor": self.joint_regressor.astype(real),
             "weights": self.weights.astype(real),
             "kintree_table": kintree_table.astype(onp.int32),
             "joint_names": onp.array(self.joint_names),
         }
         if self.posedirs is not None:
             fields["posedirs"] = self.posedirs.astype(real)
-        write_model_fields(path, fields)
+        if self.hand_poses:
+            fields["hand_directions"] = self.hand_directions.astype(real)
+            fields["hand_poses"] = onp.array(self.hand_poses)
+        save_arrays(path, fields, compressed=True)
 
     def __repr__(self) -> str:
         return (
@@ -207,14 +222,18 @@ class BodyModel:
             f"{self.n_vertices:,} vertices>"
         )
 
-    def __call__(self, betas: Any = None, pose: Any = None, trans: Any = None) -> Any:
-        """Return the surfaces with these shapes, poses and translations.
+    def __call__(
+        self, betas: Any = None, pose: Any = None, trans: Any = None, hands: Any = None
+    ) -> Any:
+        """Return the surfaces with these shapes, poses, translations and hand poses.
 
         Leading axes of the arguments broadcast, and autograd can differentiate with respect to all
-        three. See Loper et al. 2015, equations 2 to 10.
+        four. See Loper et al. 2015, equations 2 to 10; hands are relaxed by default.
         """
         surface = self._shaped(betas)
         joints = np.matmul(self._regressor, surface)
+        if hands is not None:
+            surface = surface + self._hand_offsets(hands)
         if pose is not None:
             rotations = self._rotations(pose)
             if self.posedirs is not None:
@@ -224,29 +243,45 @@ class BodyModel:
         return self._translated(surface, trans)
 
     def joints(self, betas: Any = None, pose: Any = None, trans: Any = None) -> Any:
-        """Return the joints with these shapes, poses and translations.
-
-        Without a pose, these are the joints J(β) in the rest pose (Loper et al. 2015, equation 10).
+        """Return the joints with these shapes, poses and translations (Loper et al., equation 10).
 
         Parameters
         ----------
         betas : array_like, shape (..., B), optional
-            Shape coefficients; zero by default.
+            Shape coefficients.
         pose : array_like, shape (..., J, 3) or (..., 3 J), optional
-            Axis-angle rotation of each joint, radians; zero by default.
+            Axis-angle rotation of each joint, radians.
         trans : array_like, shape (..., 3), optional
-            Translation in metres; zero by default.
+            Translation, metres.
 
         Returns
         -------
-        joints : array, shape (..., J, 3)
-            Joint positions, metres.
+        joints : array, shape (..., J, 3), metres
         """
         joints = np.matmul(self._regressor, self._shaped(betas))
         if pose is not None:
             rotations = self._rotations(pose)
             _, joints = joint_motions(joints, rotations, self.parents, self.joint_order)
         return self._translated(joints, trans)
+
+    def hand_pose(self, left: str, right: str | None = None) -> onp.ndarray:
+        """Return the coefficients of named hand poses.
+
+        Parameters
+        ----------
+        left, right : str
+            "relaxed" or one of `hand_poses`, for each hand; by default for both the same.
+
+        Returns
+        -------
+        hands : array, shape (2 K,)
+            Argument of the model.
+        """
+        self._check_hands()
+        poses = ("relaxed", *self.hand_poses)
+        rows = onp.eye(len(poses))[:, 1:]
+        both = (left, left if right is None else right)
+        return onp.concatenate([rows[poses.index(one_of(name, "pose", poses))] for name in both])
 
     def fit(self, points: Any, **options: Any) -> ModelFit:
         """Fit shapes, poses and translations to surfaces, by `riemhuman.bodies.fit_model`.
@@ -270,6 +305,16 @@ class BodyModel:
         betas = self._rounded(real_array(betas, "betas", (self.n_betas,)))
         offsets = np.dot(betas, self._shape_matrix)
         return self._rest + np.reshape(offsets, (*np.shape(betas)[:-1], *self._rest.shape))
+
+    def _hand_offsets(self, hands: Any) -> Any:
+        self._check_hands()
+        hands = self._rounded(real_array(hands, "hands", (self.hand_directions.shape[-1],)))
+        offsets = np.dot(hands, self._hand_matrix)
+        return np.reshape(offsets, (*np.shape(hands)[:-1], *self._rest.shape))
+
+    def _check_hands(self) -> None:
+        if not self.hand_poses:
+            raise ArgumentError("hands must be left out, since the model has no hand poses")
 
     def _rounded(self, array: Any) -> Any:
         return array.astype(self.dtype, copy=False)
@@ -300,22 +345,26 @@ class BodyModel:
 
     @cached_property
     def _shape_matrix(self) -> onp.ndarray:
-        matrix = self.shapedirs.reshape(-1, self.n_betas).T
-        return onp.ascontiguousarray(matrix, dtype=self.dtype)
+        return self._as_rows(self.shapedirs)
 
     @cached_property
     def _pose_matrix(self) -> onp.ndarray:
         assert self.posedirs is not None, "used only where there are posedirs"
-        matrix = self.posedirs.reshape(3 * self.n_vertices, -1).T
+        return self._as_rows(self.posedirs)
+
+    @cached_property
+    def _hand_matrix(self) -> onp.ndarray:
+        return self._as_rows(self.hand_directions)
+
+    def _as_rows(self, directions: onp.ndarray) -> onp.ndarray:
+        matrix = directions.reshape(-1, directions.shape[-1]).T
         return onp.ascontiguousarray(matrix, dtype=self.dtype)
 
 
 def convert_model(
     source: str | os.PathLike[str], target: str | os.PathLike[str], *, n_betas: int | None = None
 ) -> BodyModel:
-    """Read a body model, check it, and write it as an .npz file in SMPL's layout.
-
-    The new file holds only plain arrays: no pickled objects, no chumpy, no sparse matrices.
+    """Read a body model, check it, and write it as an .npz file of plain arrays, in SMPL's layout.
 
     Parameters
     ----------
@@ -329,7 +378,6 @@ def convert_model(
     Returns
     -------
     model : BodyModel
-        The model in the new file.
 
     Examples
     --------

@@ -53,7 +53,7 @@ _SUM_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModelFit(Record):
-    """Parameters of a body model that were fitted to surfaces, with the remaining distances.
+    """Parameters of a body model that were fitted to surfaces.
 
     Attributes
     ----------
@@ -69,14 +69,15 @@ class ModelFit(Record):
         Whether the fit of each surface converged.
     n_iterations : array of int, shape (...)
         Gauss–Newton steps, both stages together.
+    hands : array, shape (..., 2 K), or None
+        Coefficients of the hand poses, if they were fitted.
 
     Examples
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> fit = bodies.model.fit(bodies[0])
-    >>> bool(fit.converged), float(fit.distances.mean() < 0.01)
-    (True, 1.0)
+    >>> bool(bodies.model.fit(bodies[0]).converged)
+    True
     """
 
     betas: np.ndarray
@@ -85,16 +86,12 @@ class ModelFit(Record):
     distances: np.ndarray
     converged: np.ndarray
     n_iterations: np.ndarray
+    hands: np.ndarray | None = None
 
     @property
     def mean_distance(self) -> np.ndarray:
         """Mean distance of the points of each surface, metres, shape (...)."""
         return self.distances.mean(axis=-1)
-
-    @property
-    def parameters(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Betas, pose and trans, as arguments of the model or of `ModelPath`."""
-        return self.betas, self.pose, self.trans
 
 
 def fit_model(
@@ -107,14 +104,15 @@ def fit_model(
     loss_scale: float = 0.01,
     betas_prior: float = 0.0,
     pose_prior: float = 0.0,
+    hands_prior: float | None = None,
     tolerance: float = 1e-6,
     max_iter: int = 100,
 ) -> ModelFit:
     """Find the shape, pose and translation of a body model for registered surfaces.
 
-    Minimises Σ_i w_i ρ(‖x_i(β, ω, t) − y_i‖) + b ‖β‖² + p Σ_j ‖ω_j‖² for each surface separately,
-    with its points y, the model's points x, the weights w divided by their sum, the loss ρ and the
-    priors b and p; j runs over the joints other than the root.
+    Minimises Σ_i w_i ρ(‖x_i(β, ω, t, η) − y_i‖) + b ‖β‖² + p Σ_j ‖ω_j‖² + h ‖η‖² for each surface
+    separately, with its points y, the model's points x, the weights w divided by their sum, the
+    loss ρ and the priors b, p and h; j runs over the joints other than the root.
 
     The start has a closed form: the rotation of each joint by Kabsch's solution with the skinning
     weights, then betas and translation by linear least squares. From there, Levenberg–Marquardt
@@ -140,6 +138,9 @@ def fit_model(
         root mean square distance.
     pose_prior : float
         Weight p, square metres per squared radian.
+    hands_prior : float, optional
+        Weight h, square metres, of the coefficients η of the hand poses; by default, hands are
+        relaxed.
     tolerance : float
         The fit has converged when a step moves the points by less than this root mean square
         distance, metres.
@@ -154,8 +155,7 @@ def fit_model(
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> fit = rh.bodies.fit_model(bodies.model, bodies[0])
-    >>> bool(fit.distances.mean() < 0.01)
+    >>> bool(rh.bodies.fit_model(bodies.model, bodies[0]).mean_distance < 0.01)
     True
     """
     combine = correspondence_matrix(model, correspondence)
@@ -175,12 +175,19 @@ def fit_model(
     )
     in_pose = np.where(model.parents >= 0, real_number(pose_prior, "pose_prior", minimum=0.0), 0.0)
     in_betas = np.full(model.n_betas, real_number(betas_prior, "betas_prior", minimum=0.0))
+    in_hands = np.zeros(0)
+    if hands_prior is not None:
+        if not model.hand_poses:
+            raise ArgumentError("hands_prior must be left out, since the model has no hand poses")
+        weight = real_number(hands_prior, "hands_prior", minimum=0.0)
+        in_hands = np.full(model.hand_directions.shape[-1], weight)
     fitter = _Fitter(
         model,
+        Skeleton(model, with_hands=hands_prior is not None),
         combine,
         _shares(weights, n_points),
         _loss(loss, real_number(loss_scale, "loss_scale", minimum=0.0, strict=True)),
-        np.concatenate([np.repeat(in_pose, 3), in_betas, np.zeros(3)]),
+        np.concatenate([np.repeat(in_pose, 3), in_betas, in_hands, np.zeros(3)]),
         real_number(tolerance, "tolerance", minimum=0.0, strict=True),
         whole_number(max_iter, "max_iter", minimum=1),
     )
@@ -196,6 +203,8 @@ def fit_model(
         )
     shapes = {"betas": (model.n_betas,), "pose": (model.n_joints, 3), "trans": (3,)}
     shapes |= {"distances": (n_points,), "converged": (), "n_iterations": ()}
+    if hands_prior is not None:
+        shapes["hands"] = in_hands.shape
     return ModelFit(
         **{
             name: np.array([getattr(fit, name) for fit in fits]).reshape((*lead, *shape))
@@ -236,7 +245,7 @@ def convert_fit(
     >>> bool(same.mean_distance < 1e-4)
     True
     """
-    surfaces = model(fit.betas, fit.pose, fit.trans)
+    surfaces = model(fit.betas, fit.pose, fit.trans, fit.hands)
     return fit_model(to, surfaces, correspondence=correspondence, **options)
 
 
@@ -318,6 +327,7 @@ class _Fitter:
     def __init__(
         self,
         model: Any,
+        skeleton: Skeleton,
         combine: sparse.csr_array,
         shares: np.ndarray,
         loss: Loss,
@@ -325,7 +335,7 @@ class _Fitter:
         tolerance: float,
         max_iter: int,
     ) -> None:
-        self._model, self._combine, self._skeleton = model, combine, Skeleton(model)
+        self._model, self._skeleton, self._combine = model, skeleton, combine
         self._tolerance, self._max_iter = tolerance, max_iter
         # By the joint that moves them most, so that neighbours depend on few joints.
         main = np.where(shares > 0, (combine @ model.weights).argmax(axis=1), -1)
@@ -343,15 +353,18 @@ class _Fitter:
         for stage in self._stages:
             parameters, steps, converged = self._descend(stage, target, parameters)
             n_iterations += steps
-        points = self._model(parameters.betas, parameters.pose, parameters.trans)
+        betas, hands = np.split(parameters.betas, [self._model.n_betas])
+        given = hands if hands.size else None
+        points = self._model(betas, parameters.pose, parameters.trans, given)
         gaps = self._combine @ points - target
         return ModelFit(
-            betas=parameters.betas,
+            betas=betas,
             pose=Rotation.from_rotvec(parameters.pose).as_rotvec(),
             trans=parameters.trans,
             distances=np.linalg.norm(gaps, axis=-1),
             converged=np.array(converged),
             n_iterations=np.array(n_iterations),
+            hands=hands,
         )
 
     def _start(self, target: np.ndarray) -> Parameters:

@@ -13,12 +13,12 @@ from scipy import sparse
 
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.io.arrays import load_arrays
 from riemhuman.io.pickles import load_pickled_arrays
 
 # Fields of a file, in SMPL's spelling, and the arguments of `BodyModel` they fill.
 _REQUIRED = ("v_template", "f", "shapedirs", "J_regressor", "weights", "kintree_table")
-_OPTIONAL = ("posedirs", "joint_names")
+_OPTIONAL = ("posedirs", "joint_names", "hand_directions", "hand_poses")
 _ARGUMENTS = {name: name for name in (*_REQUIRED, *_OPTIONAL)}
 _ARGUMENTS |= {"f": "faces", "J_regressor": "joint_regressor"}
 _PICKLES = (".pkl", ".pickle")
@@ -121,13 +121,6 @@ def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) 
     return fields
 
 
-def write_model_fields(path: str | os.PathLike[str], fields: Mapping[str, Any]) -> None:
-    """Write the arguments of `BodyModel` as a compressed .npz file in SMPL's layout."""
-    names = {argument: name for name, argument in _ARGUMENTS.items()}
-    arrays = {names[argument]: array for argument, array in fields.items()}
-    save_arrays(path, arrays, compressed=True)
-
-
 def _load_arrays(path: str | os.PathLike[str]) -> dict[str, Any]:
     is_pickle = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() in _PICKLES
     load = load_pickled_arrays if is_pickle else load_arrays
@@ -168,6 +161,8 @@ def _contents(fields: Mapping[str, Any], n_betas: int | None) -> ModelContents:
         left_out.append(f"posedirs ({n_entries} entries, of quaternions and a shape coefficient)")
     elif n_entries:
         used.append(f"posedirs ({n_entries} entries)")
+    if "hand_poses" in fields:
+        used.append(f"{np.size(fields['hand_poses'])} poses of each hand")
     if n_used < n_shapes:
         left_out.append(f"{n_shapes - n_used} further shape coefficients")
     if n_shapes < n_coefficients:

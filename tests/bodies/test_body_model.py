@@ -57,6 +57,10 @@ MODELS = {
     # The pose feature leaves out the root, which is not joint 0.
     "root last": lambda: small_model(kintree_table=[[3, 0, 3, -1], [0, 1, 2, 3]]),
     "root between": lambda: small_model(kintree_table=[[1, -1, 1, 2], [0, 1, 2, 3]]),
+    "hands": lambda: small_model(
+        hand_directions=np.random.default_rng(12).normal(size=(N_VERTICES, 3, 4)),
+        hand_poses=("fist", "open"),
+    ),
 }
 
 
@@ -72,12 +76,14 @@ def parameters(model, lead=(), rng=0):
     return betas, pose, rng.normal(size=(*lead, 3))
 
 
-def skinned(model, betas, pose, trans):
+def skinned(model, betas, pose, trans, hands=None):
     """Return one surface and its joints by the published formula, one vertex at a time."""
     shaped = model.template.vertices.copy()
     for b in range(model.n_betas):
         shaped += betas[b] * model.shapedirs[:, :, b]
     joints = [sum(w * x for w, x in zip(row, shaped, strict=True)) for row in model.joint_regressor]
+    for k, value in enumerate(() if hands is None else hands):
+        shaped += value * model.hand_directions[:, :, k]
     turns = [Rotation.from_rotvec(vector).as_matrix() for vector in pose]
     if model.posedirs is not None:
         feature = [t - np.eye(3) for t, p in zip(turns, model.parents, strict=True) if p >= 0]
@@ -139,6 +145,37 @@ def test_leading_axes_broadcast(model):
         assert function(np.zeros((0, model.n_betas)), pose[0, 0]).shape[:-2] == (0,)
 
 
+def test_hands_are_posed_before_the_surface_is():
+    model = MODELS["hands"]()
+    arguments = parameters(model)
+    hands = np.random.default_rng(5).normal(size=(2, 4))
+    found = model(*arguments, hands)
+    for surface, each in zip(found, hands, strict=True):
+        expected, joints = skinned(model, *arguments, each)
+        np.testing.assert_allclose(surface, expected, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(model.joints(*arguments), joints, rtol=0, atol=1e-11)
+    np.testing.assert_array_equal(model(*arguments, 0.0 * hands[0]), model(*arguments))
+    gradient = autograd.grad(lambda each: anp.sum(model(*arguments, each) ** 2))(hands[0])
+    step = 1e-6 * hands[1]
+    ends = [np.sum(model(*arguments, hands[0] + s) ** 2) for s in (step, -step)]
+    assert gradient @ step == pytest.approx((ends[0] - ends[1]) / 2, rel=1e-5)
+
+
+def test_names_of_hand_poses():
+    model = MODELS["hands"]()
+    assert model.hand_pose("fist").tolist() == [1.0, 0.0, 1.0, 0.0]
+    assert model.hand_pose("relaxed", "open").tolist() == [0.0, 0.0, 0.0, 1.0]
+    with pytest.raises(ArgumentError, match="pose must be one of 'relaxed', 'fist', 'open'; found"):
+        model.hand_pose("fist", "thumb up")
+    with pytest.raises(ArgumentError, match=r"hands must have shape \(\.\.\., 4\); found \(2,\)"):
+        model(hands=[1.0, 0.0])
+    without = small_model()
+    assert without.hand_directions.shape == (N_VERTICES, 3, 0)
+    for refused in (lambda: without(hands=[1.0]), lambda: without.hand_pose("fist")):
+        with pytest.raises(ArgumentError, match="the model has no hand poses"):
+            refused()
+
+
 @pytest.mark.parametrize("argument", [0, 1, 2])
 @pytest.mark.parametrize("joints", [False, True])
 @pytest.mark.parametrize("at_rest", [False, True])
@@ -168,9 +205,10 @@ def test_round_trip(model, tmp_path):
     path = tmp_path / "body.npz"
     model.save(path)
     found = BodyModel.from_file(str(path))
-    for name in ("faces", "shapedirs", "joint_regressor", "weights", "parents"):
+    names = ("faces", "shapedirs", "joint_regressor", "weights", "parents", "hand_directions")
+    for name in names:
         np.testing.assert_array_equal(getattr(found, name), getattr(model, name))
-    assert found.joint_names == model.joint_names
+    assert (found.joint_names, found.hand_poses) == (model.joint_names, model.hand_poses)
     assert not found.weights.flags.writeable
     assert (found.posedirs is None) == (model.posedirs is None)
     np.testing.assert_array_equal(found(*parameters(model)), model(*parameters(model)))
@@ -226,6 +264,10 @@ REFUSED = {
     "posedirs of the root too": (
         {"posedirs": np.zeros((N_VERTICES, 3, 36))},
         r"posedirs must have shape \(9, 3, 27\)",
+    ),
+    "hand poses without names": (
+        {"hand_directions": np.zeros((N_VERTICES, 3, 2))},
+        r"hand_directions must have shape \(9, 3, 0\); found \(9, 3, 2\)",
     ),
     "three names": ({"joint_names": list("abc")}, "joint_names must hold 4 different names"),
 }
