@@ -27,14 +27,12 @@ from riemhuman.cli._terminal import (
     Reporter,
     as_json,
     discard_output,
-    flush_output,
     lines,
     note,
-    say,
     short_warnings,
     tolerate_ascii,
 )
-from riemhuman.errors import FileError, RiemhumanError
+from riemhuman.errors import RiemhumanError
 from riemhuman.optional import import_optional
 
 __all__ = ["main"]
@@ -73,14 +71,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             return _run(given)
         finally:
-            flush_output()
+            sys.stdout.flush()
     except BrokenPipeError:
         discard_output()
         return _BROKEN_PIPE
-    except FileError as error:
+    except OSError as error:  # of standard output: `_run` tells all others
         if "--debug" in given:
             raise
-        note(str(error))
+        discard_output()
+        note(f"standard output cannot be written: {error.strerror or error}")
         return _NOT_DONE
 
 
@@ -98,14 +97,10 @@ def _run(given: Sequence[str]) -> int:
         with short_warnings(), _lock(options):
             for check in options.checks:
                 check(options)
-            answer = options.run(options)
-        _say(answer, options)
-        return _DONE if answer.trusted else _NOT_TRUSTED
+            answer: Answer = options.run(options)
     except KeyboardInterrupt:
         note("interrupted")
         return _INTERRUPTED
-    except BrokenPipeError:
-        raise
     except Exception as error:
         if getattr(options, "debug", False):
             raise
@@ -116,21 +111,22 @@ def _run(given: Sequence[str]) -> int:
         else:
             note(f"unexpected {type(error).__name__}: {error}; --debug shows the traceback")
         return _NOT_DONE
+    sys.stdout.write(f"{_text(answer, options)}\n")
+    return _DONE if answer.trusted else _NOT_TRUSTED
 
 
-def _say(answer: Answer, options: argparse.Namespace) -> None:
-    """Print an answer as JSON or text, with the places that were written."""
+def _text(answer: Answer, options: argparse.Namespace) -> str:
+    """Return an answer as JSON or text, with the places that were written."""
     places = options.written if answer.written else []
     if options.json:
         record = answer.record
         if options.written and isinstance(record, dict):
             record = record | {"output": options.output if places else None}
-        say(as_json(record))
-    elif isinstance(answer.text, str):
+        return as_json(record)
+    if isinstance(answer.text, str):
         said = [f"written to {place}" if answer.text else str(place) for place in places]
-        say("\n".join([answer.text] * bool(answer.text) + said))
-    else:
-        say(lines({**answer.text, "written to": " and ".join(map(str, places)) or None}))
+        return "\n".join([answer.text] * bool(answer.text) + said)
+    return lines({**answer.text, "written to": " and ".join(map(str, places)) or None})
 
 
 def _lock(options: argparse.Namespace) -> AbstractContextManager[None]:

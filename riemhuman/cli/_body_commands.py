@@ -40,7 +40,7 @@ _IS_OF_COMPONENTS = cli.names_matching(
     "  riemhuman geodesic a.ply b.ply -o path/ --basis basis.npz -a 1 -l 1 -c 0 --json\n",
     cli.mesh("a_file", "A", "mesh to start from"),
     cli.mesh("b_file", "B", "mesh to end at"),
-    inputs.PATH_OUTPUT,
+    inputs.path_output("time", "path.glb", "path.png", "path.html"),
     cli.option("--n-nodes", "surfaces of the path", default=11, metavar="N"),
     inputs.BASIS,
     cli.template("A"),
@@ -48,10 +48,6 @@ _IS_OF_COMPONENTS = cli.names_matching(
     inputs.metric_options(inputs.PATH_METRIC),
 )
 def _geodesic(options: argparse.Namespace) -> cli.Answer:
-    from riemhuman.optional import import_optional
-
-    if options.ending in ("", ".png"):
-        import_optional("matplotlib", "plot")  # before the work, not after it
     surfaces = inputs.read_surfaces(options, [options.a_file, options.b_file])
     metric = inputs.chosen_metric(options, surfaces.template)
     basis = inputs.chosen_basis(options, surfaces.template)
@@ -79,8 +75,6 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
         surfaces.faces,
         "Geodesic between two bodies",
         description,
-        mesh="time",
-        pages=("path.glb", "path.png", "path.html"),
         summary=answer.record,
     )
     return answer
@@ -230,7 +224,7 @@ def _bodies_of_components(pca: Any, options: argparse.Namespace) -> dict[str, nd
     "  riemhuman transfer hands_on_head/ --onto ben.ply --transfer pose -o ben_too/\n",
     cli.FILES,
     cli.path_option("--onto", "MESH", "body to move", required=True),
-    inputs.PATH_OUTPUT,
+    inputs.MOTION_OUTPUT,
     cli.option(
         "--axes",
         "axes about which triangles rotate: those of the world, or those of the body, for a body "
@@ -408,13 +402,13 @@ def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> 
     "a basis of deformations from motions",
     "Writes the principal components of the deformations in motions, for geodesics and\n"
     "means. Motions are files of Dynamic FAUST (.hdf5), folders of registered meshes that\n"
-    "show one motion in the order of their names, or folders of such folders. They need\n"
-    "not fit into memory.",
+    "show one motion in the order of their names, folders of such folders, recordings of a\n"
+    "skeleton (.bvh), or array paths (.npz). They need not fit into memory.",
     "  riemhuman basis registrations_m.hdf5 registrations_f.hdf5 -o basis.npz\n"
     "  riemhuman basis registrations_m.hdf5 --sequences punching knees -o basis.npz\n"
     "  riemhuman basis walk/ jump/ -o basis.npz --step 5 --n-components 40\n"
     "  riemhuman basis --open --resolution coarse -o basis.npz\n",
-    cli.path_option("motions", "MOTIONS", "HDF5 files or folders", nargs="*"),
+    cli.path_option("motions", "MOTIONS", ".hdf5, .bvh or .npz files, or folders", nargs="*"),
     cli.flag("--open", "use the open motions that ship with the package"),
     cli.choice("--resolution", "with --open: 13,348 or 1,202 vertices", "full", "coarse"),
     cli.option("--subjects", "with --open or HDF5: only these people", nargs="+", metavar="NAME"),
@@ -453,7 +447,7 @@ def _basis(options: argparse.Namespace) -> cli.Answer:
 def _basis_motions(options: argparse.Namespace) -> list[Any]:
     """Return the chosen motions, whose frames are read when they are needed."""
     if options.open == bool(options.motions):
-        raise ArgumentError("give either HDF5 files or folders of motions, or --open")
+        raise ArgumentError("give either files or folders of motions, or --open")
     chosen = {"subjects": options.subjects, "sequences": options.sequences}
     if options.open:
         return list(rh.datasets.load_open_motions(options.resolution, **chosen))

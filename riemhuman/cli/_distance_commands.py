@@ -140,7 +140,7 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
     if options.all:
         compared = rh.report.representations(bodies)
         with options.task("All representations"):
-            records = rh.report.benchmark(bodies, compared, n_jobs=-1, progress=options.bars)
+            records = rh.report.benchmark(bodies, compared, progress=options.bars)
         text = f"{head}\n\n{rh.report.format_benchmark(records)}"
         return cli.Answer(text, [asdict(record) for record in records])
     natural = options.open == "natural"

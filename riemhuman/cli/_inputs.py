@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from riemhuman.cli._commands import (
 )
 from riemhuman.cli._terminal import as_json
 from riemhuman.errors import ArgumentError
+from riemhuman.optional import import_optional
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -35,7 +37,6 @@ _RECORDED_RATE = 30.0
 _SIZES = (0.3, 4.0)
 SUMMARY = "summary.json"
 _PATH_ENDINGS = (".glb", ".png", ".html", ".npz")
-_IS_OF_PATH = names_matching(r"(time|frame)_\d+\.ply|(path|motion)\.(glb|png|html)|summary\.json")
 _MOST_IN_STRIP = 12
 
 
@@ -209,7 +210,20 @@ def chosen_basis(options: argparse.Namespace, template: Template) -> Deformation
     return basis
 
 
-PATH_OUTPUT = output("PATH", *_PATH_ENDINGS, is_ours=_IS_OF_PATH)
+def path_output(mesh: str, *pages: str) -> Argument:
+    """Return the declaration of a path to write: a file, or a folder of meshes and of pages."""
+    written = "|".join(map(re.escape, (*pages, SUMMARY)))
+    is_ours = names_matching(rf"{mesh}_\d{{4,}}\.ply|{written}")
+
+    def check(options: argparse.Namespace) -> None:
+        options.mesh, options.pages, options.is_ours = mesh, pages, is_ours
+        if any(name.endswith(".png") for name in ([options.ending] if options.ending else pages)):
+            import_optional("matplotlib", "plot")  # before the work, not after it
+
+    return several(output("PATH", *_PATH_ENDINGS, is_ours=is_ours), check=check)
+
+
+MOTION_OUTPUT = path_output("frame", "motion.html")
 
 
 def write_path(
@@ -219,8 +233,6 @@ def write_path(
     title: str,
     description: str = "",
     *,
-    mesh: str = "frame",
-    pages: Sequence[str] = ("motion.html",),
     summary: Any = None,
     **arrays: ndarray,
 ) -> None:
@@ -242,10 +254,10 @@ def write_path(
         if options.ending:
             write(options.output)
             return
-        with atomic_folder(options.output, _IS_OF_PATH) as folder:
+        with atomic_folder(options.output, options.is_ours) as folder:
             for number, surface in enumerate(path):
-                rh.save_mesh(folder / f"{mesh}_{number:04d}.ply", surface, faces)
-            for name in pages:
+                rh.save_mesh(folder / f"{options.mesh}_{number:04d}.ply", surface, faces)
+            for name in options.pages:
                 write(folder / name)
             if summary is not None:
                 (folder / SUMMARY).write_text(as_json(summary) + "\n", encoding="utf-8")

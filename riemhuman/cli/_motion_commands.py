@@ -154,12 +154,12 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     "motions mean",
     "the mean of several performances",
     "Writes the Karcher mean of motions modulo re-timing: a folder of meshes with a page that\n"
-    "plays them, motion.html, or a .glb file (an animation) or an .npz file (the array\n"
-    "path).",
+    "plays them, motion.html. If the output ends in .glb (an animation), .png, .html or .npz\n"
+    "(the array path), writes only that file.",
     "  riemhuman motions mean runs/ -o mean_run/\n"
     "  riemhuman motions mean anna_run/ ben_run/ carla_run/ -o mean.glb --n-times 30\n",
     _SEVERAL,
-    inputs.PATH_OUTPUT,
+    inputs.MOTION_OUTPUT,
     _N_TIMES,
     _BY,
 )

@@ -14,33 +14,10 @@ from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from riemhuman.cli._commands import Answer
-from riemhuman.errors import ConvergenceWarning, FileError
+from riemhuman.errors import ConvergenceWarning
 
 if TYPE_CHECKING:
     from riemhuman.solvers import Result
-
-
-def say(text: str) -> None:
-    """Write lines of a result to standard output; raise FileError if the disk is full."""
-    with _output_errors():
-        sys.stdout.write(f"{text}\n")
-
-
-def flush_output() -> None:
-    """Flush standard output; raise FileError if the disk is full."""
-    with _output_errors():
-        sys.stdout.flush()
-
-
-@contextmanager
-def _output_errors() -> Iterator[None]:
-    try:
-        yield
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        discard_output()
-        raise FileError(f"standard output cannot be written: {error.strerror or error}") from error
 
 
 def as_json(record: Any) -> str:

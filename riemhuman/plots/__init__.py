@@ -1,6 +1,5 @@
 """Pictures and interactive views of bodies, paths, motions and results."""
 
-from riemhuman.plots._viewer_data import ViewedBody
 from riemhuman.plots.body_plots import per_area, plot_body, plot_measurement_lines, plot_path
 from riemhuman.plots.contributions import Contributions, contributions
 from riemhuman.plots.figures import figure_style
@@ -13,6 +12,7 @@ from riemhuman.plots.result_plots import (
     plot_sweep,
 )
 from riemhuman.plots.viewer import (
+    ViewedBody,
     Viewer,
     save_picture,
     view_alignment,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from riemhuman.optional import import_optional
@@ -13,33 +14,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# No other element has this colour, so that the colour of the theme can replace it.
-_INK = "#1d2025"
+_INK = "#1d2025"  # of report.mplstyle; the colour of the theme replaces it
 _THEME = (
     "<style>:root{color:#1d2025}@media(prefers-color-scheme:dark){:root{color:#e7e8ea}}</style>"
 )
-_STYLE = {
-    "figure.facecolor": "none",
-    "axes.facecolor": "none",
-    "savefig.facecolor": "none",
-    "text.color": _INK,
-    "axes.labelcolor": _INK,
-    "axes.edgecolor": _INK,
-    "xtick.color": _INK,
-    "ytick.color": _INK,
-    "axes.linewidth": 0.6,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "font.size": 8.0,
-    "axes.titlesize": "medium",
-    "font.family": "DejaVu Sans",
-    "lines.linewidth": 1.3,
-    "lines.markersize": 4.0,
-    "svg.fonttype": "path",
-    # Labels are names, not formulas.
-    "text.parse_math": False,
-    "svg.hashsalt": "riemhuman",
-}
 _DPI = 150
 
 
@@ -53,8 +31,8 @@ def figure_style() -> Iterator[None]:
     >>> with rh.plots.figure_style():
     ...     ax = rh.plots.plot_energy([3.0, 2.0, 1.9])
     """
-    matplotlib = import_optional("matplotlib", "plot")
-    with matplotlib.rc_context(_STYLE):
+    style = import_optional("matplotlib.style", "plot")
+    with style.context(str(files("riemhuman.plots") / "web" / "report.mplstyle")):
         yield
 
 

@@ -16,7 +16,7 @@ from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.optional import import_optional
 from riemhuman.plots._colors import class_colors
 from riemhuman.plots.figures import new_axes
-from riemhuman.plots.rendering import View, render
+from riemhuman.plots.rendering import render
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -128,7 +128,6 @@ def plot_embedding(
     item_names: Sequence[str] | None = None,
     points: ArrayLike | None = None,
     faces: ArrayLike | None = None,
-    view: View | None = None,
     unit: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
@@ -145,11 +144,10 @@ def plot_embedding(
     item_names : sequence of str, length n, optional
         Names of the items, written beside them instead of a legend of the classes.
     points : array_like, shape (n, V, 3), optional
-        Bodies of the items; the middle one of each class, of at most twelve, is drawn.
+        Bodies of the items; the middle one of each class is drawn, of the twelve largest classes
+        if there are more, which then have a legend too.
     faces : array_like, shape (F, 3), optional
         Triangles of the bodies.
-    view : View, optional
-        Direction from which the bodies are seen.
     unit : str, optional
         Unit of the positions, for a scale bar; both axes then have the same scale.
     ax : matplotlib.axes.Axes, optional
@@ -179,6 +177,9 @@ def plot_embedding(
     ax.set(xticks=[], yticks=[])
     for spine in ax.spines.values():
         spine.set_visible(False)
+    is_drawn = points is not None and len(np.unique(items)) <= 2 * _MOST_IN_COLUMN
+    if item_names is None and not is_drawn:
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
     low, high = places.min(axis=0), places.max(axis=0)
     margin = 0.05 * np.maximum(high - low, 1e-9)
     if points is not None:
@@ -186,8 +187,6 @@ def plot_embedding(
         margin[0] += (high - low)[0] * columns / (1 - columns) / 2
     ax.set_xlim(low[0] - margin[0], high[0] + margin[0])
     ax.set_ylim(low[1] - margin[1], high[1] + margin[1])
-    if item_names is None and points is None:
-        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
     if unit is not None:
         _add_length_bar(ax, unit)
     if item_names is not None:
@@ -195,7 +194,7 @@ def plot_embedding(
     if points is None or faces is None:
         return ax
     surfaces = real_array(points, "points", (len(places), "n_vertices", 3), batched=False)
-    _add_bodies(ax, places, items, colors, names, surfaces, faces, view or View())
+    _add_bodies(ax, places, items, colors, names, surfaces, faces)
     return ax
 
 
@@ -248,7 +247,6 @@ def _add_bodies(
     names: Sequence[str] | None,
     points: ndarray,
     faces: ArrayLike,
-    view: View,
 ) -> None:
     """Draw the middle body of each class left or right of the map, with a line to its points.
 
@@ -262,6 +260,8 @@ def _add_bodies(
     by_x = np.argsort(centres[:, 0], kind="stable")
     half = len(classes) // 2
     for side, column in ((0, by_x[:half]), (1, by_x[half:])):
+        if not len(column):
+            continue
         column = column[np.argsort(centres[column, 1], kind="stable")]
         slot = height / len(column)
         zoom = 72 * min(_BODY_HEIGHT, slot - _NAME_HEIGHT) / _BODY_PIXELS
@@ -269,7 +269,7 @@ def _add_bodies(
             own = np.flatnonzero(labels == classes[k])
             gaps = np.linalg.norm((positions[own] - centres[k]) / np.ptp(positions, axis=0), axis=1)
             body, color = points[own[gaps.argmin()]], colors[classes[k]]
-            picture = render(body, faces, height=_BODY_PIXELS, view=view, color=0.25 + 0.75 * color)
+            picture = render(body, faces, height=_BODY_PIXELS, color=0.25 + 0.75 * color)
             x = abs(side - _COLUMN_WIDTH / 2 / width)
             top = ((number + 1) * slot - (slot - _NAME_HEIGHT) / 2) / height
             inner = abs(side - 0.8 * _COLUMN_WIDTH / width)

@@ -28,6 +28,7 @@ from riemhuman.plots._colors import SKIN
 # Directions to the lights in the viewer's frame (right, up, towards the eye), and their strengths.
 _LIGHTS = ((np.array([-0.45, 0.65, 0.61]), 0.70), (np.array([0.80, 0.10, 0.59]), 0.26))
 _AMBIENT = 0.36
+_SAMPLES = 2  # of a pixel in each direction, which smooth the outline
 _STRIP_HEIGHT = 160  # pixels
 _MOST_SHOWN = 8  # surfaces in a strip
 _DEPTH_SHADE = 0.55  # darkness of the farthest points
@@ -111,7 +112,6 @@ def render(
     view: View | None = None,
     window: Window | None = None,
     color: ArrayLike = SKIN,
-    samples: int = 2,
 ) -> ndarray:
     """Draw a surface.
 
@@ -129,8 +129,6 @@ def render(
         The part that is shown; by default the surface with a margin.
     color : array_like, shape (3,) or (F, 3)
         Red, green and blue between 0 and 1, of the surface or of each triangle.
-    samples : int
-        Samples per pixel in each direction, which smooth the outline.
 
     Returns
     -------
@@ -147,12 +145,11 @@ def render(
     vertices, faces = check_mesh(*as_surfaces(vertices, faces))
     colors = _face_colors(color, len(faces))
     whole_number(height, "height", minimum=1)
-    whole_number(samples, "samples", minimum=1)
     view = View() if view is None else view
     window = window_around(vertices, view) if window is None else window
 
-    scale = height * samples / window.height
-    shape = (height * samples, max(1, round(height * window.width / window.height)) * samples)
+    scale = height * _SAMPLES / window.height
+    shape = (height * _SAMPLES, max(1, round(height * window.width / window.height)) * _SAMPLES)
     rotated = view.rotate(vertices)
     normals = vertex_normals(rotated, faces)
     columns = (rotated[:, 0] - window.centre[0]) * scale + shape[1] / 2
@@ -166,7 +163,7 @@ def render(
     light = _shade(np.einsum("pc,pcx->px", shares[covered], normals[faces[front]]))[:, None]
     picture[covered, :3] = np.clip(colors[front] * light, 0, 1)
     picture[covered, 3] = 1.0
-    return _averaged(picture, samples)
+    return _averaged(picture)
 
 
 def _face_colors(color: ArrayLike, n_faces: int) -> ndarray:
@@ -221,12 +218,12 @@ def _draw_triangles(corners: ndarray, nearest: ndarray, owner: ndarray, shares: 
                     shares[row, column, 2] = c
 
 
-def _averaged(picture: ndarray, samples: int) -> ndarray:
+def _averaged(picture: ndarray) -> ndarray:
     """Return the mean of the samples of every pixel; colours are those of the covered ones."""
-    height, width = picture.shape[0] // samples, picture.shape[1] // samples
-    sums = picture.reshape(height, samples, width, samples, 4).sum(axis=(1, 3))
+    height, width = picture.shape[0] // _SAMPLES, picture.shape[1] // _SAMPLES
+    sums = picture.reshape(height, _SAMPLES, width, _SAMPLES, 4).sum(axis=(1, 3))
     sums[..., :3] /= np.maximum(sums[..., 3:], 1.0)
-    sums[..., 3] /= samples**2
+    sums[..., 3] /= _SAMPLES**2
     return np.round(255 * sums).astype(np.uint8)
 
 

@@ -145,12 +145,10 @@ def plot_confusion(
     classes = np.unique(items)
     titles = [str(label) if names is None else names[label] for label in classes]
     ax = new_axes(ax, 4.2, 4.0)
-    _heat_map(ax, np.ma.masked_equal(counts, 0), counts.sum(axis=1).max())
-    ax.set_xticks(range(len(titles)), titles, rotation=90)
-    ax.set_yticks(range(len(titles)), titles)
+    shown = np.ma.masked_equal(counts, 0)
+    _heat_map(ax, shown, counts.sum(axis=1).max(), titles, titles)
+    ax.tick_params(axis="x", labelrotation=90)
     ax.set(xlabel="nearest neighbour", ylabel="body")
-    for row, column in np.argwhere(counts):
-        _write_in_cell(ax, row, column, str(counts[row, column]))
     return ax
 
 
@@ -177,27 +175,30 @@ def plot_sweep(
     """
     cells = real_array(scores, "scores", (len(lams), len(weights)), batched=False)
     ax = new_axes(ax, 5.2, 3.0)
-    _heat_map(ax, cells, 100.0)
-    ax.set_xticks(range(len(weights)), weights)
-    ax.set_yticks(range(len(lams)), [f"{lam:g}" for lam in lams])
+    _heat_map(ax, np.ma.array(cells), 100.0, [f"{lam:g}" for lam in lams], weights)
     ax.set(xlabel="c (with a = 1)", ylabel="λ")
-    for (row, column), score in np.ndenumerate(cells):
-        _write_in_cell(ax, row, column, f"{score:.0f}")
     return ax
 
 
-def _heat_map(ax: Axes, values: ndarray, largest: float) -> None:
-    """Draw a matrix in shades from almost white to blue, on which dark text is legible."""
+def _heat_map(
+    ax: Axes,
+    values: np.ma.MaskedArray,
+    largest: float,
+    rows: Sequence[str],
+    columns: Sequence[str],
+) -> None:
+    """Draw a matrix in shades of blue, on which its values are legible."""
     colors = import_optional("matplotlib.colors", "plot")
     shades = colors.LinearSegmentedColormap.from_list("shades", [_LIGHTEST, _DEEPEST])
     ax.imshow(values, cmap=shades, vmin=0, vmax=largest, aspect="auto", interpolation="nearest")
     for spine in ax.spines.values():
         spine.set_visible(False)
     ax.tick_params(length=0)
-
-
-def _write_in_cell(ax: Axes, row: int, column: int, text: str) -> None:
-    ax.text(column, row, text, ha="center", va="center", fontsize="small", color=_ON_SHADES)
+    ax.set_xticks(range(len(columns)), columns)
+    ax.set_yticks(range(len(rows)), rows)
+    for row, column in np.argwhere(~np.ma.getmaskarray(values)):
+        text = f"{values[row, column]:.0f}"
+        ax.text(column, row, text, ha="center", va="center", fontsize="small", color=_ON_SHADES)
 
 
 def _hide_frame(ax: Axes) -> None:

@@ -5,7 +5,9 @@ A page contains the surfaces, and three.js draws them; pictures replace them wit
 
 from __future__ import annotations
 
+import base64
 import os
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -25,14 +27,14 @@ from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.plots._colors import MEAN, SKIN, colour_limit, value_colors
-from riemhuman.plots._viewer_data import MAX_VERTICES, ViewedBody, payload
+from riemhuman.plots._colors import MEAN, SKIN, VALUE_COLORS, colour_limit, value_colors
 from riemhuman.plots.figures import new_figure
 from riemhuman.plots.rendering import View, as_surfaces, image_source, png_bytes, strip_picture
 
 if TYPE_CHECKING:
     from riemhuman.motions import Warp
 
+_LEVELS = 2**16 - 1  # of coordinates
 _SECONDS = 2.4  # a path is played in, unless its duration is given
 _STILL_HEIGHT = 240
 _PICTURE_HEIGHT = 400
@@ -77,6 +79,47 @@ def page_scripts() -> str:
 
 
 @dataclass(frozen=True)
+class ViewedBody:
+    """A body or a path of bodies in a viewer.
+
+    Parameters
+    ----------
+    label : str
+        Label of the body.
+    frames : array, shape (n_times, V, 3)
+        Surfaces at equally spaced times, metres.
+    color : tuple of float
+        Red, green and blue between 0 and 1.
+    values : array, shape (F,), optional
+        Non-negative values of the triangles, shown as colours.
+    largest : float, optional
+        Value of the last colour; by default, 1 % of the values exceed it.
+    value_label : str
+        Label of the colour scale, such as the unit of the values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> body = rh.plots.ViewedBody("mean", np.zeros((1, 3, 3)), color=(0.93, 0.74, 0.30))
+    """
+
+    label: str
+    frames: ndarray
+    color: tuple[float, float, float] = SKIN
+    values: ndarray | None = None
+    largest: float | None = None
+    value_label: str = ""
+
+    @property
+    def limit(self) -> float:
+        """Value of the last colour; 0 without values."""
+        if self.values is None:
+            return 0.0
+        return colour_limit(self.values) if self.largest is None else self.largest
+
+
+@dataclass(frozen=True)
 class Viewer:
     """An interactive view of bodies or paths, shown in notebooks or saved as a page.
 
@@ -90,8 +133,6 @@ class Viewer:
         Label of the choices, and title of the view.
     view : View
         Initial direction from which the bodies are seen.
-    max_vertices : int
-        Largest number of vertices; bodies with more are shown with fewer, and the page says so.
     description : str
         Text below the title of the page.
     seconds : float
@@ -112,7 +153,6 @@ class Viewer:
     legend: str = "Show"
     title: str = "Bodies"
     view: View = field(default_factory=View)
-    max_vertices: int = MAX_VERTICES
     description: str = ""
     seconds: float = _SECONDS
     below: str = ""
@@ -136,8 +176,7 @@ class Viewer:
             legend=self.legend,
             stills={name: self._still(bodies) for name, bodies in self.choices.items()},
             moving=any(len(body.frames) > 1 for body in shown_first),
-            data=payload(self.choices, self.faces, self.view, self.max_vertices)
-            | {"seconds": self.seconds},
+            data=_payload(self.choices, self.faces, self.view) | {"seconds": self.seconds},
         )
 
     def page(self) -> str:
@@ -185,6 +224,78 @@ class Viewer:
         return image_source(strip_picture(surfaces, self.faces, colors, self.view, _STILL_HEIGHT))
 
 
+def _payload(
+    choices: Mapping[str, Sequence[ViewedBody]], faces: ndarray, view: View
+) -> dict[str, Any]:
+    """Return the data of a viewer in types that JSON can hold."""
+    surface = next(body for bodies in choices.values() for body in bodies).frames[0]
+    return {
+        # Neighbouring triangles have similar numbers.
+        "faces": _packed(faces.astype("<u4")),
+        "n_vertices": len(surface),
+        "azimuth": view.azimuth,
+        "elevation": view.elevation,
+        "scale": VALUE_COLORS,
+        "choices": [
+            {"name": name, "bodies": [_body(body, faces) for body in bodies]}
+            for name, bodies in choices.items()
+        ],
+    }
+
+
+def _quantize(frames: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """Return coordinates as 16-bit integers, and the lowest value and the step of each axis.
+
+    low + step · integers is within half a step of the frames, shape (n_times, V, 3).
+    """
+    low = frames.min(axis=(0, 1))
+    step = np.maximum(frames.max(axis=(0, 1)) - low, 1e-9) / _LEVELS
+    return np.round((frames - low) / step).astype("<u2"), low, step
+
+
+def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
+    integers, low, step = _quantize(body.frames)
+    red, green, blue = (round(255 * channel) for channel in body.color)
+    record = {
+        "label": body.label,
+        "n_frames": len(integers),
+        # Differences in time, or along the surface of a single frame, are small.
+        "frames": _packed(
+            integers.reshape(len(integers), -1) if len(integers) > 1 else integers[0]
+        ),
+        "low": low.tolist(),
+        "step": step.tolist(),
+        "color": f"#{red:02x}{green:02x}{blue:02x}",
+    }
+    if body.values is not None:
+        at_vertices = _mean_at_vertices(body.values, faces, body.frames.shape[1])
+        colors = np.round(255 * value_colors(at_vertices, body.limit)).astype(np.uint8)
+        record["colors"] = _deflated(colors)
+        record["values"] = _deflated(body.values.astype("<f4"))
+        record["largest"] = body.limit
+        record["value_label"] = body.value_label
+    return record
+
+
+def _mean_at_vertices(values: ndarray, faces: ndarray, n_vertices: int) -> ndarray:
+    """Return the mean value of the triangles at each vertex."""
+    corners = faces.ravel()
+    sums = np.bincount(corners, np.repeat(values, 3), n_vertices)
+    return sums / np.maximum(np.bincount(corners, minlength=n_vertices), 1)
+
+
+def _packed(rows: ndarray) -> str:
+    """Return differences of successive rows, bytes of one significance together, compressed."""
+    differences = rows.copy()
+    differences[1:] -= rows[:-1]  # unsigned integers wrap around
+    planes = differences.reshape(-1, 1).view(np.uint8).T
+    return _deflated(planes)
+
+
+def _deflated(array: ndarray) -> str:
+    return base64.b64encode(zlib.compress(np.ascontiguousarray(array).tobytes(), 9)).decode("ascii")
+
+
 def view_path(
     path: ArrayLike | Sequence[Any] | Mapping[str, ArrayLike],
     faces: ArrayLike | None = None,
@@ -193,7 +304,6 @@ def view_path(
     legend: str = "Path",
     title: str = "Path of bodies",
     description: str = "",
-    view: View | None = None,
     seconds: float | None = None,
 ) -> Viewer:
     """Return an interactive view that plays a path, or several to choose from.
@@ -208,8 +318,6 @@ def view_path(
         Whether to play several paths beside each other instead.
     legend, title, description : str
         Label of the choices, title of the view, and text below the title of the page.
-    view : View, optional
-        Initial direction from which the bodies are seen.
     seconds : float, optional
         Duration of the path at speed 1; by default 2.4.
 
@@ -230,7 +338,7 @@ def view_path(
         choices = {title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
     else:
         choices = {name: [ViewedBody("", surfaces)] for name, surfaces in frames.items()}
-    viewer = _viewer(faces, choices, legend, title, description, view)
+    viewer = _viewer(faces, choices, legend, title, description)
     if seconds is None:
         return viewer
     return replace(viewer, seconds=real_number(seconds, "seconds", minimum=0, strict=True))
@@ -244,8 +352,6 @@ def view_bodies(
     values: ArrayLike | None = None,
     value_label: str = "",
     title: str = "Bodies",
-    description: str = "",
-    view: View | None = None,
 ) -> Viewer:
     """Return an interactive view of bodies side by side.
 
@@ -262,10 +368,8 @@ def view_bodies(
         colour scale, whose end 1 % of the values exceed.
     value_label : str
         Label of the colour scale, such as the unit of the values.
-    title, description : str
-        Title of the view, and text below the title of the page.
-    view : View, optional
-        Initial direction from which the bodies are seen.
+    title : str
+        Title of the view.
 
     Examples
     --------
@@ -292,7 +396,7 @@ def view_bodies(
         ViewedBody(label, surface[None], values=shade, largest=largest, value_label=value_label)
         for label, surface, shade in zip(labels, surfaces, shades, strict=True)
     ]
-    return _viewer(faces, {title: bodies}, "Show", title, description, view)
+    return _viewer(faces, {title: bodies}, "Show", title)
 
 
 def _labels(names: Sequence[str], n_bodies: int) -> list[str]:
@@ -310,14 +414,13 @@ def _viewer(
     legend: str,
     title: str,
     description: str = "",
-    view: View | None = None,
 ) -> Viewer:
     every = [body for bodies in choices.values() for body in bodies]
     _, triangles = check_mesh(every[0].frames[0], faces)
     sizes = {body.frames.shape[1] for body in every}
     if len(sizes) > 1:
         raise ArgumentError(f"all bodies must have the same vertices; found {sorted(sizes)}")
-    return Viewer(triangles, choices, legend, title, view or View(), description=description)
+    return Viewer(triangles, choices, legend, title, description=description)
 
 
 def save_picture(

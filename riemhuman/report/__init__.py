@@ -1,10 +1,10 @@
 """The report of the paper's experiments, retrieval benchmarks, and the page of registered scans."""
 
-from riemhuman.report.code_descriptors import CodeDescriptor
 from riemhuman.report.make import make_report
 from riemhuman.report.registered_scans import scan_page
 from riemhuman.report.retrieval_benchmark import (
     BenchmarkRecord,
+    CodeDescriptor,
     benchmark,
     format_benchmark,
     representations,

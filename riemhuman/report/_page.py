@@ -1,4 +1,4 @@
-"""The page of a report: sections, figures and tables in one self-contained HTML file."""
+"""The page of a report: sections from templates, figures and tables in one self-contained file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -34,68 +33,51 @@ def web_file(name: str) -> str:
 def _environment() -> jinja2.Environment:
     loader = jinja2.FunctionLoader(web_file)
     found = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
-    found.filters |= {"written": written, "missing": is_missing}
+    found.filters |= {
+        "written": written,
+        "missing": is_missing,
+        "shown": _shown,
+        "having_values": _having_values,
+    }
     return found
 
 
-def fill(macro: str, *arguments: Any) -> str:
-    """Return HTML from a macro of ``parts.html``."""
-    return str(getattr(_environment().get_template("parts.html").module, macro)(*arguments))
+def fill(macro: str, **values: Any) -> str:
+    """Return HTML from a macro of ``sections.html``."""
+    return str(getattr(_environment().get_template("sections.html").module, macro)(**values))
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the page: its anchor, its heading there and in the contents, HTML parts."""
+    """A section of the page: its anchor, its heading there and in the contents, and its HTML."""
 
     identifier: str
     title: str
     short: str
-    parts: Sequence[str]
+    html: str
 
 
 def page(
     title: str, lead: str, facts: Sequence[tuple[str, str]], sections: Sequence[Section], end: str
 ) -> str:
     """Return the page; `lead` is HTML, `facts` are the sizes of the data with their names."""
-    return (
-        _environment()
-        .get_template("page.html")
-        .render(
-            title=title,
-            lead=lead,
-            facts=facts,
-            sections=sections,
-            end=end,
-            css=web_file("page.css"),
-            viewer_styles=page_styles(),
-            scripts=page_scripts(),
-        )
+    template = _environment().get_template("page.html")
+    return template.render(
+        title=title,
+        lead=lead,
+        facts=facts,
+        sections=sections,
+        end=end,
+        css=web_file("page.css"),
+        viewer_styles=page_styles(),
+        scripts=page_scripts(),
     )
-
-
-def paragraph(html: str) -> str:
-    return f"<p>{html}</p>"
-
-
-def heading(text: str) -> str:
-    return f"<h3>{escape(text)}</h3>"
-
-
-def viewer_figure(fragment: str, caption: str) -> str:
-    """Return a viewer with its caption; both are HTML."""
-    return f'<figure class="live">{fragment}<figcaption>{caption}</figcaption></figure>'
-
-
-def side_by_side(*parts: str) -> str:
-    """Return parts that stand beside each other if the window is wide enough."""
-    return f'<div class="pair">{"".join(f"<div>{part}</div>" for part in parts)}</div>'
 
 
 @dataclass(frozen=True)
 class Image:
     """An image within the page, with its size, so that nothing moves when it is loaded."""
 
-    alt: str
     source: str
     width: int
     height: int
@@ -103,65 +85,41 @@ class Image:
 
 
 @dataclass(frozen=True)
-class Column:
-    """A column of a table: its key in the file, its title on the page, a format of its numbers.
-
-    `best` marks the "highest" or "lowest" value; columns that are not shown are in the file only.
-    """
-
-    key: str
-    title: str
-    form: str = ""
-    best: str = ""
-    is_shown: bool = True
-    style: str = ""
-
-    def text(self, value: Any) -> str:
-        if is_missing(value):
-            return "–"
-        return format(value, self.form).replace("-", "−") if self.form else str(value)
-
-
-@dataclass(frozen=True)
 class Table:
-    """A table on the page and in a CSV file; NaN and None are missing values."""
+    """The rows of a table on the page and in a CSV file; NaN and None are missing values."""
 
     name: str
-    caption: str
-    columns: Sequence[Column]
     rows: Sequence[Mapping[str, Any]]
 
     def csv(self) -> str:
         """Return the CSV file: a line of keys, and a line per row, numbers with all digits."""
         stream = io.StringIO()
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(column.key for column in self.columns)
+        writer.writerow(self.rows[0])
         for row in self.rows:
-            values = [row[column.key] for column in self.columns]
+            values = [row[key] for key in self.rows[0]]
             writer.writerow(csv_cell(v) if isinstance(v, str) else written(v) for v in values)
         return stream.getvalue()
 
-    def html(self) -> str:
-        """Return the table as part of a page; each number carries all its digits as data."""
-        return fill("table", self)
+    def values(self, key: str) -> list[Any]:
+        return [row[key] for row in self.rows if not is_missing(row.get(key))]
 
-    def number(self, row: int, key: str) -> str:
-        """Return a number of the table for running text, with a reference to its cell."""
-        return fill("number", self, row, next(c for c in self.columns if c.key == key))
+    def is_best(self, row: int, key: str, best: str) -> bool:
+        """Return whether a row has the highest or the lowest of several values."""
+        values = self.values(key)
+        limit = max(values) if best == "highest" else min(values)
+        return len(values) > 1 and bool(self.rows[row][key] == limit)
 
-    def shown_columns(self) -> list[Column]:
-        """Return the columns on the page: those that have a value."""
-        return [c for c in self.columns if c.is_shown and self.values(c)]
 
-    def values(self, column: Column) -> list[Any]:
-        return [row[column.key] for row in self.rows if not is_missing(row[column.key])]
+def _having_values(columns: Sequence[tuple[str, ...]], table: Table) -> list[tuple[str, ...]]:
+    """Return the columns that have a value, with empty texts for what they leave out."""
+    return [(*column, "", "")[:4] for column in columns if table.values(column[0])]
 
-    def is_best(self, row: int, column: Column) -> bool:
-        values = self.values(column)
-        if not column.best or len(values) < 2:
-            return False
-        best = max(values) if column.best == "highest" else min(values)
-        return bool(self.rows[row][column.key] == best)
+
+def _shown(value: Any, form: str) -> str:
+    if is_missing(value):
+        return "–"
+    return format(value, form).replace("-", "−") if form else str(value)
 
 
 def written(value: Any) -> str:
@@ -188,19 +146,15 @@ class Output:
     def figure(
         self,
         name: str,
-        alt: str,
-        caption: str,
         draw: Callable[..., Any],
         *arguments: Any,
         size: tuple[float, float] | None = None,
-        wide: bool = False,
         **settings: Any,
-    ) -> str:
+    ) -> Image:
         """Return a figure, which is drawn unless the store has one of the same arguments.
 
         With a size in inches, `draw` fills the axes `ax`; else it returns a figure. Arguments are
-        what JSON and fingerprints can describe, and the bodies of the report. A narrow window
-        scrolls a wide figure instead of shrinking it.
+        what JSON and fingerprints can describe, and the bodies of the report.
         """
 
         def compute() -> Computed:
@@ -221,10 +175,10 @@ class Output:
         *_, width, height = re.findall(r"[\d.]+", svg.split('viewBox="')[1].split('"')[0])
         # Pictures of bodies within the SVG are base64 already; twice would add a third.
         source = f"data:image/svg+xml,{quote(svg, safe='/+=:;, ()')}"
-        image = Image(alt, source, round(float(width)), round(float(height)), name)
-        return fill("figure", image, caption, wide)
+        return Image(source, round(float(width)), round(float(height)), name)
 
-    def table(self, table: Table) -> str:
-        """Write a table to its file and return its HTML."""
-        write_text(self.folder / "tables" / f"{table.name}.csv", table.csv())
-        return table.html()
+    def table(self, name: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+        """Return a table, which is also written to its file."""
+        table = Table(name, rows)
+        write_text(self.folder / "tables" / f"{name}.csv", table.csv())
+        return table

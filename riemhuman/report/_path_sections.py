@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +24,7 @@ from riemhuman.plots import (
 )
 from riemhuman.plots._colors import MEAN, SKIN
 from riemhuman.plots.figures import new_figure
-from riemhuman.report._page import Column, Section, Table, heading, paragraph, viewer_figure
+from riemhuman.report._page import Section, fill
 from riemhuman.report._report import (
     PATH_WEIGHTS,
     POSE_WEIGHTS,
@@ -77,15 +75,6 @@ def difference_section(report: Report) -> Section | None:
     if not report.pairs:
         return None
     step, bodies, template = _differences(report), report.bodies, report.bodies.template
-    figure = report.output.figure(
-        "differences",
-        "Bodies coloured by the contribution of each triangle to their distance.",
-        "The same as a figure, with colour scales.",
-        _draw_differences,
-        bodies,
-        step,
-        wide=True,
-    )
     choices = {}
     for name, (first, second) in step.record["pairs"].items():
         choices[name] = [ViewedBody(name_of(bodies, first), bodies.points[[first]])]
@@ -95,28 +84,13 @@ def difference_section(report: Report) -> Section | None:
             body = ViewedBody(label, bodies.points[[second]], values=values, value_label="per m²")
             choices[name].append(body)
     viewer = Viewer(template.faces, choices, "Pair", "Where two bodies differ")
-    columns = (
-        Column("pair", "Pair"),
-        Column("metric_part", "Metric part", ".4f"),
-        Column("normal_part", "Normal part", ".4f"),
-        Column("squared_distance", "d²", ".4f"),
+    html = fill(
+        "differences",
+        picture=report.output.figure("differences", _draw_differences, bodies, step),
+        viewer=viewer.fragment("differences-view"),
+        rows=report.output.table("differences", step.record["rows"]),
     )
-    caption = "The two parts of the squared distance under (1, 1, 1), summed over all triangles."
-    rows = step.record["rows"]
-    parts = [
-        paragraph(
-            "The squared distance is a sum over triangles of a metric part (stretching and "
-            "shearing) and a normal part (rotation). Pale triangles contribute nothing, dark red "
-            f"ones the most. {normal_shares(rows)}"
-        ),
-        viewer_figure(
-            viewer.fragment("differences-view"),
-            "Turn the bodies. 1 % of the triangles exceed the end of each colour scale.",
-        ),
-        figure,
-        report.output.table(Table("differences", caption, columns, rows)),
-    ]
-    return Section("differences", "Where do two bodies differ?", "Differences", parts)
+    return Section("differences", "Where do two bodies differ?", "Differences", html)
 
 
 def _differences(report: Report) -> Step:
@@ -140,15 +114,6 @@ def _differences(report: Report) -> Step:
     return report.step("differences", compute, "Where bodies differ", pairs=report.pairs)
 
 
-def normal_shares(rows: Sequence[Mapping[str, Any]]) -> str:
-    shares = [
-        f"{100 * row['normal_part'] / row['squared_distance']:.0f} % for {row['pair']}"
-        for row in rows
-        if row["squared_distance"] > 0
-    ]
-    return f"The normal part is {' and '.join(shares)}." if shares else ""
-
-
 def geodesic_section(report: Report) -> Section | None:
     bodies, output = report.bodies, report.output
     geodesics = {
@@ -161,45 +126,27 @@ def geodesic_section(report: Report) -> Section | None:
         for name, weights in _VIEWED_METRICS.items()
         if both is not None
     }
-    steps = {**geodesics, **viewed}
-    if not steps:
+    rows = [_geodesic_row(bodies, name, step) for name, step in {**geodesics, **viewed}.items()]
+    if not rows:
         return None
-    parts = [
-        paragraph(
-            "A geodesic is a path of least energy. The metric (1, 1, 0) measures how triangles "
-            "stretch and shear along the path; the normal part alone, (0, 0, 1), measures how they "
-            f"rotate. Basis: {report.basis[1]}."
-        )
-    ]
-    for (name, step), letter in zip(geodesics.items(), "ab", strict=False):
-        start, end = (name_of(bodies, number) for number in step.record["pair"])
-        caption = (
-            f"As figure 4 ({letter}) of the paper, {name}: from {escape(start)} to "
-            f"{escape(end)} under {_weights(step)}. Right: the energy after each iteration, "
-            "from the straight path, as in the paper, and from the path that rotates each "
-            f"triangle; d² is a lower bound."
-        )
-        alt = (
-            f"Film strip of the geodesic from {start} to {end}, with its energy at each iteration."
-        )
-        figure = output.figure(step.name, alt, caption, _draw_geodesic, bodies, step, wide=True)
-        parts.append(figure)
+    viewer = ""
     if viewed:
-        pair = next(iter(viewed.values())).record["pair"]
-        start, end = (escape(name_of(bodies, number)) for number in pair)
         paths = {name: step.arrays["path"] for name, step in viewed.items()}
         title = "Geodesic under three metrics"
-        viewer = view_path(paths, bodies.template.faces, legend="Metric", title=title)
-        caption = (
-            f"From {start} to {end}. Switch the metric at the middle of the path to see the "
-            "differences."
-        )
-        parts += [
-            heading("One pair, three metrics"),
-            viewer_figure(viewer.fragment("geodesics-view"), caption),
-        ]
-    parts.append(output.table(_geodesic_table(bodies, steps)))
-    return Section("geodesics", "Geodesics", "Geodesics", parts)
+        shown = view_path(paths, bodies.template.faces, legend="Metric", title=title)
+        viewer = shown.fragment("geodesics-view")
+    html = fill(
+        "geodesics",
+        basis=report.basis[1],
+        strips=[
+            (output.figure(step.name, _draw_geodesic, bodies, step), row)
+            for step, row in zip(geodesics.values(), rows, strict=False)
+        ],
+        viewer=viewer,
+        ends=(rows[-1]["from"], rows[-1]["to"]),
+        rows=output.table("geodesics", rows),
+    )
+    return Section("geodesics", "Geodesics", "Geodesics", html)
 
 
 def _geodesic(report: Report, slug: str, weights: Weights, pair: Pair, title: str) -> Step:
@@ -241,40 +188,11 @@ def _geodesic(report: Report, slug: str, weights: Weights, pair: Pair, title: st
     return report.path_step(f"geodesic-{slug}", compute, title, pair=pair, weights=weights)
 
 
-def _weights(step: Step) -> str:
-    return f"({', '.join(f'{weight:g}' for weight in step.record['weights'])})"
-
-
-def _geodesic_table(bodies: Bodies, steps: Mapping[str, Step]) -> Table:
-    rows = [
-        step.record
-        | {
-            "geodesic": name,
-            "from": name_of(bodies, step.record["pair"][0]),
-            "to": name_of(bodies, step.record["pair"][1]),
-            "metric": _weights(step),
-        }
-        for name, step in steps.items()
-    ]
-    columns = (
-        Column("geodesic", "Geodesic"),
-        Column("from", "From"),
-        Column("to", "To"),
-        Column("metric", "(a, λ, c)", style="whole"),
-        Column("straight_energy", "Straight path", ".4f"),
-        Column("energy_from_straight", "Found from it", ".4f"),
-        Column("energy", "Geodesic", ".4f"),
-        Column("squared_distance", "d²", ".4f"),
-        Column("n_iterations", "Iterations", "d"),
-        Column("seconds", "Seconds", ".2f"),
-        Column("converged", "Converged", is_shown=False),
-    )
-    caption = (
-        "Energy of the straight path, of the path that the search finds from it, as in the paper, "
-        "and of the one found from the path that rotates every triangle. The squared closed-form "
-        "distance d² bounds all of them from below."
-    )
-    return Table("geodesics", caption, columns, rows)
+def _geodesic_row(bodies: Bodies, name: str, step: Step) -> dict[str, Any]:
+    values = dict(step.record)
+    start, end = (name_of(bodies, number) for number in values.pop("pair"))
+    metric = f"({', '.join(f'{weight:g}' for weight in values.pop('weights'))})"
+    return {"geodesic": name, "from": start, "to": end, "metric": metric, **values}
 
 
 def comparison_section(report: Report) -> Section | None:
@@ -283,39 +201,22 @@ def comparison_section(report: Report) -> Section | None:
     if pair is None:
         return None
     step = _comparison(report, pair)
-    table = _comparison_table(step)
-    names = [row["name"] for row in step.record["rows"]]
-    figure = report.output.figure(
-        "comparison",
-        f"Film strips of the paths {', '.join(names)} between the same two bodies.",
-        "The same as film strips.",
-        _draw_comparison,
-        bodies,
-        step,
-        wide=True,
-    )
+    rows = step.record["rows"]
+    names, count = [row["name"] for row in rows], _COUNTS[len(rows)]
     shown = {_PATH_TITLES[name]: step.arrays[name] for name in names}
     title = f"{len(names)} paths between the same two bodies"
     viewer = view_path(shown, bodies.template.faces, side_by_side=True, title=title)
-    start, end = (escape(name_of(bodies, number)) for number in step.record["pair"])
-    ours = table.number(names.index(OURS), "area_change_mean")
-    linear = table.number(names.index(LINEAR), "area_change_mean")
-    parts = [
-        paragraph(
-            f"From {start} to {end}, as in figure 5 of the "
-            "paper. Beyond the change between the ends, the areas of triangles change "
-            f"by {linear} on average along the straight path, and by {ours} along ours."
-        ),
-        viewer_figure(
-            viewer.fragment("comparison-view"),
-            "All paths at the same time; compare the limbs in the middle.",
-        ),
-        figure,
-        report.output.table(table),
-    ]
-    count = _COUNTS[len(names)]
-    title = f"{count} paths from one pose to another"
-    return Section("comparison", title, f"{count} paths", parts)
+    html = fill(
+        "comparison",
+        picture=report.output.figure("comparison", _draw_comparison, bodies, step),
+        viewer=viewer.fragment("comparison-view"),
+        ends=[name_of(bodies, number) for number in pair],
+        rows=report.output.table("comparison", rows),
+        names=names,
+        straight=LINEAR,
+        ours=OURS,
+    )
+    return Section("comparison", f"{count} paths from one pose to another", f"{count} paths", html)
 
 
 def _comparison(report: Report, pair: Pair) -> Step:
@@ -363,69 +264,32 @@ def _model_path(report: Report) -> ModelPath | None:
     return ModelPath(model, report.plan.n_nodes, parameters=parameters)
 
 
-def _comparison_table(step: Step) -> Table:
-    columns = [
-        Column("name", "Path"),
-        Column("energy_ours", "Energy (1, 1, 0)", ".4f", "lowest"),
-        Column("area_change_mean", "Areas, mean", ".1%", "lowest"),
-        Column("area_change_quantile_99", "Areas, 99 %", ".1%", "lowest"),
-        Column("edge_change_mean", "Lengths, mean", ".1%", "lowest"),
-        Column("volume_change", "Volume", ".2%", "lowest"),
-        Column("mean_deviation", "mm from the model", ".1f"),
-        Column("n_iterations", "Iterations", "d"),
-        Column("seconds", "Seconds", ".2f"),
-    ]
-    keys = {column.key for column in columns}
-    rows = step.record["rows"]
-    columns += [Column(key, key, is_shown=False) for key in rows[0] if key not in keys]
-    caption = (
-        "Changes of the triangles' areas, the edges' lengths and the volume along the path, beyond "
-        "the change between the ends."
-    )
-    return Table("comparison", caption, columns, rows)
-
-
 def mean_section(report: Report) -> Section | None:
-    bodies = report.bodies
+    bodies, faces = report.bodies, report.bodies.template.faces
     group = group_within(bodies.pose, bodies.subject, report.plan.n_averaged)
     if len(group) < 2:
         return None
     step = _mean(report, group)
+    mean = step.arrays["mean"][None]
     figure = report.output.figure(
         "mean",
-        f"{len(group)} people in one pose and, last and in yellow, their Karcher mean.",
-        "People, and their mean in yellow.",
         plot_path,
-        np.concatenate([bodies.points[group], step.arrays["mean"][None]]),
-        bodies.template.faces,
+        np.concatenate([bodies.points[group], mean]),
+        faces,
         size=(8.0, 2.6),
-        wide=True,
         colors=[SKIN] * len(group) + [MEAN],
     )
     shown = [ViewedBody(name_of(bodies, index), bodies.points[[index]]) for index in group]
-    shown.append(ViewedBody("Karcher mean", step.arrays["mean"][None], MEAN))
+    shown.append(ViewedBody("Karcher mean", mean, MEAN))
     title = "Bodies and their Karcher mean"
-    viewer = Viewer(bodies.template.faces, {title: shown}, "Bodies", title)
+    viewer = Viewer(faces, {title: shown}, "Bodies", title)
     rows = [
         {"body": name_of(bodies, index), "distance": distance, "squared_distance": distance**2}
         for index, distance in zip(group, step.record["distances"], strict=True)
     ]
-    columns = (
-        Column("body", "Body"),
-        Column("distance", "Distance from the mean", ".4f"),
-        Column("squared_distance", "Squared", ".4f"),
-    )
-    caption = "Distances of the bodies from their Karcher mean."
-    parts = [
-        paragraph(
-            f"The body with the least mean squared distance from {len(group)} people in one pose, "
-            "under the normal part alone, (0, 0, 1), as in figure 6 of the paper."
-        ),
-        figure,
-        viewer_figure(viewer.fragment("mean-view"), "Turn the bodies; the mean is yellow."),
-        report.output.table(Table("mean", caption, columns, rows)),
-    ]
-    return Section("mean", "The mean of several people", "Mean", parts)
+    table = report.output.table("mean", rows)
+    html = fill("mean", picture=figure, viewer=viewer.fragment("mean-view"), rows=table)
+    return Section("mean", "The mean of several people", "Mean", html)
 
 
 def _mean(report: Report, group: ndarray) -> Step:

@@ -9,7 +9,6 @@ from contextlib import nullcontext
 from dataclasses import asdict
 from datetime import UTC, datetime
 from functools import cache
-from html import escape
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +25,7 @@ from riemhuman.report._body_sections import (
     retrieval_section,
     sweep_section,
 )
-from riemhuman.report._page import Column, Output, Section, Table, page, paragraph
+from riemhuman.report._page import Output, Section, fill, page
 from riemhuman.report._path_sections import (
     comparison_section,
     difference_section,
@@ -134,7 +133,7 @@ def make_report(
         made = [section for make in _SECTIONS if (section := make(report)) is not None]
     text = page(
         _TITLE,
-        _lead(bodies, quick=quick),
+        fill("lead", poses=[readable(name) for name in bodies.pose_names[:3]], quick=quick),
         _facts(bodies),
         [*first, *made, _making_section(report)],
         f"Made with riemhuman {_versions()['riemhuman']}, {_now()}. "
@@ -179,38 +178,13 @@ def _facts(bodies: Bodies) -> list[tuple[str, str]]:
     return [*facts, (f"{len(bodies) * (len(bodies) - 1) // 2:,}", "pairs")]
 
 
-def _lead(bodies: Bodies, *, quick: bool) -> str:
-    """Return the introduction as HTML."""
-    names = ", ".join(escape(readable(name)) for name in bodies.pose_names[:3])
-    shorter = " This is a quick run, with fewer surfaces per path and fewer deformations."
-    return (
-        "The experiments of Pierson, Daoudi and Tumpach, <cite>A Riemannian Framework for Analysis "
-        "of Human Body Surface</cite> (WACV 2022), on bodies registered to one template: "
-        f"retrieval of people and of poses ({names} …), and shortest paths between bodies."
-        f"{shorter if quick else ''}"
-    )
-
-
 def _making_section(report: Report) -> Section:
     rows = [
         {"title": step.title, "step": step.name, "seconds": step.seconds}
         for step in report.store.steps
     ]
-    columns = (
-        Column("title", "Step"),
-        Column("step", "step", is_shown=False),
-        Column("seconds", "Seconds", ".2f"),
-    )
-    table = Table("steps", "Wall time of every step when it was computed.", columns, rows)
-    parts = [
-        paragraph(
-            'Versions, seeds, parameters and fingerprints are in <a href="provenance.json">'
-            "provenance.json</a>; matrices, paths and maps are NumPy archives in the folder "
-            "<code>results</code>. A new run of the report computes only what has changed."
-        ),
-        report.output.table(table),
-    ]
-    return Section("making", "How this was made", "Making", parts)
+    html = fill("making", steps=report.output.table("steps", rows))
+    return Section("making", "How this was made", "Making", html)
 
 
 def _now() -> str:

@@ -12,7 +12,7 @@ from riemhuman.io.files import write_text
 from riemhuman.plots._colors import VALUE_COLORS, value_colors
 from riemhuman.plots.rendering import View, image_source, points_picture, render, window_around
 from riemhuman.registration import ScanRecord, read_records
-from riemhuman.report._page import Image, Section, fill, page, paragraph, web_file
+from riemhuman.report._page import Image, Section, fill, page, web_file
 
 _LARGEST_METRES = 0.02  # distance of the last colour, also used for larger distances
 _HEIGHT = 300  # pixels
@@ -54,63 +54,46 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
 
 def scan_section(records: Sequence[ScanRecord]) -> Section:
     """Return the section of a page that shows registered scans in the order of their records."""
-    n_trusted = sum(record.trusted for record in records)
-    lead = (
-        f"{n_trusted} of {len(records)} scans are registered and trusted. "
-        "From left to right: the scan, the body, and the scan coloured by its distance from the "
-        "body. Parts of the body without a counterpart in the scan are blue-grey."
+    html = fill(
+        "scans",
+        css=web_file("scans.css"),
+        records=[(record, _sentence(record.message), _pictures(record)) for record in records],
+        n_trusted=sum(record.trusted for record in records),
+        colors=VALUE_COLORS,
+        millimetres=round(1000 * _LARGEST_METRES),
     )
-    scale = (
-        '<p class="colour-bar">Distance: 0 '
-        f'<i style="background: linear-gradient(to right, {", ".join(VALUE_COLORS)})"></i> '
-        f"{1000 * _LARGEST_METRES:.0f} mm and more</p>"
-    )
-    cards = "".join(_card(record) for record in records)
-    styles = f"<style>{web_file('scans.css')}</style>"
-    parts = [styles, paragraph(lead), scale, f'<div class="scans">{cards}</div>']
-    return Section("scans", "Scans and their bodies", "Scans", parts)
-
-
-def _card(record: ScanRecord) -> str:
-    facts = ""
-    if record.arrays:
-        facts = (
-            f"{1000 * record.median_distance:.1f} mm from the scan in the median, "
-            f"{100 * record.matched_share:.0f} % of the vertices matched"
-        )
-    reason = _sentence(record.message) if record.message else ""
-    return fill("scan", record, facts, reason, _pictures(record) if record.arrays else [])
+    return Section("scans", "Scans and their bodies", "Scans", html)
 
 
 def _sentence(message: str) -> str:
     """Return a message as a sentence; a name of a file at its beginning stays as it is."""
     if message.partition(" ")[0].isalpha():
         message = message[0].upper() + message[1:]
-    return message if message.endswith(".") else f"{message}."
+    return message if message.endswith(".") or not message else f"{message}."
 
 
-def _pictures(record: ScanRecord) -> list[Image]:
+def _pictures(record: ScanRecord) -> list[tuple[Image, str]]:
     """Return pictures of the scan, the body and the distances, at one scale and in one light."""
+    if not record.arrays:
+        return []
     transform = record.arrays["transform"]
     body, scan = (
         record.arrays[name] @ transform[:3, :3].T + transform[:3, 3] for name in ("points", "shown")
     )
-    faces = record.arrays["faces"]
-    view = View()
+    faces, view = record.arrays["faces"], View()
     window = window_around(np.concatenate([body, scan]), view)
     is_matched = record.arrays["matched"][faces].any(axis=1)
     colors = np.where(is_matched[:, np.newaxis], _MATCHED, _UNMATCHED)
     errors = value_colors(record.arrays["shown_distances"], _LARGEST_METRES)
+    shown = render(body, faces, height=_HEIGHT, view=view, window=window, color=colors)
     pictures = {
         f"points of the scan {record.name}": points_picture(scan, window, _HEIGHT),
-        f"body registered to the scan {record.name}": render(
-            body, faces, height=_HEIGHT, view=view, window=window, color=colors
-        ),
+        f"body registered to the scan {record.name}": shown,
         f"distances of the scan {record.name} from its body": points_picture(
             scan, window, _HEIGHT, errors
         ),
     }
     return [
-        Image(alt, image_source(picture), picture.shape[1], picture.shape[0])
+        (Image(image_source(picture), picture.shape[1], picture.shape[0]), alt)
         for alt, picture in pictures.items()
     ]

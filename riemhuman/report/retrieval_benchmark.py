@@ -9,9 +9,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from riemhuman.checks import one_of
 from riemhuman.descriptors import (
     AreaProjectionTransform,
+    Descriptor,
     HeatKernelSignature,
     ModelPoseVectors,
     ModelShapeVectors,
@@ -35,11 +38,13 @@ from riemhuman.geometry import (
     SobolevMetric,
     SRNFMetric,
 )
+from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
+from riemhuman.learned.shape_pose_codes import ShapePoseCodes
 from riemhuman.progress import ProgressBar
-from riemhuman.report.code_descriptors import LEARNED, shipped_descriptors
 from riemhuman.retrieval import RetrievalScores, TableRow, retrieval_table, scores
 from riemhuman.solvers.paths import LinearPath
 from riemhuman.statistics import LearnedMetric
+from riemhuman.surfaces.template import Template
 
 # Names in tables.
 SHAPE_METRIC = "shape metric (1, 0.0001, 0)"
@@ -49,6 +54,7 @@ _GENERAL_METRIC = "general elastic metric (1, 1, 1)"
 _LEARNED_METRIC = "learned from labels, other people"  # fitted without the people of the query
 # Metrics without closed form, compared by the cost of straight paths.
 _STRAIGHT = ", straight"
+LEARNED = ", trained here"  # ending of the names of learned codes
 SOBOLEV = f"Sobolev metric{_STRAIGHT}"
 GAUGE_INVARIANT = f"gauge-invariant SRNF{_STRAIGHT}"
 
@@ -57,24 +63,6 @@ Described = tuple[np.ndarray, float]
 _TITLES = {"shape": "Who is it?", "pose": "How do they stand?"}
 _COLUMNS = {"nn": "NN", "first_tier": "FT", "second_tier": "ST", "mean_average_precision": "mAP"}
 _LABELS = {"shape": "subject", "pose": "pose"}
-
-# The tables of the paper, on the registrations of FAUST: nearest neighbour, first and second tier.
-PAPER_TABLES: dict[str, tuple[tuple[str, float, float, float], ...]] = {
-    "shape": (
-        ("GDVAE intrinsic", 27.0, 24.8, 46.2),
-        ("Zhou et al., shape", 42.0, 24.8, 42.8),
-        ("SMPL shape vector", 98.0, 72.4, 86.7),
-        ("APT", 96.0, 86.5, 96.2),
-        ("metric (1, 0.0001, 0)", 100.0, 94.8, 97.1),
-    ),
-    "pose": (
-        ("GDVAE extrinsic", 60.0, 38.0, 54.2),
-        ("Zhou et al., pose", 82.0, 69.2, 83.4),
-        ("SMPL pose vector", 80.0, 84.4, 95.2),
-        ("SRNF", 73.0, 77.7, 94.4),
-        ("metric (0, 0, 1)", 85.0, 88.3, 97.6),
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -115,7 +103,6 @@ def benchmark(
     bodies: Any,
     representations: Mapping[str, Any] | None = None,
     *,
-    n_jobs: int | None = None,
     progress: bool = False,
 ) -> list[BenchmarkRecord]:
     """Score representations by leave-one-out retrieval of people and of poses.
@@ -132,8 +119,6 @@ def benchmark(
         By name, metrics (with the method ``dist_pairwise``) or descriptors (with the methods
         ``describe`` and ``distances``), such as `representations` of the bodies; by default the
         metrics of the paper and its successors.
-    n_jobs : int, optional
-        Number of threads, -1 for one per core; by default one.
     progress : bool
         Whether to show a progress bar.
 
@@ -171,7 +156,7 @@ def benchmark(
         bar.set_description(name)
         try:
             distances, per_body, per_pair = timed_distances(
-                representation, bodies, n_jobs, described.get(name)
+                representation, bodies, described.get(name)
             )
             found = {task: scores(distances, classes) for task, classes in labels.items()}
             records += [
@@ -263,6 +248,72 @@ def _metrics_of_extensions(bodies: Any) -> dict[str, Any]:
     return {name: metric(space) for name, metric in extensions("metrics").items()}
 
 
+@dataclass(frozen=True, eq=False)
+class CodeDescriptor(Descriptor):
+    """One of the two codes that a network computes for a body, with Euclidean distances.
+
+    Shape and pose codes need surfaces in correspondence with the template of the network.
+
+    Parameters
+    ----------
+    codes : ShapePoseCodes or IntrinsicExtrinsicCodes
+        A trained network.
+    which : {"shape", "pose", "intrinsic", "extrinsic"}
+        Name of the code.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> codes = rh.learned.ShapePoseCodes.load_pretrained()
+    >>> rh.report.CodeDescriptor(codes, "shape").describe_all(bodies[:2]).shape
+    (2, 16)
+    """
+
+    codes: ShapePoseCodes | IntrinsicExtrinsicCodes
+    which: str
+
+    def __post_init__(self) -> None:
+        one_of(self.which, "which", self.codes.code_names)
+
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+        if isinstance(self.codes, IntrinsicExtrinsicCodes):
+            return self._half(self.codes.describe(vertices, faces)[None])[0]
+        template = self.codes.template_
+        template.check_faces(faces)
+        return self._half(self.codes.transform(np.asarray(vertices)[None]))[0]
+
+    def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
+        template = getattr(bodies, "template", None)
+        if not isinstance(template, Template):
+            return super().describe_all(bodies, n_jobs)
+        known = self.codes.template_
+        same = known.n_vertices == template.n_vertices and np.array_equal(
+            known.faces, template.faces
+        )
+        codes = self.codes if same else self.codes.on(template)
+        return self._half(codes.transform(bodies.points))
+
+    def _half(self, found: np.ndarray) -> np.ndarray:
+        return self.codes.split(found)[self.codes.code_names.index(self.which)]
+
+
+def shipped_descriptors(template: Template) -> dict[str, CodeDescriptor]:
+    """Return the codes of the networks that ship, for tables."""
+    clouds = IntrinsicExtrinsicCodes.load_pretrained(template)
+    found = {
+        f"{which} code{LEARNED}": CodeDescriptor(clouds, which)
+        for which in ("intrinsic", "extrinsic")
+    }
+    try:
+        parts = ShapePoseCodes.load_pretrained(template)
+    except ArgumentError:
+        return found
+    return found | {
+        f"{which} code{LEARNED}": CodeDescriptor(parts, which) for which in ("shape", "pose")
+    }
+
+
 def retrieval_tables(
     bodies: Any,
     *,
@@ -351,7 +402,7 @@ def described_together(
 
 
 def timed_distances(
-    representation: Any, bodies: Any, n_jobs: int | None, described: Described | None = None
+    representation: Any, bodies: Any, described: Described | None = None
 ) -> tuple[np.ndarray, float, float]:
     """Return all distances within a set of bodies, and the time that they took."""
     n_bodies = len(bodies)
@@ -362,13 +413,13 @@ def timed_distances(
         # Compile the loops first: that is not part of the time of a distance.
         representation.dist_pairwise(bodies.points[:2])
         start = time.perf_counter()
-        distances = representation.dist_pairwise(bodies.points, n_jobs=n_jobs)
+        distances = representation.dist_pairwise(bodies.points, n_jobs=-1)
         return distances, 0.0, (time.perf_counter() - start) / n_pairs
 
     if described is None:
         start = time.perf_counter()
         if hasattr(representation, "describe_all"):
-            vectors = representation.describe_all(bodies, n_jobs=n_jobs)
+            vectors = representation.describe_all(bodies, n_jobs=-1)
         else:
             count, mesh = meshes_of(bodies)
             vectors = np.stack([representation.describe(*mesh(i)) for i in range(count)])

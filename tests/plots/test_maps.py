@@ -111,3 +111,13 @@ def test_the_bar_is_as_long_as_it_says_in_both_directions(nine_bodies):
     assert np.ptp(bar.get_xdata()) == pytest.approx(float(length))
     across, along = np.abs(np.diff(ax.transData.transform([[0, 0], [1, 1]]), axis=0)[0])
     assert across == pytest.approx(along, rel=0.02)
+
+
+@pytest.mark.parametrize("n_classes", [1, 13])
+def test_maps_of_one_class_and_of_more_classes_than_fit(n_classes):
+    positions = np.random.default_rng(0).normal(size=(26, 2))
+    surfaces = np.repeat([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]], 26, axis=0)
+    ax = plot_embedding(positions, np.arange(26) % n_classes, points=surfaces, faces=[[0, 1, 2]])
+    drawn = [artist for artist in ax.artists if hasattr(artist, "offsetbox")]
+    assert len(drawn) == min(n_classes, 12)
+    assert (ax.get_legend() is not None) == (n_classes > 12)

@@ -35,24 +35,24 @@ def test_a_sphere_covers_a_disk():
         assert picture[120, 120, 3] == 255
 
 
-def test_every_pixel_inside_a_triangle_is_covered_once_and_no_other():
+def test_every_sample_inside_a_triangle_is_covered_once_and_no_other():
     corners = np.array([[0.13, 0.1, 0.0], [0.9, 0.27, 0.4], [0.4, 0.95, -0.3]])
     window = Window((0.5, 0.5), 1.0, 1.0)
-    picture = render(corners, [[0, 1, 2]], height=64, view=FRONT, window=window, samples=1)
-    x, y = (np.arange(64) + 0.5) / 64, 1 - (np.arange(64) + 0.5) / 64
-    points = np.stack(np.meshgrid(x, y), axis=-1)
+    picture = render(corners, [[0, 1, 2]], height=64, view=FRONT, window=window)
+    places = (np.arange(128) + 0.5) / 128  # of two samples a pixel
+    points = np.stack(np.meshgrid(places, 1 - places), axis=-1)
     one, two, three = corners[:, :2]
     transform = np.linalg.inv(np.stack([two - one, three - one], axis=1))
     u, v = np.moveaxis((points - one) @ transform.T, -1, 0)
-    np.testing.assert_array_equal(picture[..., 3] > 0, (u >= 0) & (v >= 0) & (u + v <= 1))
+    inside = (u >= 0) & (v >= 0) & (u + v <= 1)
+    shares = inside.reshape(64, 2, 64, 2).mean(axis=(1, 3))
+    np.testing.assert_array_equal(picture[..., 3], np.round(255 * shares))
 
 
 def test_meshes_have_no_holes():
     template = sphere_template()
     window = window_around(template.vertices, FRONT)
-    picture = render(
-        template.vertices, template.faces, height=101, view=FRONT, window=window, samples=1
-    )
+    picture = render(template.vertices, template.faces, height=101, view=FRONT, window=window)
     covered = picture[..., 3] > 0
     for row in covered:
         runs = np.flatnonzero(np.diff(np.concatenate([[0], row.astype(int), [0]])))
@@ -97,7 +97,6 @@ def test_views_rotate_about_the_vertical_and_then_rise(view, right, up):
         ({"color": [[0.5, 0.5, 0.5]] * 3}, r"color must have shape \(3,\) or \(1, 3\)"),
         ({"color": [2.0, 0.0, 0.0]}, "between 0 and 1"),
         ({"height": 0}, "height must be a whole number of at least 1"),
-        ({"samples": 0}, "samples"),
     ],
 )
 def test_bad_arguments(arguments, message):

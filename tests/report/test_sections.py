@@ -7,7 +7,7 @@ import pytest
 
 from riemhuman.measurements import Measurements
 from riemhuman.report import _body_sections as sections
-from riemhuman.report._report import choose_pair, group_within
+from riemhuman.report._report import Task, choose_pair, group_within
 from riemhuman.retrieval import scores
 
 SUBJECT = np.repeat([0, 1, 2], 3)
@@ -36,24 +36,6 @@ RNG = np.random.default_rng(0)
 LABELS = np.repeat(np.arange(5), 4)
 
 
-def rows_of(distances, labels):
-    found = scores(distances, labels)
-    return [{"representation": "pose", "first_tier": found.first_tier}]
-
-
-def far_from_one_another():
-    """Return distances under which the others of a class come last."""
-    return np.where(LABELS[:, None] == LABELS, 2.0, 1.0) * (1 - np.eye(20))
-
-
-def test_below_chance_is_said_where_it_is_so():
-    distances = far_from_one_another()
-    assert "more than the 0.0 % of the pose" in sections.below_chance(
-        rows_of(distances, LABELS), "pose", LABELS
-    )
-    assert sections.below_chance(rows_of(3 - distances, LABELS), "pose", LABELS) == ""
-
-
 def test_chance_is_what_random_orders_give():
     labels = RNG.permutation(LABELS)
     found = []
@@ -65,20 +47,21 @@ def test_chance_is_what_random_orders_give():
     assert np.mean(found) == pytest.approx(sections.chance_of_tier(labels), abs=1.5)
 
 
+TASKS = [
+    Task("shape", "person", "", "", LABELS, ()),
+    Task("pose", "pose", "", "", LABELS, ()),
+]
+
+
 def test_best_weights_are_those_of_the_rows():
+    key = "{}_mean_average_precision"
     rows = [
-        {"a": 1.0, "lam": lam, "c": c, "shape_mean_average_precision": s,
-         "pose_mean_average_precision": p}
-        for (lam, c), s, p in zip(
-            [(1e-4, 0.0), (1e-4, 1.0), (None, 1.0)], [20.0, 70.0, 30.0], [50.0, 50.0, 40.0],
-            strict=True,
-        )
-    ]  # fmt: skip
-    said = sections.best_weights(rows)
-    assert "people with a = 1, λ = 0.0001, c = 1: mAP 70.0 %" in said
-    assert "poses with a = 1, λ = 0.0001, c = 0 (and 1 other choice): mAP 50.0 %" in said
-    alone = [{key: row[key] for key in row if "pose" not in key} for row in rows]
-    assert "poses" not in sections.best_weights(alone)
+        {"lam": lam, "c": c, key.format("shape"): on_people, key.format("pose"): on_poses}
+        for lam, c, on_people, on_poses in [(0, 0, 20, 50), (0, 1, 70, 50), (None, 1, 30, 40)]
+    ]
+    people, poses = sections.best_weights(rows, TASKS)
+    assert (people["classes"], people["row"], people["n_ties"]) == ("people", rows[1], 0)
+    assert (poses["value"], poses["row"], poses["n_ties"]) == (50, rows[0], 1)
 
 
 def test_neighbours_of_a_map():
