@@ -228,6 +228,12 @@ def product_case(name, weights):
     return field_case(name, space, ProductMetric(space, weights))
 
 
+def general_fields_case():
+    metric = GeneralElasticMetric(AlignedSurfaces(open_template()), 1.0, 0.7, 2.0)
+    fields = metric.target_metric.space.factors[0]
+    return field_case("general fields", fields)
+
+
 def half_plane_case(name, metric_class, *can):
     space = HalfPlane()
     points = space.random_point(N_POINTS, rng=8)
@@ -261,6 +267,7 @@ def build_cases() -> list[Case]:
         field_case("flat", weighted_vectors),
         product_case("product", [2.0, 0.3]),
         product_case("product of one", [0.0, 1.5]),
+        general_fields_case(),
     ]
     elastic = {
         "shape": (1.0, 1e-4, 0.0),

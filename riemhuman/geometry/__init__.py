@@ -3,7 +3,7 @@
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.metric_fields import EbinMetric, GeneralElasticFieldMetric, MetricFields
+from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFieldMetric, NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.pullback import PullbackMetric
@@ -23,7 +23,6 @@ __all__ = [
     "ElasticMetric",
     "FlatMetric",
     "GaugeInvariantMetric",
-    "GeneralElasticFieldMetric",
     "GeneralElasticMetric",
     "Manifold",
     "MetricFields",

@@ -38,10 +38,8 @@ class TriangleFields(Manifold):
 class FieldMetric(RiemannianMetric):
     """An integral over the triangles of a template, with closed forms on each.
 
-    Subclasses define the quantities of single triangles, of arguments that have been checked:
-    `_products(a, b, point)`, `_exp(velocity, point)`, `_log(point, start)`, `_transport(vector,
-    point, velocity)`, `_curvatures(a, b, point)`, and `_fields(point, name)`, the fields of the
-    term after checking points of the completion.
+    Subclasses define the quantities of single triangles, of arguments that have been checked, and
+    the fields of the term after checking points of the completion.
     """
 
     _term: Term
@@ -88,6 +86,11 @@ class FieldMetric(RiemannianMetric):
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         direction = self._velocity(base_point, direction, end_point)
         return self._transport(tangent_vec, base_point, direction)
+
+    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+        r"""Return π√w of the smallest triangle, on which a way around has twice that length."""
+        leading = () if base_point is None else np.shape(base_point)[: -self.space.point_ndim]
+        return np.full(leading, np.pi * np.sqrt(self._template.face_areas.min()))
 
     def curvature_form(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray

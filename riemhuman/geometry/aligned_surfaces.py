@@ -18,7 +18,6 @@ from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.kernels import surface
 from riemhuman.kernels.threads import of_one_kind
 from riemhuman.kernels.triangles import nearly_degenerate_triangles
-from riemhuman.terms.flat import RootNormalTerm
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -158,32 +157,6 @@ class AlignedSurfaces(Manifold):
         f : array, shape (..., V, 3)
         """
         return self._normals(*self.partial_derivatives(f))
-
-    def square_root_normals(self, f: ndarray) -> ndarray:
-        """Return the square root normal field q = √A n, 0 without area, shape (..., F, 3).
-
-        Parameters
-        ----------
-        f : array, shape (..., V, 3)
-        """
-        return RootNormalTerm().field(surface.follow_up(*self.partial_derivatives(f)))
-
-    def to_fields_differential(
-        self, tangent_vec: ndarray, base_point: ndarray
-    ) -> tuple[ndarray, ndarray]:
-        """Return dΦ(h) = (δg, δn), shapes (..., F, 2, 2) and (..., F, 3).
-
-        Parameters
-        ----------
-        tangent_vec, base_point : array, shape (..., V, 3)
-        """
-        derivatives = self.partial_derivatives(self.check_point(base_point, "base_point"))
-        surface.refuse_degenerate(self._is_degenerate(*derivatives))
-        change = self.partial_derivatives(tangent_vec)
-        return (
-            surface.first_fundamental_form_differential(*derivatives, *change),
-            surface.unit_normals_differential(*derivatives, *change),
-        )
 
     def as_array(self, points: Any, name: str = "points") -> Any:
         if isinstance(points, (list, tuple)):

@@ -91,7 +91,8 @@ class Manifold(ABC):
             Subclass of `RiemannianMetric`; by default the manifold's own.
         **metric_kwargs
         """
-        Metric = self.default_metric() if Metric is None else Metric
+        if Metric is None and (Metric := self.default_metric()) is None:
+            raise ArgumentTypeError(f"{type(self).__name__} has no default metric: give one")
         if not callable(Metric):
             raise ArgumentTypeError(
                 "Metric must be a class of metrics, whose parameters follow by name as in "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from inspect import signature
 from operator import attrgetter
 from typing import Any, cast
 
@@ -41,7 +42,7 @@ from riemhuman.geometry.strategies import (
     default_strategy,
     solve_geodesic,
 )
-from riemhuman.kernels.surface import square_root
+from riemhuman.kernels.surface import differential, square_root
 from riemhuman.representation import constructor_text
 
 
@@ -113,6 +114,13 @@ class RiemannianMetric:
         self.log_solver = log_solver
         self.transport_solver = transport_solver
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in vars(self) and name in signature(type(self)).parameters:
+            raise AttributeError(
+                f"{name} of {type(self).__name__} is fixed; another value makes another metric"
+            )
+        super().__setattr__(name, value)
+
     def __repr__(self) -> str:
         return constructor_text(self, leave_out=("space",))
 
@@ -138,9 +146,11 @@ class RiemannianMetric:
     has_closed_form_dist = _defines("squared_dist", "Whether the class has distances itself.")
     has_inner_product = _defines("inner_product", "Whether the class has inner products itself.")
     has_closed_form_geodesic = _defines("_geodesic_between", "Whether geodesics need no solver.")
-    has_closed_form_transport = _defines("parallel_transport", "Whether it needs no solver.")
-    has_metric_matrix = _defines("metric_matrix", "Whether there is a matrix, for preconditioning.")
-    has_lower_bound_coordinates = _defines("lower_bound_coordinates", "Whether there are such.")
+    has_closed_form_transport = _defines("parallel_transport", "Whether transport needs no solver.")
+    has_metric_matrix = _defines("metric_matrix", "Whether `metric_matrix` is defined.")
+    has_lower_bound_coordinates = _defines(
+        "lower_bound_coordinates", "Whether `lower_bound_coordinates` is defined."
+    )
 
     @property
     def has_target_metric(self) -> bool:
@@ -151,6 +161,27 @@ class RiemannianMetric:
     def target_metric(self) -> RiemannianMetric:
         """The metric on the image of `map`, for metrics that are pulled back."""
         raise self._not_defined("target_metric")
+
+    def map(self, point: ndarray) -> ndarray:
+        r"""Return the points of the space of `target_metric` that it is pulled back from.
+
+        Parameters
+        ----------
+        point : array, shape (..., \*shape)
+        """
+        raise self._not_defined("map")
+
+    def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        r"""Apply the differential of `map` to tangent vectors.
+
+        Parameters
+        ----------
+        tangent_vec, base_point : array, shape (..., \*shape)
+        """
+        shape = np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point))
+        # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.
+        tangent_vec, base_point = tangent_vec + np.zeros(shape), base_point + np.zeros(shape)
+        return differential(self.map, tangent_vec, base_point)
 
     @property
     def complementary_metric(self) -> RiemannianMetric | None:
@@ -174,10 +205,6 @@ class RiemannianMetric:
     ) -> ndarray:
         r"""Return the inner product of tangent vectors, shape (...).
 
-        The default, for metrics that define `squared_dist` alone, is
-        :math:`\tfrac12 \partial_\varepsilon \langle \nabla_y d^2(x, x + \varepsilon a), b\rangle`
-        at ε = 0 by central differences of the exact gradient.
-
         Parameters
         ----------
         tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
@@ -185,7 +212,10 @@ class RiemannianMetric:
             Base point; needed unless the inner product is the same at every point.
         """
         if not self.has_closed_form_dist:
-            raise self._not_defined("inner_product nor squared_dist")
+            raise NotDefinedError(
+                f"{type(self).__name__} defines neither inner_product nor squared_dist; one of the "
+                "two is needed"
+            )
         base_point = self.space.check_point(base_point, "base_point")
         covector = self.covector(tangent_vec_a, base_point)
         return np.sum(covector * tangent_vec_b, axis=self.space._point_axes)
@@ -193,8 +223,8 @@ class RiemannianMetric:
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Lower the index of tangent vectors: ⟨covector(v), w⟩ = inner_product(v, w).
 
-        The default differentiates `inner_product`, or, where only `squared_dist` is defined, takes
-        central differences of its exact gradient.
+        The default differentiates `inner_product` or, where only `squared_dist` is defined, takes
+        central differences of its gradient.
 
         Parameters
         ----------
@@ -294,8 +324,8 @@ class RiemannianMetric:
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         r"""Return the squared distance of points, shape (...).
 
-        Where the class has no closed form, it is the energy of the path that `geodesic_solver`
-        finds, for one pair of points.
+        Without a closed form, it is the energy of the path that `geodesic_solver` finds, for one
+        pair of points.
 
         Parameters
         ----------
@@ -533,9 +563,9 @@ class RiemannianMetric:
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the end of the geodesic with this initial velocity after unit time.
 
-        OutsideManifoldError says where it leaves the manifold. Where the class has no closed form,
-        `exp_solver` computes the geodesics one by one, by default in ten steps over 60 harmonics of
-        the template. Autograd differentiates through solvers that have derivatives.
+        OutsideManifoldError says where it leaves the manifold. Without a closed form, `exp_solver`
+        computes it, by default in ten steps over 60 harmonics of the template; autograd
+        differentiates through solvers that have derivatives.
 
         Parameters
         ----------
@@ -551,9 +581,8 @@ class RiemannianMetric:
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the initial velocity of the minimal geodesic from `base_point` to `point`.
 
-        OutsideManifoldError says where none, or more than one, exists. Where the class has no
-        closed form, `log_solver` computes the logarithms one by one. By default it makes as many
-        steps as `exp`, which undoes it, and warns where it does not.
+        OutsideManifoldError says where none, or more than one, exists. Without a closed form,
+        `log_solver` computes it, by default in as many steps as `exp`, which undoes it.
 
         Parameters
         ----------
@@ -575,8 +604,8 @@ class RiemannianMetric:
     ) -> ndarray:
         r"""Transport tangent vectors in parallel along geodesics, shape (..., \*shape).
 
-        Where the class has no closed form, `transport_solver` transports the vectors one by one, by
-        default by pole ladders along paths over 60 harmonics of the template.
+        Without a closed form, `transport_solver` transports them, by default by pole ladders along
+        paths over 60 harmonics of the template.
 
         Parameters
         ----------
@@ -604,13 +633,11 @@ class RiemannianMetric:
         end_point: ndarray | None = None,
         initial_tangent_vec: ndarray | None = None,
     ) -> Callable[[Any], ndarray]:
-        r"""Return the geodesic between two points, or with an initial velocity, as a function.
+        r"""Return a geodesic as a function of times in [0, 1], shape (n_times,).
 
-        It maps times in [0, 1], shape (n_times,), to points, shape (..., n_times, \*shape).
-
-        Between two points it is the path that `geodesic_solver` finds, by default over 60 harmonics
-        of the template, interpolated linearly between its times. With an initial velocity it is
-        exp(t v), a geodesic for each time where there is no closed form.
+        Between two points, without a closed form, it is the path that `geodesic_solver` finds, by
+        default over 60 harmonics of the template, linear between its times. With an initial
+        velocity v it is exp(t v).
 
         Parameters
         ----------

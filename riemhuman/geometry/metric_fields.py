@@ -91,13 +91,16 @@ class ConeMetric(FieldMetric):
 
     def _split(self, points: Any) -> tuple[ndarray, ...]:
         """Return g, or g and n, of points or tangent vectors."""
-        return (points,)
+        return self.space.project_from_product(points) if self.space.factors else (points,)
 
     def _join(self, parts: Sequence[ndarray]) -> ndarray:
-        return parts[0]
+        return self.space.embed_to_product(parts) if self.space.factors else parts[0]
 
     def _checked(self, point: Any, name: str) -> tuple[ndarray, ...]:
-        return (self.space.check_point(point, name, completion=True),)
+        if not self.space.factors:
+            return (self.space.check_point(point, name, completion=True),)
+        parts = zip(self.space.factors, self._split(point), strict=True)
+        return tuple(factor.check_point(part, name) for factor, part in parts)
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
         g = self._checked(base_point, "base_point")[0]
@@ -239,33 +242,7 @@ class EbinMetric(ConeMetric):
 class GeneralElasticFieldMetric(ConeMetric):
     r"""The general elastic metric on pairs of a metric field and a normal field.
 
-    .. math:: \begin{split} &((\delta g, \delta n), (\delta g, \delta n)) = \\
-              &\int_T \left(a \operatorname{tr}(A_0^2) + b \operatorname{tr}(A)^2
-              + c\, |\delta n|^2\right) \mu_g, \\ &A = g^{-1} \delta g \end{split}
-
-    It is a cone over H² × S², with geodesics in closed form; `GeneralElasticMetric` pulls it back.
-
-    Parameters
-    ----------
-    space : ProductManifold
-        `MetricFields` times `NormalFields` over one template.
-    a : float
-        Weight of stretching without change of area, at least 0.
-    b : float
-        Weight of the change of area, above 0.
-    c : float
-        Weight of the rotation of normals, above 0.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> fields = rh.GeneralElasticMetric(space, a=1.0, b=1.0, c=0.1).target_metric
-    >>> start, end = fields.space.random_point(2, rng=0)
-    >>> velocity = fields.log(end, start)
-    >>> float(fields.norm(velocity, start) / fields.dist(start, end)).__round__(6)
-    1.0
+    A cone over H² × S²; `GeneralElasticMetric` pulls it back.
     """
 
     def __init__(
@@ -273,13 +250,3 @@ class GeneralElasticFieldMetric(ConeMetric):
     ) -> None:
         super().__init__(space)
         self._term = ConeTerm(1.0, a, b, c)
-
-    def _split(self, points: Any) -> tuple[ndarray, ...]:
-        return self.space.project_from_product(points)
-
-    def _join(self, parts: Sequence[ndarray]) -> ndarray:
-        return self.space.embed_to_product(parts)
-
-    def _checked(self, point: Any, name: str) -> tuple[ndarray, ...]:
-        parts = zip(self.space.factors, self._split(point), strict=True)
-        return tuple(factor.check_point(part, name) for factor, part in parts)

@@ -83,11 +83,6 @@ class NormalFieldMetric(FieldMetric):
 
     _term = NormalTerm()
 
-    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        r"""Return half the shortest great circle, :math:`\pi\sqrt{\min_t w_t}`."""
-        leading = np.shape(base_point)[:-2] if base_point is not None else ()
-        return np.full(leading, np.pi * np.sqrt(self.space.template.face_areas.min()))
-
     def _fields(self, point: Any, name: str) -> Fields:
         return (self.space.check_point(point, name),)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Unpack
 
-import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array
@@ -13,7 +12,6 @@ from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, SumOfFactors
 from riemhuman.geometry.strategies import Solvers
-from riemhuman.kernels import surface
 
 
 class PullbackMetric(RiemannianMetric):
@@ -55,7 +53,7 @@ class PullbackMetric(RiemannianMetric):
     ) -> None:
         super().__init__(space, **solvers)
         self._target_metric = target_metric
-        self.map = map
+        self.map = map  # type: ignore[method-assign, assignment]
 
     @property
     def has_target_metric(self) -> bool:
@@ -68,18 +66,6 @@ class PullbackMetric(RiemannianMetric):
     @property
     def has_closed_form_dist(self) -> bool:
         return self.target_metric.has_closed_form_dist
-
-    def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        r"""Apply the differential of φ to tangent vectors, shape (..., \*target_shape).
-
-        Parameters
-        ----------
-        tangent_vec, base_point : array, shape (..., \*shape)
-        """
-        shape = np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point))
-        # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.
-        tangent_vec, base_point = tangent_vec + np.zeros(shape), base_point + np.zeros(shape)
-        return surface.differential(self.map, tangent_vec, base_point)
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None

@@ -109,11 +109,6 @@ class RotationFieldMetric(FieldMetric):
 
     _term = RotationTerm()
 
-    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        r"""Return that of the smallest triangle, a rotation by π: :math:`\pi\sqrt{\min_t w_t}`."""
-        leading = np.shape(base_point)[:-3] if base_point is not None else ()
-        return np.full(leading, np.pi * np.sqrt(self.space.template.face_areas.min()))
-
     def _fields(self, point: Any, name: str) -> Fields:
         return (quaternions(self.space.check_point(point, name)),)
 

@@ -83,7 +83,10 @@ class TransportSolver(Protocol):
         direction: ndarray | None = None,
         end_point: ndarray | None = None,
     ) -> Any:
-        """Return an object with `tangent_vec`, at the end; one of the last two is given."""
+        """Return an object with `tangent_vec`, the vector at the end of the geodesic.
+
+        Either `direction`, the initial velocity, or `end_point` is given.
+        """
 
 
 class MeanSolver(Protocol):

@@ -79,23 +79,13 @@ class MetricOfTerms(RiemannianMetric):
     def energy(self, path: ndarray) -> ndarray:
         path = path_array(path, self.space)
         if path.ndim == 3:
-            energy: Any
             if isbox(path):
-                energy = self._compiled_energy(path)
+                energy = _energy_and_slopes(path, self)[0]
             else:
                 energy, _ = self._sum.path_energy(path, gradient=False)
             if np.isfinite(energy):
                 return energy
         return super().energy(path)
-
-    @cached_property
-    def _compiled_energy(self) -> Callable[[Any], Any]:
-        # Cached, because autograd keeps every primitive for good.
-        return _with_known_gradient(self._sum.path_energy, super().energy)
-
-    def __getstate__(self) -> dict[str, Any]:
-        # A copy makes its own primitive, since this one refers to the metric it was made of.
-        return {key: value for key, value in vars(self).items() if key != "_compiled_energy"}
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         return self._sum.path_energy(path_array(path, self.space, batched=False))
@@ -114,35 +104,31 @@ class MetricOfTerms(RiemannianMetric):
         return 0.5 * (gram + gram.T)
 
 
-def _with_known_gradient(
-    value_and_gradient: Callable[[ndarray], tuple[float, ndarray]], definition: Callable[[Any], Any]
-) -> Callable[[Any], Any]:
-    """Return a scalar function as an autograd primitive.
+@primitive
+def _energy_and_slopes(path: ndarray, metric: MetricOfTerms) -> ndarray:
+    """Return the energy of a path and then its slopes, both computed in one pass."""
+    energy, gradient = metric.energy_and_gradient(path)
+    return onp.concatenate([[energy], gradient.ravel()])
 
-    Value and first derivatives come from `value_and_gradient`, in one evaluation; derivatives of
-    the gradient come from the definition.
-    """
 
-    @primitive
-    def evaluate(x: ndarray) -> ndarray:
-        value, gradient = value_and_gradient(x)
-        return onp.concatenate([[value], gradient.ravel()])
+def _pull_back(answer: Any, path: Any, metric: MetricOfTerms) -> Callable[[Any], Any]:
+    """Return the transposed derivative; that of the slopes comes from the definition."""
 
-    def transposed(answer: Any, x: Any) -> Callable[[Any], Any]:
-        def pull_back(upstream: Any) -> Any:
-            # The answer is traced too where higher derivatives are asked for.
-            pulled = upstream[0] * np.reshape(answer[1:], np.shape(x))
-            direction = upstream[1:]
-            if onp.any(values_of(direction)):
-                direction = np.reshape(direction, np.shape(x))
-                slope = grad(lambda y: np.sum(grad(definition)(y) * direction))
-                pulled = pulled + slope(x)
-            return pulled
+    def pull_back(upstream: Any) -> Any:
+        # The answer is traced too where higher derivatives are asked for.
+        pulled = upstream[0] * np.reshape(answer[1:], np.shape(path))
+        direction = upstream[1:]
+        if onp.any(values_of(direction)):
+            direction = np.reshape(direction, np.shape(path))
+            definition = super(MetricOfTerms, metric).energy
+            slope = grad(lambda y: np.sum(grad(definition)(y) * direction))
+            pulled = pulled + slope(path)
+        return pulled
 
-        return pull_back
+    return pull_back
 
-    defvjp(evaluate, transposed)
-    return lambda x: evaluate(x)[0]
+
+defvjp(_energy_and_slopes, _pull_back, argnums=(0,))
 
 
 class SurfaceMetric(MetricOfTerms):
@@ -214,30 +200,27 @@ class SurfaceMetric(MetricOfTerms):
     def has_target_metric(self) -> bool:
         return all(map(_parts_of, self.terms))
 
-    @property
+    @cached_property
     def target_metric(self) -> RiemannianMetric:
-        return self._images.metric
+        factors = [_space_of(term, self.space.template) for term in self.terms]
+        weights = [term.weight for term in self.terms]
+        if weights == [1.0] and isinstance(self.terms[0], FlatTerm):
+            return factors[0].metric
+        return ProductManifold(factors).equip_with_metric(ProductMetric, weights=weights).metric
 
-    def map(self, f: ndarray) -> ndarray:
-        r"""Return the fields of surfaces, as points of the space of `target_metric`.
-
-        Parameters
-        ----------
-        f : array, shape (..., V, 3)
-        """
-        return self._images.of(self._derivatives(self.space.check_point(f, "f")))
-
-    def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        r"""Return the derivatives of the fields along deformations, as tangent vectors.
-
-        Parameters
-        ----------
-        tangent_vec, base_point : array, shape (..., V, 3)
-        """
-        operator = self.space.template.differential_operator
-        tangent_vec = self.space.check_tangent_vec(tangent_vec)
-        first = surface.derivatives(self.space.check_immersed(base_point, "base_point"), operator)
-        return self._images.changes(first, *surface.partial_derivatives(tangent_vec, operator))
+    def map(self, point: ndarray) -> ndarray:
+        first = self._derivatives(self.space.check_point(point))
+        g = surface.first_fundamental_form(first.f_u, first.f_v)
+        fields = [
+            g if part == "g" else term.fields(first)[-1]
+            for term in self.terms
+            for part in _parts_of(term)
+        ]
+        if isinstance(self.target_metric, FlatMetric):
+            return fields[0]
+        # Points of products of products are joined in the same way.
+        leading = np.shape(first.areas)[:-1]
+        return np.concatenate([np.reshape(f, (*leading, -1)) for f in fields], axis=-1)
 
     def _derivatives(self, f: ndarray) -> surface.Derivatives:
         operator = self.space.template.differential_operator
@@ -245,10 +228,6 @@ class SurfaceMetric(MetricOfTerms):
         if self._sum.needs_area and first.degenerate.any():
             surface.refuse_degenerate(first.degenerate)
         return first
-
-    @cached_property
-    def _images(self) -> _TermFields:
-        return _TermFields(self.terms, self.space.template)
 
     def _squared_segments(self, path: ndarray) -> ndarray:
         first, times = self._derivatives(path), (slice(None),) * (path.ndim - 3)
@@ -266,48 +245,6 @@ class SurfaceMetric(MetricOfTerms):
         """Return w ∫ d² dx of one term."""
         values = term.squared_dist(fields_a, fields_b) * self._sum.areas
         return term.weight * np.sum(values, axis=-1)
-
-
-class _TermFields:
-    """The fields of terms, as points of a manifold with a weighted metric."""
-
-    def __init__(self, terms: Sequence[Term], template: Template) -> None:
-        self._terms = tuple(terms)
-        self._factors = factors = [_space_of(term, template) for term in self._terms]
-        self.metric: RiemannianMetric = factors[0].metric
-        self._product: ProductManifold | None = None
-        weighted = len(factors) > 1 or self._terms[0].weight != 1.0
-        if weighted or not isinstance(self._terms[0], FlatTerm):
-            self._product = ProductManifold(factors)
-            weights = [term.weight for term in self._terms]
-            self.metric = self._product.equip_with_metric(ProductMetric, weights=weights).metric
-
-    def of(self, first: surface.Derivatives) -> ndarray:
-        """Return the fields of surfaces, given their first derivatives."""
-        form = surface.first_fundamental_form(first.f_u, first.f_v)
-        return self._join(lambda term, part: form if part == "g" else term.fields(first)[-1])
-
-    def changes(self, first: surface.Derivatives, h_u: ndarray, h_v: ndarray) -> ndarray:
-        """Return the derivatives of the fields along deformations."""
-        derivatives = first.f_u, first.f_v, h_u, h_v
-
-        def change(term: Term, part: str) -> ndarray:
-            if part == "g":
-                return surface.first_fundamental_form_differential(*derivatives)
-            if part == "n":
-                return surface.unit_normals_differential(*derivatives)
-            return term.changes(first, h_u, h_v)[0]
-
-        return self._join(change)
-
-    def _join(self, field: Callable[[Term, str], ndarray]) -> ndarray:
-        fields = [field(term, part) for term in self._terms for part in _parts_of(term)]
-        axes = [2 + (part == "g") for term in self._terms for part in _parts_of(term)]
-        if self._product is None:
-            return fields[0]
-        # Points of products of products are joined in the same way.
-        flat = [np.reshape(f, (*np.shape(f)[:-n], -1)) for f, n in zip(fields, axes, strict=True)]
-        return np.concatenate(flat, axis=-1)
 
 
 def _parts_of(term: Term) -> tuple[str, ...]:
@@ -440,12 +377,10 @@ class GeneralElasticMetric(SurfaceMetric):
 
     Notes
     -----
-    `dist` is the geodesic distance on fields, where g and n are free of each other; on surfaces it
-    is a lower bound of the length of every path. `ElasticMetric` weighs the rotation of normals by
-    the area of the template, this metric by that of the moving surface: distances do not depend on
-    the template, and triangles without area, the apex of the cone, are legal. (1, λ, 0) is
-    ElasticMetric(1, λ, 0), and (0, 1/16, 1) is `SRNFMetric`. For retrieval, ElasticMetric with
-    (1, 1e-4, 0) or (0, 0, 1) is better.
+    `ElasticMetric` weighs the rotation of normals by the area of the template, this metric by that
+    of the moving surface: distances do not depend on the template, and triangles without area, the
+    apex of the cone, are legal. (1, λ, 0) is ElasticMetric(1, λ, 0), and (0, 1/16, 1) is
+    `SRNFMetric`. For retrieval, ElasticMetric with (1, 1e-4, 0) or (0, 0, 1) is better.
 
     Examples
     --------

@@ -236,26 +236,10 @@ def first_fundamental_form(f_u: ndarray, f_v: ndarray) -> ndarray:
     return symmetric_matrices(dot(f_u, f_u), dot(f_u, f_v), dot(f_v, f_v))
 
 
-def first_fundamental_form_differential(
-    f_u: ndarray, f_v: ndarray, h_u: ndarray, h_v: ndarray
-) -> ndarray:
-    """Return the derivative of g along a deformation h."""
-    return symmetric_matrices(2 * dot(f_u, h_u), dot(f_u, h_v) + dot(h_u, f_v), 2 * dot(f_v, h_v))
-
-
 def unit_normals(f_u: ndarray, f_v: ndarray) -> ndarray:
     """Return n = f_u × f_v / ‖f_u × f_v‖; not defined on triangles without area."""
     area_vectors = np.cross(f_u, f_v)
     return area_vectors / np.sqrt(dot(area_vectors, area_vectors))[..., None]
-
-
-def unit_normals_differential(f_u: ndarray, f_v: ndarray, h_u: ndarray, h_v: ndarray) -> ndarray:
-    """Return the derivative of n along a deformation h."""
-    area_vectors = np.cross(f_u, f_v)
-    areas = np.sqrt(dot(area_vectors, area_vectors))[..., None]
-    normals = area_vectors / areas
-    change = (np.cross(h_u, f_v) + np.cross(f_u, h_v)) / areas
-    return change - dot(normals, change)[..., None] * normals
 
 
 def is_degenerate(f_u: ndarray, f_v: ndarray, bound: float = DEGENERATE) -> ndarray:

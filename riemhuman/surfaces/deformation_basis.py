@@ -24,15 +24,14 @@ _OUTSIDE = 1e-9
 # Largest deviation from orthonormal vectors that is accepted.
 _ORTHONORMAL = 1e-8
 _FORMAT_VERSION = 1
-_STATISTICS = ("explained_variance", "explained_variance_ratio", "mean")
+_STATISTICS = ("explained_variance", "explained_variance_ratio")
 
 
 class DeformationBasis:
     r"""Orthonormal deformations :math:`D_k` of a surface, the search directions of solvers.
 
     Paths are sought as :math:`f + \sum_k \alpha_k D_k` (section 4 of the paper). The vectors are
-    orthonormal with respect to :math:`\langle d, e \rangle = \sum_v \omega_v\, d_v \cdot e_v`,
-    where the vertex weights :math:`\omega_v` are 1 or given.
+    orthonormal: :math:`\sum_v D_k(v) \cdot D_l(v) = \delta_{kl}`.
 
     Parameters
     ----------
@@ -40,9 +39,12 @@ class DeformationBasis:
     orthonormalize : bool
         Whether to make them orthonormal by the Gram–Schmidt process. By default they are checked
         to be orthonormal within 1e-8.
-    vertex_weights : array_like, shape (V,), optional
-        Positive weights of the inner product, such as `Template.vertex_areas`; they are scaled to
-        mean 1, so that coefficients keep their magnitude.
+
+    Attributes
+    ----------
+    explained_variance, explained_variance_ratio : array, shape (K,), or None
+        Mean square of the coefficients of the motions that the vectors come from, and its share of
+        the total.
 
     Examples
     --------
@@ -58,26 +60,25 @@ class DeformationBasis:
     # Read by jobs to recognise a basis: its vectors are orthonormal whatever the argument was.
     _orthonormalize = False
 
-    def __init__(
-        self,
-        vectors: ArrayLike,
-        *,
-        orthonormalize: bool = False,
-        vertex_weights: ArrayLike | None = None,
-    ) -> None:
+    def __init__(self, vectors: ArrayLike, *, orthonormalize: bool = False) -> None:
         values = real_array(vectors, "vectors", ("n_components", "n_vertices", 3), batched=False)
         if values.size == 0:
             raise ArgumentError(f"vectors holds no deformation; found shape {values.shape}")
-        self._weights = normalized_weights(vertex_weights, values.shape[1])
         if orthonormalize:
-            rows = orthonormal_rows(weighted_rows(values, self._weights), "vectors")
-            self._vectors = read_only(vectors_of_rows(rows, self._weights))
+            rows = orthonormal_rows(values.reshape(len(values), -1), "vectors")
+            self._vectors = read_only(rows.reshape(values.shape))
         else:
             self._vectors = read_only(np.array(values, order="C"))
-            self._check_orthonormal()
-        self._explained_variance: np.ndarray | None = None
-        self._explained_variance_ratio: np.ndarray | None = None
-        self._mean: np.ndarray | None = None
+            with np.errstate(over="ignore", invalid="ignore"):
+                deviation = float(np.abs(self.flat @ self.flat.T - np.eye(len(self))).max())
+            if not deviation <= _ORTHONORMAL:
+                raise ArgumentError(
+                    f"vectors must be orthonormal within {_ORTHONORMAL:g}; their inner products "
+                    f"are up to {deviation:.3g} away from it: pass orthonormalize=True to make "
+                    "them so"
+                )
+        self.explained_variance: np.ndarray | None = None
+        self.explained_variance_ratio: np.ndarray | None = None
 
     @classmethod
     def from_motions(
@@ -86,8 +87,6 @@ class DeformationBasis:
         n_components: int = 100,
         step: int = 10,
         *,
-        remove_mean: bool = False,
-        vertex_weights: ArrayLike | None = None,
         progress: bool = False,
     ) -> DeformationBasis:
         """Return the principal components of the deformations m_{nτ+τ} - m_{nτ} in motions.
@@ -105,45 +104,28 @@ class DeformationBasis:
         n_components : int
         step : int
             Number of frames τ from the first to the second frame of a deformation.
-        remove_mean : bool
-            Whether the mean deformation is removed first and kept as `mean`.
-        vertex_weights : array_like, shape (V,), optional
-            Weights of the inner product, as in the constructor.
         progress : bool
         """
         n_components = whole_number(n_components, "n_components", minimum=1)
         pairs = frames_apart(motions, step, progress=progress)
         first = next(pairs)
-        weights = normalized_weights(vertex_weights, len(first[0]))
-        pca = StreamingPCA(n_components, first[0].size, remove_mean=remove_mean)
+        pca = StreamingPCA(n_components, first[0].size)
         largest = 0.0
         for start, end in chain([first], pairs):
-            pca.add(weighted_rows((end - start)[np.newaxis], weights)[0])
+            pca.add((end - start).ravel())
             largest = max(largest, float(np.abs(start).max()), float(np.abs(end).max()))
-        scale = 1.0 if weights is None else float(np.sqrt(weights.max()))
-        principal = pca.components(rounding=np.finfo(np.float64).eps * scale * largest)
+        principal = pca.components(rounding=np.finfo(np.float64).eps * largest)
         if principal.rank < n_components:
-            centred = " less their mean" if remove_mean else ""
             raise ArgumentError(
                 f"n_components={n_components} exceeds the rank {principal.rank} of the "
-                f"{principal.n_samples} deformations{centred}; ask for at most that many"
+                f"{principal.n_samples} deformations; ask for at most that many"
             )
-        basis = cls(
-            vectors_of_rows(principal.vectors, weights),
-            orthonormalize=True,
-            vertex_weights=vertex_weights,
-        )
-        mean = (
-            None
-            if principal.mean is None
-            else vectors_of_rows(principal.mean[np.newaxis], weights)[0]
-        )
-        return basis._with_statistics(principal.variance, principal.variance_ratio, mean)
+        basis = cls(principal.vectors.reshape(-1, *first[0].shape), orthonormalize=True)
+        basis._set_statistics(principal.variance, principal.variance_ratio)
+        return basis
 
     @classmethod
-    def from_laplacian(
-        cls, template: Template, n_components: int = 100, *, vertex_weights: ArrayLike | None = None
-    ) -> DeformationBasis:
+    def from_laplacian(cls, template: Template, n_components: int = 100) -> DeformationBasis:
         """Return mesh harmonics of the template, each along x, then y, then z.
 
         The harmonics are the ceil(K / 3) lowest eigenfunctions of the cotangent Laplacian,
@@ -157,19 +139,15 @@ class DeformationBasis:
         n_components : int
             Number of components K. If it is not a multiple of 3, the last harmonic is used only
             along x, or along x and y.
-        vertex_weights : array_like, shape (V,), optional
-            Weights of the inner product, as in the constructor.
         """
         n_components = whole_number(n_components, "n_components", minimum=1)
-        weights = normalized_weights(vertex_weights, template.n_vertices)
         _, functions = harmonics(template, -(-n_components // 3))
-        roots = 1.0 if weights is None else np.sqrt(weights)
-        functions = orthonormal_rows(functions * roots, "harmonics") / roots
+        functions = orthonormal_rows(functions, "harmonics")
         vectors = np.zeros((len(functions), 3, template.n_vertices, 3))
         for axis in range(3):
             vectors[:, axis, :, axis] = functions
         vectors = vectors.reshape(-1, template.n_vertices, 3)[:n_components]
-        return cls(vectors, vertex_weights=vertex_weights)
+        return cls(vectors)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> DeformationBasis:
@@ -188,15 +166,11 @@ class DeformationBasis:
                 f"this release reads version {_FORMAT_VERSION}"
             )
         try:
-            basis = cls(fields["vectors"], vertex_weights=fields.get("vertex_weights"))
-            shapes = ((len(basis),), (len(basis),), (basis.n_vertices, 3))
-            statistics = [
-                real_array(fields[name], name, shape, batched=False) if name in fields else None
-                for name, shape in zip(_STATISTICS, shapes, strict=True)
-            ]
+            basis = cls(fields["vectors"])
+            basis._set_statistics(*(fields.get(name) for name in _STATISTICS))
         except (ArgumentError, ArgumentTypeError) as error:
             raise FileFormatError(f"{os.fspath(path)}: {error}") from error
-        return basis._with_statistics(*statistics)
+        return basis
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the basis to an .npz file that reads back bit for bit.
@@ -207,7 +181,7 @@ class DeformationBasis:
             The file, with its suffix; an existing file is replaced.
         """
         fields = {"format_version": np.array(_FORMAT_VERSION), "vectors": self.vectors}
-        for name in ("vertex_weights", *_STATISTICS):
+        for name in _STATISTICS:
             if getattr(self, name) is not None:
                 fields[name] = getattr(self, name)
         save_arrays(path, fields)
@@ -232,22 +206,14 @@ class DeformationBasis:
         """Number of vertices V."""
         return self._vectors.shape[1]
 
-    @property
-    def vertex_weights(self) -> np.ndarray | None:
-        """Weights of the inner product, shape (V,), of mean 1; None if all are 1."""
-        return self._weights
-
     def coefficients(self, deformation: Any) -> Any:
         """Return the inner products of deformations with the vectors, shape (..., K).
 
         Parameters
         ----------
         deformation : array_like, shape (..., V, 3)
-            Deformations; no mean is subtracted.
         """
         deformation = real_array(deformation, "deformation", (self.n_vertices, 3))
-        if self._weights is not None:
-            deformation = deformation * self._weights[:, np.newaxis]
         rows = anp.reshape(deformation, (*deformation.shape[:-2], -1))
         return anp.matmul(rows, self.flat.T)
 
@@ -290,40 +256,7 @@ class DeformationBasis:
         return self.n_components
 
     def __repr__(self) -> str:
-        weights = "" if self._weights is None else ", weighted"
-        return (
-            f"{type(self).__name__}(n_components={self.n_components}, "
-            f"n_vertices={self.n_vertices}{weights})"
-        )
-
-    def _check_orthonormal(self) -> None:
-        rows = weighted_rows(self._vectors, self._weights)
-        with np.errstate(over="ignore", invalid="ignore"):
-            deviation = float(np.abs(rows @ rows.T - np.eye(len(rows))).max())
-        if not deviation <= _ORTHONORMAL:
-            raise ArgumentError(
-                f"vectors must be orthonormal within {_ORTHONORMAL:g}; their inner products are "
-                f"up to {deviation:.3g} away from it: pass orthonormalize=True to make them so"
-            )
-
-    @property
-    def explained_variance(self) -> np.ndarray | None:
-        """Variance of motions along each vector, shape (K,), or None for another basis.
-
-        It is the mean square of the coefficients of all deformations, or their sample variance if
-        the mean was removed.
-        """
-        return self._explained_variance
-
-    @property
-    def explained_variance_ratio(self) -> np.ndarray | None:
-        """Variance along each vector as a share of the total, shape (K,), or None."""
-        return self._explained_variance_ratio
-
-    @property
-    def mean(self) -> np.ndarray | None:
-        """The mean deformation, shape (V, 3), if it was removed, otherwise None."""
-        return self._mean
+        return f"DeformationBasis(n_components={len(self)}, n_vertices={self.n_vertices})"
 
     def truncate(self, n_components: int) -> DeformationBasis:
         """Return a basis of the first vectors.
@@ -335,13 +268,11 @@ class DeformationBasis:
         kept = whole_number(n_components, "n_components", minimum=1)
         if kept > len(self):
             raise ArgumentError(f"n_components={kept} exceeds the {len(self)} vectors of the basis")
-        basis = type(self)(self.vectors[:kept], vertex_weights=self.vertex_weights)
-        variance, ratio = self.explained_variance, self.explained_variance_ratio
-        return basis._with_statistics(
-            None if variance is None else variance[:kept],
-            None if ratio is None else ratio[:kept],
-            self.mean,
-        )
+        basis = type(self)(self.vectors[:kept])
+        for name in _STATISTICS:
+            values = getattr(self, name)
+            setattr(basis, name, None if values is None else values[:kept])
+        return basis
 
     def extend(self, deformations: np.ndarray) -> DeformationBasis:
         """Return this basis extended by more deformations.
@@ -359,18 +290,14 @@ class DeformationBasis:
                 basis = DeformationBasis(
                     np.concatenate([basis.vectors, outside[None]]),
                     orthonormalize=True,
-                    vertex_weights=basis.vertex_weights,
                 )
         return basis
 
-    def _with_statistics(
-        self, variance: np.ndarray | None, ratio: np.ndarray | None, mean: np.ndarray | None
-    ) -> DeformationBasis:
-        """Set the statistics of the motions that the vectors come from."""
-        self._explained_variance = None if variance is None else read_only(variance)
-        self._explained_variance_ratio = None if ratio is None else read_only(ratio)
-        self._mean = None if mean is None else read_only(mean)
-        return self
+    def _set_statistics(self, *statistics: np.ndarray | None) -> None:
+        for name, values in zip(_STATISTICS, statistics, strict=True):
+            if values is not None:
+                values = real_array(values, name, (len(self),), batched=False)
+                setattr(self, name, read_only(values))
 
 
 _REMEDY = "a basis weighs deformations by their lengths"
@@ -464,7 +391,6 @@ class PrincipalComponents(NamedTuple):
     vectors: np.ndarray
     variance: np.ndarray
     variance_ratio: np.ndarray
-    mean: np.ndarray | None
     rank: int
     n_samples: int
 
@@ -474,29 +400,16 @@ class StreamingPCA:
 
     The rows A = U S Vᵀ of a full buffer are replaced by half as many, the strongest rows of S Vᵀ.
     Each such merge lowers AᵀA, in the spectral norm, by the square of the largest singular value
-    that it drops, and keeps at least 1.5 K larger ones. With mean removal, the rows of each merge
-    are centred on their own mean, and a row more represents the shift of the mean.
+    that it drops, and keeps at least 1.5 K larger ones.
     """
 
-    def __init__(
-        self,
-        n_components: int,
-        n_features: int,
-        *,
-        remove_mean: bool = False,
-        max_rows: int | None = None,
-    ) -> None:
-        if max_rows is None:
-            fitting = _BUFFER_BYTES // (8 * n_features)
-            max_rows = max(3 * n_components, min(fitting, 2 * n_features))
+    def __init__(self, n_components: int, n_features: int) -> None:
+        fitting = _BUFFER_BYTES // (8 * n_features)
+        self._max_rows = max(3 * n_components, min(fitting, 2 * n_features))
         self._n_components = n_components
-        self._max_rows = max_rows
-        self._remove_mean = remove_mean
-        # One row more for the shift of the mean.
-        self._rows = np.empty((max_rows + 1, n_features))
+        self._rows = np.empty((self._max_rows, n_features))
         self._n_filled = 0
         self._singular_values = np.empty(0)
-        self._mean = np.zeros(n_features)
         self._n_samples = 0
         self._sum_of_squares = 0.0
 
@@ -520,12 +433,10 @@ class StreamingPCA:
         vectors = self._rows[:n_components] / values[:, np.newaxis]
         peaks = np.abs(vectors).argmax(axis=1)
         vectors *= np.sign(vectors[np.arange(n_components), peaks])[:, np.newaxis]
-        freedom = self._n_samples - 1 if self._remove_mean else self._n_samples
         return PrincipalComponents(
             vectors,
-            values**2 / max(freedom, 1),
+            values**2 / max(self._n_samples, 1),
             values**2 / (self._sum_of_squares or 1.0),
-            self._mean.copy() if self._remove_mean else None,
             rank,
             self._n_samples,
         )
@@ -536,8 +447,6 @@ class StreamingPCA:
         if self._n_filled == n_merged:
             return
         n_new = self._n_filled - n_merged
-        if self._remove_mean:
-            self._centre(self._rows[n_merged : self._n_filled])
         self._n_samples += n_new
         self._sum_of_squares += float(np.sum(self._rows[n_merged : self._n_filled] ** 2))
 
@@ -550,44 +459,6 @@ class StreamingPCA:
         self._rows[:kept] = left[:, :kept].T @ rows
         self._singular_values = values[:kept]
         self._n_filled = kept
-
-    def _centre(self, new: np.ndarray) -> None:
-        """Centre the new rows, add a row for the shift of their mean, and update the mean."""
-        n_old, n_new = self._n_samples, len(new)
-        mean = new.mean(axis=0)
-        new -= mean
-        shift = mean - self._mean
-        if n_old:
-            self._rows[self._n_filled] = shift * np.sqrt(n_old * n_new / (n_old + n_new))
-            self._n_filled += 1
-        self._mean += shift * (n_new / (n_old + n_new))
-
-
-def normalized_weights(weights: ArrayLike | None, n_vertices: int) -> np.ndarray | None:
-    """Return vertex weights scaled to mean 1."""
-    if weights is None:
-        return None
-    values = real_array(weights, "vertex_weights", (n_vertices,), batched=False)
-    if not (values > 0).all():
-        first = int((values <= 0).argmax())
-        raise ArgumentError(
-            f"vertex_weights[{first}] = {float(values[first])!r} is not positive; a vertex "
-            "without weight would make the inner product degenerate"
-        )
-    return read_only(values / values.mean())
-
-
-def weighted_rows(vectors: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
-    """Return vectors as rows whose dot products are the weighted inner products."""
-    if weights is not None:
-        vectors = vectors * np.sqrt(weights)[:, np.newaxis]
-    return vectors.reshape(len(vectors), -1)
-
-
-def vectors_of_rows(rows: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
-    """Return vectors from rows, the inverse of `weighted_rows`."""
-    vectors = rows.reshape(len(rows), -1, 3)
-    return vectors if weights is None else vectors / np.sqrt(weights)[:, np.newaxis]
 
 
 def orthonormal_rows(rows: np.ndarray, name: str) -> np.ndarray:

@@ -20,8 +20,10 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry import (
     AlignedSurfaces,
     ElasticMetric,
+    GaugeInvariantMetric,
     GeneralElasticMetric,
     RotationMetric,
+    SobolevMetric,
     SRNFMetric,
 )
 from riemhuman.kernels import surface
@@ -89,18 +91,8 @@ def test_fields_of_the_template():
     np.testing.assert_allclose(np.linalg.norm(n, axis=1), 1.0, rtol=1e-14)
     np.testing.assert_array_equal(g, space.metric_field(template.vertices))
     np.testing.assert_array_equal(n, space.normal_field(template.vertices))
-    np.testing.assert_allclose(space.square_root_normals(template.vertices), n, rtol=1e-12)
     outward = template.vertices[template.faces].mean(axis=1)
     assert np.all(np.sum(n * outward, axis=1) > 0)
-
-
-def test_differential_of_the_fields():
-    template = sphere_template()
-    space = AlignedSurfaces(template)
-    f, h, step = surfaces(template, 3), deformations(template, 3, rng=5), 1e-6
-    ahead, behind = space.to_fields(f + step * h), space.to_fields(f - step * h)
-    for found, a, b in zip(space.to_fields_differential(h, f), ahead, behind, strict=True):
-        np.testing.assert_allclose(found, (a - b) / (2 * step), atol=1e-8)
 
 
 # Invariances.
@@ -246,8 +238,11 @@ def test_surfaces_with_degenerate_triangles_are_legal_without_normals():
     flat = flattened(template, f)
     assert not space.belongs(flat)
     np.testing.assert_array_equal(space.belongs(np.stack([f, flat, g])), [True, False, True])
-    for lam in (1e-4, 0.3):
-        metric = ElasticMetric(space, 1.0, lam, 0.0)
+    for metric, lam in (
+        (ElasticMetric(space, 1.0, 1e-4, 0.0), 1e-4),
+        (ElasticMetric(space, 1.0, 0.3, 0.0), 0.3),
+        (SRNFMetric(space), 1 / 16),
+    ):
         limit = metric.dist(flat, g)
         assert metric.dist(flat, flat) == 0
         target = metric.target_metric
@@ -280,7 +275,6 @@ def test_degenerate_triangles_are_refused_by_index():
         lambda: normals.energy(np.stack([flat, f])),
         lambda: space.to_fields(flat),
         lambda: space.normal_field(flat),
-        lambda: space.to_fields_differential(f, flat),
         lambda: space.check_immersed(flat),
         lambda: stretch.norm(f, flat),
         lambda: stretch.metric_matrix(flat),
@@ -290,6 +284,56 @@ def test_degenerate_triangles_are_refused_by_index():
     with pytest.raises(DegenerateSurfaceError, match=rf"triangle {first} of item \(2,\)"):
         normals.dist_pairwise(np.stack([f, f, flat]))
     np.testing.assert_array_equal(space.check_immersed(f), f)
+
+
+# Metrics given by their inner product alone, and one with a distance.
+ENERGIES = {
+    "elastic": lambda space: ElasticMetric(space, 1.0, 1.0, 1.0),
+    "sobolev": lambda space: SobolevMetric(space, a0=0.3, a1=0.7, b1=0.4, c1=1.1, d1=0.5, a2=0.02),
+    "sobolev, a0": lambda space: SobolevMetric(space, 1.0, 0.0, 0.0, 0.0),
+    "sobolev, a2": lambda space: SobolevMetric(space, 0.0, 0.0, 0.0, 0.0, a2=1.0),
+    "gauge-invariant": lambda space: GaugeInvariantMetric(SRNFMetric(space)),
+}
+every_energy = pytest.mark.parametrize("metric_over", ENERGIES.values(), ids=ENERGIES)
+
+
+@every_energy
+def test_energies_need_triangles_with_area(metric_over):
+    template = sphere_template()
+    metric, f = metric_over(AlignedSurfaces(template)), surfaces(template, 1)[0]
+    flat = flattened(template, f)
+    still = np.stack([flat, flat])
+    for call in (
+        lambda: metric.norm(f, flat),
+        lambda: metric.metric_matrix(flat),
+        lambda: metric.energy(still),
+        lambda: grad(metric.energy)(still),
+    ):
+        with pytest.raises(DegenerateSurfaceError, match="triangle .* must have an area"):
+            call()
+    energy, gradient = metric.energy_and_gradient(still)
+    assert energy == np.inf
+    assert np.all(np.isfinite(gradient))
+
+
+@every_energy
+def test_vertices_of_no_triangle_do_not_count(metric_over):
+    template = sphere_template()
+    more = Template(np.vstack([template.vertices, [[3.0, 0.0, 0.0]]]), template.faces)
+    path, (h, k) = surfaces(template, 3), deformations(template, 2)
+    longer, (wide_h, wide_k) = (
+        np.concatenate([points, np.full((len(points), 1, 3), 2.0)], axis=1)
+        for points in (path, (h, k))
+    )
+    longer[1, -1] = 2.5
+    alone, lonely = (metric_over(AlignedSurfaces(one)) for one in (template, more))
+    product = lonely.inner_product(wide_h, wide_k, longer[0])
+    assert product == pytest.approx(alone.inner_product(h, k, path[0]), rel=1e-12)
+    expected, slope = alone.energy_and_gradient(path)
+    energy, gradient = lonely.energy_and_gradient(longer)
+    assert energy == pytest.approx(expected, rel=1e-12)
+    np.testing.assert_allclose(gradient[:, :-1], slope, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(gradient[:, -1], 0.0)
 
 
 # Refusals.

@@ -137,7 +137,7 @@ def test_new_manifolds_have_the_same_parameters(space, dim, shape, metric_class)
 def test_spaces_without_a_default_metric():
     space = HalfPlane()
     assert space.default_metric() is None
-    with pytest.raises(ArgumentTypeError, match="found NoneType"):
+    with pytest.raises(ArgumentTypeError, match="HalfPlane has no default metric"):
         space.equip_with_metric()
     assert isinstance(space.equip_with_metric(HyperbolicDistance).metric, HyperbolicDistance)
     space.equip_with_metric(HyperbolicInnerProduct, geodesic_solver="any")

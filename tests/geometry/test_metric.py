@@ -291,6 +291,37 @@ def test_no_path_is_shorter_than_the_geodesic(case):
             assert metric.length(other) ** 2 >= squared_dist * (1 - 1e-12)
 
 
+@every("geodesic", "exp", "log")
+def test_parallel_transport(case):
+    """An isometry that keeps velocities, is undone by the way back, and is a ladder's limit."""
+    metric, (start, end) = case.metric, case.points[:2]
+    velocity = metric.log(end, start)
+    v, w = case.space.to_tangent(case.tangent_vecs[:2], start)
+    vectors = np.stack([v, w, velocity])
+    moved = metric.parallel_transport(vectors, start, end_point=end)
+    assert np.all(case.space.is_tangent(moved, end))
+    for i, j in ((0, 0), (0, 1), (1, 1)):
+        bound = metric.norm(vectors[i], start) * metric.norm(vectors[j], start)
+        product = metric.inner_product(moved[i], moved[j], end)
+        expected = metric.inner_product(vectors[i], vectors[j], start)
+        assert product == pytest.approx(expected, abs=1e-11 * bound)
+    size = np.abs(vectors).max()
+    np.testing.assert_allclose(moved[2], -metric.log(start, end), atol=1e-11 * size)
+    along = metric.parallel_transport(vectors, start, direction=velocity)
+    np.testing.assert_allclose(along, moved, atol=1e-11 * size)
+    back = metric.parallel_transport(moved, end, end_point=start)
+    np.testing.assert_allclose(back, vectors, atol=1e-11 * size)
+    # Transport to a near point, by a rung of Schild's ladder.
+    step = 1e-4 * min(1.0, float(metric.injectivity_radius(start)))
+    short, rung = (step * metric.normalize(one, start) for one in (velocity, v))
+    near, ahead = metric.exp(short, start), metric.exp(rung, start)
+    middle = metric.exp(0.5 * metric.log(near, ahead), ahead)
+    corner = metric.exp(2.0 * metric.log(middle, start), start)
+    expected = metric.parallel_transport(rung, start, direction=short)
+    gap = metric.norm(metric.log(corner, near) - expected, near)
+    assert gap < 1e-6 * metric.norm(expected, near)
+
+
 # Broadcasting.
 
 
@@ -309,6 +340,25 @@ def test_dist_pairwise(case):
     np.testing.assert_array_equal(metric.dist_pairwise(points[:1]), [[0.0]])
     np.testing.assert_array_equal(metric.dist_pairwise(list(points)), matrix)
     assert metric.dist_pairwise(points[:0]).shape == (0, 0)
+
+
+WITH_ROWS = [case for case in KINDS if "dist" in case.can and len(case.space.shape) > 1]
+
+
+@pytest.mark.parametrize("case", WITH_ROWS, ids=name_of)
+def test_rows_of_numbers_are_points(case):
+    metric, points = case.metric, case.points
+    rows = points.reshape(len(points), -1)
+    expected = metric.dist(points[0], points[1:])
+    np.testing.assert_array_equal(metric.dist(rows[0], rows[1:]), expected)
+    np.testing.assert_array_equal(metric.dist_pairwise(rows), metric.dist_pairwise(points))
+
+
+def test_one_triangle_has_no_rows():
+    """Three numbers may be a field of one normal, or a point that lacks an axis."""
+    case = CASES["normals triangle"]
+    with pytest.raises(ArgumentError, match=r"must have shape \(\.\.\., 1, 3\)"):
+        case.space.check_point(case.points[:, 0])
 
 
 @pytest.mark.parametrize("name", ["mixed sphere", "product", "half-plane, distance"])
@@ -456,6 +506,21 @@ def test_solver_interpolates_along_bends():
     expected = [[-1.5, -2.0], [0.0, 1.0], [0.6, 2.2], [-0.5, 2.5], [-2.0, 7.0], [-2.0, 10.0]]
     np.testing.assert_allclose(geodesic(times), expected, rtol=1e-14, atol=1e-14)
     np.testing.assert_allclose(geodesic(0.5), [[-0.5, 2.5]], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter"),
+    [
+        ("mixed sphere", "lam"),
+        ("product", "weights"),
+        ("sobolev all sphere", "a2"),
+        ("flat", "space"),
+    ],
+)
+def test_parameters_of_a_metric_are_fixed(name, parameter):
+    metric = CASES[name].metric
+    with pytest.raises(AttributeError, match=f"{parameter} of .* is fixed"):
+        setattr(metric, parameter, getattr(metric, parameter))
 
 
 # Bad input.

@@ -7,7 +7,7 @@ import pytest
 from autograd import grad
 from cases import CASES, SURFACES, name_of, sphere_template, surfaces
 
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric, PullbackMetric, VectorSpace
+from riemhuman.geometry import AlignedSurfaces, PullbackMetric, VectorSpace
 
 every_surface_metric = pytest.mark.parametrize("case", [*SURFACES, CASES["edges"]], ids=name_of)
 
@@ -18,12 +18,9 @@ def generic(metric):
 
 
 @every_surface_metric
-def test_analytic_differential_equals_the_generic_one(case):
+def test_inner_products_are_those_of_the_differential(case):
     points, (v, w) = case.points, case.tangent_vecs[:2]
     twin = generic(case.metric)
-    np.testing.assert_allclose(
-        case.metric.differential(v, points), twin.differential(v, points), atol=1e-10
-    )
     expected = twin.inner_product(v, w, points)
     found = case.metric.inner_product(v, w, points)
     np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
@@ -74,8 +71,3 @@ def test_a_map_of_ones_own():
     np.testing.assert_allclose(dist, np.linalg.norm(widths(a) - widths(b)), rtol=1e-13)
     t = np.linspace(0, 1, 9)[:, None, None]
     assert metric.length((1 - t) * a + t * b) >= dist
-
-
-def test_solvers_are_kept():
-    metric = ElasticMetric(AlignedSurfaces(sphere_template()), geodesic_solver="a solver")
-    assert metric.geodesic_solver == "a solver"

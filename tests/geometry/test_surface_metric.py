@@ -7,11 +7,21 @@ import numpy as np
 import pytest
 from autograd import grad, hessian_vector_product, value_and_grad
 from autograd.core import primitive_vjps
-from cases import deformations, sphere_template, surfaces
+from cases import TEMPLATES, deformations, sphere_template, surfaces
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric, SRNFMetric
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    ElasticMetric,
+    FlatMetric,
+    ProductMetric,
+    RiemannianMetric,
+    SobolevMetric,
+    SRNFMetric,
+    SurfaceMetric,
+)
+from riemhuman.terms import RootNormalTerm
 
 SPACE = AlignedSurfaces(sphere_template(2), equip=False)
 METRICS = {
@@ -54,19 +64,20 @@ def test_autograd_takes_derivatives_of_the_compiled_energy(metric, monkeypatch):
     np.testing.assert_array_equal(value_and_grad(metric.energy)(path)[1], gradient)
 
 
-@each_metric
+@pytest.mark.parametrize(
+    "metric", [*METRICS.values(), SobolevMetric(SPACE, a2=0.1), SobolevMetric(SPACE, a0=0.1)]
+)
 def test_drift_is_what_the_metric_does_not_see(metric):
-    """Translations for all, and rotations where no normals are looked at."""
+    """Translations for most, and rotations where no normals are looked at."""
     path = np.repeat(SPACE.template.vertices[None], 3, axis=0)
     moved, turned = path.copy(), path.copy()
     moved[1] += [0.4, -0.2, 0.1]
     turned[1] = turned[1] @ Rotation.from_rotvec([0.0, 0.3, 0.5]).as_matrix()
-    np.testing.assert_allclose(metric.remove_drift(moved), path, atol=1e-9)
-    found = metric.remove_drift(turned)
-    blind = metric.energy(turned) < 1e-12
+    for other in (moved, turned):
+        found, blind = metric.remove_drift(other), metric.energy(other) < 1e-12
+        np.testing.assert_allclose(found, path if blind else other, atol=1e-3)
+        assert (np.abs(found - other).max() > 0.1) == blind
     assert blind == (metric in (METRICS["shape"], METRICS["stretch"]))
-    np.testing.assert_allclose(found, path if blind else turned, atol=1e-3)
-    assert (np.abs(found - turned).max() > 0.1) == blind
 
 
 def test_energies_leave_nothing_behind():
@@ -78,7 +89,6 @@ def test_energies_leave_nothing_behind():
     assert len(primitive_vjps) == known
     again = pickle.loads(pickle.dumps(metric))
     assert again.energy(path) == metric.energy(path)
-    assert "_compiled_energy" not in metric.__getstate__()
 
 
 def test_an_energy_alone_does_without_its_gradient(monkeypatch):
@@ -110,3 +120,28 @@ def test_gradients_are_those_of_one_path():
 def test_the_part_of_the_family_that_a_metric_lacks(weights, unseen):
     found = ElasticMetric(SPACE, *weights).complementary_metric
     assert (found and (found.a, found.lam, found.c)) == unseen
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_square_root_normals_by_their_definition(name):
+    """d² = Σ ‖√A₁ n₁ − √A₂ n₂‖² with the triangles' own areas: the template does not enter."""
+    template = TEMPLATES[name]()
+    f1, f2 = surfaces(template, 2)
+
+    def roots(f):
+        corners = f[template.faces]
+        normals = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return normals / np.sqrt(np.linalg.norm(normals, axis=1, keepdims=True))
+
+    expected = np.sum((roots(f1) - roots(f2)) ** 2)
+    found = SRNFMetric(AlignedSurfaces(template)).squared_dist(f1, f2)
+    np.testing.assert_allclose(found, expected, rtol=1e-11)
+
+
+def test_fields_are_points_of_a_flat_space_unless_there_is_a_weight():
+    points = surfaces(SPACE.template, 2)
+    for weight, kind in ((1.0, FlatMetric), (2.0, ProductMetric)):
+        metric = SurfaceMetric(SPACE, [RootNormalTerm(weight)])
+        assert isinstance(metric.target_metric, kind)
+        found = metric.target_metric.dist(*metric.map(points))
+        np.testing.assert_allclose(found, metric.dist(*points), rtol=1e-12)

@@ -20,14 +20,6 @@ def test_weighted_sum_of_squares():
     np.testing.assert_allclose(blind.dist(a, b), np.linalg.norm(a[1] - b[1]), rtol=1e-14)
 
 
-def test_geodesics_are_straight():
-    metric = VectorSpace((4,)).metric
-    a, b = np.random.default_rng(0).normal(size=(2, 4))
-    np.testing.assert_allclose(metric.geodesic(a, b)([0.25]), [0.75 * a + 0.25 * b], atol=1e-15)
-    np.testing.assert_array_equal(metric.log(b, a), b - a)
-    np.testing.assert_array_equal(metric.exp(b, a), a + b)
-
-
 def test_weights_are_checked_and_kept():
     space = VectorSpace((2, 3))
     with pytest.raises(ArgumentError, match=r"weights must have shape \(2\); found \(3,\)"):

@@ -133,8 +133,8 @@ def test_the_default_metric_of_matrices_is_the_plain_trace():
     h = surface.partial_derivatives(deformations(TEMPLATE, 1, rng=9)[0], OPERATOR)
     components = surface.frame_components(first, *h)
     found = np.einsum("ti,ij,tj->t", components, EbinTerm().form(first), components)
+    df, dh = (np.stack(one, axis=-1) for one in ((first.f_u, first.f_v), h))
+    half = np.swapaxes(df, 1, 2) @ dh
     g = surface.first_fundamental_form(first.f_u, first.f_v)
-    rates = np.linalg.solve(
-        g, surface.first_fundamental_form_differential(first.f_u, first.f_v, *h)
-    )
+    rates = np.linalg.solve(g, half + np.swapaxes(half, 1, 2))
     np.testing.assert_allclose(found, np.einsum("tij,tji->t", rates, rates), rtol=1e-9)
