@@ -100,7 +100,7 @@ def _readable(value: Any) -> str:
 
 
 def _facts(file: Path) -> dict[str, Any]:
-    from riemhuman.io.meshes import MESH_SUFFIXES, check_not_point_cloud
+    from riemhuman.io.meshes import MESH_SUFFIXES, unknown_suffix
 
     if not file.exists():
         raise FileError(f"there is no file or folder {file}")
@@ -118,9 +118,7 @@ def _facts(file: Path) -> dict[str, Any]:
     }
     read = readers.get(file.suffix.lower())
     if read is None:
-        check_not_point_cloud(file)
-        known = ", ".join(readers)
-        raise FileFormatError(f"{file}: the ending must be one of {known}, or a folder")
+        raise unknown_suffix(file, readers)
     return read(file)
 
 

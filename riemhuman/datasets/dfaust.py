@@ -47,10 +47,8 @@ class DynamicFaustMotion(Motion):
         self._step = step
 
     def _frames(self, numbers: range) -> np.ndarray:
-        ends = (self._step * part for part in (numbers.start, numbers.stop, numbers.step))
-        return self._recorded_frames(range(*ends))
-
-    def _recorded_frames(self, numbers: range) -> np.ndarray:
+        step = self._step
+        numbers = range(step * numbers.start, step * numbers.stop, step * numbers.step)
         key = f"{self.subject}_{self.sequence}"
         n_vertices = int(self.faces.max()) + 1
         frames = np.empty((len(numbers), n_vertices, 3))
@@ -244,13 +242,12 @@ def _choose_pairs(
     names = choose_names(sequences, "sequences", performed, source)
     people = choose_names(subjects, "subjects", tuple(recorded), source)
     pairs = [(subject, name) for subject in people for name in names if name in recorded[subject]]
-    if sequences is not None and subjects is not None and len(pairs) < len(people) * len(names):
-        lacking = [
-            f"{subject} has {', '.join(sorted(recorded[subject]))}"
-            for subject in people
-            if not recorded[subject].keys() >= set(names)
-        ]
+    missing = [
+        f"{person}_{name}" for person in people for name in names if (person, name) not in pairs
+    ]
+    if missing and sequences is not None and subjects is not None:
         raise ArgumentError(
-            f"sequences must be there for all subjects asked for{source}; {'; '.join(lacking)}"
+            f"sequences must be there for all subjects asked for{source}; missing: "
+            f"{join_names(missing)}"
         )
     return pairs

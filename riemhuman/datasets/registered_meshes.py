@@ -64,7 +64,6 @@ class RegisteredMeshes:
     Attributes
     ----------
     files : tuple of Path
-        The files.
     faces : array of int, shape (F, 3)
         The common triangles.
     reference : array, shape (V, 3)
@@ -136,17 +135,11 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
     Parameters
     ----------
     folder : path_like
-        The folder.
 
     Returns
     -------
     files : list of Path
         At least one.
-
-    Raises
-    ------
-    FileError
-        If the folder does not exist, cannot be read, or has no mesh files.
 
     Examples
     --------
@@ -256,10 +249,8 @@ def load_bodies(
         The table: comma-, semicolon- or tab-separated text whose first line names the columns.
         ``file`` holds the name of a mesh file, with or without its suffix; ``subject`` and ``pose``
         hold any text; other columns are ignored. By default ``labels.csv`` in the folder.
-    template : Template or path_like, optional
-        The template, or a mesh file with it; by default the first mesh.
-    align : bool
-        Whether the meshes are rotated and translated (never scaled) onto the template.
+    template, align
+        As for `load_faust`.
     scale, unit, up
         As for `RegisteredMeshes`.
     allow_missing : bool
@@ -273,13 +264,6 @@ def load_bodies(
         The meshes in the natural order of their names (body_2 before body_10), with subjects and
         poses numbered in the natural order of their names.
 
-    Raises
-    ------
-    FileFormatError
-        If the table lacks a column or an entry or names a file twice, meshes have no row or rows no
-        mesh, or a mesh is damaged or differs from the first in its triangles or evidently in its
-        unit.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -292,7 +276,7 @@ def load_bodies(
     """
     files = find_meshes(folder)
     table = existing_folder(folder) / _LABELS if labels is None else file_path(labels, "labels")
-    if labels is None and not table.is_file():
+    if labels is None and not os.path.isfile(table):
         raise FileError(
             f"there is no table of labels {table}; write one with the columns "
             f"{', '.join(_COLUMNS)}, or give its path"
@@ -317,7 +301,6 @@ def read_labels(
     Parameters
     ----------
     table : path_like
-        The table.
     names : sequence of str
         Names of the files.
     allow_missing : bool
@@ -348,17 +331,17 @@ def read_labels(
 def existing_folder(folder: str | os.PathLike[str]) -> Path:
     """Return the path of a folder; raise an error if there is none."""
     root = file_path(folder, "folder", "folder")
-    if not root.is_dir():
-        raise FileError(
-            f"{root} is a file, not a folder" if root.exists() else f"there is no folder {root}"
-        )
+    if not os.path.isdir(root):
+        if os.path.exists(root):
+            raise FileError(f"{root} is a file, not a folder")
+        raise FileError(f"there is no folder {root}")
     return root
 
 
 def existing_path(path: str | os.PathLike[str]) -> Path:
     """Return the path of a file or folder; raise an error if there is none."""
     root = file_path(path, kind="file or folder")
-    if not root.exists():
+    if not os.path.exists(root):
         raise FileError(f"there is no file or folder {root}")
     return root
 
@@ -432,26 +415,25 @@ def _load(
 
 def _read_table(table: Path) -> list[tuple[int, list[str]]]:
     """Return each row of a table, file, subject and pose, after the number of its line."""
-    if not table.exists():
+    if not os.path.exists(table):
         raise FileError(f"there is no table of labels {table}")
     text = read_text(table)
     heading = re.split(r"[\r\n]", text, maxsplit=1)[0]
     separator = max(_SEPARATORS, key=heading.count)
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     rows = []
     try:
-        names = [name.strip().lower() for name in next(reader, [])]
-        missing = [name for name in _COLUMNS if name not in names]
+        reader.fieldnames = [name.strip().lower() for name in reader.fieldnames or ()]
+        missing = [name for name in _COLUMNS if name not in reader.fieldnames]
         if missing:
             raise FileFormatError(
                 f"{table} lacks the columns {', '.join(missing)}; its first line must name "
                 f"{', '.join(_COLUMNS)}; found {heading.strip()[:60]!r}"
             )
-        for entries in reader:
-            if not any(entry.strip() for entry in entries):
+        for row in reader:
+            wanted = [(row[name] or "").strip() for name in _COLUMNS]
+            if not any(row.values()):
                 continue
-            row = dict(zip(names, entries, strict=False))
-            wanted = [row.get(name, "").strip() for name in _COLUMNS]
             if not all(wanted):
                 empty = [name for name, text in zip(_COLUMNS, wanted, strict=True) if not text]
                 raise FileFormatError(

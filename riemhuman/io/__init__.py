@@ -8,9 +8,15 @@ or over NFS. A hostile local user with write access to one's folders is out of s
 
 from riemhuman.io._gltf import save_glb
 from riemhuman.io.arrays import load_array, load_arrays, save_arrays
-from riemhuman.io.meshes import as_arrays, load_mesh, save_mesh, to_pyvista, to_trimesh
+from riemhuman.io.meshes import (
+    as_arrays,
+    load_mesh,
+    load_points,
+    save_mesh,
+    to_pyvista,
+    to_trimesh,
+)
 from riemhuman.io.pickles import load_pickled_arrays
-from riemhuman.io.points import load_points
 
 __all__ = [
     "as_arrays",

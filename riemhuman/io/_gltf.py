@@ -29,7 +29,11 @@ _LARGEST_STRIDE = 252  # bytes from a vertex to the next, by the specification
 # Corners of triangles for each byte of the file: primitives and nodes may share some.
 _MOST_CORNERS = 4
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
-_COLOR = (0.80, 0.72, 0.66, 1.0)
+_SKIN = {
+    "baseColorFactor": [0.80, 0.72, 0.66, 1.0],
+    "metallicFactor": 0.0,
+    "roughnessFactor": 0.75,
+}
 
 
 def save_glb(
@@ -42,8 +46,7 @@ def save_glb(
 ) -> None:
     """Write a path of surfaces to a GLB file that plays as an animation.
 
-    Positions and normals are in single precision, as the format requires. The file is written
-    atomically.
+    Positions and normals are in single precision, as the format requires.
 
     Parameters
     ----------
@@ -67,8 +70,13 @@ def save_glb(
     file = file_path(path)
     if file.suffix.lower() != ".glb":
         raise FileFormatError(f"{file}: the ending must be .glb")
-    content = _glb(surfaces, faces, real_number(seconds, "seconds", minimum=0, strict=True), name)
-    write_bytes(file, content)
+    seconds = real_number(seconds, "seconds", minimum=0, strict=True)
+    shape = ("n_times", "n_vertices", 3)
+    points = np.asarray(real_array(surfaces, "surfaces", shape, batched=False))
+    if len(points) == 0:
+        raise ArgumentError(f"surfaces holds no surface; found shape {points.shape}")
+    _, triangles = check_mesh(points[0], faces)
+    write_bytes(file, _glb(points, triangles, seconds, name))
 
 
 def read_glb(file: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -175,62 +183,27 @@ def _accessor(document: dict[str, Any], binary: bytes, number: int, width: int) 
     return np.ndarray((accessor["count"], width), dtype, binary, offset, (stride, dtype.itemsize))
 
 
-class _Chunk:
-    """The binary part of a GLB file, with the glTF objects that describe its layout."""
-
-    def __init__(self) -> None:
-        self._parts: list[bytes] = []
-        self._size = 0
-        self.views: list[dict[str, Any]] = []
-        self.accessors: list[dict[str, Any]] = []
-
-    def add(self, array: np.ndarray, kind: str, target: int | None = None) -> int:
-        """Append an array and return the index of its accessor."""
-        content = array.tobytes()
-        content += b"\0" * (-len(content) % 4)
-        view = {"buffer": 0, "byteOffset": self._size, "byteLength": array.nbytes}
-        self.views.append(view if target is None else view | {"target": target})
-        component = {"f4": _FLOAT, "u2": _SHORT, "u4": _INT}[array.dtype.str[1:]]
-        accessor: dict[str, Any] = {
-            "bufferView": len(self.views) - 1,
-            "componentType": component,
-            "count": len(array) if kind == "VEC3" else array.size,
-            "type": kind,
-        }
-        if component == _FLOAT:
-            rows = array.reshape(accessor["count"], -1)
-            accessor["min"] = rows.min(axis=0).tolist()
-            accessor["max"] = rows.max(axis=0).tolist()
-        self.accessors.append(accessor)
-        self._parts.append(content)
-        self._size += len(content)
-        return len(self.accessors) - 1
-
-    @property
-    def content(self) -> bytes:
-        return b"".join(self._parts)
-
-
-def _glb(surfaces: ArrayLike, faces: ArrayLike, seconds: float, name: str) -> bytes:
-    shape = ("n_times", "n_vertices", 3)
-    points = np.asarray(real_array(surfaces, "surfaces", shape, batched=False))
-    if len(points) == 0:
-        raise ArgumentError(f"surfaces holds no surface; found shape {points.shape}")
-    _, triangles = check_mesh(points[0], faces)
+def _glb(points: np.ndarray, triangles: np.ndarray, seconds: float, name: str) -> bytes:
     positions = points.astype("<f4")
     normals = _unit_normals(points, triangles).astype("<f4")
+    arrays: list[np.ndarray] = []
 
-    chunk = _Chunk()
-    n_vertices = points.shape[1]
+    def add(array: np.ndarray) -> int:
+        arrays.append(array)
+        return len(arrays) - 1
+
+    def difference(time: int) -> dict[str, int]:
+        return {
+            "POSITION": add(positions[time] - positions[0]),
+            "NORMAL": add(normals[time] - normals[0]),
+        }
+
+    n_times, n_vertices = points.shape[:2]
     # glTF reserves the largest number of each type for restarting strips.
     index_type = "<u2" if n_vertices < 65535 else "<u4"
-    indices = chunk.add(triangles.astype(index_type).ravel(), "SCALAR", _ELEMENT_BUFFER)
     primitive: dict[str, Any] = {
-        "attributes": {
-            "POSITION": chunk.add(positions[0], "VEC3", _ARRAY_BUFFER),
-            "NORMAL": chunk.add(normals[0], "VEC3", _ARRAY_BUFFER),
-        },
-        "indices": indices,
+        "attributes": {"POSITION": add(positions[0]), "NORMAL": add(normals[0])},
+        "indices": add(triangles.astype(index_type).ravel()),
         "material": 0,
     }
     mesh: dict[str, Any] = {"name": name, "primitives": [primitive]}
@@ -240,57 +213,51 @@ def _glb(surfaces: ArrayLike, faces: ArrayLike, seconds: float, name: str) -> by
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "name": name}],
         "meshes": [mesh],
-        "materials": [
-            {
-                "name": "skin",
-                "doubleSided": True,
-                "pbrMetallicRoughness": {
-                    "baseColorFactor": list(_COLOR),
-                    "metallicFactor": 0.0,
-                    "roughnessFactor": 0.75,
-                },
-            }
-        ],
+        "materials": [{"name": "skin", "doubleSided": True, "pbrMetallicRoughness": _SKIN}],
     }
-    if len(points) > 1:
-        primitive["targets"] = [
-            {
-                "POSITION": chunk.add(positions[time] - positions[0], "VEC3", _ARRAY_BUFFER),
-                "NORMAL": chunk.add(normals[time] - normals[0], "VEC3", _ARRAY_BUFFER),
-            }
-            for time in range(1, len(points))
-        ]
-        mesh["weights"] = [0.0] * (len(points) - 1)
-        mesh["extras"] = {"targetNames": [f"time {time}" for time in range(1, len(points))]}
-        document["animations"] = [_animation(chunk, len(points), seconds, name)]
-    document |= {
-        "accessors": chunk.accessors,
-        "bufferViews": chunk.views,
-        "buffers": [{"byteLength": len(chunk.content)}],
-    }
-    return _joined(document, chunk.content)
-
-
-def _animation(chunk: _Chunk, n_times: int, seconds: float, name: str) -> dict[str, Any]:
-    """Return the animation in which target i has weight 1 at time i and 0 at all other times."""
-    times = np.linspace(0.0, seconds, n_times).astype("<f4")
-    weights = np.eye(n_times)[:, 1:].astype("<f4")
-    sampler = {
-        "input": chunk.add(times, "SCALAR"),
-        "output": chunk.add(weights.ravel(), "SCALAR"),
-        "interpolation": "LINEAR",
-    }
-    channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
-    return {"name": name, "samplers": [sampler], "channels": [channel]}
-
-
-def _joined(document: dict[str, Any], binary: bytes) -> bytes:
-    """Return header, JSON and binary part as one file; every part is a multiple of 4 bytes."""
+    if n_times > 1:
+        primitive["targets"] = [difference(time) for time in range(1, n_times)]
+        mesh["weights"] = [0.0] * (n_times - 1)
+        mesh["extras"] = {"targetNames": [f"time {time}" for time in range(1, n_times)]}
+        # Target i has weight 1 at time i and 0 at all other times.
+        sampler = {
+            "input": add(np.linspace(0.0, seconds, n_times).astype("<f4")),
+            "output": add(np.eye(n_times)[:, 1:].astype("<f4").ravel()),
+            "interpolation": "LINEAR",
+        }
+        channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
+        document["animations"] = [{"name": name, "samplers": [sampler], "channels": [channel]}]
+    binary = _describe_arrays(arrays, document)
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     parts = struct.pack("<I4s", len(text), b"JSON") + text
     parts += struct.pack("<I4s", len(binary), b"BIN\0") + binary
     return struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts
+
+
+def _describe_arrays(arrays: list[np.ndarray], document: dict[str, Any]) -> bytes:
+    """Return arrays as the binary part of a file, and write their layout into its document."""
+    binary, views, accessors = bytearray(), [], []
+    for array in arrays:
+        is_vertices, is_float = array.ndim == 2, array.dtype.kind == "f"
+        view = {"buffer": 0, "byteOffset": len(binary), "byteLength": array.nbytes}
+        accessor: dict[str, Any] = {
+            "bufferView": len(views),
+            "componentType": {"f4": _FLOAT, "u2": _SHORT, "u4": _INT}[array.dtype.str[1:]],
+            "count": len(array),
+            "type": "VEC3" if is_vertices else "SCALAR",
+        }
+        if is_vertices or not is_float:
+            view["target"] = _ARRAY_BUFFER if is_vertices else _ELEMENT_BUFFER
+        if is_float:
+            rows = array.reshape(len(array), -1)
+            accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
+        views.append(view)
+        accessors.append(accessor)
+        binary += array.tobytes() + b"\0" * (-array.nbytes % 4)
+    buffers = [{"byteLength": len(binary)}]
+    document |= {"accessors": accessors, "bufferViews": views, "buffers": buffers}
+    return bytes(binary)
 
 
 def _unit_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:

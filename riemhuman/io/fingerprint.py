@@ -6,7 +6,6 @@ import functools
 import hashlib
 import inspect
 import math
-import pkgutil
 from collections.abc import Mapping
 from typing import Any
 
@@ -60,11 +59,6 @@ def describe(value: Any, _depth: int = 0) -> Any:
     for name, item in _parameters(value).items():
         described[name] = describe(item, _depth + 1)
     return described
-
-
-def library_version() -> str:
-    """Return the version of the library."""
-    return str(pkgutil.resolve_name("riemhuman:__version__"))
 
 
 def _parameters(value: Any) -> dict[str, Any]:

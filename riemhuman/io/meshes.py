@@ -1,18 +1,11 @@
-"""Mesh files and mesh objects of other libraries, with vertices in their order.
-
-Registration depends on this order. Readers of other libraries split the vertices of an OBJ file
-that has texture coordinates or normals, sort its faces by material, or split polygons by their
-shape; hence the short readers of text files here.
-"""
+"""Files of meshes and points, and mesh objects of other libraries."""
 
 from __future__ import annotations
 
 import os
-import re
-from array import array
-from codecs import BOM_UTF8
-from collections.abc import Callable, Iterator
-from contextlib import redirect_stderr, redirect_stdout
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -21,6 +14,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.checks import real_array
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -28,27 +22,24 @@ from riemhuman.errors import (
     FileFormatError,
     RiemhumanError,
 )
+from riemhuman.io import _mesh_formats as formats
 from riemhuman.io._gltf import read_glb
-from riemhuman.io._ply import read_ply
+from riemhuman.io._mesh_formats import Mesh, read_ply
+from riemhuman.io.arrays import load_array
 from riemhuman.io.files import check_file, file_path, read_bytes, short_message, write_bytes
 from riemhuman.io.mesh_arrays import check_mesh, split_polygons
 from riemhuman.optional import import_optional
-
-_Mesh = tuple[ndarray, ndarray]
 
 _SURFACE_CELLS = ("triangle", "quad", "polygon")
 _MESHIO_SUFFIXES = (
     *(".bdf", ".e", ".exo", ".inp", ".med", ".mesh", ".meshb", ".msh", ".nas", ".su2", ".ugrid"),
     *(".vtk", ".vtu", ".xdmf"),
 )
-# Numbers and the three normals, corners and spare bytes of each triangle of a binary STL file.
-_STL_HEADER = 84
-_STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
-POINT_CLOUDS = {
+# How to convert files of point clouds that no reader here reads.
+_POINT_CLOUDS = {
     ".pcd": "open3d.io.write_point_cloud('scan.ply', open3d.io.read_point_cloud('scan.pcd'))",
     ".e57": "CloudCompare -SILENT -O scan.e57 -C_EXPORT_FMT PLY -SAVE_CLOUDS",
 }
-"""How to convert files of point clouds that no reader here reads, by suffix."""
 
 
 def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
@@ -69,7 +60,7 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
     Returns
     -------
     vertices : array, shape (V, 3), float64
-        Vertex positions, in the file's unit.
+        In the file's unit.
     faces : array, shape (F, 3), int64
         Vertex indices of each triangle, counted from 0.
 
@@ -78,26 +69,53 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.save_mesh("body.ply", bodies[0], bodies.template.faces)
-    >>> vertices, faces = rh.load_mesh("body.ply")
-    >>> vertices.shape, faces.shape
-    ((1202, 3), (2400, 3))
+    >>> rh.load_mesh("body.ply")[0].shape
+    (1202, 3)
     """
-    file = file_path(path)
-    if file.is_dir():
-        raise FileError(f"{file} is a folder; a mesh file was expected")
+    file = _existing_file(path, MESH_SUFFIXES)
+    with _errors_of(file):
+        return check_mesh(*_READERS.get(file.suffix.lower(), _read_with_meshio)(file))
+
+
+def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, ndarray | None]:
+    r"""Read points from a file, with their triangles and normals if it has some.
+
+    Parameters
+    ----------
+    path : path_like
+        A mesh file (PLY, OBJ, OFF, STL or GLB), a PLY file without faces, text with a point a line
+        (.xyz) or an array (.npy). Three columns more than the position are taken for normals if
+        they have unit length.
+
+    Returns
+    -------
+    points : array, shape (N, 3)
+        In the file's unit.
+    faces : array of int, shape (F, 3), or None
+    normals : array, shape (N, 3), or None
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> with open("scan.xyz", "w") as file:
+    ...     _ = file.write("0 0 0\n0 1.7 0\n")
+    >>> points, faces, normals = rh.io.load_points("scan.xyz")
+    >>> points.shape, faces, normals
+    ((2, 3), None, None)
+    """
+    file = _existing_file(path, POINT_SUFFIXES)
     suffix = file.suffix.lower()
-    if suffix not in MESH_SUFFIXES:
-        check_not_point_cloud(file)
-        raise _unknown_suffix(file, MESH_SUFFIXES)
-    if not file.exists():
-        raise FileError(f"there is no file {file}")
-    check_file(file)
-    try:
-        return check_mesh(*_READERS.get(suffix, _read_with_meshio)(file))
-    except (FileError, ImportError):
-        raise
-    except RiemhumanError as error:
-        raise FileFormatError(f"{file}: {error}") from error
+    if suffix not in (".ply", ".xyz", ".npy"):
+        return *load_mesh(file), None
+    values = load_array(file) if suffix == ".npy" else None
+    with _errors_of(file):
+        if suffix == ".ply":
+            points, faces, normals = read_ply(file)
+            if faces is not None:
+                return *check_mesh(points, faces), None
+        else:
+            points, normals = _columns(_read_xyz(file) if values is None else values)
+        return np.asarray(real_array(points, "points", ("n", 3), batched=False)), None, normals
 
 
 def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLike) -> None:
@@ -118,16 +136,13 @@ def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLik
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.save_mesh("body.obj", bodies[0], bodies.template.faces)
-    >>> bool((rh.load_mesh("body.obj")[0] == bodies[0]).all())
-    True
     """
     file = file_path(path)
-    if file.suffix.lower() not in _WRITERS:
-        raise _unknown_suffix(file, tuple(_WRITERS))
-    content = _WRITERS[file.suffix.lower()](*check_mesh(vertices, faces))
-    if file.is_dir():
-        raise FileError(f"{file} is a folder; a mesh file cannot take its place")
-    if not file.parent.is_dir():
+    write = _WRITERS.get(file.suffix.lower())
+    if write is None:
+        raise unknown_suffix(file, _WRITERS)
+    content = write(*check_mesh(vertices, faces))
+    if not os.path.isdir(file.parent):
         raise FileError(f"{file} cannot be written: there is no folder {file.parent}")
     write_bytes(file, content)
 
@@ -140,22 +155,18 @@ def as_arrays(mesh: Any) -> tuple[ndarray, ndarray]:
     mesh : trimesh.Trimesh, pyvista.PolyData, meshio.Mesh, Template, or a pair of arrays
         Any object with ``vertices`` or ``points``, shape (V, 3), and triangles ``faces``, shape
         (F, 3), or polygons as PyVista (``faces``) and meshio (``cells``) list them; or a tuple of
-        vertices and faces.
+        vertices and faces. Polygons are split as by `load_mesh`.
 
     Returns
     -------
     vertices : array, shape (V, 3), float64
     faces : array, shape (F, 3), int64
-        Polygons are split as by `load_mesh`.
 
     Examples
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> mesh = rh.io.to_trimesh(bodies[0], bodies.template.faces)
-    >>> vertices, faces = rh.io.as_arrays(mesh)
-    >>> bool((vertices == bodies[0]).all())
-    True
+    >>> vertices, faces = rh.io.as_arrays(bodies.template.to_trimesh())
     """
     if isinstance(mesh, tuple) and len(mesh) == 2:
         return check_mesh(*mesh)
@@ -173,7 +184,7 @@ def as_arrays(mesh: Any) -> tuple[ndarray, ndarray]:
 
 
 def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
-    """Return a trimesh mesh, with vertices neither merged nor reordered.
+    """Return a trimesh.Trimesh, with vertices neither merged nor reordered.
 
     Parameters
     ----------
@@ -182,16 +193,11 @@ def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
     faces : array_like, shape (F, 3)
         Triangles.
 
-    Returns
-    -------
-    trimesh.Trimesh
-
     Examples
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> mesh = rh.io.to_trimesh(bodies[0], bodies.template.faces)
-    >>> mesh.vertices.shape
+    >>> rh.io.to_trimesh(bodies[0], bodies.template.faces).vertices.shape
     (1202, 3)
     """
     import trimesh  # imported here because the import takes long
@@ -200,7 +206,7 @@ def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
 
 
 def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> Any:
-    """Return a PyVista mesh.
+    """Return a pyvista.PolyData.
 
     Parameters
     ----------
@@ -208,10 +214,6 @@ def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> Any:
         Vertex positions.
     faces : array_like, shape (F, 3)
         Triangles.
-
-    Returns
-    -------
-    pyvista.PolyData
 
     Examples
     --------
@@ -224,30 +226,50 @@ def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> Any:
     return pyvista.PolyData(vertices, np.insert(faces, 0, 3, axis=1).ravel())
 
 
-def check_not_point_cloud(file: Path) -> None:
-    """Raise an error that says how to convert a PCD or E57 file."""
-    if file.suffix.lower() in POINT_CLOUDS:
-        raise FileFormatError(
+def unknown_suffix(file: Path, suffixes: Iterable[str]) -> FileFormatError:
+    """Return the error for a suffix that is none of these."""
+    if file.suffix.lower() in _POINT_CLOUDS:
+        return FileFormatError(
             f"{file}: {file.suffix} files are not read; convert it to PLY first, as with "
-            f"{POINT_CLOUDS[file.suffix.lower()]}"
+            f"{_POINT_CLOUDS[file.suffix.lower()]}"
         )
-
-
-def _unknown_suffix(file: Path, suffixes: tuple[str, ...]) -> FileFormatError:
-    suffix = repr(file.suffix) if file.suffix else "none"
     return FileFormatError(
-        f"{file}: the ending must be one of {', '.join(suffixes)}; found {suffix}"
+        f"{file}: the ending must be one of {', '.join(suffixes)}; found "
+        f"{repr(file.suffix) if file.suffix else 'none'}"
     )
 
 
-def _read_ply_mesh(file: Path) -> _Mesh:
+def _existing_file(path: str | os.PathLike[str], suffixes: Sequence[str]) -> Path:
+    file = file_path(path)
+    if os.path.isdir(file):
+        raise FileError(f"{file} is a folder; a file was expected")
+    if file.suffix.lower() not in suffixes:
+        raise unknown_suffix(file, suffixes)
+    if not os.path.exists(file):  # which also takes names that are too long
+        raise FileError(f"there is no file {file}")
+    check_file(file)
+    return file
+
+
+@contextmanager
+def _errors_of(file: Path) -> Iterator[None]:
+    """Raise errors about the content of a file with its name."""
+    try:
+        yield
+    except (FileError, ImportError):
+        raise
+    except RiemhumanError as error:
+        raise FileFormatError(f"{file}: {error}") from error
+
+
+def _read_ply_mesh(file: Path) -> Mesh:
     vertices, faces, _ = read_ply(file)
     if faces is None:
         raise FileFormatError("the PLY file holds no faces; a mesh has some")
     return vertices, faces
 
 
-def _read_with_meshio(file: Path) -> _Mesh:
+def _read_with_meshio(file: Path) -> Mesh:
     meshio = import_optional("meshio", "meshes")
     printed = StringIO()
     try:
@@ -283,158 +305,44 @@ def _counted_triangles(faces: ndarray) -> ndarray:
     return split_polygons(np.delete(faces, starts), faces[starts])
 
 
-def _read_obj(file: Path) -> _Mesh:
-    positions, corners, lengths = array("d"), array("q"), array("q")
-    for number, words in _lines_of_obj(read_bytes(file)):
-        keyword, *fields = words or [b""]
-        try:
-            if keyword == b"v":
-                positions.extend(_position(fields))
-            elif keyword == b"f":
-                n_vertices = len(positions) // 3
-                for field in fields:
-                    corner = int(field.split(b"/", 1)[0])
-                    # Positive indices count from 1, negative ones back from the latest vertex.
-                    corners.append(corner - 1 if corner >= 0 else n_vertices + corner)
-                lengths.append(len(fields))
-        except (OverflowError, ValueError) as error:
-            raise FileFormatError(f"line {number} is not valid: {_shorten(words)}") from error
-    return _mesh_of_polygons(positions, corners, lengths)
+def _read_xyz(file: Path) -> ndarray:
+    lines = read_bytes(file).decode("latin-1").replace(",", " ").splitlines()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a file without points
+            return np.loadtxt(lines, comments=("#", "//"), ndmin=2)
+    except ValueError as error:
+        raise FileFormatError(f"damaged table of points: {short_message(error)}") from error
 
 
-def _lines_of_obj(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
-    """Yield the number and the words of every line; a backslash at its end continues a line."""
-    number, words = 0, list[bytes]()
-    for number, line in enumerate(content.removeprefix(BOM_UTF8).splitlines(), start=1):
-        # A backslash in a comment, as in a path of Windows, does not continue the line.
-        text = line.partition(b"#")[0]
-        words += text.removesuffix(b"\\").split()
-        if not text.endswith(b"\\"):
-            yield number, words
-            words = []
-    yield number, words
-
-
-def _read_off(file: Path) -> _Mesh:
-    lines = read_bytes(file).removeprefix(BOM_UTF8).splitlines()
-    rows = iter([words for line in lines if (words := line.partition(b"#")[0].split())])
-    keyword, *counts = next(rows, [b""])
-    if not re.fullmatch(rb"(ST)?C?N?OFF", keyword):
-        raise FileFormatError("not an OFF text file: it does not begin with 'OFF'")
-    counts = counts or next(rows, [])
-    if len(counts) not in (2, 3) or not all(re.fullmatch(rb"\d{1,18}", word) for word in counts):
-        raise FileFormatError("OFF must be followed by the numbers of vertices and faces")
-    n_vertices, n_faces = int(counts[0]), int(counts[1])
-    positions, corners, lengths = array("d"), array("q"), array("q")
-    for row in range(n_vertices + n_faces):
-        words = next(rows, [])
-        if not words:
-            raise FileFormatError(
-                f"truncated: the OFF header declares {n_vertices} vertices and {n_faces} faces, "
-                f"{row} lines follow"
-            )
-        try:
-            if row < n_vertices:
-                positions.extend(_position(words))
-            else:
-                lengths.append(int(words[0]))
-                if not 0 <= lengths[-1] < len(words):
-                    raise ValueError
-                corners.extend(map(int, words[1 : 1 + lengths[-1]]))
-        except (OverflowError, ValueError) as error:
-            kind = "face" if row >= n_vertices else "vertex"
-            raise FileFormatError(f"not a valid {kind} line: {_shorten(words)}") from error
-    rest = next(rows, [])
-    if rest:
+def _columns(values: ndarray) -> tuple[ndarray, ndarray | None]:
+    """Return points, and normals if there are some, of an array with 3 columns or more."""
+    if values.ndim != 2 or values.shape[1] < 3 or values.dtype.kind not in "fiu":
         raise FileFormatError(
-            f"the OFF header declares {n_vertices} vertices and {n_faces} faces, more lines "
-            f"follow: {_shorten(rest)}"
+            "an array of points has numbers in 3 columns, or 6 with normals; found shape "
+            f"{values.shape} of {values.dtype}"
         )
-    return _mesh_of_polygons(positions, corners, lengths)
+    points, normals = values[:, :3], np.asarray(values[:, 3:], dtype=np.float64)
+    # The last three of six columns are normals or colours.
+    is_unit = np.abs(np.linalg.norm(normals, axis=1) - 1.0) < 0.01
+    return points, normals if values.shape[1] == 6 and is_unit.all() else None
 
 
-def _read_stl(file: Path) -> _Mesh:
-    content = read_bytes(file)
-    n_faces = int.from_bytes(content[80:_STL_HEADER], "little")
-    if len(content) == _STL_HEADER + n_faces * _STL_ROW.itemsize:
-        corners = np.frombuffer(content, _STL_ROW, offset=_STL_HEADER)["corners"].reshape(-1, 3)
-    else:
-        words = re.findall(rb"^[ \t]*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", content, re.MULTILINE)
-        facets = len(re.findall(rb"^[ \t]*endfacet\b", content, re.MULTILINE))
-        if b"endsolid" not in content or len(words) != 3 * facets:
-            raise FileFormatError(
-                "not a whole STL file: neither as many bytes as its header declares nor facets of "
-                "three vertices each"
-            )
-        try:
-            corners = np.array(words, dtype=float).reshape(-1, 3)
-        except ValueError as error:
-            raise FileFormatError(f"damaged STL file: {short_message(error)}") from error
-    # Equal corners are one vertex; vertices come in the order in which they appear first.
-    _, first, vertex_of_corner = np.unique(corners, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    return corners[first[order]], np.argsort(order)[vertex_of_corner.ravel()].reshape(-1, 3)
-
-
-def _position(words: list[bytes]) -> list[float]:
-    """Return the position of a vertex, which its colour or normal may follow."""
-    numbers = [float(word) for word in words]
-    if len(numbers) < 3:
-        raise ValueError
-    return numbers[:3]
-
-
-def _mesh_of_polygons(positions: array[float], corners: array[int], lengths: array[int]) -> _Mesh:
-    vertices = np.array(positions).reshape(-1, 3)
-    if not len(vertices) or not len(lengths):
-        raise FileFormatError(
-            f"{len(vertices)} vertices and {len(lengths)} faces found; both needed"
-        )
-    return vertices, split_polygons(np.array(corners), np.array(lengths))
-
-
-def _shorten(words: list[bytes]) -> str:
-    return repr(b" ".join(words).decode("latin-1")[:60])
-
-
-def _write_ply(vertices: ndarray, faces: ndarray) -> bytes:
-    header = (
-        "ply\nformat binary_little_endian 1.0\n"
-        f"element vertex {len(vertices)}\n"
-        "property double x\nproperty double y\nproperty double z\n"
-        f"element face {len(faces)}\n"
-        "property list uchar int vertex_indices\nend_header\n"
-    )
-    rows = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
-    rows["count"], rows["corners"] = 3, faces
-    return header.encode() + vertices.astype("<f8").tobytes() + rows.tobytes()
-
-
-def _write_obj(vertices: ndarray, faces: ndarray) -> bytes:
-    return _lines("v {!r} {!r} {!r}", vertices) + _lines("f {} {} {}", faces + 1)
-
-
-def _write_off(vertices: ndarray, faces: ndarray) -> bytes:
-    header = f"OFF\n{len(vertices)} {len(faces)} 0\n".encode()
-    return header + _lines("{!r} {!r} {!r}", vertices) + _lines("3 {} {} {}", faces)
-
-
-def _lines(pattern: str, rows: ndarray) -> bytes:
-    return "".join(pattern.format(*row) + "\n" for row in rows.tolist()).encode()
-
-
-_READERS: dict[str, Callable[[Path], _Mesh]] = {
+_READERS: dict[str, Callable[[Path], Mesh]] = {
     ".ply": _read_ply_mesh,
-    ".obj": _read_obj,
-    ".off": _read_off,
-    ".stl": _read_stl,
+    ".obj": formats.read_obj,
+    ".off": formats.read_off,
+    ".stl": formats.read_stl,
     ".glb": read_glb,
 }
 _WRITERS: dict[str, Callable[[ndarray, ndarray], bytes]] = {
-    ".ply": _write_ply,
-    ".obj": _write_obj,
-    ".off": _write_off,
+    ".ply": formats.write_ply,
+    ".obj": formats.write_obj,
+    ".off": formats.write_off,
 }
 
 MESH_SUFFIXES = (*_READERS, *_MESHIO_SUFFIXES)
 """Suffixes of the files that `load_mesh` reads."""
+
+POINT_SUFFIXES = (*_READERS, ".xyz", ".npy")
+"""Suffixes of the files that `load_points` reads."""

@@ -16,7 +16,7 @@ import pickle
 import re
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from scipy import sparse
@@ -36,30 +36,6 @@ _NAMES_SHOWN = 40
 _DTYPES = re.compile(r"f[248]|[iu][1248]|b1|[SU][1-9]\d{0,3}")
 # Every entry of an array of text takes as much memory as the longest.
 _LONGEST_TEXT = 200
-
-# The kinds of objects that a file may name, with the modules of old and new releases.
-_KINDS = {
-    **{f"numpy.{core}.multiarray _reconstruct": "array" for core in ("core", "_core")},
-    **{f"numpy.{core}.multiarray scalar": "scalar" for core in ("core", "_core")},
-    **{f"numpy.{core}.numeric _frombuffer": "buffer" for core in ("core", "_core")},
-    "numpy ndarray": "ndarray",
-    "numpy dtype": "dtype",
-    "_codecs encode": "bytes",
-    "chumpy.ch Ch": "Ch",
-    "chumpy.reordering Select": "Select",
-    **{
-        f"{module} {name}": name
-        for module in ("builtins", "__builtin__")
-        for name in ("object", "set", "frozenset")
-    },
-    **{f"{module} _reconstructor": "reconstructor" for module in ("copyreg", "copy_reg")},
-    **{
-        f"scipy.sparse.{prefix}{layout} {layout}_{end}": layout
-        for layout in ("csc", "csr", "coo")
-        for prefix in ("", "_")
-        for end in ("matrix", "array")
-    },
-}
 
 
 def load_pickled_arrays(
@@ -84,15 +60,13 @@ def load_pickled_arrays(
     Examples
     --------
     >>> import pickle
-    >>> import numpy as np
     >>> import riemhuman as rh
     >>> with open("model.pkl", "wb") as file:
-    ...     pickle.dump({"weights": np.eye(2), "unit": "m"}, file)
+    ...     pickle.dump({"weights": [0.5, 0.5], "unit": "m"}, file)
     >>> rh.io.load_pickled_arrays("model.pkl", ["weights"])["weights"]
-    array([[1., 0.],
-           [0., 1.]])
+    array([0.5, 0.5])
     """
-    file = file_path(path)
+    file, where = file_path(path), ""
     content = read_bytes(file)
     try:
         with warnings.catch_warnings():
@@ -111,16 +85,14 @@ def load_pickled_arrays(
         for name in (*required, *optional):
             if name not in fields:
                 continue
-            try:
-                arrays[name] = _value(fields[name])
-            except FileFormatError as error:
-                raise FileFormatError(f"{error}, in its field {name}") from error
+            where = f", in its field {name}"
+            arrays[name] = _value(fields[name])
             limit -= arrays[name].nbytes if isinstance(arrays[name], np.ndarray) else 0
             if limit < 0:
                 raise FileFormatError("uses its data more often than its size allows")
         return arrays
     except FileFormatError as error:
-        raise FileFormatError(f"{file} {error}") from error
+        raise FileFormatError(f"{file} {error}{where}") from error
     except Exception as error:  # a damaged file can make any step fail
         raise FileFormatError(f"{file} is a damaged pickle: {short_message(error)}") from error
 
@@ -129,6 +101,7 @@ class _Record:
     """An object of a pickle: the arguments that it was made with and its state."""
 
     kind = ""
+    arguments: Sequence[Any] = ()
     state: Any = None
 
     def __init__(self, *arguments: Any) -> None:
@@ -137,94 +110,106 @@ class _Record:
     def __setstate__(self, state: Any) -> None:
         self.state = state
 
-    def add(self, item: Any) -> None:
-        """Drop an item of a set, which chumpy stores and nobody reads."""
+
+class _Reconstructor(_Record):
+    """What Python 2 calls to make an object of a class."""
+
+    def __new__(cls, kind: Callable[[], Self], base: Any, state: Any) -> Self:
+        return kind()
 
 
+# The kinds of objects that a file may name, with the modules of old and new releases.
+_KINDS = {
+    **{f"numpy.{core}.multiarray _reconstruct": "array" for core in ("core", "_core")},
+    **{f"numpy.{core}.multiarray scalar": "scalar" for core in ("core", "_core")},
+    **{f"numpy.{core}.numeric _frombuffer": "buffer" for core in ("core", "_core")},
+    "numpy ndarray": "ndarray",
+    "numpy dtype": "dtype",
+    "_codecs encode": "bytes",
+    "chumpy.ch Ch": "Ch",
+    "chumpy.reordering Select": "Select",
+    **{f"{module} object": "object" for module in ("builtins", "__builtin__")},
+    **{f"{module} set": "set" for module in ("builtins", "__builtin__")},
+    **{f"{module} frozenset": "set" for module in ("builtins", "__builtin__")},
+    **{f"scipy.sparse.{module} csc_matrix": "csc" for module in ("csc", "_csc")},
+    "scipy.sparse._csc csc_array": "csc",
+}
 _CLASSES = {name: type(name, (_Record,), {"kind": kind}) for name, kind in _KINDS.items()}
+_CLASSES |= {f"{module} _reconstructor": _Reconstructor for module in ("copyreg", "copy_reg")}
+
+
+class _Operations(dict[int, Callable[[Any], None]]):
+    """The operations of an unpickler, which may look up a limited number of them."""
+
+    n_left = _MOST_OPERATIONS
+
+    def __getitem__(self, code: int) -> Callable[[Any], None]:
+        self.n_left -= 1
+        if self.n_left < 0:
+            raise FileFormatError(
+                f"is a pickle of more than {_MOST_OPERATIONS} operations, which is refused"
+            )
+        return super().__getitem__(code)
 
 
 class _Unpickler(pickle._Unpickler):
-    """Makes records and plain data in a limited number of operations."""
+    """Makes records and plain data, with lists in place of tuples and sets.
 
-    n_operations = 0
+    Hashing nested tuples, such as keys of dictionaries, takes ages; lists cannot be keys.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.dispatch = _Operations(_DISPATCH)
 
     def find_class(self, module: str, name: str) -> type[_Record]:
         if f"{module} {name}" not in _CLASSES:
             raise FileFormatError(
                 f"asks for {_describe(f'{module}.{name}')}, which is refused: body models may "
-                "hold NumPy arrays, SciPy sparse matrices and chumpy.ch.Ch or "
+                "hold NumPy arrays, SciPy's csc matrices and chumpy.ch.Ch or "
                 "chumpy.reordering.Select alone. Nothing in the file was run"
             )
         return _CLASSES[f"{module} {name}"]
 
 
-def _limited(operation: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Return an operation of the unpickler that is counted and whose keys are checked."""
+def _list_of_last(count: int) -> Callable[[Any], None]:
+    def load(unpickler: Any) -> None:
+        unpickler.stack[-count:] = [unpickler.stack[-count:]]
 
-    def limited_operation(unpickler: Any) -> None:
-        unpickler.n_operations += 1
-        if unpickler.n_operations > _MOST_OPERATIONS:
-            raise FileFormatError(
-                f"is a pickle of more than {_MOST_OPERATIONS} operations, which is refused"
-            )
-        # Before they are hashed, which takes ages for nested tuples.
-        keys = []
-        if operation.__name__ == "load_setitem":
-            keys = unpickler.stack[-2:-1]
-        elif operation.__name__ in ("load_setitems", "load_dict"):
-            keys = unpickler.stack[::2]
-        if not all(isinstance(key, (str, bytes, int)) for key in keys):
-            raise FileFormatError("holds a dictionary with keys that are neither text nor numbers")
-        operation(unpickler)
-
-    return limited_operation
+    return load
 
 
-def _load_frozenset(unpickler: Any) -> None:
-    unpickler.pop_mark()  # which changes the stack that is appended to
-    unpickler.append(_Record())
-
-
-def _load_bytearray(unpickler: Any) -> None:
-    # Python's own operation allocates the length before it reads.
-    unpickler.append(unpickler.read(int.from_bytes(unpickler.read(8), "little")))
-
-
-_REPLACED = {
-    pickle.EMPTY_SET: lambda unpickler: unpickler.append(_Record()),
-    pickle.FROZENSET: _load_frozenset,
-    pickle.BYTEARRAY8: _load_bytearray,
+_DISPATCH = pickle._Unpickler.dispatch | {
+    pickle.EMPTY_TUPLE[0]: pickle._Unpickler.load_empty_list,
+    pickle.TUPLE[0]: pickle._Unpickler.load_list,
+    pickle.TUPLE1[0]: _list_of_last(1),
+    pickle.TUPLE2[0]: _list_of_last(2),
+    pickle.TUPLE3[0]: _list_of_last(3),
+    pickle.EMPTY_SET[0]: pickle._Unpickler.load_empty_list,
+    pickle.ADDITEMS[0]: pickle._Unpickler.load_appends,
+    pickle.FROZENSET[0]: pickle._Unpickler.load_list,
+    # The operation for bytearrays allocates their length before it reads.
+    pickle.BYTEARRAY8[0]: pickle._Unpickler.load_binbytes8,
 }
-_OPERATIONS = pickle._Unpickler.dispatch | {code[0]: load for code, load in _REPLACED.items()}
-_Unpickler.dispatch = {code: _limited(operation) for code, operation in _OPERATIONS.items()}
 
 
 def _kind(value: Any) -> str:
-    """Return the kind of a record, that of its class for one made by a reconstructor."""
-    if not isinstance(value, _Record):
-        return ""
-    if value.kind != "reconstructor":
-        return value.kind
-    cls, base, state = value.arguments
-    if not issubclass(cls, _Record) or base.kind != "object" or state is not None:
-        raise FileFormatError("makes an object in a way that is refused")
-    return str(cls.kind)
+    return value.kind if isinstance(value, _Record) else ""
 
 
 def _value(value: Any, depth: int = 0) -> Any:
     """Return an array, a sparse matrix, a chumpy object, a number, a text or a list as an array."""
     kind = _kind(value)
     if kind in ("array", "buffer", "scalar"):
-        return _array(value, kind)
-    if kind in ("csc", "csr", "coo") and depth == 0:
-        return _sparse(_attributes(value), kind)
+        return _array(value)
+    if kind == "csc" and depth == 0:
+        return _sparse(_attributes(value))
     if kind in ("Ch", "Select"):
         return _chumpy(_attributes(value), kind, depth)
-    is_list = isinstance(value, (list, tuple))
+    is_list = isinstance(value, list)
     items = []
     for item in value if is_list else [value]:
-        entry = _array(item, "scalar")[()] if _kind(item) == "scalar" else item
+        entry = _array(item)[()] if _kind(item) == "scalar" else item
         # A long text may be repeated any number of times.
         is_long = isinstance(entry, (str, bytes)) and len(entry) > _LONGEST_TEXT
         if is_long or not isinstance(entry, (str, bytes, int, float, np.generic)):
@@ -236,24 +221,24 @@ def _value(value: Any, depth: int = 0) -> Any:
     return array
 
 
-def _array(record: _Record, kind: str) -> np.ndarray:
+def _array(record: _Record) -> np.ndarray:
     """Return an array of the recorded bytes, which cannot be written to."""
     order: Any = "C"
-    if kind == "array":
+    if record.kind == "array":
         _, shape, dtype, is_fortran, data = record.state
         order = "F" if is_fortran else "C"
-    elif kind == "buffer":
+    elif record.kind == "buffer":
         data, dtype, shape, order = record.arguments
     else:
-        (dtype, data), shape = record.arguments, ()
+        (dtype, data), shape = record.arguments, []
     if not _is_shape(shape):
         raise FileFormatError(f"holds an array of shape {_describe(shape)}")
     kind_of_entries, content = _dtype(dtype), _bytes(data)
     needed = math.prod(shape) * kind_of_entries.itemsize
     if needed != len(content):
         raise FileFormatError(
-            f"holds an array of shape {shape} and type {kind_of_entries}, which takes {needed} "
-            f"bytes, with {len(content)} bytes of data"
+            f"holds an array of shape {tuple(shape)} and type {kind_of_entries}, which takes "
+            f"{needed} bytes, with {len(content)} bytes of data"
         )
     array = np.ndarray(shape, kind_of_entries, content, order="F" if order == "F" else "C")
     check_characters(array)
@@ -267,9 +252,8 @@ def _dtype(record: Any) -> np.dtype[Any]:
         raise FileFormatError(
             f"holds an array of type {_describe(code)}; arrays must hold numbers or text"
         )
-    state: Any = record.state or (3, "=", None, None, None)
-    _, byte_order, *parts = state
-    if byte_order not in ("<", ">", "|", "=") or any(part is not None for part in parts[:3]):
+    byte_order = record.state[1] if record.state else "="
+    if byte_order not in ("<", ">", "|", "="):
         raise FileFormatError("holds a malformed NumPy data type")
     return np.dtype(code).newbyteorder(byte_order)
 
@@ -304,8 +288,7 @@ def _chumpy(state: dict[str, Any], kind: str, depth: int) -> np.ndarray:
     shape = state.get("preferred_shape")
     if shape is None:
         return source[indices]
-    if not isinstance(shape, tuple):
-        shape = tuple(np.ravel(_value(shape, depth + 1)).tolist())
+    shape = np.ravel(_value(shape, depth + 1)).tolist()
     if not _is_shape(shape) or math.prod(shape) != len(indices):
         raise FileFormatError(
             f"holds a chumpy Select of {len(indices)} numbers whose preferred_shape is "
@@ -314,62 +297,52 @@ def _chumpy(state: dict[str, Any], kind: str, depth: int) -> np.ndarray:
     return source[indices].reshape(shape)
 
 
-def _sparse(state: dict[str, Any], layout: str) -> sparse.coo_array:
-    """Return a sparse matrix, after a check of its indices."""
-
-    def vector(part: Any, name: str, kinds: str = "iu") -> np.ndarray:
-        found = _array(part, _kind(part)) if _kind(part) in ("array", "buffer") else np.empty(())
-        if found.ndim != 1 or found.dtype.kind not in kinds:
-            raise FileFormatError(f"holds a {layout} matrix whose {name} is missing or malformed")
-        return found.astype(np.int64) if kinds == "iu" else found
-
+def _sparse(state: dict[str, Any]) -> sparse.coo_array:
+    """Return a matrix of compressed columns, after a check of its indices."""
     shape: Any = state.get("_shape", state.get("shape"))
     if not _is_shape(shape) or len(shape) != 2:
         raise FileFormatError(f"holds a sparse matrix of shape {_describe(shape)}")
-    data = vector(state.get("data"), "data", "fiub")
-    if layout == "coo":
-        parts = state.get("coords") or (state.get("row"), state.get("col"))
-        row, column = map(vector, parts, ("row", "col"))
-    else:
-        starts, minor = (vector(state.get(name), name) for name in ("indptr", "indices"))
-        n_major = shape[1] if layout == "csc" else shape[0]
-        # SciPy's own check writes outside its memory; differences may wrap around.
-        if len(starts) != n_major + 1 or starts[0] != 0 or (starts[1:] < starts[:-1]).any():
-            raise FileFormatError(f"holds a {layout} matrix whose indptr is malformed")
-        if starts[-1] > len(minor):
-            raise FileFormatError(f"holds a {layout} matrix with too few indices")
-        minor, data = minor[: starts[-1]], data[: starts[-1]]
-        major = np.repeat(np.arange(n_major), np.diff(starts))
-        row, column = (minor, major) if layout == "csc" else (major, minor)
-    if data.shape != row.shape or row.shape != column.shape:
-        raise FileFormatError(f"holds a {layout} matrix with unequal parts")
-    for index, length in ((row, shape[0]), (column, shape[1])):
-        if index.size and not 0 <= index.min() <= index.max() < length:
-            raise FileFormatError(f"holds a {layout} matrix with entries outside it")
-    return sparse.coo_array((data.astype(np.float64), (row, column)), shape=shape)
+    parts = []
+    for name, kinds in (("data", "fiub"), ("indices", "iu"), ("indptr", "iu")):
+        part = state.get(name)
+        found = _array(part) if _kind(part) in ("array", "buffer") else np.empty(())
+        if found.ndim != 1 or found.dtype.kind not in kinds:
+            raise FileFormatError(f"holds a csc matrix whose {name} is missing or malformed")
+        parts.append(found.astype(np.int64 if kinds == "iu" else np.float64))
+    data, rows, starts = parts
+    # SciPy's own check writes outside its memory; differences may wrap around.
+    if len(starts) != shape[1] + 1 or starts[0] != 0 or (starts[1:] < starts[:-1]).any():
+        raise FileFormatError("holds a csc matrix whose indptr is malformed")
+    if starts[-1] > min(len(rows), len(data)):
+        raise FileFormatError("holds a csc matrix with unequal parts")
+    rows, data = rows[: starts[-1]], data[: starts[-1]]
+    if rows.size and not 0 <= rows.min() <= rows.max() < shape[0]:
+        raise FileFormatError("holds a csc matrix with entries outside it")
+    columns = np.repeat(np.arange(shape[1]), np.diff(starts))
+    return sparse.coo_array((data, (rows, columns)), shape=tuple(shape))
 
 
 def _attributes(record: _Record) -> dict[str, Any]:
     state = record.state
-    if isinstance(state, tuple) and len(state) == 2 and state[1] is None:
+    if isinstance(state, list) and len(state) == 2 and state[1] is None:
         state = state[0]
     if not isinstance(state, dict):
-        raise FileFormatError(f"holds a malformed {_kind(record)}")
+        raise FileFormatError(f"holds a malformed {record.kind}")
     return state
 
 
 def _is_shape(shape: Any) -> bool:
     return (
-        isinstance(shape, tuple)
+        isinstance(shape, list)
         and len(shape) <= _MOST_AXES
-        and all(isinstance(n, (int, np.integer)) and 0 <= n < 2**62 for n in shape)
+        and all(isinstance(n, int) and 0 <= n < 2**62 for n in shape)
     )
 
 
 def _describe(value: Any) -> str:
     """Return a text or a shape of the file, or the type of another value, for a message."""
     if _is_shape(value):
-        return repr(value)
+        return repr(tuple(value))
     if not isinstance(value, str):
         return type(value).__name__
     text = value if value.isprintable() else repr(value)

@@ -21,8 +21,7 @@ from riemhuman.errors import FileError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, read_bytes
 from riemhuman.io.fingerprint import describe
-from riemhuman.io.meshes import save_mesh
-from riemhuman.io.points import POINT_SUFFIXES, load_points
+from riemhuman.io.meshes import POINT_SUFFIXES, load_points, save_mesh
 from riemhuman.progress import ProgressBar
 from riemhuman.registration._scan_preparation import thin_points
 from riemhuman.registration.scan_registration import (

@@ -14,8 +14,7 @@ from riemhuman.checks import UNITS, one_of, real_array
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.io.meshes import as_arrays
-from riemhuman.io.points import load_points
+from riemhuman.io.meshes import as_arrays, load_points
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.kernels.surface import unit_vectors
 

@@ -47,10 +47,9 @@ class NearestNeighbors(Estimator):
     ----------
     n_samples_fit_ : int
         Number of points in the index.
-    n_exact_ : int
-        Number of distances that the last `kneighbors` computed.
     exact_share_ : float
-        The same as a share of all pairs of queries and points.
+        Distances that the last `kneighbors` computed, as a share of all pairs of queries and
+        points.
 
     Examples
     --------
@@ -58,14 +57,12 @@ class NearestNeighbors(Estimator):
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> shape = rh.ElasticMetric(space, a=1.0, lam=1e-4, c=0.0)  # who is it?
-    >>> neighbors = rh.NearestNeighbors(shape).fit(bodies.points[10:])
-    >>> distances, indices = neighbors.kneighbors(bodies.points[14:15], 2)
-    >>> [bodies.subject_names[bodies.subject[10 + i]] for i in indices[0]]
-    ['short stout woman', 'short stout woman']
+    >>> neighbors = rh.NearestNeighbors(shape).fit(bodies.points)
+    >>> neighbors.kneighbors(bodies.points[14:15], 3)[1] // 10
+    array([[1, 1, 1]])
     """
 
     n_samples_fit_: int
-    n_exact_: int
     exact_share_: float
 
     def __init__(
@@ -157,7 +154,6 @@ class NearestNeighbors(Estimator):
         for row, answer in enumerate(index.nearest(X, k, candidates)):
             distances[row], indices[row], n_compared = answer
             n_exact += n_compared
-        self.n_exact_ = n_exact
         self.exact_share_ = n_exact / max(1, n_queries * len(index))
         return (distances, indices) if return_distance else indices
 

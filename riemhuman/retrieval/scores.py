@@ -31,11 +31,9 @@ class RetrievalScores:
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
-    >>> rh.retrieval.scores(D, ["a", "a", "b", "b"]).nn
-    100.0
+    >>> print(rh.retrieval.RetrievalScores(100.0, 94.8, 97.1, 96.0, n_queries=100))
+    NN 100.0 %, FT 94.8 %, ST 97.1 %, mAP 96.0 % (100 queries)
     """
 
     nn: float
@@ -91,9 +89,8 @@ def scores(
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
     >>> rh.retrieval.scores(D, ["a", "a", "b", "b"]).nn
     100.0
     """
@@ -199,9 +196,8 @@ def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> D = np.array([[0.0, 1.0, 8.0], [1.0, 0.0, 4.0], [8.0, 4.0, 0.0]])
+    >>> D = [[0.0, 1.0, 8.0], [1.0, 0.0, 4.0], [8.0, 4.0, 0.0]]
     >>> rh.retrieval.local_scaling(D, n_neighbors=1)[1:, 1:].tolist()
     [[0.0, 2.0], [2.0, 0.0]]
     """
@@ -231,10 +227,8 @@ def precision_recall(
 
     Parameters
     ----------
-    distances : array_like, shape (n, n)
-        Distance from query i to item j in row i, column j.
-    labels : sequence of hashable, length n
-        Class of each item.
+    distances, labels
+        As for `scores`.
 
     Returns
     -------
@@ -273,10 +267,8 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
 
     Parameters
     ----------
-    distances : array_like, shape (n, n)
-        Distance from query i to item j in row i, column j.
-    labels : sequence of hashable, length n
-        Class of each item.
+    distances, labels
+        As for `scores`.
 
     Returns
     -------
@@ -286,9 +278,8 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
     >>> rh.retrieval.confusion(D, ["a", "a", "b", "b"]).tolist()
     [[2, 0], [0, 2]]
     """
@@ -307,18 +298,13 @@ class TableRow:
     Attributes
     ----------
     representation : str
-        Name of the representation.
     scores : RetrievalScores
-        Its scores.
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
-    >>> row = rh.retrieval.retrieval_table({"toy": D}, np.array([0, 0, 1, 1]))[0]
-    >>> row.representation, row.scores.first_tier
-    ('toy', 100.0)
+    >>> rh.retrieval.retrieval_table({"toy": [[0, 1], [1, 0]]}, [0, 0])[0].representation
+    'toy'
     """
 
     representation: str
@@ -346,10 +332,9 @@ def retrieval_table(
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
-    >>> row = rh.retrieval.retrieval_table({"toy": D}, np.array([0, 0, 1, 1]))[0]
+    >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
+    >>> row = rh.retrieval.retrieval_table({"toy": D}, [0, 0, 1, 1])[0]
     >>> row.representation, row.scores.first_tier
     ('toy', 100.0)
     """
@@ -372,10 +357,9 @@ def format_table(title: str, rows: list[TableRow]) -> str:
 
     Examples
     --------
-    >>> import numpy as np
     >>> import riemhuman as rh
-    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
-    >>> rows = rh.retrieval.retrieval_table({"toy": D}, np.array([0, 0, 1, 1]))
+    >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
+    >>> rows = rh.retrieval.retrieval_table({"toy": D}, [0, 0, 1, 1])
     >>> print(rh.retrieval.format_table("Who is it?", rows))
     Who is it?     NN     FT     ST
     toy         100.0  100.0  100.0

@@ -308,7 +308,7 @@ def test_arguments_of_save_mesh(mesh, tmp_path):
             save_mesh(*arguments)
     assert os.listdir(tmp_path) == []
     file.mkdir()
-    with pytest.raises(FileError, match="is a folder"):
+    with pytest.raises(FileError, match="is not a regular file"):
         save_mesh(file, *mesh)
 
 
@@ -318,6 +318,8 @@ def test_places_of_files(mesh, tmp_path, monkeypatch):
     assert_reads(Path("~/body.ply"), mesh)
     with pytest.raises(FileError, match=r"there is no file .*none\.ply"):
         load_mesh(tmp_path / "none.ply")
+    with pytest.raises(FileError, match="there is no file n"):
+        load_mesh("n" * 300 + ".ply")
     with pytest.raises(FileError, match="is a folder"):
         load_mesh(tmp_path)
     with pytest.raises(ArgumentTypeError, match="path must be the path of a file; found 3"):

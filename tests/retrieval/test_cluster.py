@@ -16,7 +16,7 @@ import riemhuman.retrieval.jobs
 from riemhuman.errors import ArgumentError, ClusterError, FileError, MissingDependencyError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric, VectorSpace
 from riemhuman.retrieval import pairwise_job, path_job
-from riemhuman.retrieval.jobs import Tile, TileReader
+from riemhuman.retrieval.jobs import TileReader
 from riemhuman.solvers import PoissonPath, path_distances
 
 # Workers cannot import the tests: what these send goes by value.
@@ -183,5 +183,5 @@ def test_a_worker_without_the_library(client, tmp_path):
 def test_a_folder_the_workers_do_not_share(tmp_path):
     reader = TileReader(str(tmp_path / "elsewhere"), 2, None)
     with pytest.raises(FileError, match="a file system that all workers share") as failure:
-        reader.compute(METRIC, Tile(slice(0, 3), slice(3, 6)))
+        reader.compute(METRIC, (slice(0, 3), slice(3, 6)))
     assert str(pickle.loads(pickle.dumps(failure.value))) == str(failure.value)

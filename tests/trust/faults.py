@@ -1,31 +1,28 @@
 """Operations that write, run in processes that die or race at a chosen moment.
 
-A server imports the library once and runs every operation in a child of its own, so that hundreds
-of deaths take seconds. A child counts its changes of files, as Python's audit events tell: every
-file opened for writing, renamed or removed, every folder made or removed; and every write to a
-table of a job.
+Processes are forked from a server that has imported the library and run every operation once, so
+that hundreds of deaths take seconds. Each counts its changes of files, as Python's audit events
+tell: every file opened for writing, renamed or removed, every folder made or removed; and every
+write to a table of a job.
 """
 
-import contextlib
-import io
-import json
+import multiprocessing
 import os
 import signal
-import subprocess
 import sys
 import time
-from pathlib import Path
 
+from cases import sphere_template, surfaces
+
+from riemhuman.cli import main
+from riemhuman.io import save_mesh
 from riemhuman.io.job_folder import JobFolder
 
-ROOT = Path(__file__).parents[2]
 _CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate")
 _FOR_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 
 
 def cli(*arguments):
-    from riemhuman.cli import main
-
     return main([str(argument) for argument in arguments])
 
 
@@ -45,10 +42,6 @@ OPERATIONS = {function.__name__: function for function in (resumable_matrix, ali
 
 def make_inputs(folder, seed):
     """Write meshes of three people in two poses, with their labels."""
-    from cases import sphere_template, surfaces
-
-    from riemhuman.io import save_mesh
-
     template = sphere_template()
     folder.mkdir(parents=True)
     rows = ["file,subject,pose"]
@@ -85,107 +78,55 @@ class Changes:
         time.sleep(self._pause)
 
 
-def _child(task, err, changed):
-    """Run an operation with its faults, and end the process."""
+def child(operation, inputs, outputs, kill_at, pause, said, pipe):
+    """Run an operation with its faults, and end the process with its code."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    os.dup2(err, 2)
-    changes = Changes(task["outputs"], task["kill_at"], task["pause"])
+    os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT), 2)
+    changes = Changes(outputs, kill_at, pause)
     sys.addaudithook(changes)
     write = JobFolder.write
     JobFolder.write = lambda *arguments: (changes.add(), write(*arguments))
-    code = 99
-    try:
-        code = OPERATIONS[task["operation"]](Path(task["inputs"]), Path(task["outputs"]))
-    finally:
-        sys.stderr.flush()
-        os.write(changed, str(changes.count).encode())
-        os._exit(code)
+    code = OPERATIONS[operation](inputs, outputs)
+    pipe.send(changes.count)
+    sys.exit(code)
 
 
-def _answer(value):
-    sys.stdout.write(json.dumps(value) + "\n")
-    sys.stdout.flush()
+class Processes:
+    """Starts operations on two folders of inputs, in forks of a server."""
 
-
-def _read(descriptor):
-    with open(descriptor, encoding="utf-8") as stream:
-        return stream.read()
-
-
-def serve():
-    """Run the tasks that are read from standard input, a list of those at once in each line."""
-    scratch = Path(sys.argv[1])
-    for seed, name in enumerate(("inputs", "others")):
-        make_inputs(scratch / name, seed)
-    # Children inherit imports and compiled functions.
-    with contextlib.redirect_stdout(io.StringIO()):
-        for name, operation in OPERATIONS.items():
-            (scratch / name).mkdir()
-            operation(scratch / "inputs", scratch / name)
-    _answer(str(scratch))
-    for line in sys.stdin:
-        children = []
-        for task in json.loads(line):
-            pipes = [os.pipe() for _ in range(2)]
-            child = os.fork()
-            if child == 0:
-                _child(task, *(end for _, end in pipes))
-            for _, end in pipes:
-                os.close(end)
-            children.append((child, [end for end, _ in pipes]))
-        answers = []
-        for child, ends in children:
-            _, status = os.waitpid(child, 0)
-            err, changes = map(_read, ends)
-            code = os.waitstatus_to_exitcode(status)
-            answers.append({"code": code, "err": err, "changes": int(changes or 0)})
-        _answer(answers)
-
-
-class Server:
-    """The other end of `serve`, with two folders of inputs."""
-
-    def __init__(self, scratch):
-        environment = os.environ | {
-            "PYTHONPATH": os.pathsep.join([str(ROOT / "tests"), str(ROOT)]),
-            "OPENBLAS_NUM_THREADS": "1",
-            "OMP_NUM_THREADS": "1",
-            "MPLBACKEND": "agg",
-        }
-        self._process = subprocess.Popen(
-            [sys.executable, __file__, str(scratch)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=environment,
-            text=True,
-        )
-        folder = Path(json.loads(self._process.stdout.readline()))
+    def __init__(self, folder):
         self.inputs, self.others = folder / "inputs", folder / "others"
+        make_inputs(self.inputs, 0)
+        make_inputs(self.others, 1)
+        self._folder = folder
+        self._context = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload(["pytest", "trust.faults_server"])
 
     def run(self, operation, outputs, **options):
         """Run an operation, and return how its process ended, see `race`."""
         return self.race(operation, outputs, 1, **options)[0]
 
-    def race(self, operation, outputs, n_processes, **options):
+    def race(self, operation, outputs, n_processes, inputs=None, kill_at=None, pause=0):
         """Run an operation in some processes at once, and return how they ended.
 
-        Options: `inputs`, folder to read; `kill_at`, change of a file before which the process
-        dies; `pause`, seconds before each change of a file. The answers are the exit `code` or
-        minus the signal, `err`, and the number of `changes`.
+        `kill_at` is the change of a file before which a process dies, and `pause` the seconds
+        before each change. The answers are the exit code or minus the signal, what was written to
+        standard error, and the number of changes.
         """
-        task = {"kill_at": None, "pause": 0}
-        task |= {"operation": operation, "inputs": self.inputs, "outputs": outputs} | options
         outputs.mkdir(parents=True, exist_ok=True)
-        self._process.stdin.write(json.dumps([task] * n_processes, default=str) + "\n")
-        self._process.stdin.flush()
-        return json.loads(self._process.stdout.readline())
-
-    def close(self):
-        """End the server."""
-        self._process.stdin.close()
-        self._process.wait()
-        self._process.stdout.close()
-
-
-if __name__ == "__main__":
-    serve()
+        started = []
+        for number in range(n_processes):
+            said = self._folder / f"said_{number}"
+            said.unlink(missing_ok=True)
+            ours, theirs = self._context.Pipe(duplex=False)
+            task = operation, inputs or self.inputs, outputs, kill_at, pause, said, theirs
+            process = self._context.Process(target=child, args=task)
+            process.start()
+            theirs.close()
+            started.append((process, said, ours))
+        answers = []
+        for process, said, ours in started:
+            process.join()
+            changes = 0 if process.exitcode < 0 else ours.recv()
+            answers.append((process.exitcode, said.read_text(), changes))
+        return answers

@@ -4,14 +4,18 @@ A file or folder that a killed process writes is absent or whole, the old or the
 same command then ends as if nothing had happened.
 """
 
+import os
 import re
 import shutil
 import signal
 import sys
+from pathlib import Path
 
 import pytest
 from lengths import sample
-from trust.faults import OPERATIONS, Server
+from trust.faults import OPERATIONS, Processes
+
+TESTS = Path(__file__).parents[1]
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="processes fork, and the sizes of files are limited"
@@ -20,9 +24,12 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory):
-    server = Server(tmp_path_factory.mktemp("server"))
-    yield server
-    server.close()
+    with pytest.MonkeyPatch.context() as patches:
+        # The server imports the tests and the library by itself.
+        patches.setenv("PYTHONPATH", os.pathsep.join([str(TESTS), str(TESTS.parent)]))
+        for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+            patches.setenv(name, "1")
+        yield Processes(tmp_path_factory.mktemp("server"))
 
 
 @pytest.fixture(scope="module")
@@ -33,9 +40,9 @@ def undisturbed(server, tmp_path_factory):
     def run(operation, inputs):
         if (operation, inputs) not in known:
             outputs = tmp_path_factory.mktemp(operation)
-            finished = server.run(operation, outputs, inputs=inputs)
-            assert finished["code"] == 0, finished
-            known[operation, inputs] = content(outputs), finished["changes"]
+            code, said, n_changes = server.run(operation, outputs, inputs=inputs)
+            assert code == 0, said
+            known[operation, inputs] = content(outputs), n_changes
         return known[operation, inputs]
 
     return run
@@ -69,7 +76,7 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, tm
     new, n_changes = undisturbed(operation, server.inputs)
     old, _ = undisturbed(operation, server.others)
     assert n_changes >= 4
-    assert server.run(operation, tmp_path / "old", inputs=server.others)["code"] == 0
+    assert server.run(operation, tmp_path / "old", inputs=server.others)[0] == 0
     shutil.rmtree(tmp_path / "old" / "work", ignore_errors=True)
     # Replacing a result takes a few changes more.
     for change in sample(range(1, n_changes + 6), 9, n_changes % 9):
@@ -77,14 +84,14 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, tm
             outputs = tmp_path / f"{change} {len(before)}"
             if before:
                 shutil.copytree(tmp_path / "old", outputs)
-            killed = server.run(operation, outputs, kill_at=change)
-            assert killed["code"] == -signal.SIGKILL or change > n_changes
+            code, *_ = server.run(operation, outputs, kill_at=change)
+            assert code == -signal.SIGKILL or change > n_changes
             found = content(outputs)
             # Between two renames, an old folder is there under a hidden name alone.
             is_between = not found and list(outputs.glob(".*/*"))
             assert is_old_or_new(found, before, new) or is_between, change
-            again = server.run(operation, outputs)
-            assert again["code"] == 0, again
+            code, said, _ = server.run(operation, outputs)
+            assert code == 0, said
             assert content(outputs) == new
             shutil.rmtree(outputs)
 
@@ -92,7 +99,7 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, tm
 @pytest.mark.parametrize("operation", OPERATIONS)
 def test_two_at_once(server, undisturbed, operation, tmp_path):
     answers = server.race(operation, tmp_path, 2, pause=0.02)
-    winner, loser = sorted(answers, key=lambda answer: answer["code"])
-    assert (winner["code"], loser["code"]) == (0, 2), answers
-    assert re.search(rf"{re.escape(str(tmp_path))}\S* is in use: another process", loser["err"])
+    winner, loser = sorted(answers)
+    assert (winner[0], loser[0]) == (0, 2), answers
+    assert re.search(rf"{re.escape(str(tmp_path))}\S* is in use: another process", loser[1])
     assert content(tmp_path) == undisturbed(operation, server.inputs)[0]

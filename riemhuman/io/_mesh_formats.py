@@ -1,0 +1,249 @@
+"""Readers and writers of PLY, OBJ, OFF and STL meshes, with vertices in their order.
+
+Registration depends on this order. Readers of other libraries split the vertices of an OBJ file
+that has texture coordinates or normals, sort its faces by material, or split polygons by their
+shape; hence the short readers of text files here.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from array import array
+from codecs import BOM_UTF8
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.errors import FileFormatError
+from riemhuman.io.files import read_bytes, short_message
+from riemhuman.io.mesh_arrays import split_polygons
+
+Mesh = tuple[ndarray, ndarray]
+
+_POSITION, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
+_CORNERS = ("vertex_indices", "vertex_index")
+_SHOWN = 60  # characters of a name or a line in messages
+# Numbers and the three normals, corners and spare bytes of each triangle of a binary STL file.
+_STL_HEADER = 84
+_STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
+
+
+def read_ply(file: Path) -> tuple[ndarray, ndarray | None, ndarray | None]:
+    """Return vertices (V, 3), triangles (F, 3) or None, and normals (V, 3) or None, in order.
+
+    Text and binary files of either byte order, with lists of any lengths and with any other
+    elements and properties, which are ignored.
+    """
+    import plyfile  # imported here because few programs read PLY files
+
+    content = read_bytes(file)
+    header = _check_counts(content)
+    # Triangles alone are mapped into memory at once; lists of other lengths are read row by row.
+    all_triangles = {"face": dict.fromkeys(_CORNERS, 3)}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of empty lists
+            try:
+                if not header.isascii():  # comments in other encodings, which plyfile refuses
+                    raise plyfile.PlyElementParseError("not mapped")
+                data = plyfile.PlyData.read(str(file), known_list_len=all_triangles)
+            except plyfile.PlyElementParseError:
+                plain = header.decode("ascii", "replace").replace("\ufffd", "?").encode()
+                data = plyfile.PlyData.read(io.BytesIO(plain + content[len(header) :]))
+    except Exception as error:  # a damaged file can make the parser raise any error
+        raise FileFormatError(f"damaged PLY file: {short_message(error)}") from error
+    vertices = _columns(data, _POSITION)
+    if vertices is None or len(vertices) == 0:
+        raise FileFormatError("a PLY file must have vertices with numbers x, y and z")
+    return vertices, _faces(data), _columns(data, _NORMAL)
+
+
+def _check_counts(content: bytes) -> bytes:
+    """Return the header, after a check of the numbers of rows, for which memory is allocated."""
+    header, end, body = content.partition(b"end_header")
+    if not re.match(rb"ply\s", header) or not end:
+        raise FileFormatError("not a PLY file: it does not begin with a line 'ply' and a header")
+    for line in re.findall(rb"[\r\n](element[ \t][^\r\n]*)", header):
+        count = line.split()[-1]
+        if not re.fullmatch(rb"\d{1,18}", count) or int(count) > len(body):
+            raise FileFormatError(
+                f"truncated: the PLY header declares {line.decode('latin-1')[:_SHOWN]!r}, and "
+                f"{len(body)} bytes follow"
+            )
+    return header
+
+
+def _columns(data: Any, names: tuple[str, ...]) -> ndarray | None:
+    """Return properties of the vertices as columns; None if the vertices lack them."""
+    if "vertex" not in data:
+        return None
+    rows = data["vertex"].data
+    if not set(names).issubset(rows.dtype.names or ()) or any(
+        rows[n].dtype == object for n in names
+    ):
+        return None
+    with np.errstate(invalid="ignore"):  # of signalling NaNs
+        return np.stack([rows[name] for name in names], axis=1).astype(np.float64)
+
+
+def _faces(data: Any) -> ndarray | None:
+    if "face" not in data or len(data["face"].data) == 0:
+        return None
+    rows = data["face"].data
+    names = [name for name in _CORNERS if name in (rows.dtype.names or ())]
+    if len(names) != 1 or (rows[names[0]].dtype != object and rows[names[0]].ndim != 2):
+        listed = ", ".join(name[:_SHOWN] for name in (rows.dtype.names or ())[:10])
+        raise FileFormatError(
+            f"the faces of a PLY file must have one list {' or '.join(_CORNERS)}; found "
+            f"{listed or 'none'}"
+        )
+    corners = rows[names[0]]
+    if corners.ndim == 2:
+        return np.asarray(corners, dtype=np.int64)
+    lengths = np.array([len(polygon) for polygon in corners])
+    return split_polygons(np.concatenate(corners).astype(np.int64), lengths)
+
+
+def read_obj(file: Path) -> Mesh:
+    positions, corners, lengths = array("d"), array("q"), array("q")
+    for number, words in _lines_of_obj(read_bytes(file)):
+        keyword, *fields = words or [b""]
+        try:
+            if keyword == b"v":
+                positions.extend(_position(fields))
+            elif keyword == b"f":
+                n_vertices = len(positions) // 3
+                for field in fields:
+                    corner = int(field.split(b"/", 1)[0])
+                    # Positive indices count from 1, negative ones back from the latest vertex.
+                    corners.append(corner - 1 if corner >= 0 else n_vertices + corner)
+                lengths.append(len(fields))
+        except (OverflowError, ValueError) as error:
+            raise FileFormatError(f"line {number} is not valid: {_shorten(words)}") from error
+    return _mesh_of_polygons(positions, corners, lengths)
+
+
+def _lines_of_obj(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
+    """Yield the number and the words of every line; a backslash at its end continues a line."""
+    number, words = 0, list[bytes]()
+    for number, line in enumerate(content.removeprefix(BOM_UTF8).splitlines(), start=1):
+        # A backslash in a comment, as in a path of Windows, does not continue the line.
+        text = line.partition(b"#")[0]
+        words += text.removesuffix(b"\\").split()
+        if not text.endswith(b"\\"):
+            yield number, words
+            words = []
+    yield number, words
+
+
+def read_off(file: Path) -> Mesh:
+    lines = read_bytes(file).removeprefix(BOM_UTF8).splitlines()
+    rows = iter([words for line in lines if (words := line.partition(b"#")[0].split())])
+    keyword, *counts = next(rows, [b""])
+    if not re.fullmatch(rb"(ST)?C?N?OFF", keyword):
+        raise FileFormatError("not an OFF text file: it does not begin with 'OFF'")
+    counts = counts or next(rows, [])
+    if len(counts) not in (2, 3) or not all(re.fullmatch(rb"\d{1,18}", word) for word in counts):
+        raise FileFormatError("OFF must be followed by the numbers of vertices and faces")
+    n_vertices, n_faces = int(counts[0]), int(counts[1])
+    positions, corners, lengths = array("d"), array("q"), array("q")
+    for row in range(n_vertices + n_faces):
+        words = next(rows, [])
+        if not words:
+            raise FileFormatError(
+                f"truncated: the OFF header declares {n_vertices} vertices and {n_faces} faces, "
+                f"{row} lines follow"
+            )
+        try:
+            if row < n_vertices:
+                positions.extend(_position(words))
+            else:
+                lengths.append(int(words[0]))
+                if not 0 <= lengths[-1] < len(words):
+                    raise ValueError
+                corners.extend(map(int, words[1 : 1 + lengths[-1]]))
+        except (OverflowError, ValueError) as error:
+            kind = "face" if row >= n_vertices else "vertex"
+            raise FileFormatError(f"not a valid {kind} line: {_shorten(words)}") from error
+    rest = next(rows, [])
+    if rest:
+        raise FileFormatError(
+            f"the OFF header declares {n_vertices} vertices and {n_faces} faces, more lines "
+            f"follow: {_shorten(rest)}"
+        )
+    return _mesh_of_polygons(positions, corners, lengths)
+
+
+def read_stl(file: Path) -> Mesh:
+    content = read_bytes(file)
+    n_faces = int.from_bytes(content[80:_STL_HEADER], "little")
+    if len(content) == _STL_HEADER + n_faces * _STL_ROW.itemsize:
+        corners = np.frombuffer(content, _STL_ROW, offset=_STL_HEADER)["corners"].reshape(-1, 3)
+    else:
+        words = re.findall(rb"^[ \t]*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", content, re.MULTILINE)
+        facets = len(re.findall(rb"^[ \t]*endfacet\b", content, re.MULTILINE))
+        if b"endsolid" not in content or len(words) != 3 * facets:
+            raise FileFormatError(
+                "not a whole STL file: neither as many bytes as its header declares nor facets of "
+                "three vertices each"
+            )
+        try:
+            corners = np.array(words, dtype=float).reshape(-1, 3)
+        except ValueError as error:
+            raise FileFormatError(f"damaged STL file: {short_message(error)}") from error
+    # Equal corners are one vertex; vertices come in the order in which they appear first.
+    _, first, vertex_of_corner = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    return corners[first[order]], np.argsort(order)[vertex_of_corner.ravel()].reshape(-1, 3)
+
+
+def _position(words: list[bytes]) -> list[float]:
+    """Return the position of a vertex, which its colour or normal may follow."""
+    numbers = [float(word) for word in words]
+    if len(numbers) < 3:
+        raise ValueError
+    return numbers[:3]
+
+
+def _mesh_of_polygons(positions: array[float], corners: array[int], lengths: array[int]) -> Mesh:
+    vertices = np.array(positions).reshape(-1, 3)
+    if not len(vertices) or not len(lengths):
+        raise FileFormatError(
+            f"{len(vertices)} vertices and {len(lengths)} faces found; both needed"
+        )
+    return vertices, split_polygons(np.array(corners), np.array(lengths))
+
+
+def _shorten(words: list[bytes]) -> str:
+    return repr(b" ".join(words).decode("latin-1")[:60])
+
+
+def write_ply(vertices: ndarray, faces: ndarray) -> bytes:
+    header = (
+        "ply\nformat binary_little_endian 1.0\n"
+        f"element vertex {len(vertices)}\n"
+        "property double x\nproperty double y\nproperty double z\n"
+        f"element face {len(faces)}\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    )
+    rows = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    rows["count"], rows["corners"] = 3, faces
+    return header.encode() + vertices.astype("<f8").tobytes() + rows.tobytes()
+
+
+def write_obj(vertices: ndarray, faces: ndarray) -> bytes:
+    return _lines("v {!r} {!r} {!r}", vertices) + _lines("f {} {} {}", faces + 1)
+
+
+def write_off(vertices: ndarray, faces: ndarray) -> bytes:
+    header = f"OFF\n{len(vertices)} {len(faces)} 0\n".encode()
+    return header + _lines("{!r} {!r} {!r}", vertices) + _lines("3 {} {} {}", faces)
+
+
+def _lines(pattern: str, rows: ndarray) -> bytes:
+    return "".join(pattern.format(*row) + "\n" for row in rows.tolist()).encode()
