@@ -53,13 +53,13 @@ _N_POINTS = 4
 # Number of surfaces of a data set, which may be larger than memory, that are read.
 _N_READ = 8
 
-# Arguments of `solve` after the metric, by the kind of the solver.
-_ARGUMENTS = {
-    "geodesic": ("start", "end"),
-    "transport": ("tangent_vec", "base_point", "direction", "end_point"),
-    "exp": ("tangent_vec", "base_point"),
-    "log": ("point", "base_point"),
-    "mean": ("points", "weights"),
+# What `solve` returns by the kind of the solver, and its arguments after the metric.
+_KINDS = {
+    "geodesic": ("path", ("start", "end")),
+    "transport": ("tangent_vec", ("tangent_vec", "base_point", "direction", "end_point")),
+    "exp": ("end", ("tangent_vec", "base_point")),
+    "log": ("tangent_vec", ("point", "base_point")),
+    "mean": ("point", ("points", "weights")),
 }
 
 _Properties = Mapping[str, Callable[[], Any]]
@@ -157,11 +157,12 @@ def _report(
     return PropertyReport(type(subject).__name__, tuple(checks))
 
 
-def _difference(value: Any, expected: Any, size: Any) -> float:
+def _difference(value: Any, expected: Any, size: Any = None) -> float:
     """Return the largest difference relative to a size; infinite if the shapes differ."""
     if np.shape(value) != np.shape(expected):
         return np.inf
     gap = np.abs(np.subtract(value, expected)).max()
+    size = np.abs(expected).max() if size is None else size
     return 0.0 if gap == 0 else float(gap / np.float64(size))
 
 
@@ -183,9 +184,9 @@ def check_metric(
 ) -> PropertyReport:
     r"""Check on a few points that a metric is a metric, and that its methods agree.
 
-    These are the properties that the report names, where they are defined. Short distances must be
-    norms: d²(x, x + εv) = ε²⟨v, v⟩ + O(ε³) for tangent vectors v. The gradient of the energy of the
-    path through the points must be exact: E(γ + εv) − E(γ) − ε⟨∇E, v⟩ is of order two in ε.
+    Short distances must be norms: d²(x, x + εv) = ε²⟨v, v⟩ + O(ε³) for tangent vectors v. The
+    gradient of the energy of the path through the points must be exact: E(γ + εv) − E(γ) − ε⟨∇E, v⟩
+    is of order two in ε.
 
     Parameters
     ----------
@@ -292,9 +293,7 @@ def _of_distances(metric: RiemannianMetric, points: ndarray) -> dict[str, Callab
             np.diag(distances()), np.zeros(len(distances())), distances().max()
         ),
         "squared distances are flat where points meet": flat_diagonal,
-        "distances are symmetric": lambda: _difference(
-            distances(), distances().T, distances().max()
-        ),
+        "distances are symmetric": lambda: _difference(distances(), distances().T),
         "no detour is shorter (triangle inequality)": triangle_inequality,
         "distances in a stack are those of each": stacked,
     }
@@ -334,8 +333,7 @@ def _order(metric: RiemannianMetric, points: ndarray, a: ndarray) -> float:
 def check_manifold(space: Manifold, rng: Rng = 0, *, tolerance: float = 1e-9) -> PropertyReport:
     """Check the consistency of a manifold on a few random points.
 
-    These are the properties that the report names; the dimension of tangent spaces is checked for
-    points of at most 1000 numbers.
+    The dimension of tangent spaces is checked for points of at most 1000 numbers.
 
     Parameters
     ----------
@@ -389,11 +387,11 @@ def check_manifold(space: Manifold, rng: Rng = 0, *, tolerance: float = 1e-9) ->
         other = np.roll(noise(), 1, axis=0)
         together = space.to_tangent(2.0 * noise() - 3.0 * other, points())
         apart = 2.0 * vectors() - 3.0 * np.asarray(space.to_tangent(other, points()))
-        return _difference(together, apart, np.abs(apart).max())
+        return _difference(together, apart)
 
     def stacked() -> float:
         alone = [space.to_tangent(v, x) for v, x in zip(noise(), points(), strict=True)]
-        return _difference(vectors(), np.array(alone), np.abs(vectors()).max())
+        return _difference(alone, vectors())
 
     def random_vectors() -> float:
         at_each = np.asarray(space.random_tangent_vec(points(), rng=rng))
@@ -422,11 +420,11 @@ def check_manifold(space: Manifold, rng: Rng = 0, *, tolerance: float = 1e-9) ->
         ),
         "arrays with NaN do not belong": nan,
         "projection leaves points where they are": lambda: _difference(
-            space.projection(points()), points(), np.abs(points()).max()
+            space.projection(points()), points()
         ),
         "projections of arrays nearby belong": reached,
         "tangent vectors stay what they are": lambda: _difference(
-            space.to_tangent(vectors(), points()), vectors(), np.abs(vectors()).max()
+            space.to_tangent(vectors(), points()), vectors()
         ),
         "to_tangent is linear": linearity,
         "tangent vectors in a stack are those of each": stacked,
@@ -447,7 +445,7 @@ def check_solver(
 ) -> PropertyReport:
     r"""Check on a few points that a solver fulfils the contract of its kind.
 
-    See `riemhuman.geometry.strategies` for the contracts; the report names the properties.
+    See `riemhuman.geometry.strategies` for the contracts.
 
     Parameters
     ----------
@@ -473,14 +471,15 @@ def check_solver(
     points = metric.check_points(points)
     if len(points) < 2:
         raise ArgumentError(f"points must hold two points or more; found {len(points)}")
-    kind = _kind_of(solver) if kind is None else one_of(kind, "kind", tuple(_ARGUMENTS))
+    kind = _kind_of(solver) if kind is None else one_of(kind, "kind", tuple(_KINDS))
     start, end = points[0], points[1]
     vector = np.asarray(metric.space.to_tangent(end - start, start))
-    near = np.asarray(metric.space.projection(start + _SHORT * vector))
+    short = _SHORT * vector
+    near = np.asarray(metric.space.projection(start + short))
     weights = np.arange(1.0, len(points) + 1)
     arguments: dict[str, tuple[Any, ...]] = {
         "geodesic": (start, end),
-        "exp": (_SHORT * vector, start),
+        "exp": (short, start),
         "log": (near, start),
         "transport": (vector, start, None, end),
         "mean": (points, weights),
@@ -492,26 +491,23 @@ def check_solver(
         pairs = zip(before, arguments[kind], strict=True)
         return not all(np.array_equal(np.array(a), np.array(b)) for a, b in pairs)
 
-    def path(end: ndarray) -> ndarray:
-        return np.asarray(solver.solve(metric, start, end).path)
+    def found(*given: Any) -> ndarray:
+        return np.asarray(getattr(solver.solve(metric, *given), _KINDS[kind][0]))
+
+    def carried(vector: ndarray, end: ndarray = end) -> ndarray:
+        return found(vector, start, None, end)
 
     def path_shape() -> bool:
-        shape = path(end).shape
+        shape = found(start, end).shape
         return not (len(shape) == points.ndim and shape[0] > 1 and shape[1:] == start.shape)
 
     def path_energy() -> float:
         result = solver.solve(metric, start, end)
-        energy = float(metric.energy(np.asarray(result.path)))
-        return _difference(float(result.energy), energy, energy)
+        return _difference(float(result.energy), float(metric.energy(np.asarray(result.path))))
 
-    def exp(velocity: ndarray) -> ndarray:
-        return np.asarray(solver.solve(metric, velocity, start).end)
-
-    def log(point: ndarray) -> ndarray:
-        return np.asarray(solver.solve(metric, point, start).tangent_vec)
-
-    def transport(vector: ndarray, end: ndarray) -> ndarray:
-        return np.asarray(solver.solve(metric, vector, start, None, end).tangent_vec)
+    def still_path() -> float:
+        path = found(start, start)
+        return _difference(path, np.repeat(start[None], len(path), axis=0))
 
     def variance(point: ndarray, weights: ndarray | None = None) -> float:
         squares = [float(metric.energy(np.stack([x, np.asarray(point)]))) for x in points]
@@ -519,15 +515,14 @@ def check_solver(
 
     def mean_is_best() -> float:
         best = min(variance(point) for point in points)
-        return _excess(variance(solver.solve(metric, points).point), best, best)
+        return _excess(variance(found(points)), best, best)
 
     def mean_variance() -> float:
         result = solver.solve(metric, points, weights)
-        expected = variance(result.point, weights)
-        return _difference(float(result.variance), expected, expected)
+        return _difference(float(result.variance), variance(result.point, weights))
 
     def follows_weights() -> float:
-        point = np.asarray(solver.solve(metric, points, np.eye(len(points))[-1]).point)
+        point = found(points, np.eye(len(points))[-1])
         return float(metric.energy(np.stack([point, points[-1]]))) / variance(points[-1])
 
     length, zero = np.abs(vector).max(), np.zeros_like(start)
@@ -535,37 +530,35 @@ def check_solver(
         "geodesic": {
             "paths have the points' shape behind their nodes": path_shape,
             "paths run from start to end": lambda: _difference(
-                path(end)[[0, -1]], np.stack([start, end]), np.abs(points).max()
+                found(start, end)[[0, -1]], np.stack([start, end]), np.abs(points).max()
             ),
             "paths stay on the manifold": lambda: _share(
-                ~np.asarray(metric.space.belongs(path(end)))
+                ~np.asarray(metric.space.belongs(found(start, end)))
             ),
             "the energy is that of the path": path_energy,
-            "the path from a point to itself stays there": lambda: _difference(
-                path(start), np.repeat(start[None], len(path(start)), axis=0), np.abs(start).max()
+            "the path from a point to itself stays there": still_path,
+            "the same path is found twice": lambda: (
+                not np.array_equal(found(start, end), found(start, end))
             ),
-            "the same path is found twice": lambda: not np.array_equal(path(end), path(end)),
         },
         "exp": {
-            _EXP_BEGINS: lambda: _difference(
-                (exp(_SHORT * vector) - start) / _SHORT, vector, length
-            ),
-            "without velocity they stay": lambda: _difference(
-                exp(zero), start, np.abs(start).max()
-            ),
+            _EXP_BEGINS: lambda: _difference((found(short, start) - start) / _SHORT, vector),
+            "without velocity they stay": lambda: _difference(found(zero, start), start),
         },
         "log": {
-            _LOG_BEGINS: lambda: _difference(log(near) / _SHORT, vector, length),
-            "the logarithm of the base point is 0": lambda: _difference(log(start), zero, length),
+            _LOG_BEGINS: lambda: _difference(found(near, start) / _SHORT, vector),
+            "the logarithm of the base point is 0": lambda: _difference(
+                found(start, start), zero, length
+            ),
         },
         "transport": {
             "vectors that go nowhere stay what they are": lambda: _difference(
-                transport(vector, start), vector, length
+                carried(vector, start), vector
             ),
             "transport is linear": lambda: _difference(
-                transport(2.0 * vector, end), 2.0 * transport(vector, end), length
+                carried(2.0 * vector), 2.0 * carried(vector), length
             ),
-            "the vector 0 stays 0": lambda: _difference(transport(zero, end), zero, length),
+            "the vector 0 stays 0": lambda: _difference(carried(zero), zero, length),
         },
         "mean": {
             "the mean is no worse than any of the points": mean_is_best,
@@ -583,10 +576,10 @@ def _kind_of(solver: Any) -> str:
     if solve is None:
         raise ArgumentError(f"solver must have a method solve; {type(solver).__name__} has none")
     names = list(inspect.signature(solve).parameters)[1:]
-    for kind, arguments in _ARGUMENTS.items():
+    for kind, (_, arguments) in _KINDS.items():
         if tuple(names[: len(arguments)]) == arguments:
             return kind
-    listed = "; ".join(f"{kind}: {', '.join(names)}" for kind, names in _ARGUMENTS.items())
+    listed = "; ".join(f"{kind}: {', '.join(names)}" for kind, (_, names) in _KINDS.items())
     raise ArgumentError(
         f"kind must be given: solve of {type(solver).__name__} takes {', '.join(names)} after the "
         f"metric, unlike any known kind ({listed})"

@@ -122,6 +122,12 @@ def ebin_inner_product(a, b, g, lam):
     return (shear + lam * np.trace(a) * np.trace(b)) * np.sqrt(np.linalg.det(g))
 
 
+def orders(errors):
+    """Return the orders at which errors fall where a step is halved."""
+    errors = np.asarray(errors)
+    return np.log2(errors[:-1] / errors[1:])
+
+
 def taylor_slope(function, x, direction, gradient, rounding=1e-13):
     """Return the order at which f(x + εh) − f(x) − ε⟨∇f, h⟩ tends to 0: 2 for an exact gradient.
 

@@ -36,7 +36,12 @@ from riemhuman.io.job_folder import JobFolder
 from riemhuman.kernels.threads import slices, thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.retrieval._cluster import compute_parts
-from riemhuman.solvers.path_comparison import PairsOfPoints, PathDistances
+from riemhuman.solvers.path_comparison import (
+    PairsOfPoints,
+    PathDistances,
+    distances_of_rows,
+    row_of_path,
+)
 from riemhuman.solvers.paths import solve_pairs
 
 _RESULT, _UNFINISHED_RESULT = "D.npy", "D.unfinished.npy"
@@ -257,7 +262,7 @@ def path_job(
                 f"{errors[0]}; paths are kept in {job.path} but for {len(errors)} of "
                 f"{len(blocks)} blocks of up to {_PAIRS} pairs"
             )
-        return PathDistances.from_rows(len(points), np.array(job.read(_ROWS)))
+        return distances_of_rows(len(points), np.array(job.read(_ROWS)))
 
 
 def _described(metric: RiemannianMetric) -> dict[str, Any]:
@@ -510,7 +515,7 @@ class PathFinder:
             results = solve_pairs(self.solver, metric, pairs, n_jobs=self.n_jobs)
         except RiemhumanError as error:
             return self._name_points(error, metric, block)
-        return np.array([PathDistances.row_of(metric, result) for result in results])
+        return np.array([row_of_path(metric, result) for result in results])
 
     def _name_points(
         self, error: RiemhumanError, metric: RiemannianMetric, block: slice

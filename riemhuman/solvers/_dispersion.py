@@ -223,9 +223,8 @@ def metric_of_search(metric: Any, companion_weight: float) -> Any:
 class AreaCheck:
     """Raises an error where triangles have collapsed, compared with those of the points.
 
-    Pointwise, metric fields are points of a cone. If most of them are more than a right angle
-    apart, θ > π/2, as for dissimilar bodies and small λ, the mean squared distance decreases
-    towards the tip of the cone, a triangle without area.
+    Where most metric fields are more than a right angle apart on their cone, θ > π/2, the mean
+    squared distance decreases towards its tip, a triangle without area.
     """
 
     def __init__(self, space: Any, points: ndarray) -> None:

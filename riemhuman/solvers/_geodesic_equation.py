@@ -20,7 +20,7 @@ import numpy as np
 from autograd.core import make_vjp
 from numpy import ndarray
 
-from riemhuman.errors import ArgumentError, RiemhumanError
+from riemhuman.errors import RiemhumanError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.drift import centroid
 from riemhuman.kernels.threads import single_threaded_libraries
@@ -74,9 +74,9 @@ class GeodesicEquation:
     """The equation for one metric, with the unknown point in a basis or free in all coordinates.
 
     Preconditioned by the metric's matrix at the middle point, the derivative of the equation is the
-    identity up to the length of the segments, see `find_root`. The unknown point leaves its first
-    guess along the basis, against which the equation is tested. The tolerance is a share of the
-    length of the two segments.
+    identity up to the length of the segments. The unknown point leaves its first guess along the
+    basis, against which the equation is tested. The tolerance is a share of the length of the two
+    segments.
     """
 
     metric: RiemannianMetric
@@ -181,11 +181,6 @@ class GeodesicEquation:
         if self.basis is None:
             return None, metric_factor(self.metric, middle[None], 1.0 / scale, ridge=_RIDGE)
         directions = self.basis.flat
-        if directions.shape[1] != middle.size:
-            raise ArgumentError(
-                f"basis must hold vectors of {middle.size} numbers, those of a point; "
-                f"found {directions.shape[1]}"
-            )
         gram = self.metric.gram_matrix(directions.reshape(-1, *middle.shape), middle)
         return directions, CholeskyFactor(scale * gram)
 
@@ -195,10 +190,9 @@ def has_long_step(metric: RiemannianMetric, path: ndarray, all_coordinates: bool
 
     The squared distance of two surfaces falls short of the squared norm of their difference where
     triangles shrink to nothing and grow anew, at a price that does not depend on how much they
-    change: at small λ a path of few steps has less energy if it makes the whole change in one.
-    Over all coordinates there may also be two next points where a triangle rotates by more than 60
-    degrees: a fold of skin that snaps has passed the one where the derivative of the equation is
-    singular. The path of least energy takes one, the exponential the other.
+    change. Over all coordinates there may also be two next points where a triangle rotates by more
+    than 60 degrees, as in a fold of skin that snaps: the path of least energy takes one, the
+    exponential the other.
     """
     space = metric.space
     if not space.is_surface_space:
@@ -276,11 +270,10 @@ def find_root(
 ) -> Root:
     """Find a root of a function F whose derivative is near the identity.
 
-    Anderson acceleration of x ← x − F(x): the combination of the last steps that would have reduced
-    F most (Walker and Ni, "Anderson acceleration for fixed-point iterations", SIAM Journal on
-    Numerical Analysis 49, 2011). The function returns F(x) and A F(x), for a positive matrix A that
-    measures lengths, or None outside its domain. Steps that leave the domain, or make F much
-    larger, are halved. The residual is infinite if the start is outside the domain.
+    Anderson acceleration of x ← x − F(x) (Walker and Ni, "Anderson acceleration for fixed-point
+    iterations", SIAM Journal on Numerical Analysis 49, 2011). The function returns F(x) and A F(x),
+    for a positive matrix A that measures lengths, or None outside its domain. Steps that leave the
+    domain, or make F much larger, are halved.
     """
     x, values = start, function(start)
     n_evaluations = 1

@@ -1,8 +1,4 @@
-"""Minimisation by L-BFGS with an operator for the first inverse Hessian.
-
-The one minimiser of the library: paths over a basis and over all vertices, means, transfer and
-logarithms use it.
-"""
+"""Minimisation by L-BFGS with an operator for the first inverse Hessian, for all solvers."""
 
 from __future__ import annotations
 

@@ -217,9 +217,8 @@ def metric_factor(
     Without a `metric_matrix`, the block of each entry i along a point's first axis is estimated as
     (Σ_j M_ij M_ijᵀ)^½ from the action of M on random vectors; this is M_ii where the metric couples
     no entries, as on fields. On surfaces, `stiffness` is the weight of the Dirichlet energy of
-    deformations beside M, in units of its mean diagonal entry: deformations that cost nothing to
-    first order, such as bending if c = 0 and stretching if a = 0, still affect distances between
-    surfaces further apart. `ridge` is the share of the diagonal that is added.
+    deformations beside M, in units of its mean diagonal entry: what costs nothing to first order,
+    as bending if c = 0, still affects distances between surfaces further apart.
     """
     if metric.has_metric_matrix:
         matrix = metric.metric_matrix(points)

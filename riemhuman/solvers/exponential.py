@@ -15,6 +15,7 @@ from scipy.sparse.linalg import LinearOperator, lsmr
 from riemhuman.checks import real_array, values_of, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, NotDefinedError, warn
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import ExpSolver
 from riemhuman.solvers._geodesic_equation import (
     GeodesicEquation,
     degeneration,
@@ -53,7 +54,7 @@ class ExponentialResult(Result):
     complete : bool
         Whether all steps were possible.
     n_iterations, n_evaluations, status, message
-        See `Result`, of all steps; converged if all were made within the tolerance.
+        See `Result`.
 
     Examples
     --------
@@ -80,13 +81,12 @@ class ExponentialResult(Result):
 
 
 @dataclass(frozen=True)
-class DiscreteExponential(Solver):
+class DiscreteExponential(Solver, ExpSolver):
     """exp in n steps, by the discrete geodesic equation.
 
     The first step is symmetric: of the points x₀ ± v/n + w, x₀ is the middle. Every following point
-    solves the discrete geodesic equation, see `GeodesicEquation`. The error of the end
-    point is of second order in the time step 1/n, and the squared speed along the path is
-    constant up to that order. On surfaces the distance of each segment has a closed form.
+    solves the discrete geodesic equation. The error of the end point is of second order in the time
+    step 1/n, and the squared speed along the path is constant up to that order.
 
     Parameters
     ----------
@@ -121,17 +121,6 @@ class DiscreteExponential(Solver):
     def solve(
         self, metric: RiemannianMetric, tangent_vec: ndarray, base_point: ndarray
     ) -> ExponentialResult:
-        r"""Follow the geodesic with an initial velocity for unit time, or to where it stops.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        tangent_vec : array, shape (\*shape,)
-            Initial velocity v.
-        base_point : array, shape (\*shape,)
-            Initial point.
-        """
         base_point = metric.check_points(values_of(base_point, "base_point")[None], "base_point")[0]
         velocity = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
         return finish(self, self._follow(metric, velocity, base_point))
@@ -154,7 +143,7 @@ class DiscreteExponential(Solver):
         return replace(result, n_iterations=n_iterations, n_evaluations=n_evaluations)
 
     def extend(self, metric: RiemannianMetric, path: ndarray, n_steps: int) -> ExponentialResult:
-        r"""Continue a discrete geodesic beyond its end, with the same time step; warns as `solve`.
+        r"""Continue a discrete geodesic beyond its end, with the same time step.
 
         Parameters
         ----------
@@ -164,11 +153,6 @@ class DiscreteExponential(Solver):
             Path over unit time, of at least two points; only the last two matter.
         n_steps : int
             Number of points to add.
-
-        Returns
-        -------
-        ExponentialResult
-            Its path begins with the one given.
         """
         path = metric.check_points(path, "path")
         if len(path) < 2:
@@ -182,8 +166,8 @@ class DiscreteExponential(Solver):
     ) -> tuple[ndarray, ndarray]:
         r"""Return the derivatives of a function of a path by its initial velocity and point.
 
-        They are exact where the equations determine the path up to motions that the metric does not
-        measure, as for closed surfaces. Autograd uses them to differentiate through `metric.exp`.
+        Autograd uses them to differentiate through `metric.exp`. They are exact where the equations
+        determine the path up to motions that the metric does not measure, as for closed surfaces.
 
         Parameters
         ----------
@@ -247,10 +231,7 @@ class DiscreteExponential(Solver):
             stop = degeneration(metric, points[-1], triple.points[2])
             if not stop and triple.error > _LOST:
                 stop = vanishing_triangle(metric, *points[-2:]) if len(points) > 1 else ""
-                stop = stop or (
-                    "no next point solves the geodesic equation; use more steps, or a metric with "
-                    "a > 0 and c > 0"
-                )
+                stop = stop or "no next point solves the geodesic equation; use more steps"
             if stop:
                 stop = f"step {step} of {n_steps}: {stop}"
                 break

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any, Self
 
 import autograd.numpy as np
@@ -14,7 +14,7 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry import Manifold, ProductMetric, RiemannianMetric
 from riemhuman.solvers._lbfgs import LBFGS, Minimum
-from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
+from riemhuman.solvers._preconditioners import metric_factor
 from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.results import MeanResult, finish
 from riemhuman.solvers.tangent_pca import ImageEstimator
@@ -27,10 +27,8 @@ class GeodesicRegression(ImageEstimator):
     r"""The geodesic that minimises :math:`\sum_i d(\exp_p((t_i - \bar t) v), y_i)^2` [1]_.
 
     The search starts from the straight line that fits the logarithms at the Karcher mean; a
-    quasi-Newton method with the exact gradient of the sum then refines p and v.
-
-    Surfaces are mapped to their fields Φ(f) = (g, n), where geodesics have a closed form; a
-    prediction is the surface with the nearest fields, see `TangentPCA`.
+    quasi-Newton method then refines p and v. Surfaces are mapped to their fields as by
+    `TangentPCA`.
 
     Parameters
     ----------
@@ -104,12 +102,8 @@ class GeodesicRegression(ImageEstimator):
         X : array, shape (n,) or (n, 1)
             Numbers t_i, not all the same.
         y : array, shape (n, \*shape)
-            Points, at least two.
-
-        Raises
-        ------
-        OutsideManifoldError
-            If a point has no logarithm at the mean, or the geodesic leaves the manifold.
+            Points, at least two; one without a logarithm at the mean raises an
+            OutsideManifoldError.
         """
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=0)
@@ -124,19 +118,18 @@ class GeodesicRegression(ImageEstimator):
         unit = float(np.abs(times - self.center_).max())
         times = (times - self.center_) / unit
 
-        image = self._image_space()
-        if self.max_iter and type(image.metric).exp is RiemannianMetric.exp:
+        metric = self._image_metric
+        if self.max_iter and type(metric).exp is RiemannianMetric.exp:
             raise ArgumentError(
-                f"max_iter must be 0 where {type(image.metric).__name__} has no closed form "
-                "for exp: the refinement needs its derivative"
+                f"max_iter must be 0 where {type(metric).__name__} has no closed form for exp: the "
+                "refinement needs its derivative"
             )
         self.mean_ = self._mean_point(self.mean, points)
-        images = image.embed(points)
-        base = image.embed(self.mean_[None])[0]
-        line = _tangent_regression(image.metric, base, times, images)
+        images, base = self._embed(points), self._embed(self.mean_[None])[0]
+        line = _tangent_regression(metric, base, times, images)
         minimum = None
         if self.max_iter:
-            line, minimum = self._refine(image.metric, times, images, base, *line)
+            line, minimum = self._refine(metric, times, images, base, *line)
         self.intercept_, self.velocity_ = line[0], line[1] / unit
         self.n_iter_ = minimum.n_iterations if minimum else 0
         if minimum:
@@ -154,9 +147,8 @@ class GeodesicRegression(ImageEstimator):
         """
         self._require_fit("velocity_")
         times = _numbers(X) - self.center_
-        image = self._image_space()
         vectors = times.reshape(-1, *(1,) * self.velocity_.ndim) * self.velocity_
-        return image.restore(image.metric.exp(vectors, self.intercept_), self.mean_)
+        return self._restore(self._image_metric.exp(vectors, self.intercept_), self.mean_)
 
     def score(self, X: ndarray, y: ndarray) -> float:
         r"""Return R² = 1 − Σ_i d(prediction, y_i)²/Σ_i d(mean, y_i)², with the mean found by `fit`.
@@ -185,12 +177,9 @@ class GeodesicRegression(ImageEstimator):
             Points.
         """
         self._require_fit("mean_")
-        image = self._image_space()
-        base = image.embed(self.mean_[None])[0]
-        logs = image.metric.log(image.embed(self._metric.check_points(y, "y")), base)
-        return np.array(
-            [[float(image.metric.inner_product(a, b, base)) for b in logs] for a in logs]
-        )
+        metric, base = self._image_metric, self._embed(self.mean_[None])[0]
+        logs = metric.log(self._embed(self._metric.check_points(y, "y")), base)
+        return np.array([[float(metric.inner_product(a, b, base)) for b in logs] for a in logs])
 
     def _refine(
         self,
@@ -206,7 +195,7 @@ class GeodesicRegression(ImageEstimator):
         spread = float(np.mean(metric.squared_dist(mean, images)))
         if spread == 0:
             return (point, velocity), None
-        factor = _field_factor(metric, point, 0.5 * spread)
+        inverse = _inverse_matrix(metric, point, 0.5 * spread)
         slowness = 1.0 / np.sqrt(np.mean(times**2))
         columns = times.reshape(-1, *(1,) * point.ndim)
 
@@ -243,8 +232,7 @@ class GeodesicRegression(ImageEstimator):
 
         def inverse_hessian(gradient: ndarray) -> ndarray:
             by_point, by_velocity = gradient.reshape(2, -1, 1)
-            steps = factor.inverse(by_point), slowness**2 * factor.inverse(by_velocity)
-            return np.concatenate(steps)[:, 0]
+            return np.concatenate([inverse(by_point), slowness**2 * inverse(by_velocity)])[:, 0]
 
         found = LBFGS(self.tolerance, self.max_iter).minimize(
             objective, np.zeros(2 * point.size), lambda x: inverse_hessian
@@ -286,26 +274,17 @@ def _numbers(X: ndarray) -> ndarray:
     return times.reshape(-1)
 
 
-class _BlockwiseFactor(CholeskyFactor):
-    """Cholesky factors of a block diagonal matrix."""
-
-    def __init__(self, factors: Sequence[CholeskyFactor], sizes: Sequence[int]) -> None:
-        self._factors = tuple(factors)
-        self._ends = np.cumsum(sizes)[:-1]
-
-    def inverse(self, columns: ndarray) -> ndarray:
-        parts = zip(self._factors, np.split(columns, self._ends), strict=True)
-        return np.concatenate([factor.inverse(part) for factor, part in parts])
-
-
-def _field_factor(metric: Any, point: ndarray, scale: float) -> CholeskyFactor:
-    r"""Return a Cholesky factor of the metric's matrix at a point."""
+def _inverse_matrix(metric: Any, point: ndarray, scale: float) -> Callable[[ndarray], ndarray]:
+    """Return the inverse of the metric's matrix at a point, factor by factor of a product."""
     if not isinstance(metric, ProductMetric):
-        return metric_factor(metric, point[None], scale)
+        return metric_factor(metric, point[None], scale).inverse
     parts = metric.space.project_from_product(point)
-    factors = [
+    inverses = [
         # What has no weight does not matter; 1 keeps its factor finite.
-        _field_factor(factor.metric, part, scale / (weight or 1.0))
+        _inverse_matrix(factor.metric, part, scale / (weight or 1.0))
         for factor, part, weight in zip(metric.space.factors, parts, metric.weights, strict=True)
     ]
-    return _BlockwiseFactor(factors, [part.size for part in parts])
+    ends = np.cumsum([part.size for part in parts])[:-1]
+    return lambda columns: np.concatenate(
+        [inverse(part) for inverse, part in zip(inverses, np.split(columns, ends), strict=True)]
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -38,10 +38,9 @@ class PoissonPath(PathSolver):
     """The path of surfaces whose triangles rotate and stretch uniformly: limbs do not collapse.
 
     The triangles of the surface at time t are nearest to those rotated and stretched, by a Poisson
-    equation as in deformation transfer. Triangles rotate by the smaller angle. Where
-    neighbours then rotate in different directions, as in a limb that rotates by about 180°, each
-    limb, the largest first, rotates by the smaller angle or like its neighbours, whichever has less
-    energy; so do all smaller parts together.
+    equation as in deformation transfer. Triangles rotate by the smaller angle. Where neighbours
+    then rotate in different directions, as in a limb that rotates by about 180°, each limb rotates
+    by the smaller angle or like its neighbours, whichever has less energy.
 
     Parameters
     ----------
@@ -70,9 +69,7 @@ def rotating_paths(
 ) -> list[tuple[ndarray, float]]:
     """Return paths whose triangles rotate, with their energies: the best, then alternatives.
 
-    In these a whole limb rotates the other way, and their energy is only a little higher. All are
-    compared at all times: at few times the chords of large rotations have too little energy, which
-    favours limbs that shrink or swing too far.
+    In these a whole limb rotates the other way, and their energy is only a little higher.
     """
     space = metric.space
     space.check_immersed(start, "start")
@@ -158,8 +155,8 @@ class ModelParameters(NamedTuple):
 class ModelPath(PathSolver):
     """The path of a body model whose parameters change evenly from one body to another.
 
-    The SMPL path of section 5.2 of the paper. It runs between surfaces of the model, which are near
-    the end points but not equal to them; the result's message states the distance.
+    The SMPL path of section 5.2 of the paper. It runs between surfaces of the model; the result's
+    message states how far they are from the end points.
 
     Parameters
     ----------
@@ -170,8 +167,8 @@ class ModelPath(PathSolver):
     rotations : str
         "axis-angle" interpolates the axis-angle vectors linearly, as in the paper; "geodesic"
         rotates every joint about one axis by the smallest angle.
-    parameters : callable, optional
-        Maps a surface, shape (V, 3), to its `ModelParameters`, for calls of `solve` without them.
+    parameters : callable
+        Maps a surface, shape (V, 3), to its `ModelParameters`.
 
     Examples
     --------
@@ -189,40 +186,20 @@ class ModelPath(PathSolver):
     model: Callable[[ndarray, ndarray, ndarray], ndarray]
     n_nodes: int = 11
     rotations: str = "axis-angle"
-    parameters: Callable[[ndarray], ModelParameters] | None = None
+    parameters: Callable[[ndarray], ModelParameters] = field(kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         one_of(self.rotations, "rotations", ROTATIONS)
 
-    def solve(
-        self,
-        metric: RiemannianMetric,
-        start: ndarray,
-        end: ndarray,
-        *,
-        start_parameters: ModelParameters | None = None,
-        end_parameters: ModelParameters | None = None,
-    ) -> PathResult:
-        """Return the model's path.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            A metric on surfaces, for the energy.
-        start, end : array, shape (V, 3)
-            Surfaces.
-        start_parameters, end_parameters : ModelParameters, optional
-            Their parameters (betas, pose, trans); by default the solver's `parameters` finds them.
-        """
+    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         start, end = check_end_points(metric, start, end)
-        first = self._parameters_of(start, start_parameters, "start_parameters")
-        last = self._parameters_of(end, end_parameters, "end_parameters")
+        first = _checked(self.parameters(start), "parameters(start)")
+        last = _checked(self.parameters(end), "parameters(end)")
         for name, a, b in zip(ModelParameters._fields, first, last, strict=True):
             if a.shape != b.shape:
                 raise ArgumentError(
-                    f"start_parameters and end_parameters must have {name} of one shape; found "
-                    f"{a.shape} and {b.shape}"
+                    f"parameters must return {name} of one shape; found {a.shape} and {b.shape}"
                 )
         betas, pose, trans = (
             linear_path(a, b, self.n_nodes) for a, b in zip(first, last, strict=True)
@@ -233,16 +210,6 @@ class ModelPath(PathSolver):
         gap = max(_largest_distance(path[0], start), _largest_distance(path[-1], end))
         message = f"the model's surfaces are up to {1000.0 * gap:.3g} mm from start and end"
         return known_path(metric, path, message)
-
-    def _parameters_of(self, surface: ndarray, parameters: Any, name: str) -> ModelParameters:
-        if parameters is None:
-            if self.parameters is None:
-                raise ArgumentError(
-                    f"{name} (betas, pose, trans) are needed, or ModelPath(..., parameters=...), "
-                    "a function that finds them from a surface; found neither"
-                )
-            parameters = self.parameters(surface)
-        return _checked(parameters, name)
 
 
 def _checked(parameters: Any, name: str) -> ModelParameters:

@@ -11,20 +11,13 @@ from numpy import ndarray
 
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver
+from riemhuman.geometry.strategies import GeodesicSolver, LogSolver
 from riemhuman.kernels.drift import steady_path
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, degeneration, has_long_step
 from riemhuman.solvers.exponential import DiscreteExponential
-from riemhuman.solvers.path_search import BasisPath, PathStraightening, refine_path
+from riemhuman.solvers.path_search import BasisPath, PathSearch, PathStraightening, refine_path
 from riemhuman.solvers.paths import check_end_points, linear_path
-from riemhuman.solvers.results import (
-    PathResult,
-    Result,
-    Solver,
-    Status,
-    complete_path_result,
-    finish,
-)
+from riemhuman.solvers.results import PathResult, Result, Solver, Status, complete, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.procrustes import procrustes
 
@@ -50,15 +43,13 @@ class LogarithmResult(Result):
     path : array, shape (n_nodes, \*shape)
         The geodesic, both ends included: one point more than steps were made.
     energy : float
-        Energy of the path: the squared norm of the velocity, up to the second order of the time
-        step.
+        Energy of the path: about the squared norm of the velocity.
     end_error : float
-        Largest distance by which an entry of the exponential of the velocity differs from the
-        point, in units of the points, after a rigid motion where the metric ignores rotations;
-        infinite where the exponential ends early.
+        Largest difference between the exponential of the velocity and the point, in units of the
+        points, after a rigid motion where the metric ignores rotations; infinite where the
+        exponential ends early.
     n_iterations, n_evaluations, status, message
-        See `Result`, for path, velocity and exponential; converged if the exponential of the
-        velocity comes back to the point.
+        See `Result`, for path, velocity and exponential.
 
     Examples
     --------
@@ -75,15 +66,14 @@ class LogarithmResult(Result):
 
 
 @dataclass(frozen=True)
-class DiscreteLogarithm(Solver):
+class DiscreteLogarithm(Solver, LogSolver):
     """log from the first step of a geodesic x₀, x₁, …, xₙ: v = n (x₁ − x₋₁)/2.
 
-    The point x₋₁ continues the geodesic backwards by one step. The logarithm tries its own inverse,
-    the `DiscreteExponential` with as many steps, and has converged where that comes back to the
-    point. Else, and where a step is too long for the equations, it halves the steps. Both maps
-    differ from the continuous ones by the second order of the time step 1/n. Metrics of normals
-    alone (a = 0) do not measure the sizes of triangles and may determine no logarithm between very
-    different poses; a small a does.
+    The point x₋₁ continues the geodesic backwards by one step. The logarithm has converged where
+    its inverse, the `DiscreteExponential` with as many steps, comes back to the point. Else, and
+    where a step is too long for the equations, it halves the steps. Both maps differ from the
+    continuous ones by the second order of the time step 1/n. Metrics of normals alone (a = 0) may
+    determine no logarithm between very different poses; a small a does.
 
     Parameters
     ----------
@@ -94,19 +84,16 @@ class DiscreteLogarithm(Solver):
     n_steps : int
         Steps in unit time.
     geodesic_solver : object, optional
-        Solver for the path; its number of points is that of the steps, which are not halved. By
-        default `BasisPath` with the basis or `PathStraightening` without, both with narrow
-        tolerances.
+        Solver for the path, whose steps are not halved. By default `BasisPath` with the basis or
+        `PathStraightening` without, both with narrow tolerances.
     tolerance : float
         Largest error of the equations, as a share of the length of two segments.
     max_iter : int
         Largest number of iterations for each equation.
     n_doublings : int
-        How often the number of steps may be doubled, where the exponential does not come back, the
-        step before the start degenerates or a step is too long, see `DiscreteExponential`.
+        How often the steps may be halved.
     end_tolerance : float
-        Largest `end_error` of a logarithm that has converged, in units of the points: by default
-        0.1 mm for bodies in metres.
+        Largest `end_error` of a logarithm that has converged: 0.1 mm for bodies in metres.
 
     Examples
     --------
@@ -127,18 +114,9 @@ class DiscreteLogarithm(Solver):
     def solve(
         self, metric: RiemannianMetric, point: ndarray, base_point: ndarray
     ) -> LogarithmResult:
-        r"""Find the initial velocity of the geodesic between two points.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        point, base_point : array, shape (\*shape,)
-            End and start.
-        """
         start, end = check_end_points(metric, base_point, point)
         if self.geodesic_solver is not None:
-            path = complete_path_result(self.geodesic_solver.solve(metric, start, end))
+            path = complete(self.geodesic_solver.solve(metric, start, end), PathResult)
             result = self._logarithm(metric, path, end)
         else:
             with catch_warnings():
@@ -173,8 +151,7 @@ class DiscreteLogarithm(Solver):
         for doubling in range(self.n_doublings + 1):
             n_steps = self.n_steps * 2**doubling
             may_double = doubling < self.n_doublings
-            find = self._over_all if self.basis is None else self._over_basis
-            path, exact = find(metric, start, end, n_steps, initial_path)
+            path, exact = self._search(metric, start, end, n_steps, initial_path)
             n_evaluations += path.n_evaluations
             if may_double and self._has_long_steps(metric, path.path):
                 initial_path = refine_path(path.path, 2 * n_steps)
@@ -218,15 +195,13 @@ class DiscreteLogarithm(Solver):
         if end_error <= self.end_tolerance:
             message = f"the exponential comes back to within {end_error:.1e}"
         else:
+            remedy = "use more steps"
+            if metric.is_stretch_invariant:
+                remedy = "the metric does not measure the sizes of triangles: add a small a"
             message = (
                 f"the exponential ends {end_error:.1e} from the point in {forward.n_steps} steps "
                 f"({forward.message}; path: {found.message}; step before the start: error "
-                f"{backward.error:.1e})"
-            )
-            message += (
-                "; the metric does not measure the sizes of triangles: add a small a"
-                if metric.is_stretch_invariant
-                else "; use more steps, or a metric with a larger lam and c > 0"
+                f"{backward.error:.1e}); {remedy}"
             )
         return replace(
             result,
@@ -237,29 +212,19 @@ class DiscreteLogarithm(Solver):
             message=message,
         )
 
-    def _over_all(
+    def _search(
         self,
         metric: RiemannianMetric,
         start: ndarray,
         end: ndarray,
         n_steps: int,
         initial_path: ndarray | None,
-    ) -> tuple[PathResult, PathStraightening]:
-        """Return a path over all coordinates, and the solver that minimises it to the end."""
-        solver = PathStraightening(n_steps + 1, tolerance=_LOOSE_TOLERANCE, remove_drift=False)
-        path = solver.solve(metric, start, end, initial_path=initial_path)
-        return path, replace(solver, tolerance=_TOLERANCE)
-
-    def _over_basis(
-        self,
-        metric: RiemannianMetric,
-        start: ndarray,
-        end: ndarray,
-        n_steps: int,
-        initial_path: ndarray | None,
-    ) -> tuple[PathResult, BasisPath]:
-        """Return a path over the basis, and the solver that minimises it to the end."""
-        assert self.basis is not None
+    ) -> tuple[PathResult, PathSearch]:
+        """Return a path of so many steps, and the solver that minimises it to the end."""
+        if self.basis is None:
+            loose = PathStraightening(n_steps + 1, tolerance=_LOOSE_TOLERANCE, remove_drift=False)
+            path = loose.solve(metric, start, end, initial_path=initial_path)
+            return path, replace(loose, tolerance=_TOLERANCE)
         basis = self.basis.extend((end - start)[None])
         solver = BasisPath(basis, n_steps + 1, remove_drift=False)
         free = solver.solve(metric, start, end)

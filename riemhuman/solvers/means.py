@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import one_of, values_of
+from riemhuman.checks import one_of, values_of, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
@@ -18,7 +18,7 @@ from riemhuman.geometry.strategies import MeanSolver
 from riemhuman.solvers._dispersion import AreaCheck, Dispersion, dispersion_of, metric_of_search
 from riemhuman.solvers._lbfgs import LBFGS, Coordinates, Minimum
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
-from riemhuman.solvers.results import MeanResult, Solver, Status, complete_mean_result, finish
+from riemhuman.solvers.results import MeanResult, Solver, Status, complete, finish
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -57,8 +57,7 @@ class BasisMean(Solver, MeanSolver):
 
     Algorithm 2 of the paper: minimisation by L-BFGS, preconditioned by the metric's matrix. With
     a basis the result is the mean over the span of the basis and of the points' differences, and
-    its message says so. Without a basis all coordinates are free, and `converged` speaks of the
-    mean among all points of the space.
+    its message says so.
 
     Parameters
     ----------
@@ -68,14 +67,12 @@ class BasisMean(Solver, MeanSolver):
         x₀: "first", the first point as in the paper; "lowest", the better of the arithmetic mean
         and of the best of the points.
     with_differences : bool
-        Whether to add the differences of the points from x₀ to the basis. A basis of motions
-        describes how one body moves, and not how bodies differ in build; the paper's algorithm does
-        without.
+        Whether to add the differences of the points from x₀ to the basis, which the paper's
+        algorithm does without: a basis of motions does not describe how bodies differ in build.
     companion_weight : float
         An elastic metric of normals alone, a = 0, does not measure the lengths of edges: in its
-        means, arms stretch and shrink like rubber. This weight times the metric (1, 1, 0), in units
-        of c, is therefore added during the search; 0 adds nothing. The result minimises the sum of
-        the two, so another point may have a smaller variance by the metric alone.
+        means, arms stretch and shrink like rubber. The search therefore minimises the sum with
+        this weight times the metric (1, 1, 0), in units of c.
     tolerance : float, optional
         Stop when a Newton step would gain at most this share of the variance, as far as the
         preconditioned gradient tells. By default 1e-8 over a basis, and in all coordinates 1e-5
@@ -83,8 +80,8 @@ class BasisMean(Solver, MeanSolver):
     max_iter : int
         Most iterations.
     sample_size : int
-        Where points come in batches, number of points of the sample from whose mean the search
-        starts and whose differences join the basis: evenly spaced among all.
+        Where points come in batches, number of evenly spaced points from whose mean the search
+        starts and whose differences join the basis.
     callback : callable, optional
         Called with (iteration, variance, point) after each iteration.
     progress : bool
@@ -112,6 +109,7 @@ class BasisMean(Solver, MeanSolver):
 
     def __post_init__(self) -> None:
         one_of(self.start, "start", STARTS)
+        whole_number(self.sample_size, "sample_size", minimum=1)
         super().__post_init__()
 
     def solve(
@@ -142,11 +140,6 @@ class BasisMean(Solver, MeanSolver):
         MeanResult
             `variance` is that of the metric alone; `variances` include the companion metric, and
             are mean distances for medians.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If triangles of the mean vanish, as between dissimilar bodies for a small λ.
         """
         of_search = metric_of_search(metric, self.companion_weight)
         dispersion = dispersion_of(of_search, points, weights, self.sample_size)
@@ -411,14 +404,14 @@ class FrechetMean(Estimator):
         ----------
         X : array, shape (n, \*shape), or iterable of batches, arrays of shape (m, \*shape)
             Points. Batches are read once for every evaluation, so that the points need not fit
-            into memory: ``[x[i : i + 256] for i in range(0, len(x), 256)]`` for an array `x` that
-            is mapped from a file, or any object that yields arrays whenever it is iterated over.
+            into memory, as ``[x[i : i + 256] for i in range(0, len(x), 256)]`` for an array `x`
+            that is mapped from a file.
         y : object
             Not used.
         weights : array, shape (n,), optional
             Weights of at least 0; by default all are the same.
         """
-        result = complete_mean_result(self._solve(X, weights))
+        result = complete(self._solve(X, weights), MeanResult)
         self.result_ = result
         self.estimate_ = result.point
         self.variance_ = result.variance

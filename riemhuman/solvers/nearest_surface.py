@@ -45,14 +45,11 @@ class NearestSurface(Solver):
     """The surface f that minimises Σ_i w_i d(Φ(f), y_i)²/Σ_i w_i over all its vertices.
 
     With one target y, a point of the image space that need not come from a surface, it is the
-    projection of y to surfaces; with the images of several surfaces it is their Karcher mean, the
-    functional of section 4 of the paper with no basis. The minimisation is L-BFGS, preconditioned
-    by the metric's matrix at f, which is about half the Hessian.
+    projection of y to surfaces; with the images of several surfaces it is their Karcher mean.
 
-    A metric of metric fields alone (c = 0) hardly sees how a surface bends, and a metric of normals
-    alone (a = 0) does not see the size of triangles. The part that such an `ElasticMetric` lacks is
-    therefore added with a small weight, and keeps what it does not see as it is at the start:
-    ε d_companion(f, start)².
+    A metric of metric fields alone (c = 0) hardly sees how a surface bends, and one of normals
+    alone (a = 0) not the size of triangles. What such an `ElasticMetric` does not see is therefore
+    kept near the start by the part that it lacks, ε d_companion(f, start)².
 
     Parameters
     ----------
@@ -133,13 +130,9 @@ class NearestSurface(Solver):
             raise DegenerateSurfaceError("every triangle of start must have an area")
         guess = distances.nearby(start)
         is_near = function(guess)[0] < _NEARBY * first_value
+        text = "surface" if self.progress else ""
         minimum = Coordinates(metric.space, guess if is_near else start).minimize(
-            LBFGS(
-                self.tolerance,
-                self.max_iter,
-                refresh=_REFRESH,
-                progress="surface" if self.progress else "",
-            ),
+            LBFGS(self.tolerance, self.max_iter, refresh=_REFRESH, progress=text),
             function,
             half_inverse_hessian_at,
             floor=max(min(_ROUNDING, self.tolerance) * first_value, rounding_energy(metric, start)),
@@ -151,9 +144,8 @@ class NearestSurface(Solver):
 def inverted_triangles(points: ndarray, reference: ndarray, faces: ndarray) -> ndarray:
     r"""Tell which triangles of a surface are inverted with respect to a reference.
 
-    A deformation gradient takes each triangle and its normal from the reference to the surface. Let
-    A be the mean of these over all triangles that share a corner with a given one, weighted by
-    their areas in the reference. A should take the normal n of the triangle to the direction of
+    Let A be the mean of the deformation gradients of all triangles that share a corner with a given
+    one. A should take the normal n of the triangle to the direction of
     :math:`\det(A)\, A^{-\top} n`; the triangle is inverted if its normal points the other way.
 
     Parameters
@@ -236,9 +228,8 @@ class _ByDefinition:
 class _OfElasticMetric:
     """The mean for elastic metrics, in compiled loops.
 
-    Fields (g, n) that come from no surface come from a surface of separate triangles all the same:
-    the metric does not see how these lie. So distances from fields are those between surfaces over
-    a template whose triangles are separate.
+    Fields (g, n) that come from no surface come from one of separate triangles all the same: the
+    metric does not see how these lie.
     """
 
     def __init__(self, metric: ElasticMetric, images: ndarray, weights: ndarray) -> None:
@@ -263,9 +254,8 @@ class _OfElasticMetric:
         """Return the surface whose derivatives are nearest to those of one target's triangles.
 
         The metric does not see rotations of a triangle within its plane. They are chosen as near as
-        possible to the previous surface, in a few rounds with the extrapolation of Anderson from
-        two rounds (Peng et al., "Anderson acceleration for geometry optimization", ACM TOG 37,
-        2018). Errors are relative to the triangles' sizes, as those of normals are.
+        possible to the previous surface, in a few rounds with Anderson acceleration (Peng et al.,
+        "Anderson acceleration for geometry optimization", ACM TOG 37, 2018).
         """
         if len(self._targets) > 1 or not self._has_both_terms:
             return surface
@@ -312,11 +302,7 @@ class _OfElasticMetric:
 def image_distances(
     metric: RiemannianMetric, images: ndarray, weights: ndarray
 ) -> _ByDefinition | _OfElasticMetric:
-    r"""Return the mean of squared distances from points of the image space, and its gradients.
-
-    Its method `value_and_gradient` takes a surface (V, 3); `nearby` returns a surface that may be
-    nearer to the points, or the same.
-    """
+    """Return the mean of squared distances from points of the image space."""
     if isinstance(metric, ElasticMetric):
         return _OfElasticMetric(metric, images, weights)
     return _ByDefinition(metric, images, weights)

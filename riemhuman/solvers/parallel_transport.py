@@ -56,9 +56,8 @@ class PoleLadder(Solver, TransportSolver):
     are exp_q(∓w'). Exact on symmetric spaces, such as spheres and their products; otherwise the
     error is of second order in the length of the segments (Guigui and Pennec, "Numerical accuracy
     of ladder schemes for parallel transport on manifolds", Foundations of Computational Mathematics
-    22, 2022). Along geodesics, metrics that have transport in closed form use it. On metrics
-    without closed-form geodesics each side of a rung is one discrete segment, see
-    `GeodesicEquation`.
+    22, 2022). Along geodesics, metrics that have transport in closed form use it. Without
+    closed-form geodesics each side of a rung is one discrete segment.
 
     Parameters
     ----------
@@ -66,8 +65,7 @@ class PoleLadder(Solver, TransportSolver):
         Number of segments of a closed-form geodesic; a solver's path has its own.
     basis : DeformationBasis, optional
         Deformations that span the discrete segments together with those of the path and the vector;
-        by default all coordinates are free. Inner products of two vectors are preserved if both are
-        in the span of the basis.
+        by default all coordinates are free.
     geodesic_solver : object, optional
         Solver for the geodesic, by default the metric's own.
     tolerance : float
@@ -130,9 +128,8 @@ class PoleLadder(Solver, TransportSolver):
         if metric.has_closed_form_transport:
             way = {"end_point": end} if direction is None else {"direction": direction}
             vectors = np.stack([vector, metric.parallel_transport(vector, start, **way)])
-            return TransportResult(
-                vectors[-1], vectors, np.stack([start, end]), message="closed form"
-            )
+            ends = np.stack([start, end])
+            return TransportResult(vectors[-1], vectors, ends, message="closed form")
         if path is None:
             path = self._geodesic(metric, start, end)
         return self._climb(metric, vector, path)
@@ -218,14 +215,14 @@ class SchildLadder(PoleLadder):
         return geometry.displacement(behind, end, ahead)
 
 
+@dataclass
 class _ClosedForms:
     """Geodesics by the metric's own exponential and logarithm."""
 
-    n_iterations = n_evaluations = 0
-    error = 0.0
-
-    def __init__(self, metric: RiemannianMetric) -> None:
-        self._metric = metric
+    _metric: RiemannianMetric
+    n_iterations: int = 0
+    n_evaluations: int = 0
+    error: float = 0.0
 
     def sides(self, middle: ndarray, displacement: ndarray) -> tuple[ndarray, ndarray]:
         return self._metric.exp(-displacement, middle), self._metric.exp(displacement, middle)
@@ -240,13 +237,14 @@ class _ClosedForms:
         return 0.5 * (self._metric.log(after, middle) - self._metric.log(before, middle))
 
 
+@dataclass
 class _SingleSegments:
     """Geodesics of one discrete segment."""
 
-    def __init__(self, equation: GeodesicEquation) -> None:
-        self._equation = equation
-        self.n_iterations = self.n_evaluations = 0
-        self.error = 0.0
+    _equation: GeodesicEquation
+    n_iterations: int = 0
+    n_evaluations: int = 0
+    error: float = 0.0
 
     def sides(self, middle: ndarray, displacement: ndarray) -> tuple[ndarray, ndarray]:
         points = self._solved(self._equation.both_sides, middle, displacement)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -16,7 +16,7 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.representation import Record
 from riemhuman.solvers.paths import solve_pairs
-from riemhuman.solvers.results import PathResult, Result, Status, complete_path_result
+from riemhuman.solvers.results import PathResult, Result, Status, complete
 from riemhuman.surfaces.measures import edge_lengths, signed_volume, triangle_areas
 
 
@@ -32,9 +32,8 @@ class Distortion(NamedTuple):
 class PathMeasures(Record):
     """Energies of a path of surfaces, and how much it distorts them.
 
-    Changes are relative, the largest along the path beyond those between its ends: for sizes A(τ)
-    with ends A₀, A₁ the maximum over τ of A(τ)/max(A₀, A₁) − 1, min(A₀, A₁)/A(τ) − 1 and 0, so that
-    doubling and halving count the same.
+    Changes are relative, and beyond those between the ends: for sizes A(τ) with ends A₀, A₁ the
+    maximum over τ of A(τ)/max(A₀, A₁) − 1, min(A₀, A₁)/A(τ) − 1 and 0.
 
     Attributes
     ----------
@@ -46,8 +45,7 @@ class PathMeasures(Record):
     volume_change : float
         Change of the volume; NaN if the mesh is not closed.
     mean_deviation, max_deviation : float
-        Distance of the vertices from those of the reference, mean and largest over all vertices
-        and times, millimetres; NaN without a reference.
+        Distance of the vertices from those of the reference, millimetres; NaN without one.
 
     Examples
     --------
@@ -154,7 +152,7 @@ def compare_paths(
     compared = []
     for name, (solver, metric_name) in solvers.items():
         began = perf_counter()
-        result = complete_path_result(solver.solve(metrics[metric_name], start, end))
+        result = complete(solver.solve(metrics[metric_name], start, end), PathResult)
         seconds = perf_counter() - began
         measures = measure_path(metrics, result.path, reference)
         compared.append(PathComparison(name, metric_name, result, measures, seconds))
@@ -170,10 +168,8 @@ def measure_path(
     ----------
     metrics : mapping of str to RiemannianMetric
         Metrics on the same surfaces.
-    path : array, shape (n_nodes, V, 3)
-        Path.
-    reference : array, shape (n_nodes, V, 3), optional
-        Path to measure deviations from.
+    path, reference : array, shape (n_nodes, V, 3)
+        Path, and one to measure deviations from.
 
     Examples
     --------
@@ -211,8 +207,8 @@ def measure_path(
 class PathDistances(Result):
     """Distances within a set of points by the lengths of paths between them.
 
-    The closed-form distance of a pull-back metric is that of the ends in a larger space, a lower
-    bound of the geodesic distance; the length of a path within the surfaces is an upper bound.
+    The closed-form distance of a pull-back metric is a lower bound of the geodesic distance, the
+    length of a path within the surfaces an upper bound.
 
     Attributes
     ----------
@@ -223,7 +219,7 @@ class PathDistances(Result):
     gaps : array, shape (n, n)
         `PathResult.gap` of the paths, per cent of their energies.
     n_iterations, n_evaluations, status, message
-        See `Result`, of all paths together; ``STALLED`` if one has not converged.
+        See `Result`; ``STALLED`` if a path has not converged.
 
     Examples
     --------
@@ -244,44 +240,28 @@ class PathDistances(Result):
         with np.errstate(divide="ignore", invalid="ignore"):
             return 100.0 * (self.lengths[pairs] / self.bounds[pairs] - 1.0)
 
-    @staticmethod
-    def row_of(metric: RiemannianMetric, result: PathResult) -> ndarray:
-        """Return the numbers of one path that `from_rows` takes, shape (6,).
 
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        result : PathResult
-            The path.
-        """
-        length, bound = float(metric.length(result.path)), float(np.sqrt(result.lower_bound))
-        counts = result.n_iterations, result.n_evaluations, result.converged
-        return np.array([length, bound, result.gap, *counts], dtype=float)
+def row_of_path(metric: RiemannianMetric, result: PathResult) -> ndarray:
+    """Return the numbers of one path that `distances_of_rows` takes, shape (6,)."""
+    length, bound = float(metric.length(result.path)), float(np.sqrt(result.lower_bound))
+    counts = result.n_iterations, result.n_evaluations, result.converged
+    return np.array([length, bound, result.gap, *counts], dtype=float)
 
-    @classmethod
-    def from_rows(cls, n_points: int, rows: ndarray) -> Self:
-        """Return the table of the paths between all points i < j.
 
-        Parameters
-        ----------
-        n_points : int
-            Number of points n.
-        rows : array, shape (n (n − 1)/2, 6)
-            Row of each pair, see `row_of`.
-        """
-        rows = rows.reshape(-1, 6)
-        tables = np.zeros((3, n_points, n_points))
-        i, j = np.triu_indices(n_points, 1)
-        tables[:, i, j] = tables[:, j, i] = rows[:, :3].T
-        n_converged = int(rows[:, 5].sum())
-        return cls(
-            *tables,
-            n_iterations=int(rows[:, 3].sum()),
-            n_evaluations=int(rows[:, 4].sum()),
-            status=Status.CONVERGED if n_converged == len(rows) else Status.STALLED,
-            message=f"{n_converged} of {len(rows)} paths converged",
-        )
+def distances_of_rows(n_points: int, rows: ndarray) -> PathDistances:
+    """Return the table of the paths between all points i < j, given the row of each pair."""
+    rows = rows.reshape(-1, 6)
+    tables = np.zeros((3, n_points, n_points))
+    i, j = np.triu_indices(n_points, 1)
+    tables[:, i, j] = tables[:, j, i] = rows[:, :3].T
+    n_converged = int(rows[:, 5].sum())
+    return PathDistances(
+        *tables,
+        n_iterations=int(rows[:, 3].sum()),
+        n_evaluations=int(rows[:, 4].sum()),
+        status=Status.CONVERGED if n_converged == len(rows) else Status.STALLED,
+        message=f"{n_converged} of {len(rows)} paths converged",
+    )
 
 
 def path_distances(
@@ -317,8 +297,8 @@ def path_distances(
     """
     pairs = PairsOfPoints(points)
     results = solve_pairs(solver, metric, pairs, n_jobs=n_jobs, progress=progress)
-    rows = np.array([PathDistances.row_of(metric, result) for result in results])
-    return PathDistances.from_rows(len(points), rows)
+    rows = np.array([row_of_path(metric, result) for result in results])
+    return distances_of_rows(len(points), rows)
 
 
 class PairsOfPoints(Sequence[Any]):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy import ndarray
@@ -53,23 +53,24 @@ _FLAT = 1e-5
 _MOST_FROZEN = 20
 
 
+@dataclass(frozen=True)
 class PathSearch(PathSolver):
     """What searches for paths of least energy have in common; no basis frees all coordinates."""
 
     basis: DeformationBasis | None
-    n_nodes: int
-    energy: PathEnergy
-    initial: GeodesicSolver | None
-    tolerance: float
-    max_iter: int
-    remove_drift: bool
-    callback: Callable[[int, float, ndarray], Any] | None
-    progress: bool
+    n_nodes: int = 11
+    energy: PathEnergy = SegmentEnergy()
+    initial: GeodesicSolver | None = None
+    tolerance: float = 1e-4
+    max_iter: int = 1000
+    remove_drift: bool = True
+    callback: Callable[[int, float, ndarray], Any] | None = None
+    progress: bool = False
 
     # The share of the energy that the second half of many iterations may have gained at the end,
     # and the least such share in units of the tolerance.
-    _recent_decrease: float
-    _recent_tolerances: float
+    _recent_decrease: ClassVar[float]
+    _recent_tolerances: ClassVar[float]
 
     def solve(
         self,
@@ -128,7 +129,7 @@ class PathSearch(PathSolver):
         if len(paths) == 1:
             return self._descend(metric, paths[0])
         tolerance = max(_FIRST_TOLERANCE, self.tolerance)
-        short: Any = replace(cast(Any, self), tolerance=tolerance, callback=None)
+        short = replace(self, tolerance=tolerance, callback=None)
         results: list[PathResult] = []
         for path in paths:
             results.append(short._descend(metric, path))
@@ -216,8 +217,7 @@ class BasisPath(PathSearch):
     straight path (1 − t) f₀ + t f₁ (corrected), as here with ``initial=LinearPath(n_nodes)``. By
     default l is the path that rotates every triangle (`PoissonPath`) where that has less energy, so
     that limbs bend instead of shrinking. A quasi-Newton method finds α, preconditioned by the
-    metric's Gram matrix on the basis, averaged over the first and the last surface between the
-    ends.
+    metric's Gram matrix on the basis.
 
     Parameters
     ----------
@@ -255,14 +255,6 @@ class BasisPath(PathSearch):
     """
 
     basis: DeformationBasis
-    n_nodes: int = 11
-    energy: PathEnergy = SegmentEnergy()
-    initial: GeodesicSolver | None = None
-    tolerance: float = 1e-4
-    max_iter: int = 1000
-    remove_drift: bool = True
-    callback: Callable[[int, float, ndarray], Any] | None = None
-    progress: bool = False
 
     _recent_decrease = 1e-3
     _recent_tolerances = 10.0
@@ -289,12 +281,10 @@ class PathStraightening(PathSearch):
 
     Coordinates are the entries of the arrays; `projection` maps them back to the manifold, and
     steps that leave it (`belongs`) are rejected. The minimisation is L-BFGS with the inverse of the
-    metric's matrix, averaged over the path, as its first inverse Hessian; it starts from the
-    straight path, or on surfaces from the path that rotates every triangle (`PoissonPath`) if that
-    has less energy. Where a limb may rotate either way, both ways are tried, as in `BasisPath`.
-    Triangles that have nearly vanished, where normals jump and no slope leads on, are frozen while
-    others move. Its energies were lower than those of `BasisPath` for all pairs tried, and are
-    never higher with ``initial=BasisPath(...)``.
+    metric's matrix, averaged over the path, as its first inverse Hessian; it starts as `BasisPath`
+    does, and tries both ways where a limb may rotate either way. Triangles that have nearly
+    vanished, where normals jump and no slope leads on, are frozen while others move. Its energies
+    are never higher than those of `BasisPath` with ``initial=BasisPath(...)``.
 
     If it costs nothing that surfaces slide along themselves, their meshes crumple: a
     `ReparametrizationInvarianceWarning` says so.
@@ -320,16 +310,8 @@ class PathStraightening(PathSearch):
     2.0
     """
 
-    n_nodes: int = 11
-    energy: PathEnergy = SegmentEnergy()
-    initial: GeodesicSolver | None = None
-    tolerance: float = 1e-4
-    max_iter: int = 1000
-    remove_drift: bool = True
-    callback: Callable[[int, float, ndarray], Any] | None = None
-    progress: bool = False
+    basis: None = field(init=False, repr=False, default=None)
 
-    basis = None
     _recent_decrease = 2e-3
     _recent_tolerances = 20.0
 

@@ -25,7 +25,7 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.progress import ProgressBar
-from riemhuman.solvers.results import PathResult, Solver, complete_path_result
+from riemhuman.solvers.results import PathResult, Solver, complete
 
 # Relative rounding errors of a point's entries.
 _ROUNDING = 1e-13
@@ -161,7 +161,7 @@ def _solve_pair(
         for point, name in zip(pair, ("start", "end"), strict=True)
     )
     try:
-        return complete_path_result(solver.solve(metric, start, end))
+        return complete(solver.solve(metric, start, end), PathResult)
     except RiemhumanError as error:
         raise type(error)(f"pairs[{number}]: {error}") from error
 
@@ -199,7 +199,7 @@ class ClosedFormGeodesic(PathSolver):
     Parameters
     ----------
     n_nodes : int
-        Number of points of the path, both ends included.
+        As of `LinearPath`.
 
     Examples
     --------

@@ -159,11 +159,9 @@ class PathResult(Result):
         Squared distance of the ends where the metric has a closed form, else 0: no path has less
         energy, discrete or continuous.
     gap : float
-        Estimate, in per cent of the energy, of how much further iterations would reduce it. On
-        bodies it was at least a third of that over a basis, a fifth in all coordinates, and two to
-        three times it in the median over a basis; it does not know of another valley that a longer
-        search would find. nan for paths that do not minimise energy, and where slopes and
-        iterations do not tell.
+        Estimate, in per cent of the energy, of how much further iterations would reduce it, on
+        bodies at least a fifth of that; nan where there is none, as for paths that do not minimise
+        energy.
     n_iterations, n_evaluations, status, message
         See `Result`.
 
@@ -209,22 +207,9 @@ class MeanResult(Result):
     variances: ndarray
 
 
-# Least values of settings that are whole numbers, and settings that must be above 0 or at least 0.
-_LEAST = {
-    "n_nodes": 2,
-    "n_steps": 1,
-    "n_rungs": 1,
-    "max_iter": 1,
-    "sample_size": 1,
-    "n_doublings": 0,
-}
-_ABOVE_ZERO = {
-    "tolerance",
-    "end_tolerance",
-    "pose_weight",
-    "bone_smoothing",
-}
-_AT_LEAST_ZERO = {"companion_weight"}
+# Least values of settings that are whole numbers, and settings that must be above 0.
+_LEAST = {"n_nodes": 2, "n_steps": 1, "n_rungs": 1, "max_iter": 1, "n_doublings": 0}
+_ABOVE_ZERO = {"tolerance", "end_tolerance", "pose_weight", "bone_smoothing"}
 
 
 class Solver:
@@ -235,8 +220,10 @@ class Solver:
             value = getattr(self, name)
             if name in _LEAST:
                 whole_number(value, name, minimum=_LEAST[name])
-            elif name in _ABOVE_ZERO | _AT_LEAST_ZERO and value is not None:
-                real_number(value, name, minimum=0.0, strict=name in _ABOVE_ZERO)
+            elif name in _ABOVE_ZERO and value is not None:
+                real_number(value, name, minimum=0.0, strict=True)
+            elif name == "companion_weight":
+                real_number(value, name, minimum=0.0)
 
 
 ResultType = TypeVar("ResultType", bound=Result)
@@ -278,19 +265,11 @@ def finish(solver: object, result: ResultType) -> ResultType:
     return result
 
 
-def complete_path_result(found: Any) -> PathResult:
-    """Return the result of anybody's geodesic solver, a path and its energy, with defaults."""
-    return _complete(found, PathResult, "path", "energy", "energies")
-
-
-def complete_mean_result(found: Any) -> MeanResult:
-    """Return the result of anybody's mean solver, a point and its variance, with defaults."""
-    return _complete(found, MeanResult, "point", "variance", "variances")
-
-
-def _complete(found: Any, cls: type[ResultType], point: str, value: str, values: str) -> ResultType:
+def complete(found: Any, cls: type[ResultType]) -> ResultType:
+    """Return the result of anybody's solver, a solution and its value, with defaults."""
     if isinstance(found, cls):
         return found
+    point, value, values = (f.name for f in fields(cls) if f.default is dataclasses.MISSING)
     last = float(getattr(found, value))
     arrays: dict[str, Any] = {
         point: np.asarray(getattr(found, point), dtype=float),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -24,85 +23,15 @@ _ROUNDING = 1e-13
 # Draws, for every sample asked for, before those that are not accepted are too many.
 _MOST_DRAWN = 100
 
-
 IMAGES = ("auto", "fields", "points")
 
 
-class Points:
-    """The space itself, whose metric has exp and log."""
-
-    def __init__(self, metric: RiemannianMetric) -> None:
-        self.metric = metric
-
-    def embed(self, points: ndarray) -> ndarray:
-        r"""Return the points themselves."""
-        return points
-
-    def restore(self, images: ndarray, start: ndarray) -> ndarray:
-        r"""Return the images, projected to the manifold to remove rounding errors."""
-        return self.metric.space.projection(images)
-
-    def is_sound(self, point: ndarray, reference: ndarray) -> bool:
-        r"""Return True: every point of a manifold is sound."""
-        return True
-
-    def mean(self, points: ndarray) -> ndarray:
-        r"""Return the Karcher mean by `GradientDescentMean`."""
-        return GradientDescentMean().solve(self.metric, points).point
-
-
-class Fields:
-    r"""The fields Φ(f) of surfaces, in the space where the metric measures their distances.
-
-    There geodesics have a closed form, and ‖log Φ(f)‖ = d(f, mean). A point of that space need not
-    come from a surface; it is then replaced by the nearest surface.
-    """
-
-    def __init__(self, metric: Any, nearest: NearestSurface) -> None:
-        self.metric = metric.target_metric
-        self._pullback = metric
-        self._nearest = nearest
-
-    def embed(self, points: ndarray) -> ndarray:
-        r"""Return the fields of surfaces."""
-        return self._pullback.map(points)
-
-    def restore(self, images: ndarray, start: ndarray) -> ndarray:
-        r"""Return the nearest surfaces."""
-        surfaces = [
-            self._nearest.solve(self._pullback, image[None], start).point for image in images
-        ]
-        return np.array(surfaces).reshape(-1, *self._pullback.space.shape)
-
-    def is_sound(self, point: ndarray, reference: ndarray) -> bool:
-        r"""Return whether a surface has no inverted triangle."""
-        faces = self._pullback.space.template.faces
-        return not inverted_triangles(point, reference, faces).any()
-
-    def mean(self, points: ndarray) -> ndarray:
-        r"""Return the Karcher mean over all vertices by `BasisMean`."""
-        nearest = self._nearest
-        solver = BasisMean(companion_weight=nearest.companion_weight, progress=nearest.progress)
-        return solver.solve(self._pullback, points).point
-
-
-def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> Points | Fields:
-    """Return the space for the statistics of a metric."""
-    pulled_back = metric.has_target_metric
-    if one_of(kind, "image", IMAGES) == "auto":
-        kind = "fields" if pulled_back else "points"
-    if kind == "points":
-        return Points(metric)
-    if not pulled_back:
-        raise ArgumentError(
-            f'image="fields" needs a metric pulled back by a map of surfaces; '
-            f"found {type(metric).__name__}"
-        )
-    return Fields(metric, nearest or NearestSurface())
-
-
 class ImageEstimator(Estimator):
-    """An estimator with the parameters `space`, `image` and `nearest`."""
+    r"""An estimator that takes logarithms of the fields Φ(f) of surfaces, or of points themselves.
+
+    In the space of fields geodesics have a closed form, and ‖log Φ(f)‖ = d(f, mean). A point of
+    that space need not come from a surface; it is then replaced by the nearest surface.
+    """
 
     space: Any
     image: str
@@ -112,14 +41,42 @@ class ImageEstimator(Estimator):
     def _metric(self) -> RiemannianMetric:
         return metric_of(self.space)
 
-    def _image_space(self) -> Points | Fields:
-        return image_space(self._metric, self.image, self.nearest)
+    @property
+    def _takes_fields(self) -> bool:
+        is_pulled_back = self._metric.has_target_metric
+        if one_of(self.image, "image", IMAGES) == "fields" and not is_pulled_back:
+            raise ArgumentError(
+                f'image="fields" needs a metric pulled back by a map of surfaces; '
+                f"found {type(self._metric).__name__}"
+            )
+        return is_pulled_back and self.image != "points"
+
+    @property
+    def _image_metric(self) -> RiemannianMetric:
+        return self._metric.target_metric if self._takes_fields else self._metric
+
+    @property
+    def _nearest(self) -> NearestSurface:
+        return self.nearest or NearestSurface()
+
+    def _embed(self, points: ndarray) -> ndarray:
+        return self._metric.map(points) if self._takes_fields else points
+
+    def _restore(self, images: ndarray, start: ndarray) -> ndarray:
+        """Return the surfaces with the nearest fields, or points without rounding errors."""
+        metric = self._metric
+        if not self._takes_fields:
+            return metric.space.projection(images)
+        found = [self._nearest.solve(metric, image[None], start).point for image in images]
+        return np.array(found).reshape(-1, *metric.space.shape)
 
     def _mean_point(self, mean: Any, points: ndarray) -> ndarray:
         """Return the point of tangency: a point, what a solver finds, or the Karcher mean."""
-        metric = self._metric
-        if mean is None:
-            return self._image_space().mean(points)
+        metric, nearest = self._metric, self._nearest
+        if mean is None and self._takes_fields:
+            mean = BasisMean(companion_weight=nearest.companion_weight, progress=nearest.progress)
+        elif mean is None:
+            mean = GradientDescentMean()
         if hasattr(mean, "solve"):
             return mean.solve(metric, points).point
         mean = real_array(mean, "mean", metric.space.shape, batched=False)
@@ -131,8 +88,7 @@ class TangentPCA(ImageEstimator):
 
     With :math:`v_i = \log_{\bar x} x_i` less their average, the directions :math:`u_k` maximise
     :math:`\sum_i \langle v_i, u_k\rangle_{\bar x}^2` [1]_. They are computed from the n × n matrix
-    of inner products of the :math:`v_i`, which has the eigenvalues of the generalised problem
-    :math:`G C G u = \sigma^2 G u` with the metric's matrix G.
+    of inner products of the :math:`v_i`.
 
     Surfaces are mapped to their fields Φ(f) = (g, n), where geodesics have a closed form.
     Logarithms are taken there, and a combination of directions is mapped back to the surface with
@@ -151,8 +107,8 @@ class TangentPCA(ImageEstimator):
         The point of tangency, or a solver for it, such as `BasisMean`. By default the Karcher mean
         by `GradientDescentMean`, of surfaces by `BasisMean`.
     image : {"auto", "fields", "points"}
-        Where logarithms are taken: "fields" as above, or "points" with the metric's own `exp` and
-        `log`. By default "fields" for metrics that are pulled back.
+        Where logarithms are taken: "fields" as above, by default for metrics that are pulled back,
+        or "points" with the metric's own `exp` and `log`.
     nearest : NearestSurface, optional
         How surfaces are found from fields.
 
@@ -231,18 +187,17 @@ class TangentPCA(ImageEstimator):
                     f"n_components={self.n_components} exceeds what {len(points)} points can "
                     f"span: at most {len(points) - 1}"
                 )
-        image = self._image_space()
-        mean = self.mean if base_point is None else base_point
-        self.mean_ = self._mean_point(mean, points)
-        self._base = image.embed(self.mean_[None])[0]
-        logs = image.metric.log(image.embed(points), self._base)
+        metric = self._image_metric
+        self.mean_ = self._mean_point(self.mean if base_point is None else base_point, points)
+        self._base = self._embed(self.mean_[None])[0]
+        logs = metric.log(self._embed(points), self._base)
         self.offset_ = logs.mean(axis=0)
-        self._set_components(image, logs - self.offset_)
+        self._set_components(metric, logs - self.offset_)
         return self
 
-    def _set_components(self, image: Fields | Points, logs: ndarray) -> None:
+    def _set_components(self, metric: RiemannianMetric, logs: ndarray) -> None:
         rows = logs.reshape(len(logs), -1)
-        covectors = image.metric.covector(logs, self._base).reshape(len(logs), -1)
+        covectors = metric.covector(logs, self._base).reshape(len(logs), -1)
         products = covectors @ rows.T
         values, vectors = np.linalg.eigh(0.5 * (products + products.T))
         values, vectors = values[::-1], vectors[:, ::-1]
@@ -274,10 +229,9 @@ class TangentPCA(ImageEstimator):
             Not used.
         """
         self._require_fit("components_")
-        image = self._image_space()
-        points = self._metric.check_points(X, "X")
-        logs = image.metric.log(image.embed(points), self._base) - self.offset_
-        covectors = image.metric.covector(self.components_, self._base)
+        metric, points = self._image_metric, self._metric.check_points(X, "X")
+        logs = metric.log(self._embed(points), self._base) - self.offset_
+        covectors = metric.covector(self.components_, self._base)
         return logs.reshape(len(logs), -1) @ covectors.reshape(self.n_components_, -1).T
 
     def fit_transform(
@@ -307,10 +261,9 @@ class TangentPCA(ImageEstimator):
                 f"X holds {scores.shape[1]} coordinates a point; there are "
                 f"{self.n_components_} components"
             )
-        image = self._image_space()
         directions = self.components_[: scores.shape[1]]
         vectors = self.offset_ + np.tensordot(scores, directions, axes=1)
-        return image.restore(image.metric.exp(vectors, self._base), self.mean_)
+        return self._restore(self._image_metric.exp(vectors, self._base), self.mean_)
 
     def sample(
         self,
@@ -336,8 +289,7 @@ class TangentPCA(ImageEstimator):
         """
         self._require_fit("components_")
         n_samples, rng = sample_count(n_samples), generator(rng)
-        if accept is None:
-            accept = partial(self._image_space().is_sound, reference=self.mean_)
+        accept = accept or self._is_sound
         deviations = np.sqrt(self.explained_variance_)
         accepted: list[ndarray] = []
         n_drawn = 0
@@ -352,3 +304,9 @@ class TangentPCA(ImageEstimator):
             n_drawn += len(points)
             accepted += [point for point in points if accept(point)]
         return stack_samples(np.stack(accepted), n_samples)
+
+    def _is_sound(self, point: ndarray) -> bool:
+        if not self._takes_fields:
+            return True
+        faces = self._metric.space.template.faces
+        return not inverted_triangles(point, self.mean_, faces).any()

@@ -12,7 +12,6 @@ are transferred by `PoseTransfer`, from which `Disentangling` starts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -53,8 +52,8 @@ _ROUNDING = 1e-12
 _LEAST_AREA = 1e-6
 
 # Time of the flow, as a share of the area of a body. Of a variation of wavelength ℓ there remains
-# about exp(−4π²t/ℓ²): of 1.8 m², a half where ℓ = 0.41 m, an arm's girth and more; a quarter of
-# what goes around an arm, 0.3 m, and nine tenths of what changes from a thigh to its shin, 1 m.
+# about exp(−4π²t/ℓ²): a quarter of what goes around an arm, 0.3 m, and nine tenths of what changes
+# from a thigh to its shin, 1 m.
 _SMOOTHING = 1.0 / 600.0
 
 # How much longer heat flows along bones: see `Disentangling`.
@@ -76,10 +75,9 @@ class MotionTransfer:
         target stands as the source does; "body": axes are carried from the source's triangles to
         the target's by the rotation between them, for a target in another pose.
     transfer : str
-        "change": the target repeats the changes of the source since the reference; if its initial
-        pose differs a little, its later poses differ as much, so that hands may end beside the head
-        instead of on it. "pose": the target takes the pose of the source in every frame, whatever
-        its own initial pose; `axes` must then be "world".
+        "change": the target repeats the changes of the source since the reference. "pose": the
+        target takes the pose of the source in every frame, whatever its own initial pose; `axes`
+        must then be "world".
 
     Examples
     --------
@@ -109,7 +107,7 @@ class MotionTransfer:
         target: ndarray,
         reference: ndarray | None = None,
     ) -> ndarray:
-        """Return the target's motion.
+        """Return the target's motion, on which parts rest that rest on the source, above all feet.
 
         Parameters
         ----------
@@ -120,15 +118,8 @@ class MotionTransfer:
         target : array, shape (V, 3)
             Body to be moved.
         reference : array, shape (V, 3), optional
-            The source in the target's pose, by default the first frame: for a frame equal to the
-            reference, the result is the target. It must be left out where poses are transferred.
-
-        Returns
-        -------
-        array, shape (n_frames, V, 3)
-            It is placed so that parts which rest on the source also rest on the target, above all
-            planted feet: mean displacements of vertices agree, with weights 1/(d² + 1 cm²) of the
-            displacement d. For poses, the first frame has the centroid of the source.
+            The source in the target's pose, by default the first frame; left out where poses are
+            transferred.
         """
         if reference is not None and self.transfer == "pose":
             raise ArgumentError(
@@ -176,7 +167,7 @@ class ShapeTransfer:
     def solve(
         self, space: AlignedSurfaces, before: ndarray, after: ndarray, target: ndarray
     ) -> ndarray:
-        """Return the second body in the target's pose.
+        """Return the second body in the target's pose, with the centroids of its components.
 
         Parameters
         ----------
@@ -186,11 +177,6 @@ class ShapeTransfer:
             The first and the second body in one pose.
         target : array, shape (V, 3)
             The first body in another pose.
-
-        Returns
-        -------
-        array, shape (V, 3)
-            The centroid of each connected component is that of the target.
         """
         before, after, target = (
             _one_surface(space, body, name)
@@ -201,7 +187,7 @@ class ShapeTransfer:
 
 @dataclass(frozen=True, repr=False)
 class DisentanglingResult(Result):
-    """A surface near one body in shape and near another in pose, and how it was found.
+    """A surface near one body in shape and another in pose, and how it was found.
 
     Attributes
     ----------
@@ -245,12 +231,7 @@ class Disentangling(Solver):
     A_B is A, brought into the pose of B by a smooth field of rotations: the normals of B itself
     show its build, such as face and chest, as well as its pose. The search starts from A_B and
     shares the strain of the joints with their neighbours. The result stands where B does and holds
-    the pose as B holds it. Its error against A's own performance of the pose is therefore measured
-    bone by bone, each moved rigidly; that of the whole body mostly shows how differently B holds
-    the pose.
-
-    Seldom, on one of 80 pairs of full bodies that were tried, the search ends at a triangle that
-    has lost its area, in a shoulder; it then warns that it has not converged.
+    the pose as B holds it.
 
     For the shape metric λ must be large enough for distances not to saturate: (1, 1, 0), and not
     the (1, 1e-4, 0) of the paper's retrieval, whose gradient vanishes almost everywhere.
@@ -265,16 +246,13 @@ class Disentangling(Solver):
     bone_smoothing : float
         How much longer heat flows along bones, once joints are known: the larger, the less of B's
         build is carried over, above all to the torso, and the farther limbs end from where B holds
-        them. The default is the largest of 3, 10, 20 and 30 that adds at most 3 % to the distance
-        from A's own performance of the pose (tests/benchmarks/test_transfer.py); much larger values
-        may leave triangles without area.
+        them. The default adds at most 3 % to the distance from A's own performance of the pose
+        (tests/benchmarks/test_transfer.py).
     tolerance : float
         Stop when a Newton step would gain at most this share of the value, as far as the
         preconditioned gradient tells.
     max_iter : int
         Most iterations.
-    callback : callable, optional
-        Called with (iteration, value, surface) after each iteration.
     progress : bool
         Whether to show a progress bar.
 
@@ -293,7 +271,6 @@ class Disentangling(Solver):
     bone_smoothing: float = _BONE_SMOOTHING
     tolerance: float = 1e-3
     max_iter: int = 300
-    callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
 
     def solve(
@@ -302,7 +279,6 @@ class Disentangling(Solver):
         pose_metric: SurfaceMetric,
         shape: ndarray,
         pose: ndarray,
-        initial: ndarray | None = None,
     ) -> DisentanglingResult:
         """Find the surface.
 
@@ -314,8 +290,6 @@ class Disentangling(Solver):
             Body A, which gives the shape.
         pose : array, shape (V, 3)
             Body B, which gives the pose.
-        initial : array, shape (V, 3), optional
-            Surface to start from.
         """
         space: Any = shape_metric.space
         if not space.is_surface_space or space.shape != pose_metric.space.shape:
@@ -325,12 +299,11 @@ class Disentangling(Solver):
             )
         shape = _one_surface(space, shape, "shape")
         pose = _one_surface(space, pose, "pose")
-        posed = PoseTransfer(space, self.bone_smoothing).solve(shape, pose)
-        start = posed if initial is None else _one_surface(space, initial, "initial")
         if self.basis is not None:
-            self.basis.check_fits(len(start))
+            self.basis.check_fits(len(shape))
+        posed = PoseTransfer(space, self.bone_smoothing).solve(shape, pose)
         sum_ = _WeightedSum((shape_metric, 1.0, shape), (pose_metric, self.pose_weight, posed))
-        minimum = self._minimize(sum_, space, shape, start)
+        minimum = self._minimize(sum_, space, shape, posed)
         surface, value = minimum.x, minimum.value
         if self.basis is not None:
             # Translations change neither metric.
@@ -363,7 +336,7 @@ class Disentangling(Solver):
             return sum_.value_and_gradient(surface)
 
         text = "disentangling" if self.progress else ""
-        minimizer = LBFGS(self.tolerance, self.max_iter, callback=self.callback, progress=text)
+        minimizer = LBFGS(self.tolerance, self.max_iter, progress=text)
         coordinates = Coordinates(space, start)
         return coordinates.minimize(minimizer, objective, sum_.factor, floor=sum_.rounding(start))
 
@@ -424,15 +397,13 @@ class _ChangeTransfer:
 class PoseTransfer:
     """Brings one body into the pose of another, whatever the build of the other.
 
-    The polar rotations R of the triangles, from body A to body B, contain two things: the pose of
-    B, which varies from bone to bone, and the build of B, which varies around a limb and within a
-    face. The heat flow of R over the template (`surfaces._triangle_heat`) keeps the first.
-    Where the smoothed field bends, there are joints; heat then flows anew from R, `bone_smoothing`
-    times as long, and slowly across them (after Perona and Malik, "Scale-space and edge detection
-    using anisotropic diffusion", IEEE PAMI 12, 1990), so that bones lose more of B's build and
-    joints less of their bends. A's triangles, rotated by the smooth field, are put together by a
-    Poisson equation. A second round adds the smoothed remainder of the rotations, which restores
-    the bends of joints.
+    The polar rotations R of the triangles, from body A to body B, contain the pose of B, which
+    varies from bone to bone, and its build, which varies around a limb and within a face. The heat
+    flow of R over the template keeps the first. Where the smoothed field bends, there are joints;
+    heat then flows anew from R, `bone_smoothing` times as long, and slowly across them (after
+    Perona and Malik, "Scale-space and edge detection using anisotropic diffusion", IEEE PAMI 12,
+    1990). A's triangles, rotated by the smooth field, are put together by a Poisson equation. A
+    second round adds the smoothed remainder of the rotations, which restores the bends of joints.
     """
 
     def __init__(self, space: AlignedSurfaces, bone_smoothing: float = _BONE_SMOOTHING) -> None:
@@ -483,7 +454,7 @@ def _flow(half: LinearOperator, rotations: ndarray) -> ndarray:
 
 
 def _placed(surface: ndarray, start: ndarray, displacement: ndarray, areas: ndarray) -> ndarray:
-    """Return a surface shifted so that parts at rest on the source have left their start as far."""
+    """Return a surface shifted so that mean displacements agree, above all those at rest."""
     weights = areas / (_AT_REST**2 + np.sum(displacement**2, axis=1))
     return surface + np.average(start + displacement - surface, axis=0, weights=weights)
 

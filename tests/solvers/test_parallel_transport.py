@@ -4,6 +4,7 @@ import bodies_in_motion as bodies
 import numpy as np
 import pytest
 from cases import CASES, cases_that, name_of
+from oracles import orders
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import (
@@ -29,12 +30,6 @@ OTHERS = [
     CASES[name]
     for name in ("mixed triangle", "all open", "half-plane, distance", "half-plane, inner product")
 ]
-
-
-def orders(errors):
-    """Return the orders at which errors fall where the segments are halved."""
-    errors = np.asarray(errors)
-    return np.log2(errors[:-1] / errors[1:])
 
 
 def vectors_at(case, rng=1):

@@ -14,12 +14,11 @@ from riemhuman.solvers import (
     FiniteDifferenceEnergy,
     Interrupted,
     LinearPath,
-    PathDistances,
     PoissonPath,
     SegmentEnergy,
     path_distances,
 )
-from riemhuman.solvers.path_comparison import PairsOfPoints
+from riemhuman.solvers.path_comparison import PairsOfPoints, distances_of_rows
 from riemhuman.solvers.paths import (
     check_end_points,
     check_initial_path,
@@ -274,7 +273,7 @@ def test_table_of_lengths(metric, points):
 def test_the_table_holds_the_row_of_every_pair_on_both_sides():
     rows = np.arange(18.0).reshape(3, 6)
     rows[:, 5] = 1.0, 0.0, 1.0
-    found = PathDistances.from_rows(3, rows)
+    found = distances_of_rows(3, rows)
     for name, column in (("lengths", 0), ("bounds", 1), ("gaps", 2)):
         a, b, c = rows[:, column]
         np.testing.assert_array_equal(getattr(found, name), [[0, a, b], [a, 0, c], [b, c, 0]])

@@ -67,13 +67,7 @@ def test_solvers_and_results_are_frozen(cls):
 
 
 LEAST = {"n_nodes": 2, "max_iter": 1, "n_steps": 1, "n_rungs": 1}
-MODELS = ("basis", "model")
-POSITIVE = (
-    "tolerance",
-    "end_tolerance",
-    "pose_weight",
-    "bone_smoothing",
-)
+MODELS = ("basis", "model", "parameters")
 
 
 def settings_of(bounds):
@@ -89,7 +83,7 @@ def settings_of(bounds):
 
 def build(cls, **settings):
     """Return a solver; none looks at its basis or model before it solves."""
-    given = {field.name: None for field in dataclasses.fields(cls) if field.name in MODELS}
+    given = {f.name: None for f in dataclasses.fields(cls) if f.init and f.name in MODELS}
     return cls(**given, **settings)
 
 
