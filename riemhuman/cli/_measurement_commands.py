@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,21 +91,13 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
 
 
 def _trusted_vertices(files: Sequence[Path], n_vertices: int) -> ndarray:
-    """Return which vertices of each body its registration trusts; all of others, shape (n, V)."""
+    """Return which vertices of each body its file says to trust; else all, shape (n, V)."""
     import numpy as np
-
-    @cache
-    def records(folder: Path) -> dict[str, Any]:
-        if not (folder / "registrations").is_dir():
-            return {}
-        return {record.name: record for record in rh.registration.read_records(folder)}
 
     trusted = np.ones((len(files), n_vertices), dtype=bool)
     for row, file in zip(trusted, files, strict=True):
-        is_below = file.parent.name in ("partial", "untrusted")
-        record = records(file.parent.parent if is_below else file.parent).get(file.stem)
-        if record is not None and record.arrays:
-            row[:] = record.arrays["trusted_vertices"]
+        known = rh.io.load_trusted(file)
+        row[:] = True if known is None else known
     return trusted
 
 

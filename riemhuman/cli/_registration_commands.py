@@ -108,7 +108,7 @@ def _register_file(registration: Any, options: argparse.Namespace) -> cli.Answer
     elif result.message:
         terminal.note(f"{options.scans}: {result.message}")
     points = result.points if options.keep_axes else result.upright_points
-    rh.save_mesh(options.output, points, registration.model.faces)
+    rh.save_mesh(options.output, points, registration.model.faces, result.trusted_vertices)
     return cli.Answer(text, record, trusted=bool(result.trusted))
 
 

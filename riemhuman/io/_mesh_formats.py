@@ -39,6 +39,20 @@ def read_ply(file: Path) -> tuple[ndarray, ndarray | None, ndarray | None]:
     Text and binary files of either byte order, with lists of any lengths and with any other
     elements and properties, which are ignored.
     """
+    data = _read_ply(file)
+    vertices = _columns(data, _POSITION)
+    if vertices is None or len(vertices) == 0:
+        raise FileFormatError("a PLY file must have vertices with numbers x, y and z")
+    return vertices, _faces(data), _columns(data, _NORMAL)
+
+
+def read_trusted(file: Path) -> ndarray | None:
+    """Return the property `trusted` of the vertices of a PLY file, shape (V,), or None."""
+    trusted = _columns(_read_ply(file), ("trusted",))
+    return None if trusted is None else trusted[:, 0] != 0
+
+
+def _read_ply(file: Path) -> Any:
     import plyfile  # imported here because few programs read PLY files
 
     content = read_bytes(file)
@@ -51,16 +65,12 @@ def read_ply(file: Path) -> tuple[ndarray, ndarray | None, ndarray | None]:
             try:
                 if not header.isascii():  # comments in other encodings, which plyfile refuses
                     raise plyfile.PlyElementParseError("not mapped")
-                data = plyfile.PlyData.read(str(file), known_list_len=all_triangles)
+                return plyfile.PlyData.read(str(file), known_list_len=all_triangles)
             except plyfile.PlyElementParseError:
                 plain = header.decode("ascii", "replace").replace("\ufffd", "?").encode()
-                data = plyfile.PlyData.read(io.BytesIO(plain + content[len(header) :]))
+                return plyfile.PlyData.read(io.BytesIO(plain + content[len(header) :]))
     except Exception as error:  # a damaged file can make the parser raise any error
         raise FileFormatError(f"damaged PLY file: {short_message(error)}") from error
-    vertices = _columns(data, _POSITION)
-    if vertices is None or len(vertices) == 0:
-        raise FileFormatError("a PLY file must have vertices with numbers x, y and z")
-    return vertices, _faces(data), _columns(data, _NORMAL)
 
 
 def _check_counts(content: bytes) -> bytes:
@@ -223,17 +233,22 @@ def _shorten(words: list[bytes]) -> str:
     return repr(b" ".join(words).decode("latin-1")[:60])
 
 
-def write_ply(vertices: ndarray, faces: ndarray) -> bytes:
+def write_ply(vertices: ndarray, faces: ndarray, trusted: ndarray | None = None) -> bytes:
+    of_trust = "" if trusted is None else "property uchar trusted\n"
     header = (
         "ply\nformat binary_little_endian 1.0\n"
         f"element vertex {len(vertices)}\n"
-        "property double x\nproperty double y\nproperty double z\n"
+        f"property double x\nproperty double y\nproperty double z\n{of_trust}"
         f"element face {len(faces)}\n"
         "property list uchar int vertex_indices\nend_header\n"
     )
+    points = vertices.astype("<f8")
+    if trusted is not None:
+        points = np.empty(len(vertices), dtype=[("position", "<f8", 3), ("trusted", "u1")])
+        points["position"], points["trusted"] = vertices, trusted
     rows = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     rows["count"], rows["corners"] = 3, faces
-    return header.encode() + vertices.astype("<f8").tobytes() + rows.tobytes()
+    return header.encode() + points.tobytes() + rows.tobytes()
 
 
 def write_obj(vertices: ndarray, faces: ndarray) -> bytes:

@@ -118,7 +118,33 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
         return np.asarray(real_array(points, "points", ("n", 3), batched=False)), None, normals
 
 
-def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLike) -> None:
+def load_trusted(path: str | os.PathLike[str]) -> ndarray | None:
+    """Return which vertices of a registered body are trusted, or None if its file does not say.
+
+    Parameters
+    ----------
+    path : path_like
+        A mesh file; PLY files that `save_mesh` wrote may say.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.save_mesh("body.ply", bodies[0], bodies.template.faces, bodies[0][:, 1] > 0.9)
+    >>> bool((rh.io.load_trusted("body.ply") == (bodies[0][:, 1] > 0.9)).all())
+    True
+    """
+    file = file_path(path)
+    with _errors_of(file):
+        return formats.read_trusted(file) if file.suffix.lower() == ".ply" else None
+
+
+def save_mesh(
+    path: str | os.PathLike[str],
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    trusted: ArrayLike | None = None,
+) -> None:
     """Write a triangle mesh atomically to a file that reads back bit for bit.
 
     Parameters
@@ -130,6 +156,8 @@ def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLik
         Vertex positions.
     faces : array_like, shape (F, 3)
         Vertex indices of each triangle, counted from 0.
+    trusted : array_like of bool, shape (V,), optional
+        Which vertices a registration trusts; only PLY files hold it, as a property of vertices.
 
     Examples
     --------
@@ -141,7 +169,15 @@ def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLik
     write = _WRITERS.get(file.suffix.lower())
     if write is None:
         raise unknown_suffix(file, _WRITERS)
-    content = write(*check_mesh(vertices, faces))
+    mesh = check_mesh(vertices, faces)
+    if trusted is not None and (
+        np.asarray(trusted).dtype != bool or np.shape(trusted) != mesh[0].shape[:1]
+    ):
+        raise ArgumentError(f"trusted must be Boolean, of shape {mesh[0].shape[:1]}")
+    if trusted is not None and file.suffix.lower() == ".ply":
+        content = formats.write_ply(*mesh, np.asarray(trusted))
+    else:
+        content = write(*mesh)
     if not os.path.isdir(file.parent):
         raise FileError(f"{file} cannot be written: there is no folder {file.parent}")
     write_bytes(file, content)

@@ -32,7 +32,7 @@ from riemhuman.registration.scan_registration import (
 from riemhuman.registration.scans import Scan, in_metres
 
 UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
-_VERSION = 4
+_VERSION = 5
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
 _FIELDS = ("trusted", "message", "likelihood", "median_distance", "matched_share")
@@ -297,7 +297,7 @@ def _write(folder: Path, record: ScanRecord, key: str, transform: np.ndarray | N
         body.parent.mkdir(exist_ok=True)
         motion = record.arrays["transform"] if transform is None else transform
         points = apply_transform(motion, record.arrays["points"])
-        save_mesh(body, points, record.arrays["faces"])
+        save_mesh(body, points, record.arrays["faces"], record.arrays["trusted_vertices"])
         digest = hashlib.sha256(read_bytes(body)).hexdigest()
     fields = {name: np.array(getattr(record, name)) for name in _FIELDS}
     save_arrays(

@@ -62,22 +62,11 @@ def test_reasons_for_missing_values(run, scans, own, tmp_path):
 
 
 def test_parts_that_a_scan_does_not_show(run, bodies, tmp_path):
-    """A body in the output of register, whose legs are not trusted."""
-    (tmp_path / "partial").mkdir()
-    (tmp_path / "registrations").mkdir()
-    save_mesh(tmp_path / "partial" / "anna.ply", bodies.points[0], bodies.template.faces)
-    np.savez(
-        tmp_path / "registrations" / "anna.npz",
-        trusted=True,
-        message="the scan does not show the legs",
-        likelihood=0.0,
-        median_distance=0.001,
-        matched_share=0.5,
-        points=bodies.points[0],
-        trusted_vertices=bodies.points[0][:, 1] > 0.9,
-    )
+    """A body whose legs are not trusted, as its file says."""
+    point, faces = bodies.points[0], bodies.template.faces
+    save_mesh(tmp_path / "anna.ply", point, faces, point[:, 1] > 0.9)
     only = ("--only", "stature", "--only", "head girth", "--as-is", "--json")
-    record = json.loads(run("measure", tmp_path / "partial", *only).out)
+    record = json.loads(run("measure", tmp_path / "anna.ply", *only).out)
     assert [missing["measurement"] for missing in record["missing"]] == ["stature"]
     assert "does not trust" in record["missing"][0]["why"]
     assert next(iter(record["bodies"].values()))["head girth"] > 0.5

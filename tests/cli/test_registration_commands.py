@@ -32,6 +32,7 @@ def fitted(bodies, monkeypatch):
             points=bodies.points[3], upright_points=bodies.points[3] + 1.0,
             distances=np.full(count, 0.002), background=np.zeros(count, dtype=bool),
             matched=np.ones(bodies.template.n_vertices, dtype=bool),
+            trusted_vertices=bodies.points[3][:, 1] > 0.9,
         )  # fmt: skip
 
     monkeypatch.setattr(rh.registration.ScanRegistration, "solve", solve)
@@ -45,6 +46,8 @@ def test_bodies_are_written_upright_or_where_the_scans_are(run, scan, fitted, bo
     points, faces = rh.load_mesh(tmp_path / "body.ply")
     np.testing.assert_allclose(points, bodies.points[3] + 1.0, atol=1e-6)
     np.testing.assert_array_equal(faces, bodies.template.faces)
+    trusted = rh.io.load_trusted(tmp_path / "body.ply")
+    np.testing.assert_array_equal(trusted, bodies.points[3][:, 1] > 0.9)
     options = ("--coarse", "--keep-axes", "--force")
     finished = run("register", scan, "-o", tmp_path / "body.ply", *options)
     assert "2.0 mm from the scan in the median, 100 % of the vertices matched" in finished.out

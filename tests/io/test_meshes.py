@@ -18,7 +18,15 @@ from riemhuman.errors import (
     FileFormatError,
     MissingDependencyError,
 )
-from riemhuman.io import as_arrays, load_mesh, load_points, save_glb, save_mesh, to_trimesh
+from riemhuman.io import (
+    as_arrays,
+    load_mesh,
+    load_points,
+    load_trusted,
+    save_glb,
+    save_mesh,
+    to_trimesh,
+)
 from riemhuman.io.mesh_arrays import check_mesh, face_difference, split_polygons
 from riemhuman.surfaces import Template
 
@@ -293,6 +301,22 @@ def test_saved_mesh_reads_back_bit_for_bit(mesh, tmp_path, ending):
     np.testing.assert_array_equal(by_trimesh.faces, mesh[1])
 
 
+def test_trusted_vertices_of_ply_files(mesh, tmp_path):
+    trusted = mesh[0][:, 0] > 0.0
+    save_mesh(tmp_path / "body.ply", *mesh, trusted)
+    assert_reads(tmp_path / "body.ply", mesh)
+    np.testing.assert_array_equal(load_trusted(tmp_path / "body.ply"), trusted)
+    by_trimesh = trimesh.load_mesh(tmp_path / "body.ply", process=False, maintain_order=True)
+    np.testing.assert_array_equal(by_trimesh.vertices, mesh[0])
+    save_mesh(tmp_path / "body.ply", *mesh)
+    assert load_trusted(tmp_path / "body.ply") is None
+    save_mesh(tmp_path / "body.obj", *mesh, trusted)
+    assert load_trusted(tmp_path / "body.obj") is None
+    (tmp_path / "body.ply").write_bytes(b"ply\n")
+    with pytest.raises(FileFormatError, match=r"body\.ply: not a PLY file"):
+        load_trusted(tmp_path / "body.ply")
+
+
 def test_arguments_of_save_mesh(mesh, tmp_path):
     vertices, faces = mesh
     file = tmp_path / "body.ply"
@@ -300,6 +324,7 @@ def test_arguments_of_save_mesh(mesh, tmp_path):
         (ArgumentError, (file, vertices, faces + 44), r"faces\[0\] .*vertices holds 44"),
         (ArgumentError, (file, np.full_like(vertices, np.nan), faces), "vertices holds 132 NaN"),
         (ArgumentTypeError, (file, vertices, faces + 0.5), "faces"),
+        (ArgumentError, (file, *mesh, [True]), r"trusted must be Boolean, of shape \(44,\)"),
         (ArgumentTypeError, (None, *mesh), "found None"),
         (FileFormatError, (tmp_path / "body.stl", *mesh), r"\.ply, \.obj, \.off; found '.stl'"),
         (FileError, (tmp_path / "missing" / "body.ply", *mesh), "there is no folder .*missing"),
