@@ -29,8 +29,8 @@ SurfacePoint = tuple[int, ndarray]
 # The strip changes if the path gets shorter by more than this share of its length.
 _GAIN = 1e-12
 _MOST_ROUNDS = 200
-# A strip may grow to this many times its first number of triangles, and 200 more.
-_MOST_GROWTH = 4
+# Number of triangles at a vertex around which a strip may be rerouted.
+_MOST_AROUND = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,15 +107,10 @@ def _shortest(
     surface: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh, first: ndarray
 ) -> tuple[float, ndarray, ndarray]:
     """Return the length of a path, and three vertices with weights for each of its points."""
-    strip = np.empty(_MOST_GROWTH * len(first) + 200, np.int64)
-    strip[: len(first)] = first
-    edges, places = np.empty((len(strip), 2), np.int64), np.empty(len(strip))
     f, *ends = (np.require(array, np.float64, ["C", "W"]) for array in (surface, start[1], end[1]))
-    triangles = mesh.faces, mesh.neighbours
-    length, size = _straighten(f, triangles, strip, len(first), tuple(ends), edges, places)
-    crossed = np.concatenate([edges[: size - 1], edges[: size - 1, :1]], axis=1)
+    length, edges, t, _, _ = _straighten(f, (mesh.faces, mesh.neighbours), first, tuple(ends))
+    crossed = np.concatenate([edges, edges[:, :1]], axis=1)
     vertices = np.concatenate([mesh.faces[[start[0]]], crossed, mesh.faces[[end[0]]]])
-    t = places[: size - 1]
     inner = np.stack([1.0 - t, t, np.zeros_like(t)], axis=1)
     weights = np.concatenate([np.atleast_2d(start[1]), inner, np.atleast_2d(end[1])])
     return float(length), vertices, weights
@@ -140,13 +135,13 @@ def _product(f: Any, origin: int, a: int, b: int) -> float:
 
 # Written in loops: numba takes seconds to compile assignments of arrays to parts of arrays.
 @compiled
-def _unfold(f: Any, mesh: Any, strip: Any, size: int, ends: Any, edges: Any, sides: Any) -> bool:
+def _unfold(f: Any, mesh: Any, strip: Any, ends: Any, edges: Any, sides: Any) -> bool:
     """Lay a strip flat; edges[k] is the right and the left vertex between triangles k and k + 1.
 
-    Row 0 of `right` and `left` is the start of the path, row `size` its end, row k the edge k - 1.
+    The first row of `right` and `left` is the start of the path, the last its end.
     """
     (faces, neighbours), (start, end), (right, left) = mesh, ends, sides
-    face = strip[0]
+    face, size = strip[0], len(strip)
     a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
     along = np.sqrt(_product(f, a, b, b))
     x = _product(f, a, b, c) / along
@@ -193,12 +188,13 @@ def _side(a: Any, b: Any, c: Any) -> float:
 
 
 @compiled
-def _funnel(right: Any, left: Any, size: int, bends: Any, of_left: Any) -> int:
-    """Find the shortest path through edges laid flat; return its number of bends."""
+def _funnel(right: Any, left: Any) -> Any:
+    """Return the bends of the shortest path through edges laid flat, and which are on the left."""
+    bends, of_left = np.empty(len(right), np.int64), np.empty(len(right), np.bool_)
     count, apex, low, high = 0, 0, 0, 0
     place, lower, upper = right[0], right[0], left[0]
     k = 1
-    while k <= size:
+    while k < len(right):
         if _side(place, lower, right[k]) >= 0.0:
             if low == apex or _side(place, upper, right[k]) < 0.0:
                 low, lower = k, right[k]
@@ -220,15 +216,14 @@ def _funnel(right: Any, left: Any, size: int, bends: Any, of_left: Any) -> int:
                 k = apex + 1
                 continue
         k += 1
-    return count
+    return bends[:count], of_left[:count]
 
 
 @compiled
-def _cross_edges(
-    right: Any, left: Any, size: int, bends: Any, of_left: Any, count: int, places: Any
-) -> float:
-    """Store where the path crosses each edge, from 0 (right) to 1 (left); return its length."""
-    length, k = 0.0, 1
+def _cross_edges(right: Any, left: Any, bends: Any, of_left: Any) -> Any:
+    """Return the length of the path, and where it crosses edges, from 0 (right) to 1 (left)."""
+    count, size = len(bends), len(right) - 1
+    length, k, places = 0.0, 1, np.empty(size - 1)
     here = right[0]
     for number in range(count + 1):
         last = bends[number] if number < count else size
@@ -242,13 +237,14 @@ def _cross_edges(
             places[k - 1] = min(max(t, 0.0), 1.0)
             k += 1
         here = goal
-    return length
+    return length, places
 
 
 @compiled
-def _reroute(mesh: Any, strip: Any, size: int, vertex: int, edge: int, edges: Any, new: Any) -> int:
-    """Reroute a strip around the other side of a vertex; return its new size, or -1."""
+def _reroute(mesh: Any, strip: Any, vertex: int, edge: int, edges: Any) -> Any:
+    """Return a strip rerouted around the other side of a vertex; empty if that has a boundary."""
     faces, neighbours = mesh
+    size, new = len(strip), np.empty(len(strip) + _MOST_AROUND, np.int64)
     first, last = edge, edge
     while first > 0 and (edges[first - 1, 0] == vertex or edges[first - 1, 1] == vertex):
         first -= 1
@@ -262,16 +258,14 @@ def _reroute(mesh: Any, strip: Any, size: int, vertex: int, edge: int, edges: An
     while face != goal:
         corner = _corner_of(faces, face, vertex)
         if corner < 0:
-            return -1
+            return new[:0]
         # Leave by the edge at the vertex that turns the other way around it.
         face = neighbours[face, corner if vertex_was_left else (corner + 2) % 3]
-        if face < 0 or count >= len(new):
-            return -1
+        if face < 0 or count >= first + _MOST_AROUND:
+            return new[:0]
         new[count] = face
         count += 1
     for k in range(last + 2, size):
-        if count >= len(new):
-            return -1
         new[count] = strip[k]
         count += 1
     # Remove triangles that the strip enters and leaves by the same edge.
@@ -284,45 +278,40 @@ def _reroute(mesh: Any, strip: Any, size: int, vertex: int, edge: int, edges: An
         else:
             new[kept] = new[k]
             kept += 1
-    return kept
+    return new[:kept]
 
 
 @compiled
-def _straighten(
-    f: Any, mesh: Any, strip: Any, size: int, ends: Any, edges: Any, places: Any
-) -> Any:
-    """Shorten a path until no change of its strip helps; return its length and strip size."""
-    most = len(strip) + 1
-    sides = right, left = np.empty((most, 2)), np.empty((most, 2))
-    bends, of_left = np.empty(most, np.int64), np.empty(most, np.bool_)
-    new, new_edges, new_places = np.empty_like(strip), np.empty_like(edges), np.empty_like(places)
-    if not _unfold(f, mesh, strip, size, ends, edges, sides):
-        return np.nan, size
-    count = _funnel(right, left, size, bends, of_left)
-    length = _cross_edges(right, left, size, bends, of_left, count, places)
-    new_bends, new_left = np.empty_like(bends), np.empty_like(of_left)
+def _path_in(f: Any, mesh: Any, strip: Any, ends: Any) -> Any:
+    """Return the length of the shortest path in a strip, its edges, places on them, and bends."""
+    size = len(strip)
+    edges = np.empty((size - 1, 2), np.int64)
+    right, left = np.empty((size + 1, 2)), np.empty((size + 1, 2))
+    is_strip = _unfold(f, mesh, strip, ends, edges, (right, left))
+    bends, of_left = _funnel(right, left)
+    length, places = _cross_edges(right, left, bends, of_left)
+    return length if is_strip else np.nan, edges, places, bends, of_left
+
+
+@compiled
+def _straighten(f: Any, mesh: Any, strip: Any, ends: Any) -> Any:
+    """Shorten the path in a strip until no rerouting helps."""
+    path = _path_in(f, mesh, strip, ends)
     for _ in range(_MOST_ROUNDS):
         shorter = False
-        for number in range(count):
+        length, edges, _, bends, of_left = path
+        for number in range(len(bends)):
             edge = bends[number] - 1
-            if not 0 <= edge < size - 1:  # the bend is an end of the path
+            if not 0 <= edge < len(edges):  # the bend is an end of the path
                 continue
             vertex = edges[edge, 1] if of_left[number] else edges[edge, 0]
-            new_size = _reroute(mesh, strip, size, vertex, edge, edges, new)
-            if new_size < 1 or not _unfold(f, mesh, new, new_size, ends, new_edges, sides):
+            other = _reroute(mesh, strip, vertex, edge, edges)
+            if len(other) == 0:
                 continue
-            new_count = _funnel(right, left, new_size, new_bends, new_left)
-            new_length = _cross_edges(
-                right, left, new_size, new_bends, new_left, new_count, new_places
-            )
-            if new_length < length * (1.0 - _GAIN):
-                for k in range(new_size):
-                    strip[k], places[k] = new[k], new_places[k]
-                    edges[k, 0], edges[k, 1] = new_edges[k, 0], new_edges[k, 1]
-                for k in range(new_count):
-                    bends[k], of_left[k] = new_bends[k], new_left[k]
-                length, size, count, shorter = new_length, new_size, new_count, True
+            moved = _path_in(f, mesh, other, ends)
+            if moved[0] < length * (1.0 - _GAIN):
+                strip, path, shorter = other, moved, True
                 break
         if not shorter:
             break
-    return length, size
+    return path

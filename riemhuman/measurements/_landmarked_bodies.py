@@ -57,7 +57,7 @@ class LandmarkedBodies:
             return onp.asarray(self.set.axes) + np.zeros((len(self.surfaces), 1, 1))
         # The axes lie in this frame as the template's axes lie in the frame of its landmarks.
         places = (self.place(name) for name in self.set.frame)
-        return np.matmul(_frame(*places), self.set.axes_in_frame)
+        return np.matmul(axes_of_frame(*places), self.set.axes_in_frame)
 
     def cutter(self, parts: tuple[str, ...], leave_out: tuple[str, ...]) -> Cutter:
         """Return the triangles that a plane may cut: of parts, all if empty, and those left out."""
@@ -119,12 +119,8 @@ def _corners(surfaces: Any, faces: ndarray) -> tuple[Any, Any, Any]:
     return surfaces[:, faces[:, 0]], surfaces[:, faces[:, 1]], surfaces[:, faces[:, 2]]
 
 
-def axes_in_frame(places: ndarray, axes: ndarray) -> ndarray:
-    """Return axes as columns in the frame of four landmarks: bottom, top, right and left."""
-    return _frame(*(place[None] for place in places))[0].T @ axes
-
-
-def _frame(bottom: Any, top: Any, right: Any, left: Any) -> Any:
+def axes_of_frame(bottom: Any, top: Any, right: Any, left: Any) -> Any:
+    """Return axes to the left, up and forward of four landmarks, as columns, shape (..., 3, 3)."""
     up = _unit(top - bottom)
     side = left - right
     side = _unit(side - np.sum(side * up, axis=-1, keepdims=True) * up)

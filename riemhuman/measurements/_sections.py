@@ -47,14 +47,9 @@ class Cutter:
 
         The status is 0, or why there is no section: `MISSES`, `MEETS_OTHER_PART` or `OPEN`.
         """
-        ends, places, wanted = trace = _workspace(self)
         f, *plane = _plain(surface, origin, normal)
-        count = _trace(f, self.mesh, *plane, trace)
-        if count < 0:
-            return np.empty((0, 3)), int(count)
-        is_measured = wanted[:count] | np.roll(wanted[:count], 1)
-        a, b = (surface[ends[:count, k]] for k in (0, 1))
-        return (a + places[:count, np.newaxis] * (b - a))[is_measured], 0
+        status, _, _, points, wanted = _trace(f, self.mesh, *plane)
+        return points[wanted | np.roll(wanted, 1)], int(status)
 
 
 def neighbours_of(faces: ndarray) -> ndarray:
@@ -95,7 +90,7 @@ def section_sizes(
     """
     sizes = np.empty(len(surfaces))
     f, *planes = _plain(surfaces, origins, normals, directions)
-    _measure(f, cutter.mesh, tuple(planes), kind, _workspace(cutter), sizes)
+    _measure(f, cutter.mesh, tuple(planes), kind, sizes)
     return sizes
 
 
@@ -122,15 +117,12 @@ def _add_slopes(
     """Add the derivatives of one size by the surface, the plane and the direction."""
     f, o, n, direction = _plain(*arrays)
     of_surface, of_origin, of_normal, of_direction = slopes
-    ends, places, wanted = trace = _workspace(cutter)
-    count = _trace(f, cutter.mesh, o, n, trace)
-    if count < 0:
+    status, ends, places, points, wanted = _trace(f, cutter.mesh, o, n)
+    if status < 0:
         of_surface[:] = np.nan
         return
-    ends, t = ends[:count], places[:count, np.newaxis]
-    a, b = f[ends[:, 0]], f[ends[:, 1]]
-    points = a + t * (b - a)
-    p, q = _segments(points, wanted, count, n, direction, kind).T
+    a, b, t = f[ends[:, 0]], f[ends[:, 1]], places[:, np.newaxis]
+    p, q = _segments(points, wanted, n, direction, kind).T
     steps = scale * (points[q] - points[p])
     if kind == EXTENT:
         of_direction += steps.sum(axis=0)
@@ -155,12 +147,6 @@ def _plain(*arrays: ndarray) -> list[ndarray]:
     return [np.require(array, np.float64, ["C", "W"]) for array in arrays]
 
 
-def _workspace(cutter: Cutter) -> tuple[ndarray, ndarray, ndarray]:
-    """Return space for the edges of points, their places on them, and what is measured."""
-    count = len(cutter.faces)
-    return np.empty((count, 2), np.int64), np.empty(count), np.empty(count, np.bool_)
-
-
 @compiled
 def _height(f: Any, vertex: int, o: Any, n: Any) -> float:
     return (
@@ -169,11 +155,17 @@ def _height(f: Any, vertex: int, o: Any, n: Any) -> float:
 
 
 @compiled
-def _trace(f: Any, mesh: Any, o: Any, n: Any, trace: Any) -> int:
-    """Follow the section nearest to o; return its number of points, or why there is none."""
+def _trace(f: Any, mesh: Any, o: Any, n: Any) -> Any:
+    """Follow the section nearest to o.
+
+    Returned are 0, or why there is none, the edges of its points, their places on the edges, the
+    points, and whether the line is measured up to the next one.
+    """
     faces, neighbours, roles, candidates = mesh
-    ends, places, wanted = trace
-    least, face, corner = np.inf, -1, -1
+    most = len(faces)
+    ends, places = np.empty((most, 2), np.int64), np.empty(most)
+    points, wanted = np.empty((most, 3)), np.empty(most, np.bool_)
+    least, face, corner, status, count = np.inf, -1, -1, 0, 0
     for candidate in candidates:
         for k in range(3):
             a, b = faces[candidate, k], faces[candidate, (k + 1) % 3]
@@ -186,43 +178,37 @@ def _trace(f: Any, mesh: Any, o: Any, n: Any, trace: Any) -> int:
                 squared += (f[a, x] + t * (f[b, x] - f[a, x]) - o[x]) ** 2
             if squared < least:
                 least, face, corner = squared, candidate, k
+    first = face
     if face < 0:
-        return MISSES
-    first, count = face, 0
-    while True:
+        status = MISSES
+    while status == 0:
         # The loop enters the triangle by the edge that runs from above the plane to below it.
         a, b = faces[face, corner], faces[face, (corner + 1) % 3]
         above, below = _height(f, a, o, n), _height(f, b, o, n)
         ends[count, 0], ends[count, 1] = a, b
         places[count] = above / (above - below)
+        for x in range(3):
+            points[count, x] = f[a, x] + places[count] * (f[b, x] - f[a, x])
         wanted[count] = roles[face] == WANTED
         count += 1
-        if roles[face] == FOREIGN:
-            return MEETS_OTHER_PART
         # It leaves by the edge from below to above, which runs the other way in the next triangle.
         out = (corner + 1) % 3
         if _height(f, faces[face, (out + 1) % 3], o, n) < 0.0:
             out = (out + 1) % 3
         beyond = neighbours[face, out]
-        if beyond < 0:
-            return OPEN
-        if beyond == first or count == len(places):
-            return count if beyond == first else OPEN
         a, b, corner = faces[face, out], faces[face, (out + 1) % 3], -1
         for k in range(3):
-            if faces[beyond, k] == b and faces[beyond, (k + 1) % 3] == a:
+            if beyond >= 0 and faces[beyond, k] == b and faces[beyond, (k + 1) % 3] == a:
                 corner = k
-        if corner < 0:
-            return OPEN
+        if roles[face] == FOREIGN:
+            status = MEETS_OTHER_PART
+        elif beyond == first:
+            break
+        elif corner < 0 or count == most:
+            status = OPEN
         face = beyond
-
-
-@compiled
-def _fill_points(f: Any, ends: Any, places: Any, count: int, points: Any) -> None:
-    for k in range(count):
-        for x in range(3):
-            a, b = f[ends[k, 0], x], f[ends[k, 1], x]
-            points[k, x] = a + places[k] * (b - a)
+    count = count if status == 0 else 0
+    return status, ends[:count], places[:count], points[:count], wanted[:count]
 
 
 @compiled
@@ -274,18 +260,14 @@ def _squared(points: Any, a: int, b: int) -> float:
 
 
 @compiled
-def _segments(points: Any, wanted: Any, count: int, normal: Any, direction: Any, kind: int) -> Any:
+def _segments(points: Any, wanted: Any, normal: Any, direction: Any, kind: int) -> Any:
     """Return pairs of points whose distances add up to the size."""
+    count = len(points)
     if kind == LENGTH:
-        kept = 0
-        for k in range(count):
-            kept += wanted[k]
-        pairs = np.empty((kept, 2), np.int64)
-        kept = 0
-        for k in range(count):
-            if wanted[k]:
-                pairs[kept, 0], pairs[kept, 1] = k, (k + 1) % count
-                kept += 1
+        firsts = np.flatnonzero(wanted)
+        pairs = np.empty((len(firsts), 2), np.int64)
+        for k in range(len(firsts)):
+            pairs[k, 0], pairs[k, 1] = firsts[k], (firsts[k] + 1) % count
         return pairs
     numbers = np.empty(count, np.int64)
     kept = 0
@@ -314,18 +296,15 @@ def _segments(points: Any, wanted: Any, count: int, normal: Any, direction: Any,
 
 
 @compiled
-def _measure(surfaces: Any, mesh: Any, planes: Any, kind: int, trace: Any, sizes: Any) -> None:
+def _measure(surfaces: Any, mesh: Any, planes: Any, kind: int, sizes: Any) -> None:
     origins, normals, directions = planes
-    points = np.empty((len(mesh[0]), 3))
     for i in range(len(surfaces)):
-        f, n = surfaces[i], normals[i]
-        count = _trace(f, mesh, origins[i], n, trace)
-        if count < 0:
+        status, _, _, points, wanted = _trace(surfaces[i], mesh, origins[i], normals[i])
+        if status < 0:
             sizes[i] = np.nan
             continue
-        _fill_points(f, trace[0], trace[1], count, points)
         size = 0.0
-        for p, q in _segments(points, trace[2], count, n, directions[i], kind):
+        for p, q in _segments(points, wanted, normals[i], directions[i], kind):
             squared, along = 0.0, 0.0
             for x in range(3):
                 step = points[q, x] - points[p, x]

@@ -4,9 +4,8 @@ The measurements of one sex are normal, y ~ N(μ, C), with statistics of ANSUR I
 them, the others are normal with mean :math:`\mu_o + C_{og} C_{gg}^{-1} (y_g - \mu_g)` and
 covariance :math:`C_{oo} - C_{og} C_{gg}^{-1} C_{go}`: the best linear regression. If the sex is not
 given, both count by their probability. Whether values contradict each other is judged with heavier
-tails: y has a t-distribution with ν degrees of freedom, so that :math:`y_k` given p − 1 others has
-one with ν + p − 1, about the same mean, and a scale that grows with the distance of the others from
-their means.
+tails: y has a t-distribution with ν degrees of freedom, and :math:`y_k` given p − 1 others one with
+ν + p − 1, the same mean, and a scale that grows with the distance of the others from their means.
 
 In a fixed pose the vertices of a body model are affine in the shape coefficients, x(β) = x₀ + Bβ.
 The most probable body minimises
@@ -72,20 +71,17 @@ class MeasuredPerson:
         The body in the standard pose, metres.
     betas : array, shape (B,)
         Shape coefficients of the body.
-    values : dict of str to float
-        The given measurements, as the body has them.
-    misses : dict of str to float
-        These less the given values.
-    predicted : dict of str to float
+    values, misses : dict of str to float
+        The given measurements, as the body has them, and these less the given values.
+    predicted, predicted_std : dict of str to float
         The other measurements, standing and seated, as linear regression on the people of ANSUR II
-        predicts them; the body comes as near to them as its shape coefficients allow.
-    predicted_std : dict of str to float
-        Standard deviations of the errors of these: 90 per cent of people lie within 1.645 of them.
+        predicts them, and standard deviations of their errors: 90 per cent of people lie within
+        1.645 of these. The body comes as near to them as its shape coefficients allow.
     sexes : dict of str to float
         Probabilities of "woman" and "man" given the values.
     z_scores : dict of str to float
         Each given value less its prediction from the others (of a single one, its mean among
-        adults), as a t-value; of measurements that ANSUR II has, or that are regressed on these.
+        adults), as a t-value.
     contradictory : tuple of str
         Names of values that do not fit the others in at most 1 of 100 people, the worst first.
     improbability : float
@@ -141,12 +137,6 @@ def model_from_measurements(
         Resolution of the model.
     max_iter : int
         Largest number of steps.
-
-    Returns
-    -------
-    MeasuredPerson
-        With the other measurements in `predicted`, and values that contradict each other in
-        `contradictory`.
 
     Examples
     --------
@@ -224,8 +214,8 @@ def model_from_measurements(
 class Prediction:
     """What given values say: the others, the sex, and values that contradict each other.
 
-    `mean` and `std` are by name; `scores` are t-values of the given values in standard deviations,
-    `pair` the two values that fit each other least, with the first one's value that would fit.
+    `scores` are t-values of the given values, `pair` the two values that fit each other least, with
+    the first one's value that would fit.
     """
 
     mean: dict[str, float]
@@ -238,10 +228,7 @@ class Prediction:
 
 @lru_cache(maxsize=1)
 def adults() -> dict[str, Any]:
-    """Return names, and by sex means, standard deviations, correlations and offsets of the model.
-
-    The offset of a measurement is that of the model's mean adult less the mean of ANSUR II.
-    """
+    """Return names, and by sex means, covariances and offsets: those of the model less ANSUR's."""
     record = json.loads((DATA / "measurements_of_adults.json").read_text(encoding="utf-8"))
     size = len(record["names"])
     for sex in SEXES:
@@ -282,14 +269,12 @@ def predict(
         share * (variances + (mean - expected) ** 2)
         for share, (mean, variances) in zip(shares, parts, strict=True)
     )
-    scores, contradictory, pair = _contradictions(known, values, noise, sexes[int(shares.argmax())])
+    others = [names[k] for k in rest]
     return Prediction(
-        {names[k]: float(value) for k, value in zip(rest, expected, strict=True)},
-        {names[k]: float(value) for k, value in zip(rest, np.sqrt(variance), strict=True)},
+        dict(zip(others, expected.tolist(), strict=True)),
+        dict(zip(others, np.sqrt(variance).tolist(), strict=True)),
         dict(zip(sexes, shares.tolist(), strict=True)),
-        scores,
-        contradictory,
-        pair,
+        *_contradictions(known, values, noise, sexes[int(shares.argmax())]),
     )
 
 
@@ -384,10 +369,10 @@ def _nearest_betas(
     is_given: ndarray,
     max_iter: int,
 ) -> tuple[Any, ndarray, ndarray]:
-    """Search for the shape coefficients whose measurements are nearest to goals; and their body.
+    """Search for the shape coefficients whose measurements are nearest to goals, and their body.
 
-    The search runs over independent coordinates of unit variance among adults, of which a first
-    step changes one unit: larger ones may lead to bodies where measurements are not defined.
+    Coordinates have unit variance among adults: a first step is one unit, since after larger ones
+    measurements may not be defined.
     """
     model, pose = own.definitions.model, own.definitions.standard_pose_vector
     assert model is not None
@@ -431,7 +416,6 @@ class NearestBody:
     converged : bool
         Whether the measurements have the given values and the search converged.
     n_iterations : int
-        Number of steps.
     message : str
         Why the search ended, and which measurements missed their values.
 
@@ -483,24 +467,17 @@ def nearest_body(
         Largest relative error of the values. The search stops when they are met and no coordinate
         changes by this many metres.
     max_iter : int
-        Largest number of steps.
-
-    Warns
-    -----
-    ConvergenceWarning
-        If the values are not met, or `max_iter` steps were not enough.
+        Largest number of steps; a warning says if they were not enough.
 
     Examples
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> own = rh.measurements.Measurements(bodies.model, ["waist girth", "hip girth"])
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> metric = rh.SobolevMetric(space, a0=1.0, a2=0.01)
-    >>> slimmer = own.measure(bodies[0])["waist girth"] - 0.05
-    >>> result = rh.measurements.nearest_body(own, metric, bodies[0], {"waist girth": slimmer})
-    >>> round(result.changes["waist girth"], 3)
-    -0.05
+    >>> metric = rh.SobolevMetric(rh.AlignedSurfaces(bodies.template), a0=1.0, a2=0.01)
+    >>> result = rh.measurements.nearest_body(own, metric, bodies[0], {"waist girth": 0.7})
+    >>> round(result.after["waist girth"], 3)
+    0.7
     """
     real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     whole_number(max_iter, "max_iter", minimum=1)
@@ -557,9 +534,8 @@ def nearest_body(
     return NearestBody(f, distance, before, after, converged, n_steps, message)
 
 
-def _measured(own: Measurements, f: ndarray) -> tuple[ndarray, ndarray]:
+def _measured(own: Measurements, f: ndarray) -> tuple[ndarray, Any]:
     measured = own.measure(f, gradient=True)
-    assert measured.gradient is not None
     return measured.values, measured.gradient
 
 

@@ -21,10 +21,8 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path, read_bytes, write_text
 from riemhuman.measurements._geodesics import Mesh
-from riemhuman.measurements._landmarked_bodies import axes_in_frame
-from riemhuman.measurements._sections import (
-    neighbours_of,
-)
+from riemhuman.measurements._landmarked_bodies import axes_of_frame
+from riemhuman.measurements._sections import neighbours_of
 from riemhuman.measurements.definitions import (
     Length,
     Measurement,
@@ -176,7 +174,7 @@ class MeasurementSet:
         """Axes of the template in the frame of its landmarks, shape (3, 3)."""
         marks = [self.landmarks[name] for name in self.frame]
         places = [weights @ self.vertices[vertices] for vertices, weights in marks]
-        return axes_in_frame(np.array(places), self.axes)
+        return axes_of_frame(*places).T @ self.axes
 
     @cached_property
     def standard_pose_vector(self) -> ndarray:
@@ -203,7 +201,7 @@ class MeasurementSet:
         Parameters
         ----------
         measurements : iterable of Measurement or str
-            New measurements, or names of measurements of this set.
+            New measurements, or names of this set's.
         """
         own = dict(zip(self.names, self.measurements, strict=True))
         chosen = [
@@ -212,11 +210,7 @@ class MeasurementSet:
         ]
         return replace(self, measurements=chosen)
 
-    def mapped(
-        self,
-        template: Template | BodyModel,
-        correspondence: Any,
-    ) -> MeasurementSet:
+    def mapped(self, template: Template | BodyModel, correspondence: Any) -> MeasurementSet:
         """Return the measurements for another template.
 
         The axes and the rotations of the standard pose stay the same; a body model that lacks some
@@ -270,7 +264,6 @@ class MeasurementSet:
         Returns
         -------
         triangles : array of int, shape (V,)
-            Numbers of triangles.
         coordinates : array, shape (V, 3)
             Barycentric coordinates.
         """
@@ -324,18 +317,12 @@ class MeasurementSet:
                     f"it is for {record['n_vertices']} vertices and {record['n_faces']} triangles; "
                     f"the template has {surface.n_vertices} and {surface.n_faces}"
                 )
-            return cls(
-                template,
-                [measurement_from_dict(entry) for entry in record["measurements"]],
-                {
-                    name: (np.array(mark["vertices"]), np.array(mark["weights"]))
-                    for name, mark in record["landmarks"].items()
-                },
-                {name: _from_runs(runs) for name, runs in record["parts"].items()},
-                record["frame"],
-                record["axes"],
-                record["standard_pose"],
-            )
+            definitions = [measurement_from_dict(entry) for entry in record["measurements"]]
+            marks = record["landmarks"].items()
+            landmarks = {name: (mark["vertices"], mark["weights"]) for name, mark in marks}
+            parts = {name: _from_runs(runs) for name, runs in record["parts"].items()}
+            others = (record[name] for name in ("frame", "axes", "standard_pose"))
+            return cls(template, definitions, landmarks, parts, *others)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
             raise FileFormatError(f"{file} does not hold measurements: {reason}") from error

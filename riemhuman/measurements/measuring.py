@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -85,10 +85,10 @@ class Measurements:
     model : BodyModel, Template, Bodies or MeasurementSet
         The body model or template of the bodies, or bodies that have one; or a set, which includes
         its template.
-    definitions : MeasurementSet, path_like, or sequence of Measurement or str, optional
-        The measurements: a set on this template, a JSON file of a set, or a sequence of new
-        measurements and of names of the open body model's. By default the open body model's
-        measurements and those that other packages add, see `riemhuman.extensions`.
+    definitions : path_like, or sequence of Measurement or str, optional
+        The measurements: a JSON file of a set on this template, or new measurements and names of
+        those of the set. By default the open body model's measurements and those that other
+        packages add, see `riemhuman.extensions`.
 
     Examples
     --------
@@ -102,35 +102,28 @@ class Measurements:
     def __init__(
         self, model: BodyModel | Template | Bodies | MeasurementSet, definitions: Any = None
     ) -> None:
-        own: MeasurementSet | None
         if isinstance(model, Bodies):
             model = model.template if model.model is None else model.model
-        if not isinstance(model, (BodyModel, Template, MeasurementSet)):
+        if isinstance(model, MeasurementSet):
+            own = model
+        elif not isinstance(model, (BodyModel, Template)):
             raise ArgumentTypeError(
                 "model must be a BodyModel, a Template, Bodies or a MeasurementSet; found "
                 f"{type(model).__name__}"
             )
-        if isinstance(model, MeasurementSet):
-            own = model
-        elif isinstance(definitions, MeasurementSet):
-            own, definitions = definitions, None
-            surface = model.template if isinstance(model, BodyModel) else model
-            if not np.array_equal(surface.faces, own.faces):
-                raise ArgumentError(f"definitions are for {own!r}; the model is {model!r}")
         elif isinstance(definitions, (str, Path)):
             own, definitions = MeasurementSet.load(definitions, model), None
         else:
-            own = open_measurements(model)
-            if own is None and definitions is not None:
-                own = MeasurementSet(model, ())
-            elif own is not None and definitions is None:
+            of_open_model = open_measurements(model)
+            if of_open_model is None and definitions is None:
+                raise ArgumentError(
+                    f"there are no measurements for {model!r}; give definitions, or map those of "
+                    "the open body model to it, see MeasurementSet.mapped"
+                )
+            own = of_open_model or MeasurementSet(model, ())
+            if definitions is None:
                 others = [define() for define in extensions("measurements").values()]
                 definitions = [*own.measurements, *others]
-        if own is None:
-            raise ArgumentError(
-                f"there are no measurements for {model!r}; give definitions, or map those of the "
-                "open body model to it, see MeasurementSet.mapped"
-            )
         self.definitions = own if definitions is None else own.with_measurements(definitions)
 
     @property
@@ -176,11 +169,6 @@ class Measurements:
         trusted_vertices : array_like of bool, shape (..., V), optional
             Which vertices to trust, as `rh.registration.RegisteredScan.trusted_vertices` says. A
             measurement is not defined if more than a twentieth of it depends on others.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a volume or mass is requested and the template has boundaries.
         """
         one_of(pose, "pose", _POSES)
         one_of(missing, "missing", ("raise", "nan"))
@@ -215,12 +203,9 @@ class Measurements:
         why_missing = self._why_missing(surfaces, values, axes)
         if trusted_vertices is not None:
             trusted = _checked_trust(trusted_vertices, points.shape[:-1])
-            unseen = self._unseen(surfaces, trusted.reshape(len(surfaces), -1), axes)
-            for number, which, share in unseen:
-                values[number, which] = np.nan
-                why_missing[number, self.names[which]] = (
-                    f"{100 * share:.0f} % of it lie on parts that the registration does not trust"
-                )
+            why_missing |= self._not_trusted(surfaces, trusted.reshape(len(surfaces), -1), axes)
+            for number, name in why_missing:
+                values[number, self.names.index(name)] = np.nan
         if missing == "raise" and why_missing:
             (number, name), reason = next(iter(why_missing.items()))
             raise ArgumentError(f"{name!r} cannot be taken of body {number}: {reason}")
@@ -242,7 +227,7 @@ class Measurements:
         Returns
         -------
         dict of str to list of array, shape (k, 3)
-            Lines by name; empty for volumes, areas and measurements that are not defined.
+            Empty lists for volumes, areas and measurements that are not defined.
         """
         shape = (self.definitions.n_vertices, 3)
         surface = real_array(surface, "surface", shape, batched=False)
@@ -255,9 +240,7 @@ class Measurements:
             lines[measurement.name] = [np.asarray(line) for line in own]
         return lines
 
-    def _measure(
-        self, surfaces: ndarray, axes: str, gradient: bool
-    ) -> tuple[ndarray, ndarray | None]:
+    def _measure(self, surfaces: ndarray, axes: str, gradient: bool) -> tuple[ndarray, Any]:
         measurements = self.definitions.measurements
         if not gradient:
             bodies = LandmarkedBodies(self.definitions, surfaces, axes)
@@ -274,17 +257,21 @@ class Measurements:
             slopes.append(pull_back(np.ones(len(surfaces))))
         return np.stack(values, axis=-1), np.stack(slopes, axis=1)
 
-    def _unseen(
+    def _not_trusted(
         self, surfaces: ndarray, trusted: ndarray, axes: str
-    ) -> Iterator[tuple[int, int, float]]:
-        """Yield bodies and measurements of which too large a share depends on other vertices."""
+    ) -> dict[tuple[int, str], str]:
+        """Return reasons for measurements of which too large a share depends on other vertices."""
+        reasons = {}
         for number in np.flatnonzero(~trusted.all(axis=1)).tolist():
             _, slopes = self._measure(surfaces[[number]], axes, gradient=True)
-            assert slopes is not None
-            weights = np.linalg.norm(slopes[0], axis=-1)
+            weights = np.linalg.norm(slopes, axis=-1)[0]
             shares = weights[:, ~trusted[number]].sum(axis=1) / weights.sum(axis=1)
-            for which in np.flatnonzero(shares > _MOST_UNSEEN).tolist():
-                yield number, which, float(shares[which])
+            for which in np.flatnonzero(shares > _MOST_UNSEEN):
+                reasons[number, self.names[which]] = (
+                    f"{100 * shares[which]:.0f} % of it lie on parts that the registration does "
+                    "not trust"
+                )
+        return reasons
 
     def _why_missing(
         self, surfaces: ndarray, values: ndarray, axes: str

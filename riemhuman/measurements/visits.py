@@ -14,7 +14,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.measurements.measurement_set import DATA, MeasurementSet
+from riemhuman.measurements.measurement_set import DATA
 from riemhuman.measurements.measuring import Measurements, in_standard_pose
 from riemhuman.surfaces.procrustes import procrustes
 
@@ -39,11 +39,9 @@ class VisitComparison:
         measurements that the open body does not have. Real people, who breathe, vary more.
     points_before, points_after : array, shape (V, 3)
         Both visits in the standard pose, the second moved onto the first.
-    area_changes : array, shape (F,)
-        Natural logarithm of each triangle's area at the second visit over that at the first.
-    area_noise : array, shape (F,)
-        Standard deviation of the logarithm of a triangle's area over poses of one person, by part
-        of the body; NaN where it is unknown.
+    area_changes, area_noise : array, shape (F,)
+        Natural logarithm of each triangle's area at the second visit over that at the first, and
+        its standard deviation over poses of one person, by part of the body; NaN where unknown.
     displacements : array, shape (V,)
         Outward displacement of each vertex, metres.
 
@@ -112,19 +110,18 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
     """
     description = measurements.definitions
     shape = (description.n_vertices, 3)
-    visits = np.stack(
-        [
-            real_array(visit, name, shape, batched=False)
-            for visit, name in ((before, "before"), (after, "after"))
-        ]
-    )
-    straight = in_standard_pose(description, visits)
+    before = real_array(before, "before", shape, batched=False)
+    after = real_array(after, "after", shape, batched=False)
+    straight = in_standard_pose(description, np.stack([before, after]))
     measured = measurements.measure(straight, axes="space", missing="nan")
     first, second = straight[0], procrustes(straight[1], to=straight[0])
     assert description.model is not None
     space = AlignedSurfaces(description.model.template, equip=False, scale=None)
     areas = space.face_areas(straight)
     known, by_part = noise_of_poses()
+    area_noise = np.full(len(description.faces), np.nan)
+    for name in filter(description.parts.__contains__, by_part):
+        area_noise[description.parts[name]] = by_part[name]
     return VisitComparison(
         names=measured.names,
         units=measured.units,
@@ -134,7 +131,7 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
         points_before=first,
         points_after=second,
         area_changes=np.log(areas[1] / areas[0]),
-        area_noise=_noise_of_areas(description, by_part),
+        area_noise=area_noise,
         displacements=np.sum((second - first) * vertex_normals(first, description.faces), axis=1),
     )
 
@@ -143,16 +140,7 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
 def noise_of_poses() -> tuple[dict[str, float], dict[str, float]]:
     """Return the noise of each measurement over poses of one person, and of log areas by part.
 
-    Medians over five people who played no part in tuning, in ten poses each, registered from
-    simulated scans, see `tutorials/remake/build_noise_of_poses.py`. Real people vary more.
+    See `tutorials/remake/build_noise_of_poses.py`.
     """
     record = json.loads((DATA / "noise_of_poses.json").read_text(encoding="utf-8"))
     return record["measurements"], record["log_areas"]
-
-
-def _noise_of_areas(description: MeasurementSet, by_part: dict[str, float]) -> ndarray:
-    noise = np.full(len(description.faces), np.nan)
-    for name, value in by_part.items():
-        if name in description.parts:
-            noise[description.parts[name]] = value
-    return noise

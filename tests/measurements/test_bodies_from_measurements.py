@@ -174,15 +174,16 @@ class TestNearestBody:
         names = ["waist girth", "hip girth", "stature", "head girth"]
         return Measurements(own.definitions, names)
 
-    @pytest.fixture(scope="class", params=["first order", "second order"])
+    @pytest.fixture(scope="class")
     @staticmethod
-    def metric(request):
+    def metric():
         space = AlignedSurfaces(load_open_model("coarse").template)
-        if request.param == "first order":
-            return ElasticMetric(space, a=1.0, lam=1.0, c=1.0)
         return SobolevMetric(space, a0=1.0, a2=0.01)
 
-    def test_a_waist_of_five_centimetres_less(self, body, few, metric):
+    @pytest.mark.parametrize("order", ["first", "second"])
+    def test_a_waist_of_five_centimetres_less(self, body, few, metric, order):
+        if order == "first":
+            metric = ElasticMetric(metric.space, a=1.0, lam=1.0, c=1.0)
         waist = float(few.measure(body)["waist girth"]) - 0.05
         result = nearest_body(few, metric, body, {"waist girth": waist})
         assert result.converged
