@@ -64,9 +64,8 @@ def surfaces_between(space: Any, start: ndarray, end: ndarray, times: ndarray) -
     return surfaces
 
 
-def read_motion(space: Manifold, motion: Motion, name: str = "motion", minimum: int = 1) -> ndarray:
+def read_motion(space: Manifold, motion: Motion, name: str = "motion") -> ndarray:
     """Return all frames of a motion as one checked array, shape (n_frames, V, 3)."""
-    frame_count(motion, name, minimum)
     return np.concatenate(list(frame_runs(space, motion, name)))
 
 
@@ -74,32 +73,22 @@ def frame_count(motion: Motion, name: str = "motion", minimum: int = 1) -> int:
     """Return the number of frames; raise an error if there are fewer than `minimum`."""
     if not hasattr(motion, "__len__") or not hasattr(motion, "__getitem__"):
         raise ArgumentTypeError(
-            f"{name} must be an array of frames, or have a length and slices; found "
-            f"{type(motion).__name__}"
+            f"{name} must have a length and slices, as arrays; found {type(motion).__name__}"
         )
-    if len(motion) == 0:
-        raise ArgumentError(f"{name} must have at least one frame; found none")
     if len(motion) < minimum:
         raise ArgumentError(f"{name} must have at least {minimum} frames; found {len(motion)}")
     return len(motion)
 
 
-def check_motions(motions: Any, name: str = "motions") -> Sequence[Motion]:
-    """Return several motions; raise an error if there is none, or a single motion was given."""
-    if not hasattr(motions, "__len__") or not hasattr(motions, "__getitem__"):
-        raise ArgumentTypeError(
-            f"{name} must be a list of motions, or have a length and items; found "
-            f"{type(motions).__name__}"
-        )
-    if len(motions) == 0:
-        raise ArgumentError(f"{name} must contain at least one motion; found none")
+def check_motions(motions: Any, name: str = "motions") -> None:
+    """Raise an error if there is no motion, or a single one instead of a list."""
     if isinstance(motions, np.ndarray) and motions.ndim == 3:
         raise ArgumentError(
             f"{name} must contain several motions; found a single one, of shape {motions.shape}: "
             "give it in a list, [motion]"
         )
-    checked: Sequence[Motion] = motions
-    return checked
+    if len(motions) == 0:
+        raise ArgumentError(f"{name} must contain at least one motion; found none")
 
 
 def _checked_frames(space: Manifold, frames: Any, first: int, name: str) -> ndarray:
@@ -139,11 +128,6 @@ class FrameDistances:
         self._projection = None
         if n_components is None:
             return
-        if not metric.has_lower_bound_coordinates:
-            raise ArgumentError(
-                f"n_components needs a metric with lower_bound_coordinates, such as ElasticMetric; "
-                f"found {type(metric).__name__}"
-            )
         step = -(-sum(len(motion) for motion in motions) // MOST_SAMPLED)
         sample = [
             self._metric.lower_bound_coordinates(run)
@@ -160,10 +144,8 @@ class FrameDistances:
         """Return arrays of features of the frames, each of shape (n_frames, ...)."""
         runs = self._runs(motion, name)
         if self._flat:
-            rows = [self._metric.lower_bound_coordinates(run) for run in runs]
-            if self._projection is not None:
-                rows = [self._projection(run) for run in rows]
-            return (np.concatenate(rows),)
+            rows = np.concatenate([self._metric.lower_bound_coordinates(run) for run in runs])
+            return (rows if self._projection is None else self._projection(rows),)
         parts = [self._metric.features(run) for run in runs]
         return tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
 

@@ -6,10 +6,8 @@ Klassen and Srivastava, "Statistical analysis of trajectories on Riemannian mani
 Applied Statistics 8, 2014). There all velocities of all motions are vectors of one Euclidean space,
 in orthonormal coordinates, and add up to a polygon.
 
-The sides of this polygon change with the frames, even where the motion is the same. The cubic
-spline through its vertices changes little. Its division into equal lengths, and its Gaussian mean
-along its length, do not depend on the times of the frames; the mean removes movements that are
-shorter than the frames can resolve.
+The sides of this polygon change with the frames; the cubic spline through its vertices changes
+little, and its Gaussian mean along its length removes movements shorter than frames can resolve.
 
 Two polygons with segments v_i and w_j have, after the best re-timing, the squared distance L + M −
 2F of their lengths L, M and
@@ -35,6 +33,7 @@ from scipy.ndimage import gaussian_filter1d
 from riemhuman.errors import NotDefinedError
 from riemhuman.geometry import EbinMetric, FlatMetric, NormalFieldMetric, RotationFieldMetric
 from riemhuman.kernels.compilation import compiled
+from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.rotations import axial, transpose
 from riemhuman.motions._frames import Motion, frame_runs
 
@@ -61,15 +60,10 @@ class TransportedVelocities:
         self._heading = heading
         self._fields: Any = metric.target_metric
         self._base = metric.map(reference)
-        space = self._fields.space
-        if space.factors:
-            factors: Any = zip(
-                space.factors,
-                space.project_from_product(self._base),
-                self._fields.weights,
-                strict=True,
-            )
-            self._charts = [_chart(factor.metric, base, w) for factor, base, w in factors]
+        if self._fields.space.factors:
+            metrics = [factor.metric for factor in self._fields.space.factors]
+            factors = zip(metrics, self._parts(self._base), self._fields.weights, strict=True)
+            self._charts = [_chart(metric, base, weight) for metric, base, weight in factors]
         else:
             self._charts = [_chart(self._fields, self._base, 1.0)]
 
@@ -89,15 +83,14 @@ class TransportedVelocities:
             transported = self._fields.parallel_transport(
                 velocities, middles, end_point=np.broadcast_to(self._base, middles.shape)
             )
-            rows.append(self._coordinates(transported))
+            parts = zip(self._charts, self._parts(transported), strict=True)
+            rows.append(np.concatenate([chart(part) for chart, part in parts], axis=1))
         return np.concatenate(rows)
 
-    def _coordinates(self, vectors: ndarray) -> ndarray:
-        parts: Any = [vectors]
-        if self._fields.space.factors:
-            parts = self._fields.space.project_from_product(vectors)
-        columns = [chart(part) for chart, part in zip(self._charts, parts, strict=True)]
-        return np.concatenate(columns, axis=1)
+    def _parts(self, fields: ndarray) -> Any:
+        """Return fields or vectors in each factor of their space."""
+        space = self._fields.space
+        return space.project_from_product(fields) if space.factors else [fields]
 
 
 def _chart(metric: Any, base: ndarray, weight: float) -> Any:
@@ -108,11 +101,10 @@ def _chart(metric: Any, base: ndarray, weight: float) -> Any:
         scales = np.sqrt(weight * metric.covector(np.ones(metric.space.shape), base))
         return lambda v: (scales * v).reshape(len(v), -1)
     if isinstance(metric, NormalFieldMetric):
-        scales = np.sqrt(weight * metric.space.template.face_areas)[:, None]
-        return lambda v: (scales * v).reshape(len(v), -1)
+        return lambda v: field_coordinates(v, weight * metric.space.template.face_areas)
     if isinstance(metric, RotationFieldMetric):
-        scales = np.sqrt(weight * metric.space.template.face_areas)[:, None]
-        return lambda v: (scales * axial(np.matmul(transpose(base), v))).reshape(len(v), -1)
+        areas = weight * metric.space.template.face_areas
+        return lambda v: field_coordinates(axial(np.matmul(transpose(base), v)), areas)
     raise NotDefinedError(
         f"rate-invariant distances need the fields of an elastic metric, of rotations or of flat "
         f"terms; found {type(metric).__name__}"
@@ -142,10 +134,9 @@ def even_segments(
 ) -> tuple[ndarray, ndarray]:
     """Return chords of equal arcs of the spline through a polygon, and where they begin and end.
 
-    The spline passes the vertices at equally spaced times: a motion that reverses slows down there,
-    but has a corner when it is parametrised by length. Pauses take no time. `smoothing` is the
-    standard deviation of the Gaussian mean along the spline, as a share of its length; its ends
-    stay in place. Positions, shape (n_segments + 1,), count sides of the polygon.
+    The spline passes the vertices at equally spaced times, where a motion that reverses slows down;
+    pauses take no time. `smoothing` is the deviation of the Gaussian mean, as a share of the
+    length; the ends stay. Positions, shape (n_segments + 1,), count sides of the polygon.
     """
     n = len(segments)
     products = segments @ segments.T
@@ -192,16 +183,17 @@ def _smooth(points: ndarray, deviation: float) -> ndarray:
 
 
 @compiled
-def best_gain(products: ndarray, n_steps: int, lower: ndarray, left: ndarray) -> float:
-    """Return F, and write the largest gains up to all points of the grid.
+def best_gain(products: ndarray, n_steps: int) -> tuple[float, ndarray, ndarray]:
+    """Return F, and the largest gains up to all points of the grid.
 
     `products` (n, m) are inner products of segments, each divided by the square roots of the
-    lengths; a cell has `n_steps` grid steps on each side. `lower` (n + 1, m, n_steps + 1) are the
-    gains where i segments of the first polygon and a share of segment j of the second are done,
-    `left` (n, m + 1, n_steps + 1) those where j segments of the second are done.
+    lengths; a cell has `n_steps` grid steps on each side. The first gains (n + 1, m, n_steps + 1)
+    are those where i segments of the first polygon and a share of segment j of the second are done,
+    the others (n, m + 1, n_steps + 1) those where j segments of the second are done.
     """
     n, m = products.shape
     roots = _roots(n_steps)
+    lower, left = np.empty((n + 1, m, n_steps + 1)), np.empty((n, m + 1, n_steps + 1))
     lower[0] = 0.0
     left[:, 0] = 0.0
     for i in range(n):
@@ -223,20 +215,14 @@ def best_gain(products: ndarray, n_steps: int, lower: ndarray, left: ndarray) ->
                     high = max(high, enter_left[p] + gain * roots[n_steps - p, k])
                     right = max(right, enter_low[p] + gain * roots[k, n_steps - p])
                 leave_high[k], leave_right[k] = high, right
-    return max(lower[n, m - 1, n_steps], left[n - 1, m, n_steps])
+    return max(lower[n, m - 1, n_steps], left[n - 1, m, n_steps]), lower, left
 
 
 @compiled
-def trace_gain(
-    products: ndarray, n_steps: int, lower: ndarray, left: ndarray, path: ndarray
-) -> int:
-    """Write where the best matching enters cells, the last first; return the number of points.
-
-    `path` (n + m + 2, 2) receives positions in segments of both polygons; the other arguments are
-    those of `best_gain`.
-    """
+def trace_gain(products: ndarray, n_steps: int, lower: ndarray, left: ndarray) -> ndarray:
+    """Return where the best matching by gains enters cells, in segments of both, the last first."""
     n, m = products.shape
-    roots = _roots(n_steps)
+    roots, path = _roots(n_steps), np.empty((n + m + 2, 2))
     # The exit of a cell: after `up` steps of the first polygon and `along` of the second.
     i, j, up, along = n - 1, m - 1, n_steps, n_steps
     path[0, 0], path[0, 1] = n, m
@@ -266,7 +252,7 @@ def trace_gain(
             if path[length - 1, 0] > 0.0 or path[length - 1, 1] > 0.0:
                 path[length, 0], path[length, 1] = 0.0, 0.0
                 length += 1
-            return length
+            return path[:length]
 
 
 @compiled

@@ -4,13 +4,9 @@ Dynamic time warping uses the symmetric weights of Sakoe and Chiba ("Dynamic pro
 optimization for spoken word recognition", IEEE TASSP 26, 1978): a step in both motions has weight
 2, a step in one of them weight 1. Every path from corner to corner has the weight n + m.
 
-Time warping of velocities matches the steps v of one motion with chords w of another so that
-
-.. math:: \sum |v| + |w| - 2 \max(\langle v, w \rangle, 0) / \sqrt{|v| |w|}
-
-is least: the squared distance of the square root velocities of two polygons, where each side of one
-is matched with one side of the other. Inner products come from squared distances of frames: that of
-the step from a to a' with the chord from b to b' is
+Time warping of velocities minimises the squared distance of square root velocities
+:math:`\sum |v| + |w| - 2 \max(\langle v, w \rangle, 0) / \sqrt{|v| |w|}` of the steps v of one
+motion and chords w of another. The product of the step from a to a' with the chord from b to b' is
 
 .. math:: \langle v, w \rangle = \tfrac12 (d(a, b')^2 + d(a', b)^2 - d(a, b)^2 - d(a', b')^2)
 
@@ -55,15 +51,15 @@ def least_sums(costs: ndarray) -> ndarray:
 
 
 @compiled
-def trace_path(costs: ndarray, sums: ndarray, path: ndarray) -> int:
-    """Write the cells of the path of the least sum, the last first; return their number."""
+def trace_path(costs: ndarray, sums: ndarray) -> ndarray:
+    """Return the cells of the path of the least sum, the last first."""
     i, j = costs.shape[0] - 1, costs.shape[1] - 1
-    length = 0
+    path, length = np.empty((i + j + 1, 2), dtype=np.int64), 0
     while True:
         path[length, 0], path[length, 1] = i, j
         length += 1
         if i == 0 and j == 0:
-            return length
+            return path[:length]
         if i > 0 and j > 0 and sums[i, j] == sums[i - 1, j - 1] + 2.0 * costs[i, j]:
             i, j = i - 1, j - 1
         elif i > 0 and sums[i, j] == sums[i - 1, j] + costs[i, j]:
@@ -139,28 +135,28 @@ def extend_paths(
 
 
 @compiled
-def match_chords(costs: ndarray, steps: ndarray, within: ndarray, places: ndarray) -> float:
-    """Return the least sum over chords; write the position of each frame on the other motion.
+def match_chords(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float, ndarray]:
+    """Return the least sum over chords, and the position (n,) of each frame on the other motion.
 
     `costs` (n, m) are squared distances between the frames of the motion with steps and of that
     with chords, `steps` (n - 1,) the lengths of the steps, and `within` (m, m) squared distances in
     the motion with chords. Dynamic programming finds the best chords from frame to frame. Their
     ends are then moved between frames, by dynamic programming over a few positions near the last
-    ones, ever closer together. Positions in `places` (n,) do not decrease.
+    ones, ever closer together. Positions do not decrease.
     """
-    total = match_frames(costs, steps, within, places)
+    total, places = match_frames(costs, steps, within)
     reach = 0.5
     for _ in range(_HALVINGS):
         total = _move_places(costs, steps, within, reach, places)
         reach *= 0.5
-    return total
+    return total, places
 
 
 @compiled
-def match_frames(costs: ndarray, steps: ndarray, within: ndarray, places: ndarray) -> float:
-    """Return the least sum over chords from frame to frame; see `match_chords`."""
+def match_frames(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float, ndarray]:
+    """Return the least sum over chords from frame to frame, and their ends; see `match_chords`."""
     n, m = costs.shape
-    lengths = np.sqrt(within)
+    lengths, places = np.sqrt(within), np.empty(n)
     sums = np.full((n, m), math.inf)
     before = np.zeros((n, m), dtype=np.int64)
     sums[0, 0] = 0.0
@@ -178,7 +174,7 @@ def match_frames(costs: ndarray, steps: ndarray, within: ndarray, places: ndarra
     for k in range(n - 1, -1, -1):
         places[k] = place
         place = before[k, place]
-    return sums[n - 1, m - 1]
+    return sums[n - 1, m - 1], places
 
 
 @compiled

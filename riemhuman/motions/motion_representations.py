@@ -25,12 +25,8 @@ from scipy.spatial.distance import pdist, squareform
 
 from riemhuman.checks import Rng, generator
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry import (
-    AlignedSurfaces,
-    ElasticMetric,
-    SRNFMetric,
-)
-from riemhuman.motions._frames import Motion, check_motions, frame_runs
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
+from riemhuman.motions._frames import Motion, frame_runs
 from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.rate_invariant_metric import RateInvariantMetric
 from riemhuman.motions.time_warping import DynamicTimeWarping, VelocityTimeWarping
@@ -46,10 +42,9 @@ _COMPONENTS = 200
 
 @dataclass(frozen=True)
 class GramHankel:
-    """Distances of sequences by normalised products of Hankel matrices.
+    """Distances of sequences by normalised products of Hankel matrices; they depend on the speed.
 
-    They do not change when all frames are rotated together. They depend on the speed. `width` is σ
-    in metres, `n_rows` is r, and `n_features` the number of random Fourier features.
+    `width` is σ in metres, `n_rows` is r, `n_features` the number of random Fourier features.
     """
 
     space: AlignedSurfaces
@@ -69,11 +64,7 @@ class GramHankel:
         hankel = sum(gram[k : k + self.n_rows, k : k + self.n_rows] for k in range(n_columns))
         return np.asarray(hankel / np.linalg.norm(hankel))
 
-    def dist(self, m1: Motion, m2: Motion) -> float:
-        return float(np.linalg.norm(self.describe(m1, "m1") - self.describe(m2, "m2")))
-
     def dist_pairwise(self, motions: Sequence[Motion]) -> ndarray:
-        check_motions(motions)
         rows = [self.describe(m, f"motions[{k}]").ravel() for k, m in enumerate(motions)]
         return squareform(pdist(np.stack(rows)))
 
@@ -125,9 +116,8 @@ def compare_representations(
     Returns
     -------
     distances : dict of str to array, shape (140, 140)
-        Distances by the name of the representation.
     labels : array of str, shape (140,)
-        Names of the motions, for `riemhuman.retrieval.retrieval_table`.
+        Names of the motions.
 
     Examples
     --------

@@ -18,15 +18,7 @@ from riemhuman.progress import ProgressBar
 
 @dataclass(frozen=True)
 class Occurrence:
-    """A part of a motion that resembles a query.
-
-    Attributes
-    ----------
-    start, stop : int
-        First frame, and the frame after the last.
-    dist : float
-        Root mean squared distance of frames along the best re-timing.
-    """
+    """Frames `start` to `stop` - 1 of a motion, at a distance from a query after re-timing."""
 
     start: int
     stop: int
@@ -47,7 +39,7 @@ class MotionSearch:
     progress : bool
         Whether to show a progress bar over frames.
     heading : bool
-        Whether the direction in which bodies face counts, as for `DynamicTimeWarping`.
+        As for `DynamicTimeWarping`.
 
     Examples
     --------
@@ -68,10 +60,8 @@ class MotionSearch:
 
         Parameters
         ----------
-        query : array or sequence, shape (n, V, 3)
-            The short motion, of at least two frames.
-        motion : array or sequence, shape (m, V, 3)
-            The long motion, of at least two frames.
+        query, motion : array or sequence, shape (n, V, 3) and (m, V, 3)
+            The short and the long motion, of at least two frames.
         n_occurrences : int
             Largest number of parts to return.
 

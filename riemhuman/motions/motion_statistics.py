@@ -55,7 +55,6 @@ def align_motions(
     Returns
     -------
     first, second : array, shape (n_times, V, 3)
-        The aligned motions.
     warp : Warp
         The corresponding times.
 
@@ -63,9 +62,7 @@ def align_motions(
     --------
     >>> import riemhuman as rh
     >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
-    >>> space = rh.AlignedSurfaces(knees.template)
-    >>> space = space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
-    >>> motions = rh.motions.MotionSpace(space, n_times=4)
+    >>> motions = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template), n_times=4)
     >>> first, second, warp = rh.motions.align_motions(motions, knees[:30:6], other[:30:6])
     >>> first.shape == second.shape == (4, 1202, 3)
     True
@@ -87,14 +84,9 @@ def _at_shares(space: MotionSpace, motion: Motion, times: ndarray, name: str) ->
 
 @dataclass(frozen=True)
 class MotionPath:
-    """A path of motions.
+    """A path of motions, shape (n_nodes, n_times, V, 3), at equally spaced times of the first.
 
-    Attributes
-    ----------
-    path : array, shape (n_nodes, n_times, V, 3)
-        Motions from the first to the second, at equally spaced times of the first.
-    times : array, shape (n_times,)
-        Times of the second motion that correspond to those of the first, as shares of its duration.
+    `times`, shape (n_times,), are those of the second motion, as shares of its duration.
     """
 
     path: ndarray
@@ -118,9 +110,7 @@ class MotionGeodesic:
     --------
     >>> import riemhuman as rh
     >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
-    >>> space = rh.AlignedSurfaces(knees.template)
-    >>> space = space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
-    >>> motions = rh.motions.MotionSpace(space, n_times=4)
+    >>> motions = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template), n_times=4)
     >>> result = rh.motions.MotionGeodesic(n_nodes=3).solve(motions, knees[:30:6], other[:30:6])
     >>> result.path.shape
     (3, 4, 1202, 3)
@@ -138,14 +128,8 @@ class MotionGeodesic:
         Parameters
         ----------
         space : MotionSpace
-            Space of motions.
         m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
             Motions of at least two frames.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle has no area.
         """
         first, second, warp = align_motions(space, m1, m2, self.alignment)
         shares = np.linspace(0.0, 1.0, self.n_nodes)
@@ -159,10 +143,9 @@ class MotionMean(Estimator):
 
     .. math:: \min_m \sum_k \min_{\gamma_k} \int_0^1 d(m(t), m_k(\gamma_k(t)))^2\, dt
 
-    Motions are aligned with the one that is nearest to all others. The mean is then the Karcher
-    mean of the surfaces at every time, over all vertices; motions are aligned with it, and it is
-    computed again. Its times are the means of theirs. Motions should face one way, see
-    `MotionSpace.face_forward`.
+    Motions are aligned with the one that is nearest to all others, then with their mean: the
+    Karcher mean of the surfaces at every time, over all vertices. Its times are the means of
+    theirs. Motions should face one way, see `MotionSpace.face_forward`.
 
     Parameters
     ----------
@@ -172,8 +155,7 @@ class MotionMean(Estimator):
         Metric of the means of surfaces, pulled back from fields. By default
         ``ElasticMetric(a=1, lam=1, c=1)``, which depends on shape and pose.
     alignment : DynamicTimeWarping, VelocityTimeWarping or RateInvariantMetric, optional
-        How motions are aligned; by default by `DynamicTimeWarping` of changes, with the metric of
-        the frames.
+        How motions are aligned, see `align_motions`.
     n_iterations : int
         Number of means computed; after the first, motions are aligned with the previous mean.
     progress : bool
@@ -194,9 +176,7 @@ class MotionMean(Estimator):
     --------
     >>> import riemhuman as rh
     >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
-    >>> space = rh.AlignedSurfaces(knees[0].template)
-    >>> space = space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
-    >>> motions = rh.motions.MotionSpace(space, n_times=4)
+    >>> motions = rh.motions.MotionSpace(rh.AlignedSurfaces(knees[0].template), n_times=4)
     >>> mean = rh.motions.MotionMean(motions).fit([motion[:40:8] for motion in knees])
     >>> mean.estimate_.shape
     (4, 1202, 3)
@@ -232,28 +212,22 @@ class MotionMean(Estimator):
         y : object
             Ignored; scikit-learn passes it.
         """
-        motions = check_motions(X, "X")
+        check_motions(X, "X")
         n_iterations = whole_number(self.n_iterations, "n_iterations", minimum=1)
         space = self.space
         alignment = self.alignment or _default_alignment(space)
-        distances = np.asarray(alignment.dist_pairwise(motions))
-        reference: Motion = motions[int(np.argmin(np.sum(distances**2, axis=0)))]
+        distances = np.asarray(alignment.dist_pairwise(X))
+        reference: Motion = X[int(np.argmin(np.sum(distances**2, axis=0)))]
         even = np.linspace(0.0, 1.0, space.n_times)
         for _ in range(n_iterations):
-            times = np.stack(
-                [
-                    _even_times(alignment.warp(reference, motion), space.n_times)
-                    for motion in motions
-                ]
-            )
+            warps = [alignment.warp(reference, motion) for motion in X]
+            times = np.stack([_even_times(warp, space.n_times) for warp in warps])
             # The times of the reference are replaced by the means of all.
             common = np.interp(even, times.mean(axis=0), even)
             times = np.stack([np.interp(common, even, row) for row in times])
-            aligned = np.stack(
-                [_at_shares(space, m, times[k], f"X[{k}]") for k, m in enumerate(motions)]
-            )
-            reference = mean = self._means(aligned)
-        self.estimate_, self.times_, self.aligned_ = mean, times, aligned
+            aligned = [_at_shares(space, m, times[k], f"X[{k}]") for k, m in enumerate(X)]
+            reference = mean = self._means(np.stack(aligned))
+        self.estimate_, self.times_, self.aligned_ = mean, times, np.stack(aligned)
         over_time = RateDependentMetric(space, self._metric)
         self.variance_ = float(np.mean([over_time.squared_dist(m, mean) for m in aligned]))
         return self
@@ -306,9 +280,8 @@ class MotionComponents(Estimator):
     --------
     >>> import riemhuman as rh
     >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[:3]
-    >>> space = rh.AlignedSurfaces(knees[0].template)
-    >>> space = space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
-    >>> mean = rh.motions.MotionMean(rh.motions.MotionSpace(space, n_times=3), n_iterations=1)
+    >>> motions = rh.motions.MotionSpace(rh.AlignedSurfaces(knees[0].template), n_times=3)
+    >>> mean = rh.motions.MotionMean(motions, n_iterations=1)
     >>> components = rh.motions.MotionComponents(mean, 1).fit([m[:30:6] for m in knees])
     >>> components.inverse_transform(components.scores_[:1]).shape
     (1, 3, 1202, 3)
@@ -332,11 +305,6 @@ class MotionComponents(Estimator):
             Motions, at least two.
         y : object
             Ignored; scikit-learn passes it.
-
-        Raises
-        ------
-        OutsideManifoldError
-            If the fields of a motion have no logarithm at those of the mean.
         """
         self.mean.fit(X)
         self.mean_ = self.mean.estimate_
@@ -358,10 +326,6 @@ class MotionComponents(Estimator):
         ----------
         X : array, shape (n, m)
             Coordinates along the first m components; the others are 0.
-
-        Returns
-        -------
-        array, shape (n, n_times, V, 3)
         """
         scores = real_array(X, "X", ("n", "n_components"), batched=False)
         product: Any = self._pca.space

@@ -28,11 +28,9 @@ _N_CHORDS, _N_STEPS = 60, 8
 
 @dataclass(frozen=True)
 class _Curve:
-    """A motion as a polygon of transported velocities.
+    """A polygon of velocities, each divided by the square root of its length, shape (n, p).
 
-    `directions` (n_segments, p) are the velocities, each divided by the square root of its length;
-    0 where that is 0. `length` is the sum of the lengths, and `places` (n_segments + 1,) are the
-    positions where they begin and end, in frames.
+    `length` is the sum of their lengths; `places` (n + 1,) say where they begin and end, in frames.
     """
 
     directions: ndarray
@@ -50,11 +48,9 @@ class RateInvariantMetric(MotionDistance):
     where v is the velocity of Φ(m(t)), transported along geodesics to the fields of the
     template (Su, Kurtek, Klassen and Srivastava, Annals of Applied Statistics 8, 2014). All q lie
     in one Euclidean space, where re-timing acts by isometries: d is a metric on motions modulo
-    re-timing, and the triangle inequality holds. The transported velocities of a motion add up to a
-    curve, a cubic spline of the frames; it is averaged along its length by `smoothing`, and 60
-    chords of equal arcs are compared. Between frames that are far apart a spline is far from the
-    motion: motions of few frames are better compared by `VelocityTimeWarping`, which is not a
-    metric. The pose in which a motion begins counts by the weight w alone.
+    re-timing. The transported velocities add up to a curve, a cubic spline of the frames, of which
+    60 chords of equal arcs are compared. Between frames that are far apart a spline is far from the
+    motion: motions of few frames are better compared by `VelocityTimeWarping`.
 
     Parameters
     ----------
@@ -64,34 +60,24 @@ class RateInvariantMetric(MotionDistance):
         Metric on frames, such as `ElasticMetric`, `RotationMetric` or `SRNFMetric`; by default that
         of their space.
     start_weight : float
-        w, at least 0.
+        The weight w of the pose in which a motion begins.
     smoothing : float
         Standard deviation of the Gaussian mean along the curve, as a share of its length. It
         removes shorter movements, such as noise and triangles that flip in the crease of a joint.
-        At 0 nothing is removed.
-    heading : bool
-        Whether the direction in which bodies face counts, as for `DynamicTimeWarping`.
+    heading, n_jobs
+        As for `DynamicTimeWarping`.
     n_components : int, optional
         Number of principal components of velocities that `dist_pairwise` compares; by default
         velocities are compared in full. The part outside the components counts by its norm, so that
         no distance grows.
-    n_jobs : int, optional
-        Number of threads of `dist_pairwise`, -1 for one per core; by default one.
-
-    Raises
-    ------
-    NotDefinedError
-        If the metric on frames has no log and transport in closed form.
 
     Examples
     --------
     >>> import riemhuman as rh
     >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
-    >>> space = rh.AlignedSurfaces(knees.template)
-    >>> space = space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
-    >>> metric = rh.motions.RateInvariantMetric(rh.motions.MotionSpace(space))
-    >>> slow, fast = knees[:40], knees[:40:2]
-    >>> bool(metric.dist(slow, fast) < metric.dist(slow, other[:40:2]))
+    >>> space = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template))
+    >>> metric = rh.motions.RateInvariantMetric(space)
+    >>> bool(metric.dist(knees[:40], knees[:40:2]) < metric.dist(knees[:40], other[:40:2]))
     True
     """
 
@@ -116,14 +102,10 @@ class RateInvariantMetric(MotionDistance):
         )
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
-        """Return the best re-timing of the velocities."""
         a, b = self._prepare(None, m1, "m1"), self._prepare(None, m2, "m2")
         products = a.directions @ b.directions.T
-        lower, left = _empty_gains(products.shape, _N_STEPS)
-        gain = best_gain(products, _N_STEPS, lower, left)
-        path = np.empty((sum(products.shape) + 2, 2))
-        length = trace_gain(products, _N_STEPS, lower, left, path)
-        matched = path[:length][::-1].T
+        gain, lower, left = best_gain(products, _N_STEPS)
+        matched = trace_gain(products, _N_STEPS, lower, left)[::-1].T
         corners = np.arange(_N_CHORDS + 1)
         first, second = (
             np.interp(places, corners, curve.places)
@@ -135,7 +117,6 @@ class RateInvariantMetric(MotionDistance):
         return Warp(math.sqrt(squared), first, second)
 
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
-        """Return all distances within a set of motions, whose velocities are kept in memory."""
         retimed = super().dist_pairwise(motions, progress=progress)
         starts = np.stack([self._start(m, f"motions[{k}]") for k, m in enumerate(motions)])
         apart = self.metric.dist_pairwise(starts, self.n_jobs, precision="double")
@@ -171,11 +152,5 @@ class RateInvariantMetric(MotionDistance):
 
     def _between(self, basis: Projection | None, a: _Curve, b: _Curve) -> float:
         """Return the distance of the velocities after the best re-timing."""
-        products = a.directions @ b.directions.T
-        gain = best_gain(products, _N_STEPS, *_empty_gains(products.shape, _N_STEPS))
+        gain, _, _ = best_gain(a.directions @ b.directions.T, _N_STEPS)
         return math.sqrt(max(a.length + b.length - 2.0 * gain, 0.0))
-
-
-def _empty_gains(shape: tuple[int, ...], n_steps: int) -> tuple[ndarray, ndarray]:
-    n, m = shape
-    return np.empty((n + 1, m, n_steps + 1)), np.empty((n, m + 1, n_steps + 1))

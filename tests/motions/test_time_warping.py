@@ -27,17 +27,15 @@ def weighted_sum(costs, path):
     return sum(w * costs[cell] for w, cell in zip(weights, path, strict=True))
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_best_path_is_the_least_of_all_paths(seed):
-    rng = np.random.default_rng(seed)
-    for shape in ((2, 2), (2, 5), (5, 2), (3, 4), (5, 5)):
-        costs = rng.uniform(size=shape)
+@pytest.mark.parametrize("shape", [(2, 2), (2, 5), (5, 2), (3, 4), (5, 5)])
+def test_best_path_is_the_least_of_all_paths(shape):
+    for seed in range(3):
+        costs = np.random.default_rng(seed).uniform(size=shape)
         total, cells = best_path(costs)
         least = min(weighted_sum(costs, path) for path in all_paths(*shape))
+        found = weighted_sum(costs, [tuple(cell) for cell in cells])
         assert total == pytest.approx(least, rel=1e-12)
-        assert weighted_sum(costs, [tuple(cell) for cell in cells]) == pytest.approx(
-            least, rel=1e-12
-        )
+        assert found == pytest.approx(least, rel=1e-12)
 
 
 class TestDynamicTimeWarping:
@@ -105,13 +103,12 @@ def test_chords_are_the_best_of_all_and_places_between_frames_lower_their_sum(se
     rng = np.random.default_rng(seed)
     n, m = 2 + seed % 4, 2 + seed // 4
     a, b = rng.standard_normal((n, 3)).cumsum(axis=0), rng.standard_normal((m, 3)).cumsum(axis=0)
-    places = np.empty(n)
-    by_frames = match_frames(*chord_tables(a, b), places)
+    by_frames, places = match_frames(*chord_tables(a, b))
     inner = itertools.combinations_with_replacement(range(m), n - 2)
     least = min(sum_at(a, b[[0, *some, m - 1]]) for some in inner)
     assert by_frames == pytest.approx(least, rel=1e-9)
     assert sum_at(a, b[places.astype(int)]) == pytest.approx(least, rel=1e-9)
-    total = match_chords(*chord_tables(a, b), places)
+    total, places = match_chords(*chord_tables(a, b))
     assert total <= by_frames + 1e-12
     assert (np.diff(places) >= 0.0).all()
     assert places[[0, -1]].tolist() == [0.0, m - 1.0]
