@@ -47,23 +47,6 @@ class PairedCodes(ABC):
         self._read(weights)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a trained network.
-
-        Parameters
-        ----------
-        path : path_like
-            The .npz file, written by `save` or by ``tutorials/remake/train_codes.py``. Its arrays
-            are checked, and nothing in it is executed.
-
-        Returns
-        -------
-        ShapePoseCodes or IntrinsicExtrinsicCodes
-            The network; it runs without PyTorch.
-        """
-        return cls(path)
-
-    @classmethod
     def load_pretrained(cls, template: Template | None = None, correspondence: Any = None) -> Self:
         """Return the network that ships, trained on the open body model.
 
@@ -73,10 +56,6 @@ class PairedCodes(ABC):
             Template of the bodies; by default that of the coarse open model.
         correspondence : array_like of int, pair, or sparse matrix, optional
             Where the vertices of the coarse open template lie on `template`, see `on`.
-
-        Returns
-        -------
-        ShapePoseCodes or IntrinsicExtrinsicCodes
         """
         codes = cls(FOLDER / cls._SHIPPED)
         return codes if template is None else codes.on(template, correspondence)
@@ -99,8 +78,7 @@ class PairedCodes(ABC):
     def on(self, template: Template, correspondence: Any = None) -> Self:
         """Return the same network for bodies over another template.
 
-        The other template may be of any person in any pose, with any triangles; a correspondence
-        says which of its points match the vertices of the network's own template. Triangles that
+        The other template may be of any person in any pose, with any triangles. Triangles that
         collapse, such as fingers on a mesh without fingers, are left out; a part of the body of
         which no triangle is left moves with its neighbour.
 
@@ -112,22 +90,24 @@ class PairedCodes(ABC):
             Where the vertices of the network's template lie on the other: numbers of vertices,
             shape (V,); a pair of numbers of triangles, shape (V,), and barycentric coordinates,
             shape (V, 3); or a matrix whose rows sum to one. It is optional if the other template
-            has vertices at the same places, as the full open template has those of the coarse one.
-
-        Returns
-        -------
-        ShapePoseCodes or IntrinsicExtrinsicCodes
+            has vertices at the same places, as the full open template has. The codes of point
+            clouds need none.
         """
         if not isinstance(template, Template):
             raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")
         codes = copy(self)
-        same = template.n_vertices == self._home.n_vertices and np.array_equal(
-            template.faces, self._home.faces
-        )
-        given = same and correspondence is None
-        codes._carried = None if given else Correspondence(self._home, template, correspondence)
-        codes._template = self._home if given else template
+        codes._template = template
+        codes._carry(correspondence)
         return codes
+
+    def _carry(self, correspondence: Any) -> None:
+        """Prepare for bodies over `_template` instead of `_home`."""
+        home, other = self._home, self._template
+        is_same = home.n_vertices == other.n_vertices and np.array_equal(home.faces, other.faces)
+        if is_same and correspondence is None:
+            self._template, self._carried = home, None
+        else:
+            self._carried = Correspondence(home, other, correspondence)
 
     @abstractmethod
     def transform(self, X: ArrayLike) -> ndarray:
@@ -138,10 +118,6 @@ class PairedCodes(ABC):
         X : array_like, shape (n, V, 3)
             Bodies over the template `template_`, metres; `IntrinsicExtrinsicCodes` needs them
             upright, facing forward.
-
-        Returns
-        -------
-        array, shape (n, n_codes)
         """
 
     @abstractmethod
@@ -155,12 +131,6 @@ class PairedCodes(ABC):
         ----------
         Z : array_like, shape (n, n_codes)
             Codes, as `transform` returns them.
-
-        Returns
-        -------
-        first, second : array, shape (n, n_first) and (n, n_second)
-            Shape and pose codes of `ShapePoseCodes`, intrinsic and extrinsic codes of
-            `IntrinsicExtrinsicCodes`.
         """
         codes = self._check_codes(Z)
         return codes[:, : self._n_codes[0]], codes[:, self._n_codes[0] :]

@@ -33,11 +33,10 @@ _COLLAPSED, _TOO_LITTLE = 1e-3, 0.2
 class Correspondence:
     """The transfer of surfaces from a template to the template of a network, and back.
 
-    Forth, the network's vertices are combinations of the template's. Back, every triangle of the
-    template takes the mean deformation gradient of the nearby triangles of the network, and a
-    Poisson equation gives the surface; the remaining errors at the network's vertices are then
-    corrected by moving the vertices near them. `usable` (F,) says which triangles of the network's
-    template have not collapsed.
+    Forth, the network's vertices are combinations of the template's. Back, every triangle takes the
+    mean deformation gradient of the network's near it, and a Poisson equation gives the surface;
+    what is left at the network's vertices moves the vertices near them. `usable` (F,) says which
+    triangles of the network's template have not collapsed.
     """
 
     def __init__(self, home: Template, template: Template, correspondence: Any = None) -> None:
@@ -51,7 +50,8 @@ class Correspondence:
                 f"network's template; found {self._forth.shape[0]}"
             )
         start = self._forth @ template.vertices
-        areas = _areas(start, home.faces)
+        edges = start[home.faces[:, 1:]] - start[home.faces[:, :1]]
+        areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
         self.usable = areas > _COLLAPSED * home.face_areas * (areas.sum() / home.face_areas.sum())
         share = home.face_areas[self.usable].sum() / home.face_areas.sum()
         if share < _TOO_LITTLE:
@@ -100,11 +100,6 @@ class Correspondence:
     def _home_frames(self, surface: ndarray) -> ndarray:
         with np.errstate(invalid="ignore", divide="ignore"):
             return triangle_frames(surface, self.home.differential_operator)[self.usable]
-
-
-def _areas(points: ndarray, faces: ndarray) -> ndarray:
-    edges = points[faces[:, 1:]] - points[faces[:, :1]]
-    return 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
 
 
 def _same_vertices(home: Template, template: Template) -> ndarray:

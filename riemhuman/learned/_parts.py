@@ -45,9 +45,8 @@ class Parts:
     """Parts of a template: from surfaces to rotations and stretches of parts, and back.
 
     `part_of` (F,) is the part of each triangle, `weights` (F, K) the weight of each part in the
-    gradient of each triangle, and `parents` (K,) the part that the rotation of each part is
-    relative to; -1 for the root, whose rotation is relative to the whole body. Triangles outside
-    `usable` (F,) do not count in surfaces.
+    gradient of each triangle, and `parents` (K,) the part that each rotation is relative to; -1 for
+    the root, relative to the whole body. Triangles outside `usable` (F,) do not count.
     """
 
     template: Template
@@ -71,14 +70,6 @@ class Parts:
             raise weights.error("part_parents must be a tree: one root, and no circle")
         return parts
 
-    def arrays(self) -> dict[str, ndarray]:
-        """Return the arrays of a file."""
-        return {
-            "part_of": self.part_of.astype(np.uint16),
-            "part_weights": self.weights.astype(np.float16),
-            "part_parents": self.parents.astype(np.int16),
-        }
-
     @property
     def n_parts(self) -> int:
         """Number of parts K."""
@@ -87,14 +78,10 @@ class Parts:
     @cached_property
     def levels(self) -> list[tuple[ndarray, ndarray]]:
         """Parts at each depth of the tree, with the positions of their parents one level above."""
-        levels = []
         above = np.flatnonzero(self.parents < 0)
-        levels.append((above, np.zeros(1, dtype=np.int64)))
-        while len(above):
-            below = np.flatnonzero(np.isin(self.parents, above))
-            places = np.searchsorted(above, self.parents[below])
-            if len(below):
-                levels.append((below, places))
+        levels = [(above, np.zeros(1, dtype=np.int64))]
+        while len(below := np.flatnonzero(np.isin(self.parents, above))):
+            levels.append((below, np.searchsorted(above, self.parents[below])))
             above = below
         return levels
 
@@ -115,14 +102,11 @@ class Parts:
     def split(self, points: ndarray) -> tuple[ndarray, ndarray]:
         """Return features (n, 9 K) and rotations (n, 3, 3) of bodies (n, V, 3).
 
-        Features are the rotation vectors of all parts relative to their parents, in radians, then
-        the upper triangles of S - I. The rotation of a body is the nearest to its mean gradient.
+        Features are rotation vectors of parts, in radians, then the upper triangles of S - I.
         """
-        features = np.empty((len(points), 9 * self.n_parts))
-        frames = np.empty((len(points), 3, 3))
-        for start in range(0, len(points), _BLOCK):
-            some = slice(start, start + _BLOCK)
-            features[some], frames[some] = self._split(points[some])
+        blocks = range(_BLOCK, len(points), _BLOCK)
+        found = [self._split(some) for some in np.split(points, blocks)]
+        features, frames = (np.concatenate(part) for part in zip(*found, strict=True))
         return features, frames
 
     def _split(self, points: ndarray) -> tuple[ndarray, ndarray]:

@@ -3,41 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import FileFormatError, RiemhumanError
-from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.io.arrays import load_arrays
 from riemhuman.surfaces import Template
 
-_VERSION = 1
+VERSION = 1
 _TEMPLATE = ("template_vertices", "template_faces")
 
 # Largest size of a layer: files may come from anywhere.
 _LARGEST = 2**20
-
-
-def save_weights(
-    path: str | os.PathLike[str],
-    kind: str,
-    settings: Mapping[str, int],
-    template: Template,
-    arrays: Mapping[str, ndarray],
-) -> None:
-    """Write a network of a class by its name; the file appears whole or not at all."""
-    vertices = template.vertices.astype(np.float32)
-    if not np.array_equal(vertices, template.vertices):
-        vertices = template.vertices
-    fields = {
-        "format_version": np.array(_VERSION),
-        "kind": np.array(kind),
-        **{name: np.array(value) for name, value in settings.items()},
-        "template_vertices": vertices,
-        "template_faces": template.faces.astype(np.int32),
-    }
-    save_arrays(path, {**fields, **arrays}, compressed=True)
 
 
 class Weights:
@@ -46,10 +25,10 @@ class Weights:
     def __init__(self, path: str | os.PathLike[str], kind: str, settings: Sequence[str]) -> None:
         self._path = os.fspath(path)
         self.fields = load_arrays(path, ["format_version", "kind", *settings, *_TEMPLATE])
-        if self.fields["format_version"].tolist() != _VERSION:
+        if self.fields["format_version"].tolist() != VERSION:
             raise self.error(
                 f"its format version is {str(self.fields['format_version'].tolist())[:40]}; this "
-                f"release reads version {_VERSION}"
+                f"release reads version {VERSION}"
             )
         if self.fields["kind"].tolist() != kind:
             raise self.error(

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from copy import copy
 from types import ModuleType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.errors import ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.learned._codes import PairedCodes
 from riemhuman.learned._networks import cloud_features, cloud_shapes, network
 from riemhuman.learned._weight_files import Weights
-from riemhuman.surfaces import Template
 
 # Number of clouds of a body whose codes are averaged, and the seed of their points.
 _CLOUDS, _SEED_OF_POINTS = 4, 0
@@ -28,8 +26,8 @@ class IntrinsicExtrinsicCodes(PairedCodes):
     Training needs no labels, and codes need no registered mesh: the network reads points spread
     over a surface. It predicts the spectrum of the Laplace–Beltrami operator, which bending does
     not change, from the intrinsic code alone, and the positions of points of the template from both
-    codes. Unlike in [1]_, the noise on codes has a fixed size, the decoder gives points in
-    correspondence, and bodies must be upright and face forward: rotations are not learned.
+    codes. Unlike in [1]_, bodies must be upright and face forward, the noise on codes has a fixed
+    size, and the decoder gives points in correspondence.
 
     On scans of real people, expect about 15 % of nearest neighbours to be the same person and 85 to
     90 % the same pose: as in the paper's table, it tells poses and hardly people.
@@ -73,23 +71,13 @@ class IntrinsicExtrinsicCodes(PairedCodes):
 
     code_names = ("intrinsic", "extrinsic")
     _WIDTH = 2
-    _SETTINGS = (
-        "n_intrinsic",
-        "n_extrinsic",
-        "n_points",
-        "n_eigenvalues",
-        "n_hidden",
-        "n_features",
+    _SETTINGS = ("n_intrinsic", "n_extrinsic", "n_points", "n_eigenvalues") + (
+        ("n_hidden", "n_features")
     )
     _SHIPPED = "intrinsic_extrinsic_codes.npz"
 
-    def on(self, template: Template, correspondence: Any = None) -> Self:
-        """Return the same network for bodies over another template; needs no correspondence."""
-        if not isinstance(template, Template):
-            raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")
-        codes = copy(self)
-        codes._template = template
-        return codes
+    def _carry(self, correspondence: Any) -> None:
+        """Do nothing: point clouds need no correspondence."""
 
     def transform(self, X: ArrayLike) -> ndarray:
         points = self._check_points(X)
@@ -105,10 +93,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
             Vertex positions, in metres, y up, the body facing +z.
         faces : array_like, shape (F, 3)
             Vertex indices of each triangle, counted from 0.
-
-        Returns
-        -------
-        array, shape (n_intrinsic + n_extrinsic,)
         """
         mesh = check_mesh(vertices, faces)
         self._check_scale(mesh[0], "vertices")
@@ -127,8 +111,7 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         Returns
         -------
         array, shape (n, n_points, 3)
-            The vertices `vertices_` of the training template, relative to the body's mean vertex,
-            metres.
+            The vertices `vertices_`, relative to the body's mean vertex, metres.
         """
         codes = self._check_codes(Z)
         points = network(self.parameters_, "points", codes)

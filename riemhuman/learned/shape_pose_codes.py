@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import ModuleType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -15,7 +15,6 @@ from riemhuman.learned._codes import PairedCodes
 from riemhuman.learned._networks import network
 from riemhuman.learned._parts import Parts
 from riemhuman.learned._weight_files import Weights
-from riemhuman.surfaces import Template
 
 
 class ShapePoseCodes(PairedCodes):
@@ -23,10 +22,9 @@ class ShapePoseCodes(PairedCodes):
 
     After Zhou, Bhatnagar and Pons-Moll [1]_: one encoder computes a shape code, another a pose
     code, and a decoder rebuilds the body from both. Training, see ``tutorials/remake``, uses labels
-    of people, but none of poses. Instead of convolutions on the mesh, the networks use rotations
-    and stretches of parts: the shape code depends on the stretches of parts, the pose code on their
-    rotations relative to their neighbours, and the decoder gives both. Codes therefore do not
-    depend on the body's position and orientation.
+    of people, but none of poses. Instead of convolutions on the mesh, the shape code depends on the
+    stretches of parts, and the pose code on their rotations relative to their neighbours, so that
+    the body's position and orientation do not count.
 
     The network that ships was trained on bodies of the open model alone. On registrations of real
     people by another template, expect 75 to 80 % of nearest neighbours to be the same person, 90 %
@@ -68,12 +66,10 @@ class ShapePoseCodes(PairedCodes):
     _SETTINGS = ("n_shape", "n_pose", "n_parts", "n_hidden")
     _SHIPPED = "shape_pose_codes.npz"
 
-    def on(self, template: Template, correspondence: Any = None) -> Self:
-        """Return the same network for bodies over another template."""
-        codes = super().on(template, correspondence)
-        usable = None if codes._carried is None else codes._carried.usable
-        codes._parts = replace(self._parts, usable=usable)
-        return codes
+    def _carry(self, correspondence: Any) -> None:
+        super()._carry(correspondence)
+        usable = None if self._carried is None else self._carried.usable
+        self._parts = replace(self._parts, usable=usable)
 
     def transform(self, X: ArrayLike) -> ndarray:
         points = self._check_points(X)
@@ -108,15 +104,8 @@ class ShapePoseCodes(PairedCodes):
 
         Parameters
         ----------
-        X : array_like, shape (n, V, 3)
-            Bodies that give the shapes, metres.
-        poses : array_like, shape (n, V, 3)
-            Bodies that give the poses, metres.
-
-        Returns
-        -------
-        array, shape (n, V, 3)
-            Bodies as `inverse_transform` returns them.
+        X, poses : array_like, shape (n, V, 3)
+            Bodies that give the shapes and the poses, metres.
         """
         of_people, of_poses = self.transform(X), self.transform(poses)
         if len(of_people) != len(of_poses):

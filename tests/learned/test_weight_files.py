@@ -23,7 +23,7 @@ def arrays():
 def test_shipped_files_are_small_and_written_again_the_same(name, tmp_path):
     file = FOLDER / f"{name}.npz"
     assert file.stat().st_size <= 2e6
-    codes = KINDS[name].load(file)
+    codes = KINDS[name](file)
     codes.save(tmp_path / "again.npz")
     assert entries(tmp_path / "again.npz") == entries(file)
 
@@ -73,7 +73,7 @@ def test_what_does_not_fit_is_refused(name, arrays, tmp_path):
     file = tmp_path / "bad.npz"
     save_arrays(file, arrays | {name: change(arrays[name])})
     with pytest.raises(FileFormatError, match=message) as refused:
-        ShapePoseCodes.load(file)
+        ShapePoseCodes(file)
     assert "bad.npz" in str(refused.value)
 
 
@@ -81,12 +81,12 @@ def test_missing_fields_files_and_pickles_are_refused(arrays, tmp_path):
     file = tmp_path / "bad.npz"
     save_arrays(file, {name: array for name, array in arrays.items() if name != "shape.C"})
     with pytest.raises(FileFormatError, match=r"lacks the field shape\.C"):
-        ShapePoseCodes.load(file)
+        ShapePoseCodes(file)
     np.savez(file, **(arrays | {"shape.C": np.array([{}], dtype=object)}))
     with pytest.raises(FileFormatError, match="objects of Python"):
-        ShapePoseCodes.load(file)
+        ShapePoseCodes(file)
     with pytest.raises(FileError):
-        ShapePoseCodes.load(tmp_path / "none.npz")
+        ShapePoseCodes(tmp_path / "none.npz")
 
 
 def test_training_names_the_extra_that_it_needs(monkeypatch):

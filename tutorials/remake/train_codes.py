@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.cluster.vq import kmeans2
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
-from training import initial_cloud, initial_network, train
+from training import initial_cloud, initial_network, save_weights, train
 from training_bodies import random_bodies
 
 from riemhuman.bodies import BodyModel
@@ -39,7 +39,6 @@ from riemhuman.learned import IntrinsicExtrinsicCodes, ShapePoseCodes
 from riemhuman.learned._codes import FOLDER, PairedCodes
 from riemhuman.learned._networks import network
 from riemhuman.learned._parts import Parts, gradients
-from riemhuman.learned._weight_files import save_weights
 from riemhuman.learned.intrinsic_extrinsic_codes import surface_points
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces import Template
@@ -109,7 +108,13 @@ def train_shape_pose(
     }
     settings = {"n_shape": n_shape, "n_pose": n_pose, "n_parts": parts.n_parts}
     settings["n_hidden"] = n_hidden
-    others = {"center": np.float32(center), "scale": np.float32(scale), **parts.arrays()}
+    others = {
+        "center": np.float32(center),
+        "scale": np.float32(scale),
+        "part_of": parts.part_of.astype(np.uint16),
+        "part_weights": parts.weights.astype(np.float16),
+        "part_parents": parts.parents.astype(np.int16),
+    }
     codes = _empty(ShapePoseCodes, settings)
     initial = _initial_networks(codes, rng) | _principal_codes(codes, features, bodies_of)
 
@@ -155,7 +160,7 @@ def train_shape_pose(
             initial, data, loss, checkpoint=checkpoint, progress=progress, **steps
         )
     save_weights(file, "ShapePoseCodes", settings, template, {**parameters, **others})
-    return ShapePoseCodes.load(file), losses
+    return ShapePoseCodes(file), losses
 
 
 def train_intrinsic_extrinsic(
@@ -230,7 +235,7 @@ def train_intrinsic_extrinsic(
         "mean_spectrum": mean_spectrum.astype(np.float32),
     }
     save_weights(file, "IntrinsicExtrinsicCodes", settings, template, {**parameters, **others})
-    return IntrinsicExtrinsicCodes.load(file), losses
+    return IntrinsicExtrinsicCodes(file), losses
 
 
 def _check_bodies(template: Template, X: Any) -> ndarray:

@@ -16,8 +16,10 @@ from numpy import ndarray
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.learned._networks import cloud_shapes, network_shapes
+from riemhuman.learned._weight_files import VERSION
 from riemhuman.optional import import_optional
 from riemhuman.progress import ProgressBar
+from riemhuman.surfaces import Template
 
 Loss = Callable[[ModuleType, dict[str, Any], Mapping[str, Any], np.random.Generator], Any]
 
@@ -26,6 +28,27 @@ STEPS_BETWEEN = 200
 
 _WARM_UP = 0.05
 _MOMENTS = ("exp_avg", "exp_avg_sq")
+
+
+def save_weights(
+    path: str | os.PathLike[str],
+    kind: str,
+    settings: Mapping[str, int],
+    template: Template,
+    arrays: Mapping[str, ndarray],
+) -> None:
+    """Write a network of a class by its name; the file appears whole or not at all."""
+    vertices = template.vertices.astype(np.float32)
+    if not np.array_equal(vertices, template.vertices):
+        vertices = template.vertices
+    fields = {
+        "format_version": np.array(VERSION),
+        "kind": np.array(kind),
+        **{name: np.array(value) for name, value in settings.items()},
+        "template_vertices": vertices,
+        "template_faces": template.faces.astype(np.int32),
+    }
+    save_arrays(path, {**fields, **arrays}, compressed=True)
 
 
 def train(
