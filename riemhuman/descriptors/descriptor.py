@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist, squareform
 
 from riemhuman.checks import real_array
-from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
+from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.representation import constructor_text
 
@@ -31,10 +31,9 @@ class Descriptor(ABC):
     >>> class Height(rh.descriptors.Descriptor):
     ...     def describe(self, vertices, faces):
     ...         return np.ptp(vertices[:, 1:2], axis=0)
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> described = [Height().describe(f, bodies.template.faces) for f in bodies.points[:3]]
+    >>> described = Height().describe_all(rh.datasets.load_open_bodies("coarse"))
     >>> Height().distances(described).shape
-    (3, 3)
+    (100, 100)
     """
 
     # Whether threads make `describe_all` faster.
@@ -53,10 +52,6 @@ class Descriptor(ABC):
             Vertex positions, in metres.
         faces : array_like, shape (F, 3)
             Vertex indices of each triangle, counted from 0.
-
-        Returns
-        -------
-        array, shape (d,)
         """
 
     def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
@@ -64,16 +59,12 @@ class Descriptor(ABC):
 
         Parameters
         ----------
-        bodies : object or iterable of (vertices, faces)
-            Registered surfaces with the fields ``points`` and ``template``, or meshes. Meshes of a
-            sequence, such as `riemhuman.datasets.LabelledMeshes`, are read one at a time.
+        bodies : Bodies or iterable of (vertices, faces)
+            Registered surfaces, or meshes. Those of a sequence, such as
+            `riemhuman.datasets.LabelledMeshes`, are read one at a time.
         n_jobs : int, optional
             Number of threads, -1 for one per core; by default one. Spectra are always computed one
             at a time.
-
-        Returns
-        -------
-        array, shape (n, d)
         """
         count, mesh = meshes_of(bodies)
 
@@ -93,11 +84,6 @@ class Descriptor(ABC):
         ----------
         vectors : array_like, shape (n, d)
             Vectors of `describe`, one per row.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal.
         """
         return pairwise(vectors, "euclidean")
 
@@ -105,20 +91,13 @@ class Descriptor(ABC):
 def pairwise(vectors: ArrayLike, metric: str | Callable[..., float]) -> np.ndarray:
     """Return all distances of `pdist` within vectors, shape (n, d), as a matrix (n, n)."""
     rows = real_array(vectors, "vectors", ("n_vectors", "n_numbers"), batched=False)
-    if len(rows) < 2:
-        return np.zeros((len(rows), len(rows)))
-    return squareform(pdist(rows, metric))
+    return squareform(pdist(rows, metric)) if len(rows) > 1 else np.zeros((len(rows), len(rows)))
 
 
 def meshes_of(bodies: Any) -> tuple[int, Callable[[int], Mesh]]:
     """Return the number of meshes, and a function that returns the mesh of an index."""
     if hasattr(bodies, "points") and hasattr(bodies, "template"):
         return len(bodies.points), lambda index: (bodies.points[index], bodies.template.faces)
-    if not (isinstance(bodies, Iterable) or hasattr(bodies, "__getitem__")):
-        raise ArgumentTypeError(
-            "bodies must be registered surfaces (with points and a template) or meshes, pairs of "
-            f"vertices and faces; found {type(bodies).__name__}"
-        )
     meshes: Any = bodies if hasattr(bodies, "__getitem__") else list(bodies)
     if len(meshes) == 0:
         raise ArgumentError("bodies holds no surface; at least one is needed")

@@ -54,9 +54,7 @@ class LatentVectors(Record, Descriptor):
 
     def __post_init__(self) -> None:
         ids = _as_ids(self.ids, "ids")
-        vectors = real_array(self.vectors, "vectors", ("n_vectors", "n_numbers"), batched=False)
-        if len(ids) != len(vectors):
-            raise ArgumentError(f"{len(ids)} ids found for {len(vectors)} vectors")
+        vectors = real_array(self.vectors, "vectors", (len(ids), "n_numbers"), batched=False)
         if vectors.size == 0:
             raise ArgumentError(f"vectors holds no numbers; found shape {vectors.shape}")
         twice = [name for name, count in Counter(ids).items() if count > 1]
@@ -78,10 +76,6 @@ class LatentVectors(Record, Descriptor):
             - ``.csv`` with one line per body: its id, then its numbers; a first line that begins
               with ``id`` is a header;
             - ``.npy``: an array (n, d); the ids are the numbers of its rows, from 0.
-
-        Returns
-        -------
-        LatentVectors
         """
         file = file_path(path)
         readers = {".npz": _read_npz, ".csv": _read_csv, ".npy": _read_npy}
@@ -104,10 +98,6 @@ class LatentVectors(Record, Descriptor):
         ----------
         ids : iterable of str or int
             Ids of the data set; other vectors are left out.
-
-        Returns
-        -------
-        LatentVectors
         """
         wanted = _as_ids(ids, "ids")
         rows = {name: row for row, name in enumerate(self.ids)}
@@ -161,11 +151,7 @@ def _read_npz(file: Path) -> tuple[Any, Any]:
 
 def _read_npy(file: Path) -> tuple[Any, Any]:
     vectors = load_array(file)
-    if vectors.ndim != 2 or vectors.size == 0:
-        raise FileFormatError(
-            f"{file}: the array must have shape (n_vectors, n_numbers); found {vectors.shape}"
-        )
-    return range(len(vectors)), vectors
+    return range(len(vectors) if vectors.ndim else 0), vectors
 
 
 def _read_csv(file: Path) -> tuple[Any, Any]:

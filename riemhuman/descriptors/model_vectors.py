@@ -87,15 +87,13 @@ class ModelShapeVectors(_ModelVectors):
     Parameters
     ----------
     model : BodyModel
-        Model that the surfaces are registered to; its method ``fit`` returns a record with the
-        field ``betas``.
+        Model that the surfaces are registered to.
 
     Examples
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> descriptor = rh.descriptors.ModelShapeVectors(bodies.model)
-    >>> descriptor.describe_all(bodies[:2]).shape
+    >>> rh.descriptors.ModelShapeVectors(bodies.model).describe_all(bodies[:2]).shape
     (2, 32)
     """
 
@@ -112,8 +110,7 @@ class ModelPoseVectors(_ModelVectors):
     Parameters
     ----------
     model : BodyModel
-        Model that the surfaces are registered to; its method ``fit`` returns a record with the
-        field ``pose``.
+        Model that the surfaces are registered to.
     distance : {"axis-angle", "rotation"}
         The Euclidean distance of axis-angle vectors, or the sum over joints of the angles between
         the rotations, which is continuous where axis-angle vectors jump, at half a turn.
@@ -124,8 +121,7 @@ class ModelPoseVectors(_ModelVectors):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> descriptor = rh.descriptors.ModelPoseVectors(bodies.model)
-    >>> descriptor.describe_all(bodies[:2]).shape[0]
+    >>> rh.descriptors.ModelPoseVectors(bodies.model).describe_all(bodies[:2]).shape[0]
     2
     """
 

@@ -28,10 +28,7 @@ _WAVE_RANGE = 0.0, 4.0
 
 
 class SpectralDescriptor(Descriptor):
-    """A vector made of the lowest eigenvalues and eigenfunctions of a surface.
-
-    Subclasses are frozen dataclasses of parameters that define `of_spectrum`.
-    """
+    """A vector made of the lowest eigenvalues and eigenfunctions of a surface."""
 
     _in_threads = False
 
@@ -77,18 +74,16 @@ class SpectralDescriptor(Descriptor):
 class ShapeDNA(SpectralDescriptor):
     r"""The first eigenvalues of the Laplace–Beltrami operator, without zero [1]_.
 
-    They depend only on lengths within the surface, so bending does not change them. By Weyl's law
-    they grow like :math:`\mu_k \approx 4\pi k / A`; divided by k, as here, they have similar
-    sizes. The distance is Euclidean.
+    Bending does not change them. By Weyl's law they grow like :math:`\mu_k \approx 4\pi k / A`;
+    divided by k, as here, they have similar sizes. The distance is Euclidean.
 
     Parameters
     ----------
     n_eigenvalues : int
         Number of eigenvalues.
     normalization : {"none", "area", "first"}
-        "none" keeps eigenvalues in 1 / metre², which depend on the size of the body. "area"
-        multiplies them by the area of the surface, and "first" divides them by the first one; both
-        remove the size.
+        Whether eigenvalues, in 1 / metre², are multiplied by the area of the surface or divided by
+        the first one, which removes the size.
     laplacian : {"cotangent", "robust"}
         Discretisation, see `riemhuman.surfaces.spectrum`.
 
@@ -101,8 +96,7 @@ class ShapeDNA(SpectralDescriptor):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> descriptor = rh.descriptors.ShapeDNA(n_eigenvalues=10)
-    >>> descriptor.describe(bodies[0], bodies.template.faces).shape
+    >>> rh.descriptors.ShapeDNA(10).describe(bodies[0], bodies.template.faces).shape
     (10,)
     """
 
@@ -125,26 +119,17 @@ class ShapeDNA(SpectralDescriptor):
 
 
 class KernelSignature(SpectralDescriptor):
-    """Spectral signatures Σ_k w_k φ_k(x)² of all points x, pooled over the surface.
-
-    Subclasses are frozen dataclasses of parameters that define `_of`, the signatures of a spectrum.
-    The distance of histograms is the sum of absolute differences.
-    """
+    """Spectral signatures Σ_k w_k φ_k(x)² of all points x, pooled over the surface."""
 
     n_bins: int
 
     def signatures(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        """Return the signatures of every vertex.
+        """Return the signatures (n_scales, V) of every vertex: a row for each time or energy.
 
         Parameters
         ----------
         vertices : array_like, shape (V, 3)
         faces : array_like, shape (F, 3)
-
-        Returns
-        -------
-        array, shape (n_scales, V)
-            One row for each time, in 1 / metre², or for each energy.
         """
         return self._of(spectrum(vertices, faces, self.n_eigenvalues, self.laplacian))
 
@@ -166,9 +151,9 @@ class HeatKernelSignature(KernelSignature):
     r"""The heat kernel signature, pooled over the surface [1]_.
 
     The signature of a point x is :math:`h_t(x) = \sum_k e^{-\mu_k t} \varphi_k(x)^2`, including the
-    eigenvalue zero. The descriptor uses :math:`\log_{10}(4\pi t\,h_t)`, which is 0 at points of a
-    plane. Since distributions of signatures distinguish surfaces [2]_, there is a histogram for
-    each time, weighted by area; the distance of histograms is the sum of absolute differences.
+    eigenvalue zero. The descriptor has a histogram of :math:`\log_{10}(4\pi t\,h_t)`, which is 0 at
+    points of a plane, for each time, weighted by area [2]_; the distance of histograms is the sum
+    of absolute differences.
 
     Parameters
     ----------
@@ -178,8 +163,8 @@ class HeatKernelSignature(KernelSignature):
         Number of eigenvalues in the sum, not counting zero.
     n_bins : int
         Number of bins of a histogram.
-    laplacian : {"cotangent", "robust"}
-        Discretisation, see `riemhuman.surfaces.spectrum`.
+    laplacian
+        As for `ShapeDNA`.
 
     References
     ----------
@@ -192,9 +177,8 @@ class HeatKernelSignature(KernelSignature):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> descriptor = rh.descriptors.HeatKernelSignature()
-    >>> descriptor.describe(bodies[0], bodies.template.faces).shape
-    (256,)
+    >>> rh.descriptors.HeatKernelSignature().describe_all(bodies[:1]).shape
+    (1, 256)
     """
 
     times: tuple[float, ...] = _TIMES
@@ -210,7 +194,6 @@ class HeatKernelSignature(KernelSignature):
         self._check_choices()
 
     def of_spectrum(self, modes: Spectrum) -> np.ndarray:
-        """Return the histograms, shape (n_times * n_bins,)."""
         modes = modes.first(self.n_eigenvalues)
         used = modes.areas > 0
         excess = 4 * np.pi * np.array(self.times)[:, np.newaxis] * self._of(modes)[:, used]
@@ -238,14 +221,9 @@ class WaveKernelSignature(KernelSignature):
         Width σ > 0 of the weights; by default seven hundredths of the range of energies, as in the
         paper.
     pooling : {"histogram", "vertex mean"}
-        "vertex mean" is the mean over vertices: it depends on their distribution over the surface,
-        and is meaningful only for registered surfaces.
-    n_eigenvalues : int
-        Number of eigenfunctions in the average.
-    n_bins : int
-        Number of bins of a histogram.
-    laplacian : {"cotangent", "robust"}
-        Discretisation, see `riemhuman.surfaces.spectrum`.
+        "vertex mean" is the mean over vertices, for registered surfaces.
+    n_eigenvalues, n_bins, laplacian
+        As for `HeatKernelSignature`.
 
     References
     ----------
@@ -256,9 +234,8 @@ class WaveKernelSignature(KernelSignature):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> descriptor = rh.descriptors.WaveKernelSignature()
-    >>> descriptor.describe(bodies[0], bodies.template.faces).shape
-    (768,)
+    >>> rh.descriptors.WaveKernelSignature().describe_all(bodies[:1]).shape
+    (1, 768)
     """
 
     energies: tuple[float, ...] = _ENERGIES
@@ -287,7 +264,6 @@ class WaveKernelSignature(KernelSignature):
         return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
 
     def of_spectrum(self, modes: Spectrum) -> np.ndarray:
-        """Return the pooled signatures, (n_energies * n_bins,), or (n_energies,) for a mean."""
         modes = modes.first(self.n_eigenvalues)
         used = modes.areas > 0
         values = self._of(modes)[:, used]

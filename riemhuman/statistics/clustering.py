@@ -43,10 +43,6 @@ class _Clustering(Estimator):
             Symmetric distances.
         y : object
             Not used.
-
-        Returns
-        -------
-        array of int, shape (n,)
         """
         return self.fit(X).labels_
 
@@ -125,10 +121,6 @@ class KMedoids(_Clustering):
         ----------
         X : array_like, shape (m, n)
             Distances from the points to all points given to `fit`.
-
-        Returns
-        -------
-        array of int, shape (m,)
         """
         self._require_fit("medoid_indices_")
         distances = real_array(X, "X", ("m", "n"), batched=False)

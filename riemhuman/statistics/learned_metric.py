@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Sequence
+from functools import partial
 from typing import Any, Self
 
 import autograd.numpy as anp
@@ -10,7 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import one_of, real_array, real_number, whole_number
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import PullbackMetric, RiemannianMetric, VectorSpace
 from riemhuman.optional import import_optional
@@ -118,9 +119,9 @@ class LearnedMetric(Estimator):
         """
         coordinates = self._coordinates(X)
         classes = _numbers(y, "y", len(coordinates))
-        members = _numbers(
-            range(len(classes)) if groups is None else groups, "groups", len(classes)
-        )
+        members = np.arange(len(classes))
+        if groups is not None:
+            members = _numbers(groups, "groups", len(classes))
         shrinkage = self.shrinkage
         if isinstance(shrinkage, str):
             one_of(shrinkage, "shrinkage", (LEDOIT_WOLF, CROSS_VALIDATION))
@@ -132,7 +133,7 @@ class LearnedMetric(Estimator):
         self.metric_ = PullbackMetric(
             self.metric.space,
             VectorSpace((len(self.components_),)).metric,
-            _Coordinates(self.metric, self.mean_, self.components_),
+            partial(_whitened, self.metric, self.mean_, self.components_),
         )
         return self
 
@@ -143,10 +144,6 @@ class LearnedMetric(Estimator):
         ----------
         X : array, shape (n, \*shape)
             Points.
-
-        Returns
-        -------
-        array, shape (n, k)
         """
         self._require_fit("components_")
         return (self._coordinates(X) - self.mean_) @ self.components_.T
@@ -161,12 +158,8 @@ class LearnedMetric(Estimator):
 
         Parameters
         ----------
-        X : array, shape (n, \*shape)
-            Points.
-        y : sequence of hashable, length n
-            Class of each point.
-        groups : sequence of hashable, length n
-            Group of each point, such as its person.
+        X, y, groups
+            As for `fit`; groups are needed.
 
         Returns
         -------
@@ -187,11 +180,6 @@ class LearnedMetric(Estimator):
         return distances
 
     def _coordinates(self, X: Any) -> ndarray:
-        if not self.metric.has_lower_bound_coordinates:
-            raise ArgumentTypeError(
-                "metric must have coordinates (lower_bound_coordinates), as metrics of normals, of "
-                f"rotations and elastic metrics do; found {type(self.metric).__name__}"
-            )
         points = real_array(X, "X", ("n", *self.metric.space.shape), batched=False)
         metric: Any = self.metric
         return np.concatenate([metric.lower_bound_coordinates(point[None]) for point in points])
@@ -219,15 +207,8 @@ class LearnedMetric(Estimator):
         return _SHRINKAGES[int(np.argmax(shares))]
 
 
-class _Coordinates:
-    """The map of points to whitened coordinates."""
-
-    def __init__(self, metric: Any, mean: ndarray, components: ndarray) -> None:
-        self.metric, self.mean, self.components = metric, mean, components
-
-    def __call__(self, points: Any) -> Any:
-        coordinates = self.metric.lower_bound_coordinates(points)
-        return anp.dot(coordinates - self.mean, self.components.T)
+def _whitened(metric: Any, mean: ndarray, components: ndarray, points: Any) -> Any:
+    return anp.dot(metric.lower_bound_coordinates(points) - mean, components.T)
 
 
 def _whitening(

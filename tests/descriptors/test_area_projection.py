@@ -7,10 +7,9 @@ from descriptor_meshes import grid_faces, sphere
 from scipy.spatial.transform import Rotation
 from scipy.special import rel_entr
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.descriptors import AreaProjectionTransform
 from riemhuman.descriptors.area_projection import VoxelGrid, _enclosed_voxels, _grid_around
-from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 
 
 def blob():
@@ -125,6 +124,8 @@ def test_histograms_hardly_know_where_the_body_stands():
     assert distances[same, same].max() < 0.5 * distances[0, len(moved) + 1 :].min()
     whole_voxels = descriptor.describe(vertices + 10 * descriptor.voxel_size, faces)
     np.testing.assert_allclose(whole_voxels, rows[0], atol=1e-5)
+    volume = trimesh.Trimesh(vertices, faces).volume
+    np.testing.assert_allclose(rows[0].reshape(7, 24).sum(axis=1), volume, rtol=0.02)
 
 
 def test_orientation_and_small_holes():
@@ -151,13 +152,6 @@ def test_slivers_are_sampled_along():
     assert needles.sum() == pytest.approx(squares.sum(), rel=0.01)
 
 
-def test_sums_of_histograms():
-    vertices, faces = sphere(4, 0.2)
-    volume = 4 / 3 * np.pi * 0.2**3
-    litres = AreaProjectionTransform().describe(vertices, faces).reshape(7, 24)
-    np.testing.assert_allclose(litres.sum(axis=1), volume, rtol=0.02)
-
-
 def test_distances_of_histograms():
     rows = np.random.default_rng(1).dirichlet(np.ones(6), size=4)
     rows[0, :3] = 0.0
@@ -166,17 +160,6 @@ def test_distances_of_histograms():
     middle = (rows[:, None] + rows) / 2
     exact = (rel_entr(rows[:, None], middle) + rel_entr(rows[None], middle)).sum(axis=-1)
     np.testing.assert_allclose(found, exact, atol=1e-12)
-
-
-def test_people_differ_more_than_their_poses():
-    bodies = load_open_bodies("coarse")
-    chosen = [(s, p) for s in (0, 3, 6) for p in (0, 3, 7)]
-    meshes = [(bodies.points[10 * s + p], bodies.template.faces) for s, p in chosen]
-    descriptor = AreaProjectionTransform()
-    distances = descriptor.distances(descriptor.describe_all(meshes))
-    people = np.array([s for s, _ in chosen])
-    same, off_diagonal = people[:, None] == people, ~np.eye(len(people), dtype=bool)
-    assert distances[same & off_diagonal].mean() < 0.6 * distances[~same].mean()
 
 
 def test_meshes_it_cannot_take():
@@ -193,18 +176,10 @@ def test_meshes_it_cannot_take():
     with pytest.raises(ArgumentError, match="faces is empty"):
         descriptor.describe(vertices, np.zeros((0, 3), dtype=int))
 
-
-@pytest.mark.parametrize(
-    ("parameters", "error", "message"),
-    [
-        ({"radii": ()}, ArgumentError, "radii must be positive numbers"),
-        ({"radii": (0.1, -0.1)}, ArgumentError, "radii must be positive numbers"),
-        ({"voxel_size": 0}, ArgumentError, "voxel_size must be a finite number above 0"),
-        ({"ratio": np.nan}, ArgumentError, "ratio must be a finite number"),
-        ({"largest": "big"}, ArgumentTypeError, "largest must be a real number"),
-        ({"n_bins": 1}, ArgumentError, "n_bins must be a whole number of at least 2"),
-    ],
-)
-def test_bad_parameters(parameters, error, message):
-    with pytest.raises(error, match=message):
-        AreaProjectionTransform(**parameters)
+    for parameters, message in (
+        ({"radii": (0.1, -0.1)}, "radii must be positive numbers"),
+        ({"voxel_size": 0}, "voxel_size must be a finite number above 0"),
+        ({"n_bins": 1}, "n_bins must be a whole number of at least 2"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            AreaProjectionTransform(**parameters)

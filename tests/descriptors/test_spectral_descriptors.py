@@ -15,12 +15,12 @@ from scipy.spatial.distance import cdist
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.descriptors import (
+    AreaProjectionTransform,
     HeatKernelSignature,
     ShapeDNA,
     WaveKernelSignature,
 )
-from riemhuman.descriptors.spectral_descriptors import _area_histograms
-from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.surfaces import spectrum
 
 TIMES = (0.05, 0.1, 0.5)
@@ -135,45 +135,29 @@ def test_rolling_up_matters_less_and_less_as_triangles_shrink(descriptor):
     assert change(8) < 0.5 * change(3)
 
 
-def test_sizes():
-    vertices, faces = folded_sheet(0.4)
-    for descriptor in (ShapeDNA(10, "area"), ShapeDNA(10, "first")):
-        one, other = (descriptor.describe(size * vertices, faces) for size in (1.0, 1.7))
-        np.testing.assert_allclose(other, one, rtol=1e-6, atol=1e-9)
-    large = ShapeDNA(10).describe(2 * vertices, faces)
-    np.testing.assert_allclose(large, ShapeDNA(10).describe(vertices, faces) / 4, rtol=1e-9)
-
-
-def test_histograms_count_areas_and_ends_take_the_rest():
-    values = np.array([[-5.0, 0.1, 0.6, 9.0], [0.9, 0.9, 0.1, 0.49]])
-    areas = np.array([1.0, 2.0, 3.0, 4.0])
-    found = _area_histograms(values, areas, (0.0, 1.0), 2)
-    np.testing.assert_allclose(found, [0.3, 0.7, 0.7, 0.3])
-
-
 def test_histograms_are_shares_of_the_area():
     mesh = folded_sheet(0.4)
-    heat = HeatKernelSignature(n_eigenvalues=10, n_bins=7).describe(*mesh).reshape(16, 7)
-    wave = WaveKernelSignature(ENERGIES, n_eigenvalues=10, n_bins=5).describe(*mesh).reshape(4, 5)
-    for histograms in (heat, wave):
-        np.testing.assert_allclose(histograms.sum(axis=1), 1.0)
-        assert histograms.min() >= 0
+    areas = spectrum(*mesh, 10).areas / spectrum(*mesh, 10).areas.sum()
+    wave = WaveKernelSignature(ENERGIES, n_eigenvalues=10, n_bins=5)
+    # Bins are of width 0.8; the last also counts larger values.
+    bins = np.minimum(wave.signatures(*mesh) / 0.8, 4).astype(int)
+    expected = [np.bincount(row, areas, minlength=5) for row in bins]
+    np.testing.assert_allclose(wave.describe(*mesh), np.ravel(expected))
     pair = HeatKernelSignature().distances([[0.0, 1.0], [1.0, 0.0]])
     np.testing.assert_array_equal(pair, [[0.0, 2.0], [2.0, 0.0]])
 
 
 @pytest.mark.parametrize(
-    "descriptor", [ShapeDNA(), HeatKernelSignature(), WaveKernelSignature()], ids=name_of
+    "descriptor",
+    [ShapeDNA(), HeatKernelSignature(), WaveKernelSignature(), AreaProjectionTransform()],
+    ids=name_of,
 )
 def test_people_differ_more_than_their_poses(descriptor):
-    bodies = load_open_bodies("coarse")
-    chosen = [(s, p) for s in (0, 3, 6) for p in (0, 3, 7)]
-    meshes = [(bodies.points[10 * s + p], bodies.template.faces) for s, p in chosen]
-    distances = descriptor.distances(descriptor.describe_all(meshes, n_jobs=2))
-    people = np.array([s for s, _ in chosen])
-    same = people[:, None] == people
-    off_diagonal = ~np.eye(len(people), dtype=bool)
-    assert distances[same & off_diagonal].mean() < 0.6 * distances[~same].mean()
+    bodies = load_open_bodies("coarse")[[0, 3, 7, 30, 33, 37, 60, 63, 67]]
+    distances = descriptor.distances(descriptor.describe_all(bodies, n_jobs=2))
+    same = bodies.subject[:, None] == bodies.subject
+    others = ~np.eye(len(same), dtype=bool)
+    assert distances[same & others].mean() < 0.6 * distances[~same].mean()
 
 
 def test_describe_all_takes_registered_bodies_and_lists_and_names_what_fails():
@@ -185,8 +169,6 @@ def test_describe_all_takes_registered_bodies_and_lists_and_names_what_fails():
     flat = np.zeros_like(meshes[0][0])
     with pytest.raises(DegenerateSurfaceError, match=r"^body 1: the mesh has 480 of 480"):
         dna.describe_all([meshes[0], (flat, meshes[0][1])])
-    with pytest.raises(ArgumentTypeError, match="found int"):
-        dna.describe_all(3)
     with pytest.raises(ArgumentError, match="bodies holds no surface"):
         dna.describe_all([])
 

@@ -19,9 +19,7 @@ def test_two_crossing_triangles():
 
 def test_spheres():
     vertices, faces = TEMPLATE.vertices, TEMPLATE.faces
-    assert count_self_intersections(vertices, faces) == 0
-    two = np.concatenate([vertices, vertices + [0.4, 0.0, 0.0]])
     both = np.concatenate([faces, faces + len(vertices)])
-    assert count_self_intersections(two, both) > 10
-    apart = np.concatenate([vertices, vertices + [1.4, 0.0, 0.0]])
-    assert count_self_intersections(apart, both) == 0
+    for shift, least, most in ((0.4, 10, np.inf), (1.4, 0, 0)):
+        two = np.concatenate([vertices, vertices + [shift, 0.0, 0.0]])
+        assert least <= count_self_intersections(two, both) <= most
