@@ -35,7 +35,8 @@ _DEFINITIONS = cli.several(
     "girths, lengths, heights and volumes of registered meshes",
     "Measures bodies registered to the open body model, or to another model with --model and\n"
     "--definitions, in metres, square metres, cubic metres and kilograms. A fit of the body\n"
-    "model brings bodies to the standard pose first; --as-is measures them as they stand.",
+    "model brings bodies to the standard pose first; --as-is measures them as they stand.\n"
+    "What lies on vertices that register did not trust, as its PLY files say, is left out.",
     "  riemhuman measure anna.ply\n"
     "  riemhuman measure bodies/ -o table.csv\n"
     "  riemhuman measure anna.ply --as-is --only stature --only volume\n"
