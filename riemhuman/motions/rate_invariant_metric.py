@@ -64,12 +64,14 @@ class RateInvariantMetric(MotionDistance):
     smoothing : float
         Standard deviation of the Gaussian mean along the curve, as a share of its length. It
         removes shorter movements, such as noise and triangles that flip in the crease of a joint.
-    heading, n_jobs
+    heading : bool
         As for `DynamicTimeWarping`.
     n_components : int, optional
         Number of principal components of velocities that `dist_pairwise` compares; by default
         velocities are compared in full. The part outside the components counts by its norm, so that
         no distance grows.
+    n_jobs : int, optional
+        As for `DynamicTimeWarping`.
 
     Examples
     --------
