@@ -92,7 +92,7 @@ class BodyModel:
     >>> model = rh.datasets.load_open_model("coarse")
     >>> pose = np.zeros((model.n_joints, 3))
     >>> pose[model.joint_names.index("left_elbow")] = [0.0, 0.0, 0.5]
-    >>> model(np.zeros(model.n_betas), pose).shape
+    >>> model(np.zeros(model.n_betas), pose, hands=model.hand_pose("fist")).shape
     (1202, 3)
     """
 
@@ -151,6 +151,7 @@ class BodyModel:
                 f"weights must not be negative; found {self.weights[vertex, joint]:g} "
                 f"at vertex {vertex}, joint {joint}"
             )
+        self._is_complete = True
 
     @classmethod
     def from_file(
@@ -216,6 +217,12 @@ class BodyModel:
             fields["hand_poses"] = onp.array(self.hand_poses)
         save_arrays(path, fields, compressed=True)
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        # The open model is shared by all its users.
+        if hasattr(self, "_is_complete"):
+            raise AttributeError(f"{name} of a body model cannot be changed; construct another")
+        super().__setattr__(name, value)
+
     def __repr__(self) -> str:
         return (
             f"<{type(self).__name__}: {self.n_joints} joints, {self.n_betas} shape coefficients, "
@@ -276,6 +283,13 @@ class BodyModel:
         -------
         hands : array, shape (2 K,)
             Argument of the model.
+
+        Examples
+        --------
+        >>> import riemhuman as rh
+        >>> model = rh.datasets.load_open_model("coarse")
+        >>> model.hand_pose("relaxed", "fist").tolist()
+        [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         """
         self._check_hands()
         poses = ("relaxed", *self.hand_poses)

@@ -40,7 +40,8 @@ def load_open_model(resolution: str = "full") -> BodyModel:
     the public; ``datasets/data/README.md`` says how. The rest pose is MakeHuman's, with arms
     lowered by some 45 degrees, elbows slightly bent and feet apart. Coordinates are in metres, y
     up; bodies face +z, with the soles on y = 0 and the pelvis above the origin for all betas.
-    Betas are standard deviations among adults.
+    Betas are standard deviations among adults. Hands are relaxed; ``model.hand_pose("fist")`` and
+    other names of ``model.hand_poses`` are arguments that open or close them.
 
     Parameters
     ----------

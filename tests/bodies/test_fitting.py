@@ -212,17 +212,31 @@ def test_huber_loss(model):
 
 
 def test_with_priors_the_gradient_is_zero(model):
-    points = model(*parameters(model, 1, rng=22))[0]
-    fit = model.fit(points, betas_prior=1e-5, pose_prior=1e-4, tolerance=1e-10)
+    points = model(*parameters(model, 1, rng=22), model.hand_pose("fist", "open"))[0]
+    priors = {"betas_prior": 1e-5, "pose_prior": 1e-4, "hands_prior": 1e-6}
+    fit = model.fit(points, **priors, tolerance=1e-10)
     assert fit.converged
 
-    def cost(betas, pose, trans):
-        gaps = anp.sum((model(betas, pose, trans) - points) ** 2, axis=-1)
-        return anp.mean(gaps) + 1e-5 * anp.sum(betas**2) + 1e-4 * anp.sum(pose[1:] ** 2)
+    def cost(betas, pose, trans, hands):
+        gaps = anp.sum((model(betas, pose, trans, hands) - points) ** 2, axis=-1)
+        priors = 1e-5 * anp.sum(betas**2) + 1e-4 * anp.sum(pose[1:] ** 2) + 1e-6 * anp.sum(hands**2)
+        return anp.mean(gaps) + priors
 
-    for argument in range(3):
-        gradient = autograd.grad(cost, argument)(fit.betas, fit.pose, fit.trans)
+    for argument in range(4):
+        gradient = autograd.grad(cost, argument)(fit.betas, fit.pose, fit.trans, fit.hands)
         np.testing.assert_allclose(gradient, 0.0, atol=1e-8)
+
+
+def test_hands_are_recovered(model, smpl):
+    hands = np.stack([model.hand_pose("fist", "relaxed"), model.hand_pose("open", "fist")])
+    points = model(*parameters(model, 2, rng=26), hands)
+    fit = model.fit(points, hands_prior=0.0)
+    assert fit.converged.all()
+    assert fit.mean_distance.max() < 1e-6
+    np.testing.assert_allclose(fit.hands, hands, atol=1e-3)
+    assert model.fit(points).mean_distance.min() > 1e-3
+    with pytest.raises(ArgumentError, match="hands_prior must be left out, since the model has no"):
+        smpl.fit(smpl(), hands_prior=0.0)
 
 
 def test_one_warning_about_fits_that_have_not_converged(model):

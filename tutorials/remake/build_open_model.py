@@ -5,8 +5,8 @@
 makes a body for people of ANSUR II, whose tables men.csv and women.csv lie in the folder ANSUR, and
 writes the mean of the bodies and their principal components into open_body_full.npz and
 open_body_coarse.npz, and the mean and covariance of their shape coefficients into adults.json: by
-default over the files that ship. Vertices, triangles, joints and skinning weights stay those of the
-files that ship. With --held-out, it prints how near bodies that were left out come to the model
+default over the files that ship. Triangles, joints, skinning weights and hand poses stay those of
+the files that ship. With --held-out, it prints how near bodies that were left out come to the model
 with more and more coefficients. It needs the package anny 0.6 (with torch).
 """
 
@@ -98,7 +98,8 @@ def build_full(skins: np.ndarray, weights: np.ndarray) -> BodyModel:
     largest = left[np.abs(left).argmax(axis=0), np.arange(N_BETAS)]
     mean = np.round(mean / _MEAN_STEP) * _MEAN_STEP
     directions = np.round(directions * np.sign(largest) / _DIRECTION_STEP) * _DIRECTION_STEP
-    return _reshaped(load_open_model("full"), mean, directions)
+    model = load_open_model("full")
+    return _reshaped(model, mean, directions, model.hand_directions)
 
 
 def build_coarse(full: BodyModel) -> BodyModel:
@@ -107,7 +108,8 @@ def build_coarse(full: BodyModel) -> BodyModel:
     gaps, kept = cKDTree(old_full.template.vertices).query(old_coarse.template.vertices)
     if gaps.max() > 0:
         raise FileFormatError("the coarse model's vertices are not some of the full model's")
-    return _reshaped(old_coarse, full.template.vertices[kept], full.shapedirs[kept])
+    mean, directions = full.template.vertices[kept], full.shapedirs[kept]
+    return _reshaped(old_coarse, mean, directions, full.hand_directions[kept])
 
 
 def principal_components(
@@ -196,7 +198,9 @@ def report_held_out(skins: np.ndarray, weights: np.ndarray) -> None:
         sys.stdout.write(f"{count:3d} coefficients: {1e3 * np.sqrt(rest).mean():.1f} mm\n")
 
 
-def _reshaped(model: BodyModel, mean: np.ndarray, directions: np.ndarray) -> BodyModel:
+def _reshaped(
+    model: BodyModel, mean: np.ndarray, directions: np.ndarray, hands: np.ndarray
+) -> BodyModel:
     return BodyModel(
         mean,
         model.faces,
@@ -205,6 +209,8 @@ def _reshaped(model: BodyModel, mean: np.ndarray, directions: np.ndarray) -> Bod
         model.weights,
         [model.parents, range(model.n_joints)],
         joint_names=model.joint_names,
+        hand_directions=hands,
+        hand_poses=model.hand_poses,
     )
 
 
