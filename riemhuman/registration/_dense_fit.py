@@ -8,7 +8,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, cg
+from scipy import sparse
+from scipy.sparse.linalg import cg
 from scipy.spatial import cKDTree
 
 from riemhuman.bodies import BodyModel
@@ -37,6 +38,8 @@ _MODEL_ALONG = 0.05
 _PRIOR_METRES = 0.02
 # Largest rotation of a joint in a step, radians.
 _LONGEST = 0.3
+# Inverse variance of the coefficients of hands, where 1 is a fist.
+_HANDS_PRECISION = 100.0
 
 _N_SURFACE_STEPS = 3
 _FREE_ALONG = 0.05
@@ -98,8 +101,8 @@ class ScanTree:
         On a circle, the chord between two points is perpendicular to the mean of their normals, so
         what is left of it along this mean is noise.
         """
-        chosen = np.linspace(0, len(self.points) - 1, min(_N_NOISE, len(self.points))).astype(int)
-        near = self._tree.query(self._tree.data[chosen], k=min(5, len(self.points)))[1][:, 1:]
+        chosen = np.linspace(0, len(self.points) - 1, _N_NOISE).astype(int)
+        near = self._tree.query(self._tree.data[chosen], k=5)[1][:, 1:]
         chords = self.points[near] - self.points[chosen, np.newaxis]
         means = 0.5 * (self.normals[near] + self.normals[chosen, np.newaxis])
         heights = np.einsum("nkx,nkx->nk", chords, means)
@@ -108,9 +111,7 @@ class ScanTree:
     def match(self, points: np.ndarray, normals: np.ndarray, scale: float) -> Matches:
         """Match the points of a body; a match at distance `scale` has a quarter of the weight."""
         places = np.concatenate([points, _NORMAL_METRES * normals], axis=1)
-        count = min(_N_NEIGHBOURS, len(self.points))
-        far, near = self._tree.query(places, k=count)
-        far, near = far.reshape(len(points), -1), near.reshape(len(points), -1)
+        far, near = self._tree.query(places, k=_N_NEIGHBOURS, workers=N_THREADS)
         shares = np.exp(-0.5 * (far**2 - far[:, :1] ** 2) / _BLUR_METRES**2)
         shares /= shares.sum(axis=1, keepdims=True)
         gaps = np.einsum("nk,nkx->nx", shares, self.points[near]) - points
@@ -132,12 +133,12 @@ def fit_closest(
     In each step, a match at the distance given by `scales` counts a quarter.
     """
     for scale in scales:
-        points, normals = pose_body(body, pose)
-        matches = scan.match(points, normals, scale)
+        posed = pose_body(body, pose)
+        matches = scan.match(posed.points, posed.normals, scale)
         shares = body.areas * matches.weights
         pose = take_step(
             body,
-            pose,
+            posed,
             prior,
             scan.prior_weight,
             shares,
@@ -161,9 +162,9 @@ def fit_surface(
     is_vertex = (body.numbers >= 0)[:, np.newaxis]
     shares = body.areas * weights[body.numbers]
     for _ in range(_N_SURFACE_STEPS):
-        points, normals = pose_body(body, pose)
-        gaps = np.where(is_vertex, surface[body.numbers] - points, 0.0)
-        pose = take_step(body, pose, prior, prior_weight, shares, gaps, normals, 1.0, _LONGEST)
+        posed = pose_body(body, pose)
+        gaps = np.where(is_vertex, surface[body.numbers] - posed.points, 0.0)
+        pose = take_step(body, posed, prior, prior_weight, shares, gaps, gaps, 1.0, _LONGEST)
     return pose
 
 
@@ -186,8 +187,10 @@ def fit_elastic(
     template = metric.space.template
     faces, areas = template.faces, template.vertex_areas
     shown = np.ones(len(start), dtype=bool) if visible is None else visible
-    elastic = metric.metric_matrix(reference)
-    diagonal = _diagonal_blocks(elastic)
+    # Single precision suffices for steps.
+    system = sparse.bsr_array(metric.metric_matrix(reference), blocksize=(3, 3)).astype(np.float32)
+    elastic, numbers = system.data, np.arange(len(start) + 1)
+    on_diagonal = np.repeat(numbers[:-1], np.diff(system.indptr)) == system.indices
     points = start
     matches = scan.match(points, vertex_normals(points, faces), scale).only(shown)
     for stiffness in stiffnesses:
@@ -196,39 +199,19 @@ def fit_elastic(
         blocks = weights[:, np.newaxis, np.newaxis] * (blocks + _FREE_ALONG * np.eye(3))
         pull = metric.energy_and_gradient(np.stack([reference, points]))[1][1]
         right = np.einsum("nxy,ny->nx", blocks, matches.gaps) - 0.5 * stiffness * pull
-        inverse = np.linalg.inv(blocks + stiffness * diagonal)
-
-        def apply(
-            vector: np.ndarray, blocks: np.ndarray = blocks, stiffness: float = stiffness
-        ) -> np.ndarray:
-            rows = np.einsum("nxy,ny->nx", blocks, vector.reshape(-1, 3))
-            product: np.ndarray = rows.ravel() + stiffness * (elastic @ vector)
-            return product
-
-        def precondition(vector: np.ndarray, inverse: np.ndarray = inverse) -> np.ndarray:
-            return np.einsum("nxy,ny->nx", inverse, vector.reshape(-1, 3)).ravel()
-
-        shape = elastic.shape
-        step = cg(
-            LinearOperator(shape, matvec=apply, dtype=float),
-            right.ravel(),
+        system.data = np.float32(stiffness) * elastic
+        system.data[on_diagonal] += blocks
+        inverse = np.linalg.inv(system.data[on_diagonal])
+        step, _ = cg(
+            system,
+            right.ravel().astype(np.float32),
             rtol=_CONJUGATE_TOLERANCE,
             maxiter=_CONJUGATE_STEPS,
-            M=LinearOperator(shape, matvec=precondition, dtype=float),
-        )[0]
+            M=sparse.bsr_array((inverse, numbers[:-1], numbers)),
+        )
         points = points + step.reshape(-1, 3)
         matches = scan.match(points, vertex_normals(points, faces), scale).only(shown)
     return points, matches
-
-
-def _diagonal_blocks(matrix: object) -> np.ndarray:
-    """Return the 3 × 3 blocks on the diagonal of a sparse matrix, shape (V, 3, 3)."""
-    entries = matrix.tocoo()  # type: ignore[attr-defined]
-    same = entries.row // 3 == entries.col // 3
-    rows, columns, values = entries.row[same], entries.col[same], entries.data[same]
-    blocks = np.zeros((entries.shape[0] // 3, 3, 3))
-    blocks[rows // 3, rows % 3, columns % 3] = values
-    return blocks
 
 
 class DenseFit(NamedTuple):
@@ -263,7 +246,7 @@ class DenseFitter:
         return [_arm_surface(self.model, joints) for joints in self.search.arms]
 
     def surface(self, pose: Pose) -> np.ndarray:
-        return pose_body(self.search.samples(None), pose)[0][: self.model.n_vertices]
+        return pose_body(self.search.samples(None), pose).points[: self.model.n_vertices]
 
     @cached_property
     def _on_head(self) -> np.ndarray:
@@ -292,17 +275,21 @@ class DenseFitter:
         return hair if hair.mean() < _MOST_HAIR else np.zeros_like(hair)
 
     def fit(self, best: Candidate, scan: PreparedScan) -> DenseFit:
+        prior = best.prior._replace(
+            betas_precisions=np.minimum(best.prior.betas_precisions, _HANDS_PRECISION)
+        )
         tree = ScanTree(scan.points, scan.normals)
         dense = self.search.samples(_N_DENSE)
         # Where surfaces curve, soft assignment moves them inward; closest points do not.
         pose = self.search.anneal_finely(best.pose, best.prior, scan.points, scan.normals)
-        pose = fit_closest(dense, pose, best.prior, tree)
+        pose = fit_closest(dense, pose, prior, tree)
         hair = self.find_hair(self.surface(pose), scan.points)
         if hair.any():
             scan = replace(scan, points=scan.points[~hair], normals=scan.normals[~hair])
             tree = ScanTree(scan.points, scan.normals)
-            pose = fit_closest(dense, pose, best.prior, tree)
-        pose = self._rotate_forearms(best, pose, scan, tree)
+            pose = fit_closest(dense, pose, prior, tree)
+        if not best.known:  # its forearms are as a moment before
+            pose = self._rotate_forearms(prior, pose, scan, tree)
         model_points = self.surface(pose)
         last = _LAST_STIFFNESS * max(1.0, tree.noise / _NOISE_METRES) ** 2
         softer = np.geomspace(_FIRST_STIFFNESS, min(last, _FIRST_STIFFNESS), _N_STEPS)
@@ -312,7 +299,7 @@ class DenseFitter:
         )
         for _ in range(_N_REPEATS):
             weights = np.maximum(matches.weights, _UNMATCHED)
-            pose = fit_surface(dense, pose, best.prior, tree.prior_weight, points, weights)
+            pose = fit_surface(dense, pose, prior, tree.prior_weight, points, weights)
             model_points = self.surface(pose)
             softest = softer[-_N_STEPS_AGAIN:]
             points, matches = fit_elastic(
@@ -321,13 +308,13 @@ class DenseFitter:
         return DenseFit(pose, model_points, points, matches)
 
     def _rotate_forearms(
-        self, best: Candidate, pose: Pose, scan: PreparedScan, tree: ScanTree
+        self, prior: Prior, pose: Pose, scan: PreparedScan, tree: ScanTree
     ) -> Pose:
         """Return a fit with each forearm rotated so that its surface comes nearest to the scan."""
         few = self.search.samples(_N_ROTATED)
 
         def fit(pose: Pose) -> tuple[float, Pose]:
-            pose = fit_closest(few, pose, best.prior, tree)
+            pose = fit_closest(few, pose, prior, tree)
             return self.search.likelihood(pose, scan.points, scan.normals), pose
 
         for arm in self._arms:
@@ -351,7 +338,7 @@ class DenseFitter:
             nearest = int(np.argmin(distances))
             if nearest and distances[nearest] < (1.0 - _LEAST_GAIN) * distances[0]:
                 dense = self.search.samples(_N_DENSE)
-                pose = fit_closest(dense, others[nearest - 1], best.prior, tree)
+                pose = fit_closest(dense, others[nearest - 1], prior, tree)
         return pose
 
 

@@ -22,7 +22,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.kernels.compilation import SUM, compiled
@@ -53,9 +52,15 @@ class ModelSamples(NamedTuple):
     weights: np.ndarray  # (n, J) skinning weights
     rest_joints: np.ndarray  # (J, 3) metres
     joint_shapes: np.ndarray  # (J, 3, B) displacements of joints for each shape coefficient
+    bone_shapes: np.ndarray  # (J, 3, B) the same of joints from their parents
     parents: np.ndarray  # (J,) -1 for the root
     order: tuple[int, ...]  # joints, parents before children
     below: np.ndarray  # (J, J) whether the joint of a row moves with that of a column
+    # The same in single precision, for derivatives.
+    single_shapedirs: np.ndarray
+    single_weights: np.ndarray
+    single_below: np.ndarray
+    weights_below: np.ndarray  # (n, J) weights of each joint and of those that it moves
 
 
 def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
@@ -75,26 +80,36 @@ def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
         shares = np.bincount(owners, areas, len(numbers))
     n_joints = model.n_joints
     rest_joints = model.joint_regressor @ vertices
+    hands = model.hand_directions
+    shapedirs = np.concatenate([model.shapedirs, hands], axis=2)
     joint_shapes = np.einsum("jv,vxb->jxb", model.joint_regressor, model.shapedirs)
+    joint_shapes = np.concatenate([joint_shapes, np.zeros((n_joints, *hands.shape[1:]))], axis=2)
     n_features = 0 if model.posedirs is None else model.posedirs.shape[-1]
     posedirs = np.zeros((len(numbers), 3, 0)) if model.posedirs is None else model.posedirs[numbers]
     below = np.eye(n_joints)
     for k in model.joint_order:
         if model.parents[k] >= 0:
             below[k] += below[model.parents[k]]
+    weights = np.concatenate([model.weights[numbers], np.eye(n_joints)])
+    shapedirs = np.concatenate([shapedirs[numbers], joint_shapes])
     return ModelSamples(
         numbers=np.concatenate([numbers, np.full(n_joints, -1)]),
         rest=np.concatenate([vertices[numbers], rest_joints]),
         normals=np.concatenate([normals[numbers], np.zeros((n_joints, 3))]),
         areas=np.concatenate([shares / shares.sum(), np.zeros(n_joints)]),
-        shapedirs=np.concatenate([model.shapedirs[numbers], joint_shapes]),
+        shapedirs=shapedirs,
         posedirs=np.concatenate([posedirs, np.zeros((n_joints, 3, n_features))]),
-        weights=np.concatenate([model.weights[numbers], np.eye(n_joints)]),
+        weights=weights,
         rest_joints=rest_joints,
         joint_shapes=joint_shapes,
+        bone_shapes=_from_parents(model.parents, joint_shapes),
         parents=model.parents,
         order=tuple(model.joint_order),
         below=below,
+        single_shapedirs=shapedirs.astype(np.float32),
+        single_weights=weights.astype(np.float32),
+        single_below=below.astype(np.float32),
+        weights_below=(weights @ below).astype(np.float32),
     )
 
 
@@ -102,60 +117,52 @@ class Pose(NamedTuple):
     """Parameters of a body."""
 
     local: np.ndarray  # (J, 3, 3) rotation of each joint relative to its parent
-    betas: np.ndarray  # (B,)
+    betas: np.ndarray  # (B,) coefficients of shape, then of hands
     trans: np.ndarray  # (3,) metres
 
 
-class JointMotions(NamedTuple):
-    """Rigid motions of joints: joint k moves x to rotations[k] x + shifts[k]."""
+class PosedBody(NamedTuple):
+    """Points of a posed body, and what its derivatives need.
 
+    Joint k moves x to rotations[k] x + shifts[k], before the translation.
+    """
+
+    points: np.ndarray  # (n, 3)
+    normals: np.ndarray  # (n, 3)
+    pose: Pose
+    shaped: np.ndarray  # (n, 3) points with shape and pose offsets, before the joints rotate
+    blended: np.ndarray  # (n, 3, 3) rotation part of the skinning of each point
     rotations: np.ndarray  # (J, 3, 3)
     shifts: np.ndarray  # (J, 3)
-    positions: np.ndarray  # (J, 3)
+    positions: np.ndarray  # (J, 3) of the joints
     axes: np.ndarray  # (J, 3, 3) the rotation of each joint's parent
 
 
-def joint_motions(body: ModelSamples, pose: Pose) -> JointMotions:
-    """Return the motions of the joints, before the translation."""
+def _from_parents(parents: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the differences of values of joints from those of their parents."""
+    differences: np.ndarray = values - values[parents]
+    differences[parents < 0] = values[parents < 0]
+    return differences
+
+
+def pose_body(body: ModelSamples, pose: Pose) -> PosedBody:
     joints = body.rest_joints + body.joint_shapes @ pose.betas
     rotations, axes = np.empty_like(pose.local), np.empty_like(pose.local)
     for k in body.order:
         axes[k] = rotations[body.parents[k]] if body.parents[k] >= 0 else np.eye(3)
         rotations[k] = axes[k] @ pose.local[k]
-    bones = (axes @ from_parents(body, joints)[:, :, np.newaxis])[:, :, 0]
+    bones = (axes @ _from_parents(body.parents, joints)[:, :, np.newaxis])[:, :, 0]
     positions = body.below @ bones
     shifts = positions - (rotations @ joints[:, :, np.newaxis])[:, :, 0]
-    return JointMotions(rotations, shifts, positions, axes)
 
-
-def from_parents(body: ModelSamples, values: np.ndarray) -> np.ndarray:
-    """Return the differences of values of joints from those of their parents."""
-    differences: np.ndarray = values - values[body.parents]
-    differences[body.parents < 0] = values[body.parents < 0]
-    return differences
-
-
-def blended_rotations(body: ModelSamples, motions: JointMotions) -> np.ndarray:
-    """Return the rotation part of the skinning of every point, shape (n, 3, 3)."""
-    return (body.weights @ motions.rotations.reshape(-1, 9)).reshape(-1, 3, 3)
-
-
-def shaped_points(body: ModelSamples, pose: Pose) -> np.ndarray:
-    """Return the points of the body with its shape and pose offsets, before its joints rotate."""
-    shaped: np.ndarray = body.rest + body.shapedirs @ pose.betas
+    shaped = body.rest + body.shapedirs @ pose.betas
     if body.posedirs.shape[2]:
         feature = pose.local[body.parents >= 0] - np.eye(3)
         shaped += body.posedirs @ feature.ravel()
-    return shaped
-
-
-def pose_body(body: ModelSamples, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points of a posed body and their normals."""
-    motions = joint_motions(body, pose)
-    blended = blended_rotations(body, motions)
-    points = np.einsum("nxy,ny->nx", blended, shaped_points(body, pose))
-    points += body.weights @ motions.shifts + pose.trans
-    return points, unit_vectors(np.einsum("nxy,ny->nx", blended, body.normals))
+    blended = (body.weights @ rotations.reshape(-1, 9)).reshape(-1, 3, 3)
+    points = np.einsum("nxy,ny->nx", blended, shaped) + body.weights @ shifts + pose.trans
+    normals = unit_vectors(np.einsum("nxy,ny->nx", blended, body.normals))
+    return PosedBody(points, normals, pose, shaped, blended, rotations, shifts, positions, axes)
 
 
 class Prior(NamedTuple):
@@ -164,39 +171,62 @@ class Prior(NamedTuple):
     local: np.ndarray  # (J, 3, 3) mean rotations of the joints
     precisions: np.ndarray  # (J,) inverse variances, inverse squared radians; 0 for the root
     betas: np.ndarray  # (B,) mean
-    betas_precision: float  # inverse variance
+    betas_precisions: np.ndarray  # (B,) inverse variances
 
 
-def _derivatives(body: ModelSamples, pose: Pose, motions: JointMotions) -> np.ndarray:
+def _derivatives(body: ModelSamples, posed: PosedBody) -> np.ndarray:
     """Return derivatives (3, n, c) of the points by rotations in space, betas and trans.
 
     The first columns are those of all rotations about x, then y, then z. The change of the pose
     offsets is left out. Single precision suffices for steps.
     """
+    single = np.float32
     n, n_joints = body.weights.shape
-    n_angles, n_betas = 3 * n_joints, len(pose.betas)
-    rows = np.zeros((3, n, n_angles + n_betas + 3), np.float32)
+    n_angles, n_betas = 3 * n_joints, len(posed.pose.betas)
+    rows = np.zeros((3, n, n_angles + n_betas + 3), single)
 
-    by_bone = shaped_points(body, pose) @ motions.rotations.transpose(1, 2, 0)
-    levers = ((by_bone + motions.shifts.T[:, np.newaxis]) * body.weights) @ body.below
-    levers -= motions.positions.T[:, np.newaxis] * (body.weights @ body.below)
+    rotations = posed.rotations.astype(single)
+    levers = posed.shaped.astype(single) @ rotations.transpose(1, 2, 0)
+    levers += posed.shifts.T.astype(single)[:, np.newaxis]
+    levers *= body.single_weights
+    levers = levers @ body.single_below
+    levers -= posed.positions.T.astype(single)[:, np.newaxis] * body.weights_below
     for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         rows[x, :, y * n_joints : (y + 1) * n_joints] = levers[z]
-        rows[y, :, x * n_joints : (x + 1) * n_joints] = -levers[z]
+        np.negative(levers[z], out=rows[y, :, x * n_joints : (x + 1) * n_joints])
 
-    axes, rotations = motions.axes, motions.rotations
-    bones = (axes @ from_parents(body, body.joint_shapes)).reshape(n_joints, -1)
-    shifts = body.below @ bones - (rotations @ body.joint_shapes).reshape(n_joints, -1)
-    of_betas = (body.weights @ shifts).reshape(n, 3, n_betas)
-    of_betas += blended_rotations(body, motions) @ body.shapedirs
+    bones = (posed.axes @ body.bone_shapes).reshape(n_joints, -1)
+    shifts = body.below @ bones - (posed.rotations @ body.joint_shapes).reshape(n_joints, -1)
+    of_betas = (body.single_weights @ shifts.astype(single)).reshape(n, 3, n_betas)
+    of_betas += posed.blended.astype(single) @ body.single_shapedirs
     rows[:, :, n_angles:-3] = of_betas.transpose(1, 0, 2)
     rows[:, :, -3:] = np.eye(3)[:, np.newaxis]
     return rows
 
 
+# The cross-product matrices of the axes: v @ _CROSS is that of v.
+_CROSS = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0.0]])
+
+
+def _rotation_vectors(rotations: np.ndarray) -> np.ndarray:
+    """Return axis-angle vectors, 0 for half turns, whose axis has two signs."""
+    sines = 0.5 * rotations.reshape(-1, 9) @ _CROSS.T
+    sine = np.linalg.norm(sines, axis=1)
+    angles = np.arctan2(sine, 0.5 * (np.trace(rotations, axis1=1, axis2=2) - 1.0))
+    return sines * (angles / np.maximum(sine, np.finfo(float).tiny))[:, np.newaxis]
+
+
+def _rotation_matrices(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Return the rotations by axis-angle vectors, shape (n, 3), of lengths `angles`, (n, 1)."""
+    cross = (vectors @ _CROSS).reshape(-1, 3, 3)
+    sine = np.sinc(angles / np.pi)[:, :, np.newaxis]
+    cosine = 0.5 * np.sinc(0.5 * angles / np.pi)[:, :, np.newaxis] ** 2
+    return np.eye(3) + sine * cross + cosine * (cross @ cross)
+
+
 def take_step(
     body: ModelSamples,
-    pose: Pose,
+    posed: PosedBody,
     prior: Prior,
     prior_weight: float,
     shares: np.ndarray,
@@ -211,25 +241,27 @@ def take_step(
     τ = `along`, plus `prior_weight` (square metres) times the prior. No joint rotates by more than
     `longest`, radians.
     """
-    motions = joint_motions(body, pose)
+    pose = posed.pose
     scale = np.sqrt(shares, dtype=np.float32)[:, np.newaxis]
-    rows = _derivatives(body, pose, motions) * scale
+    rows = _derivatives(body, posed)
+    rows *= scale
     sides = (gaps * scale).T
     if along < 1.0:
         root = math.sqrt(along)
         across = directions.astype(np.float32).T
         pull = (1.0 - root) * across
-        rows = root * rows + pull[:, :, np.newaxis] * np.einsum("xn,xnc->nc", across, rows)
+        along_normals = np.einsum("xn,xnc->nc", across, rows)
+        rows *= root
+        rows += pull[:, :, np.newaxis] * along_normals
         sides = root * sides + pull * np.einsum("xn,xn->n", across, sides)
     rows = rows.reshape(-1, rows.shape[2])
     matrix = (rows.T @ rows).astype(float)
     right = (rows.T @ sides.ravel().astype(np.float32)).astype(float)
 
     rest = np.zeros(3)
-    betas_precision = np.full(len(pose.betas), prior.betas_precision)
-    precisions = np.concatenate([np.tile(prior.precisions, 3), betas_precision, rest])
-    away = Rotation.from_matrix(pose.local @ prior.local.transpose(0, 2, 1)).as_rotvec()
-    in_space = np.einsum("jxy,jy->xj", motions.axes, away)
+    precisions = np.concatenate([np.tile(prior.precisions, 3), prior.betas_precisions, rest])
+    away = _rotation_vectors(pose.local @ prior.local.transpose(0, 2, 1))
+    in_space = np.einsum("jxy,jy->xj", posed.axes, away)
     offsets = np.concatenate([in_space.ravel(), pose.betas - prior.betas, rest])
     right -= prior_weight * precisions * offsets
     diagonal = np.diag(matrix) + prior_weight * precisions
@@ -237,10 +269,10 @@ def take_step(
     step = np.linalg.solve(matrix, right)
 
     n_angles = 3 * len(body.parents)
-    vectors = np.einsum("jyx,yj->jx", motions.axes, step[:n_angles].reshape(3, -1))
+    vectors = np.einsum("jyx,yj->jx", posed.axes, step[:n_angles].reshape(3, -1))
     angles = np.linalg.norm(vectors, axis=1, keepdims=True)
     vectors *= longest / np.maximum(angles, longest)
-    local = Rotation.from_rotvec(vectors).as_matrix() @ pose.local
+    local = _rotation_matrices(vectors, np.minimum(angles, longest)) @ pose.local
     return Pose(local, pose.betas + step[n_angles:-3], pose.trans + step[-3:])
 
 
@@ -333,10 +365,10 @@ def anneal(
     known = ~np.isnan(landmarks[:, 0])
     pose, likelihood = start, -np.inf
     for sigma in sigmas:
-        points, normals = pose_body(body, pose)
+        posed = pose_body(body, pose)
         likelihood = assign(
-            np.ascontiguousarray(points.T, np.float32),
-            np.ascontiguousarray(normals.T, np.float32),
+            np.ascontiguousarray(posed.points.T, np.float32),
+            np.ascontiguousarray(posed.normals.T, np.float32),
             areas,
             scan,
             scan_normals,
@@ -347,8 +379,8 @@ def anneal(
         )
         # The smallest positive number stands for a mass of 0, whose share is 0.
         means = targets.T / np.maximum(masses, np.finfo(np.float32).tiny)[:, np.newaxis]
-        gaps = np.where(known[:, np.newaxis], landmarks, means) - points
+        gaps = np.where(known[:, np.newaxis], landmarks, means) - posed.points
         shares = np.where(known, LANDMARK, masses / len(scan))
         weight = sigma * sigma / _WORTH
-        pose = take_step(body, pose, prior, weight, shares, gaps, normals, 1.0, _LONGEST)
+        pose = take_step(body, posed, prior, weight, shares, gaps, posed.normals, 1.0, _LONGEST)
     return pose, likelihood

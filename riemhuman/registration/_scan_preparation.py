@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
-from riemhuman.registration.scans import FEWEST_POINTS, Scan, find_inward_triangles, mesh_parts
+from riemhuman.registration.scans import FEWEST_POINTS, Scan, find_inward_triangles
+from riemhuman.surfaces.measures import vertex_components
 
 # A fit gains nothing from more points.
 _MOST_POINTS = 20_000
@@ -86,7 +87,7 @@ def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
     if estimated and background.any():
         normals = estimate_normals(points)  # the background may have flipped signs
     elif scan.normals is None and scan.faces is not None:
-        parts = mesh_parts(len(scan.points), scan.faces)[numbers[keep]]
+        parts = vertex_components(scan.faces, len(scan.points))[numbers[keep]]
     return PreparedScan(points, normals, background, up, estimated, parts)
 
 
@@ -176,21 +177,20 @@ def estimate_normals(points: np.ndarray) -> np.ndarray:
     tree = csgraph.minimum_spanning_tree(graph.maximum(graph.T))
     tree = tree + tree.T
     n_parts, part = csgraph.connected_components(tree, directed=False)
-    signs = np.ones(n)
+    parents = np.arange(n)
     for number in range(n_parts):
         start = int(np.argmax(part == number))
-        order, parents = csgraph.breadth_first_order(tree, start, directed=False)
-        for place in order[1:].tolist():
-            parent = parents[place]
-            same = normals[place] @ normals[parent] >= 0
-            signs[place] = signs[parent] if same else -signs[parent]
+        order, before = csgraph.breadth_first_order(tree, start, directed=False)
+        parents[order[1:]] = before[order[1:]]
+    # Each sign is relative to the parent, then to an ancestor twice as far in every round.
+    signs = np.where(np.einsum("nx,nx->n", normals, normals[parents]) < 0, -1.0, 1.0)
+    while np.any(parents != parents[parents]):
+        signs, parents = signs * signs[parents], parents[parents]
     normals *= signs[:, np.newaxis]
-    for number in range(n_parts):
-        members = part == number
-        outward = points[members] - points[members].mean(axis=0)
-        if np.sum(outward * normals[members]) < 0:
-            normals[members] *= -1.0
-    return normals
+    means = np.stack([np.bincount(part, x) for x in points.T], axis=1)
+    means /= np.bincount(part)[:, np.newaxis]
+    outward = np.bincount(part, np.einsum("nx,nx->n", points - means[part], normals))
+    return np.where(outward < 0, -1.0, 1.0)[part][:, np.newaxis] * normals
 
 
 def smooth_normals(points: np.ndarray, normals: np.ndarray) -> np.ndarray:

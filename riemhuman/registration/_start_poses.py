@@ -7,6 +7,7 @@ the best body are tried in other ways.
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -80,23 +81,15 @@ def _mirror_pose(angles: dict[str, Any]) -> dict[str, Any]:
     mirrored: dict[str, Any] = {}
     for name, own in angles.items():
         side, _, joint = name.partition("_")
-        if side in ("left", "right"):
-            mirrored[f"{'right' if side == 'left' else 'left'}_{joint}"] = mirror_angles(own)
-        else:
-            mirrored[name] = own
+        other = {"left": f"right_{joint}", "right": f"left_{joint}"}.get(side)
+        mirrored[other or name] = mirror_angles(own) if other else own
     return mirrored
 
 
 def rename_joints(model: BodyModel, names: tuple[str, ...]) -> BodyModel:
-    return BodyModel(
-        model.template.vertices,
-        model.faces,
-        model.shapedirs,
-        model.joint_regressor,
-        model.weights,
-        np.stack([model.parents, np.arange(model.n_joints)]),
-        joint_names=names,
-    )
+    renamed = copy.copy(model)
+    renamed.joint_names = names
+    return renamed
 
 
 def arms_of(model: BodyModel) -> list[np.ndarray]:

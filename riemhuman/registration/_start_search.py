@@ -42,6 +42,8 @@ _ARM_GAIN = 0.02
 _MISS_METRES, _FAR_MISS = 0.04, 0.4
 # Inverse variance of the shape coefficients for a scan of the same person a moment later.
 _WARM_BETAS_PRECISION = 4.0
+# Inverse variance of the coefficients of hands that do not move.
+_STILL_HANDS = 1e6
 # Number of bodies that are fitted at once.
 N_THREADS = 2
 
@@ -86,6 +88,7 @@ class Candidate:
     prior: Prior
     likelihood: float  # mean log-likelihood of the scan points in the last round
     up: np.ndarray  # direction up of its start
+    known: bool = False  # whether it started from the body a moment before
 
 
 class StartSearch:
@@ -115,6 +118,12 @@ class StartSearch:
     def precisions(self) -> np.ndarray:
         """Inverse variances of the joints' rotations from a start pose."""
         return joint_precisions(self.model)
+
+    @cached_property
+    def betas_precisions(self) -> np.ndarray:
+        """Inverse variances of the coefficients; hands stay relaxed until the dense fit."""
+        n_hands = self.model.hand_directions.shape[2]
+        return np.repeat([1.0, _STILL_HANDS], [self.model.n_betas, n_hands])
 
     def run(self, target: Target, up: np.ndarray | None, *, again: bool = False) -> list[Candidate]:
         """Return the bodies from the likeliest starts, the best first; all axes are tried as up.
@@ -148,8 +157,9 @@ class StartSearch:
 
     def run_from(self, pose: Pose, up: np.ndarray, target: Target) -> Candidate:
         """Return the body from one known start, the body a moment before."""
-        prior = Prior(pose.local, self.precisions, pose.betas, _WARM_BETAS_PRECISION)
-        candidates = [Candidate(pose, prior, -np.inf, up)]
+        warm = _WARM_BETAS_PRECISION * self.betas_precisions
+        prior = Prior(pose.local, self.precisions, pose.betas, warm)
+        candidates = [Candidate(pose, prior, -np.inf, up, known=True)]
         for each in _WARM_ROUNDS:
             candidates = self._advance(candidates, each, target)
         return candidates[0]
@@ -157,7 +167,7 @@ class StartSearch:
     def likelihood(self, pose: Pose, points: np.ndarray, normals: np.ndarray) -> float:
         """Return the mean log-likelihood of a scan with the last deviation of the last round."""
         last = _ROUNDS[-1]
-        prior = Prior(pose.local, self.precisions, pose.betas, 1.0)
+        prior = Prior(pose.local, self.precisions, pose.betas, self.betas_precisions)
         each = Round(last.n_model, last.n_scan, (last.sigmas[1], last.sigmas[1]), 0, 1)
         candidate = Candidate(pose, prior, -np.inf, np.zeros(3))
         return self._advance([candidate], each, Target(points, normals, True, {}))[0].likelihood
@@ -175,15 +185,15 @@ class StartSearch:
         """Return starts with headings that differ by sixths of 360°, from an offset in sixths."""
         body = self.samples(_ROUNDS[0].n_model)
         upright = _rotation_between(_UP, up)
-        betas = np.zeros(self.model.n_betas)
+        betas = np.zeros(len(self.betas_precisions))
         starts = []
         for name in names:
             for angle in (np.arange(_N_HEADINGS) + offset) * (2.0 * np.pi / _N_HEADINGS):
                 local = self.poses[name].copy()
                 local[self.root] = upright @ rotation_matrix(angle * _UP) @ local[self.root]
                 pose = Pose(local, betas, np.zeros(3))
-                shift = centre - body.areas @ pose_body(body, pose)[0]
-                prior = Prior(self.poses[name], self.precisions, betas, 1.0)
+                shift = centre - body.areas @ pose_body(body, pose).points
+                prior = Prior(self.poses[name], self.precisions, betas, self.betas_precisions)
                 starts.append(Candidate(Pose(local, betas, shift), prior, -np.inf, up))
         return starts
 
@@ -219,9 +229,9 @@ class StartSearch:
                 body, candidate.pose, candidate.prior, scan, normals, sigmas, target.signed, known
             )
             if target.landmarks:
-                joints = pose_body(body, pose)[0][n_vertices:]
+                joints = pose_body(body, pose).points[n_vertices:]
                 likelihood -= _landmark_cost(joints, target.landmarks)
-            return Candidate(pose, candidate.prior, likelihood, candidate.up)
+            return replace(candidate, pose=pose, likelihood=likelihood)
 
         advanced = list(mapped(advance, candidates, N_THREADS))
         advanced.sort(key=lambda candidate: -candidate.likelihood)
@@ -241,7 +251,7 @@ def _different(candidates: list[Candidate], body: ModelSamples, n_best: int) -> 
     for candidate in candidates:
         if len(different) == n_best:
             break
-        points = pose_body(body, candidate.pose)[0]
+        points = pose_body(body, candidate.pose).points
         if all(np.sqrt(np.mean((points - other) ** 2) * 3) > _SAME_METRES for other in surfaces):
             different.append(candidate)
             surfaces.append(points)

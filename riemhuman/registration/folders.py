@@ -21,7 +21,7 @@ from riemhuman.errors import FileError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, read_bytes
 from riemhuman.io.fingerprint import describe
-from riemhuman.io.meshes import POINT_SUFFIXES, load_points, save_mesh
+from riemhuman.io.meshes import POINT_SUFFIXES, save_mesh
 from riemhuman.progress import ProgressBar
 from riemhuman.registration._scan_preparation import thin_points
 from riemhuman.registration.scan_registration import (
@@ -29,7 +29,7 @@ from riemhuman.registration.scan_registration import (
     ScanRegistration,
     apply_transform,
 )
-from riemhuman.registration.scans import Scan, in_metres
+from riemhuman.registration.scans import load_scan
 
 UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
 _VERSION = 5
@@ -92,9 +92,8 @@ def register_folder(
     """Register the scans of a folder.
 
     A scan that the output holds already, from the same file by the same model, is skipped. A scan
-    that cannot be read or registered is recorded with the reason. Incomplete bodies are written to
-    the folder ``partial``, untrusted ones to ``untrusted``. A warning names bodies whose scans are
-    no longer there.
+    that cannot be read or registered is recorded with the reason. A warning names bodies whose
+    scans are no longer there.
 
     Parameters
     ----------
@@ -102,7 +101,7 @@ def register_folder(
     scans : path_like
         Folder with the scans, in the natural order of their names; subfolders are ignored.
     output : path_like
-        Folder to write, made if need be.
+        Folder to write: trusted bodies, ``partial`` for incomplete ones, ``untrusted`` for others.
     sequence : bool
         Whether the scans show one person in motion, so that each starts from the one before.
     keep_axes : bool
@@ -127,15 +126,13 @@ def register_folder(
     >>> registration = rh.registration.ScanRegistration()  # doctest: +SKIP
     >>> rh.registration.register_folder(registration, "scans", "bodies")  # doctest: +SKIP
     """
-    files = scan_files(scans)
+    files = _scan_files(scans)
     folder = file_path(output, "output", "folder")
-    if folder.exists() and not folder.is_dir():
-        raise FileError(f"{folder} is a file; name a folder")
-    for place in (folder, folder / RECORDS):
-        try:
-            place.mkdir(exist_ok=True)
-        except OSError as error:
-            raise FileError(f"{place} cannot be made: {error.strerror or error}") from error
+    try:
+        folder.mkdir(exist_ok=True)
+        (folder / RECORDS).mkdir(exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{folder} cannot be made: {error.strerror or error}") from error
     complete = _read_output(folder, {file.stem for file in files})
     identity = _identity(registration, sequence, keep_axes)
     records: list[ScanRecord] = []
@@ -157,7 +154,7 @@ def register_folder(
     return records
 
 
-def scan_files(folder: str | os.PathLike[str]) -> list[Path]:
+def _scan_files(folder: str | os.PathLike[str]) -> list[Path]:
     """Return the files of scans in a folder, in the natural order of their names."""
     place = existing_folder(folder)
     files = [each for each in place.iterdir() if each.suffix.lower() in POINT_SUFFIXES]
@@ -195,13 +192,8 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
         raise FileError(
             f"{folder} holds no registered scans; riemhuman register SCANS -o {folder} makes them"
         )
-    return worst_first([_read(file) for file in files])
-
-
-def worst_first(records: list[ScanRecord]) -> list[ScanRecord]:
-    """Return records in the order in which to check them: untrusted ones, then the least close."""
     return sorted(
-        records,
+        map(_read, files),
         key=lambda each: (
             each.trusted,
             bool(each.arrays),
@@ -211,19 +203,25 @@ def worst_first(records: list[ScanRecord]) -> list[ScanRecord]:
     )
 
 
-def record_of(name: str, scan: Scan, result: RegisteredScan, faces: np.ndarray) -> ScanRecord:
-    """Return the record of a registered scan."""
+def _register_file(
+    registration: ScanRegistration, file: Path, before: RegisteredScan | None
+) -> tuple[ScanRecord, RegisteredScan | None]:
+    try:
+        scan = load_scan(file, registration.unit)
+        result = registration.solve(scan, start=before)
+    except RiemhumanError as error:
+        return ScanRecord(file.stem, False, str(error), np.nan, np.nan, 0.0, {}), None
     seen = np.flatnonzero(~result.background)
     shown = seen[thin_points(scan.points[seen], _N_SHOWN, np.random.default_rng(0))]
     arrays = {name: getattr(result, name) for name in _OF_RESULT}
     arrays |= {name: getattr(result.fit, name) for name in _OF_FIT}
     arrays |= {
-        "faces": faces,
+        "faces": registration.model.faces,
         "shown": scan.points[shown].astype(np.float32),
         "shown_distances": result.distances[shown].astype(np.float32),
     }
-    return ScanRecord(
-        name=name,
+    record = ScanRecord(
+        name=file.stem,
         trusted=result.trusted,
         message=result.message,
         likelihood=result.likelihood,
@@ -231,17 +229,6 @@ def record_of(name: str, scan: Scan, result: RegisteredScan, faces: np.ndarray) 
         matched_share=float(result.matched.mean()),
         arrays=arrays,
     )
-
-
-def _register_file(
-    registration: ScanRegistration, file: Path, before: RegisteredScan | None
-) -> tuple[ScanRecord, RegisteredScan | None]:
-    try:
-        scan = in_metres(*load_points(file), unit=registration.unit, name=str(file))
-        result = registration.solve(scan, start=before)
-    except RiemhumanError as error:
-        return ScanRecord(file.stem, False, str(error), np.nan, np.nan, 0.0, {}), None
-    record = record_of(file.stem, scan, result, registration.model.faces)
     return record, result if result.trusted else None
 
 
@@ -310,20 +297,12 @@ def _write(folder: Path, record: ScanRecord, key: str, transform: np.ndarray | N
 def _read(file: Path) -> ScanRecord:
     fields = load_arrays(file, _FIELDS, _ARRAYS)
     for name in _FIELDS:
-        kinds = "U" if name == "message" else "bf"
-        if fields[name].shape or fields[name].dtype.kind not in kinds:
+        if fields[name].shape or (fields[name].dtype.kind == "U") != (name == "message"):
             raise FileFormatError(f"{file}: {name} must be a single value, not {fields[name]!r}")
     for name in ("points", "shown"):
         try:
             real_array(fields.get(name, np.empty((0, 3))), name, ("n", 3), batched=False)
         except RiemhumanError as error:
             raise FileFormatError(f"{file}: {error}") from error
-    return ScanRecord(
-        name=file.stem,
-        trusted=bool(fields["trusted"]),
-        message=str(fields["message"]),
-        likelihood=float(fields["likelihood"]),
-        median_distance=float(fields["median_distance"]),
-        matched_share=float(fields["matched_share"]),
-        arrays={name: fields[name] for name in _ARRAYS if name in fields},
-    )
+    arrays = {name: fields[name] for name in _ARRAYS if name in fields}
+    return ScanRecord(file.stem, *(fields[name].item() for name in _FIELDS), arrays)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -12,7 +13,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, ModelFit, correspondence_matrix, joint_motions
-from riemhuman.checks import UNITS, one_of, real_array
+from riemhuman.checks import UNITS, likely_units, one_of, real_array
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
@@ -54,8 +55,8 @@ class RegisteredScan:
     trusted : bool
         Whether the result passed all checks.
     trusted_vertices : array of bool, shape (V,)
-        Vertices that the scan shows or that are within 6 cm of these along the surface. None if the
-        body is not trusted, but for a limb alone in doubt.
+        Vertices that the scan shows or that are within 6 cm of these along the surface. All False if
+        the body is not trusted, but for a limb alone in doubt.
     message : str
         The checks that the result failed, and parts that the scan does not show.
     likelihood : float
@@ -149,12 +150,11 @@ _AGREEMENT = 0.85
 class ScanRegistration:
     """Registers scans by a body model: meshes or point clouds of any heading, with holes and noise.
 
-    Many starts with different headings and poses are fitted by soft assignment, and the likeliest
-    is kept; each of its arms is then tried in the positions of all start poses. Finer soft
-    assignment and closest points determine its parameters, with forearms rotated so that they come
-    nearest to the scan. The surface then leaves the model as far as the elastic metric (a, λ, c) =
-    (1, 1, 1) allows, and the model is fitted to it again, twice. If the result is not trusted,
-    other starts are tried, and bodies without legs or without all above the waist.
+    Many starts with different headings and poses are fitted by soft assignment. The arms of the
+    likeliest are tried in the positions of all start poses, and finer soft assignment and closest
+    points determine its parameters. The surface then leaves the model as far as the elastic metric
+    (a, λ, c) = (1, 1, 1) allows, and the model is fitted to it again, twice. If the result is not
+    trusted, other starts are tried, and bodies without legs or without all above the waist.
 
     Parameters
     ----------
@@ -173,8 +173,6 @@ class ScanRegistration:
     >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, rng=0)
     >>> registration = rh.registration.ScanRegistration(bodies.model, up="y")
     >>> result = registration.solve(scan.points)  # doctest: +SKIP
-    >>> result.trusted  # doctest: +SKIP
-    True
     """
 
     model: BodyModel = field(default_factory=load_open_model)
@@ -240,9 +238,8 @@ class ScanRegistration:
     ) -> list[RegisteredScan]:
         """Register scans of one person in motion, each started from the one before.
 
-        A scan is registered from scratch if the one before is not trusted, or if the start from it
-        leads to a much lower likelihood. An interruption from the keyboard leaves the finished
-        ones.
+        A scan is registered from scratch if the one before is not trusted or leads to a much lower
+        likelihood. An interruption from the keyboard leaves the finished ones.
 
         Parameters
         ----------
@@ -256,12 +253,10 @@ class ScanRegistration:
         results : list of RegisteredScan
         """
         results: list[RegisteredScan] = []
-        try:
+        with suppress(KeyboardInterrupt):
             for scan in ProgressBar(scans, desc="Scans", unit="scan", disable=not progress):
                 before = results[-1] if results and results[-1].trusted else None
                 results.append(self.solve(scan, start=before))
-        except KeyboardInterrupt:
-            return results
         return results
 
     @cached_property
@@ -328,9 +323,67 @@ class ScanRegistration:
         again: bool = False,
     ) -> RegisteredScan:
         """Return the result of one search, from other starts if it is done again."""
-        search = fitter.search
-        candidates, oriented = self._search_candidates(search, prepared, landmarks, start, again)
-        return self._refine(fitter, whole, oriented, candidates, landmarks)
+        bodies = fitter.search
+        candidates, scan = self._search_candidates(bodies, prepared, landmarks, start, again)
+        best = candidates[0]
+        pose, model_points, points, matches = fitter.fit(best, scan)
+        betas, hands = np.split(pose.betas, [self.model.n_betas])
+        places, distances = nearest_points(whole.points, points, self.model.faces)
+        background = scan.background | fitter.find_hair(model_points, whole.points)
+        likelihood = self._likelihood(fitter.search, pose, scan)
+        moved = np.linalg.norm(points - model_points, axis=1)
+        gaps = np.linalg.norm(matches.gaps, axis=1)
+        matched = (gaps < _MATCHED_METRES) & (matches.weights > 0.1)
+        some = scan.points[:: max(len(scan.points) // _N_DENSE, 1)]
+        some = some[~fitter.find_hair(model_points, some)]
+        _, model_distances = nearest_points(some, model_points, self.model.faces)
+        # Hands that lie on the body are thin enough to be where it is, though they are right.
+        overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands)
+        lost = self._lost_limbs(self._shares(matched & ~overlaps))
+        seen = near_matched(self.model.template, matched) & ~lost
+        shares = self._shares(matched)
+        limb = int(np.argmin(shares))
+        doubts, limb_doubts = find_doubts(
+            Evidence(
+                likelihood=likelihood,
+                margin=self._margin(candidates),
+                near=float(np.mean(distances[~background] < NEAR_METRES)),
+                betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
+                far=float(np.quantile(model_distances, FAR_SHARE)),
+                overlap=float(overlaps.sum() / max(matched.sum(), 1)),
+                limb=joint_names(self.model)[limb],
+                limb_matched=float(shares[limb]),
+            )
+        )
+        doubts += self._landmark_doubts(pose, landmarks)
+        if doubts and self.unit is None:
+            doubts = [*_other_units(whole, background), *doubts]
+        trusted_vertices = seen & (not doubts)
+        if limb_doubts:
+            trusted_vertices &= ~self._limb_vertices(limb)
+        return RegisteredScan(
+            points=points,
+            trusted=not doubts and not limb_doubts,
+            trusted_vertices=trusted_vertices,
+            message="; ".join([*doubts, *limb_doubts, *self._unseen_parts(seen, lost, scan)]),
+            likelihood=likelihood,
+            fit=ModelFit(
+                betas=betas,
+                pose=Rotation.from_matrix(pose.local).as_rotvec(),
+                trans=pose.trans,
+                distances=moved,
+                converged=np.array(True),
+                n_iterations=np.array(0),
+                hands=hands,
+            ),
+            distances=distances,
+            matched=matched,
+            correspondence=places,
+            background=background,
+            up=best.up,
+            transform=_upright_transform(points, pose.local[self._search.root], best.up),
+            unit=whole.unit,
+        )
 
     def _search_candidates(
         self,
@@ -366,9 +419,9 @@ class ScanRegistration:
         Parts of a mesh are oriented as a whole, estimated normals one by one.
         """
         body = self._search.samples(_N_DENSE)
-        points, normals = (each[body.numbers >= 0] for each in pose_body(body, pose))
-        near = cKDTree(points).query(scan.points, k=min(5, len(points)))[1]
-        cosines = np.einsum("nkx,nx->n", normals[near], scan.normals)
+        posed, skin = pose_body(body, pose), body.numbers >= 0
+        near = cKDTree(posed.points[skin]).query(scan.points, k=5)[1]
+        cosines = np.einsum("nkx,nx->n", posed.normals[skin][near], scan.normals)
         if scan.parts is not None:
             cosines = np.bincount(scan.parts, cosines)[scan.parts]
         signs = np.where(cosines < 0, -1.0, 1.0)
@@ -376,7 +429,7 @@ class ScanRegistration:
 
     def _likelihood(self, bodies: StartSearch, pose: Pose, scan: PreparedScan) -> float:
         """Return the log-likelihood for a body of the standard area."""
-        areas = triangle_areas(self.model(pose.betas), self.model.faces)
+        areas = triangle_areas(self.model(pose.betas[: self.model.n_betas]), self.model.faces)
         area = areas @ bodies.visible[self.model.faces[:, 0]]
         likelihood = bodies.likelihood(pose, scan.points, scan.normals)
         return likelihood + float(np.log(area / AREA))
@@ -425,7 +478,7 @@ class ScanRegistration:
 
     def _landmark_doubts(self, pose: Pose, landmarks: dict[int, np.ndarray]) -> list[str]:
         body = self._search.samples(1000)
-        joints = pose_body(body, pose)[0][-self.model.n_joints :]
+        joints = pose_body(body, pose).points[-self.model.n_joints :]
         misses = {k: float(np.linalg.norm(joints[k] - place)) for k, place in landmarks.items()}
         return [
             f"{joint_names(self.model)[k]} is {100 * miss:.0f} cm from its landmark"
@@ -436,78 +489,26 @@ class ScanRegistration:
     def _margin(self, candidates: list[Candidate]) -> float:
         """Return how much likelier the best body is than all that are elsewhere."""
         body = self._search.samples(1000)
-        own = pose_body(body, candidates[0].pose)[0]
+        own = pose_body(body, candidates[0].pose).points
         others = [
             each.likelihood
             for each in candidates[1:]
-            if np.linalg.norm(pose_body(body, each.pose)[0] - own, axis=1).mean() > RIVAL_METRES
+            if np.linalg.norm(pose_body(body, each.pose).points - own, axis=1).mean() > RIVAL_METRES
         ]
         return candidates[0].likelihood - max(others, default=-np.inf)
 
-    def _refine(
-        self,
-        fitter: DenseFitter,
-        whole: Scan,
-        scan: PreparedScan,
-        candidates: list[Candidate],
-        landmarks: dict[int, np.ndarray],
-    ) -> RegisteredScan:
-        """Return the result of the dense fits that start from the likeliest body."""
-        best = candidates[0]
-        pose, model_points, points, matches = fitter.fit(best, scan)
-        places, distances = nearest_points(whole.points, points, self.model.faces)
-        background = scan.background | fitter.find_hair(model_points, whole.points)
-        likelihood = self._likelihood(fitter.search, pose, scan)
-        moved = np.linalg.norm(points - model_points, axis=1)
-        gaps = np.linalg.norm(matches.gaps, axis=1)
-        matched = (gaps < _MATCHED_METRES) & (matches.weights > 0.1)
-        some = scan.points[:: max(len(scan.points) // _N_DENSE, 1)]
-        some = some[~fitter.find_hair(model_points, some)]
-        _, model_distances = nearest_points(some, model_points, self.model.faces)
-        # Hands that lie on the body are thin enough to be where it is, though they are right.
-        overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands)
-        lost = self._lost_limbs(self._shares(matched & ~overlaps))
-        seen = near_matched(self.model.template, matched) & ~lost
-        shares = self._shares(matched)
-        limb = int(np.argmin(shares))
-        doubts, limb_doubts = find_doubts(
-            Evidence(
-                likelihood=likelihood,
-                margin=self._margin(candidates),
-                near=float(np.mean(distances[~background] < NEAR_METRES)),
-                betas=float(np.sqrt(np.mean(pose.betas**2))) if len(pose.betas) else 0.0,
-                far=float(np.quantile(model_distances, FAR_SHARE)),
-                overlap=float(overlaps.sum() / max(matched.sum(), 1)),
-                limb=joint_names(self.model)[limb],
-                limb_matched=float(shares[limb]),
-            )
-        )
-        doubts += self._landmark_doubts(pose, landmarks)
-        trusted_vertices = seen & (not doubts)
-        if limb_doubts:
-            trusted_vertices &= ~self._limb_vertices(limb)
-        return RegisteredScan(
-            points=points,
-            trusted=not doubts and not limb_doubts,
-            trusted_vertices=trusted_vertices,
-            message="; ".join([*doubts, *limb_doubts, *self._unseen_parts(seen, lost, scan)]),
-            likelihood=likelihood,
-            fit=ModelFit(
-                betas=pose.betas,
-                pose=Rotation.from_matrix(pose.local).as_rotvec(),
-                trans=pose.trans,
-                distances=moved,
-                converged=np.array(True),
-                n_iterations=np.array(0),
-            ),
-            distances=distances,
-            matched=matched,
-            correspondence=places,
-            background=background,
-            up=best.up,
-            transform=_upright_transform(points, pose.local[self._search.root], best.up),
-            unit=whole.unit,
-        )
+
+
+def _other_units(scan: Scan, background: np.ndarray) -> list[str]:
+    """Return what to say if the size of a scan is that of a body in another unit too."""
+    extent = float(np.ptp(scan.points[~background], axis=0).max())
+    others = [unit for unit in likely_units(extent * UNITS[scan.unit]) if unit != scan.unit]
+    if not others:
+        return []
+    return [
+        f"the scan may be in {others[0]}: {extent:.2f} m is small for a scan in {scan.unit}, which "
+        "were inferred from its size; the argument unit, or --unit, decides"
+    ]
 
 
 def apply_transform(transform: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -534,8 +535,9 @@ def _upright_transform(points: np.ndarray, root: np.ndarray, up: np.ndarray) -> 
 
 
 def _pose(fit: ModelFit) -> Pose:
-    local = Rotation.from_rotvec(fit.pose).as_matrix()
-    return Pose(np.ascontiguousarray(local), fit.betas, fit.trans)
+    local = rotation_matrix(fit.pose)
+    hands = [] if fit.hands is None else fit.hands
+    return Pose(local, np.append(fit.betas, hands), fit.trans)
 
 
 # Templates are scaled to the size of a body, for which all lengths below were chosen.
@@ -705,6 +707,7 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     back = correspondence_matrix(body, nearest_points(registered.points, vertices, faces)[0])
     weights = forth @ model.weights
     shapedirs = _combined(forth, model.shapedirs)
+    hand_directions = _combined(forth, model.hand_directions)
     posedirs = None if model.posedirs is None else _combined(forth, model.posedirs)
 
     local = rotation_matrix(fit.pose)
@@ -713,7 +716,8 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     shifts = positions - np.einsum("jxy,jy->jx", rotations, joints)
     blended = np.einsum("vj,jxy->vxy", weights, rotations)
     moved = vertices - fit.trans - weights @ shifts
-    rest = np.linalg.solve(blended, moved[..., None])[..., 0] - shapedirs @ fit.betas
+    rest = np.linalg.solve(blended, moved[..., None])[..., 0]
+    rest = rest - shapedirs @ fit.betas - hand_directions @ fit.hands
     if posedirs is not None:
         limbs = model.parents >= 0
         rest = rest - posedirs @ (local[limbs] - np.eye(3)).ravel()
@@ -726,6 +730,8 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
         np.stack([model.parents, np.arange(model.n_joints)]),
         posedirs=posedirs,
         joint_names=model.joint_names,
+        hand_directions=hand_directions,
+        hand_poses=model.hand_poses,
         dtype=model.dtype,
     )
 
@@ -733,4 +739,4 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
 def _combined(combination: Any, directions: np.ndarray) -> np.ndarray:
     """Return directions of points from those of vertices, shape (V, 3, B)."""
     flat = combination @ directions.reshape(len(directions), -1)
-    return np.asarray(flat).reshape(-1, *directions.shape[1:])
+    return np.asarray(flat).reshape(len(flat), *directions.shape[1:])

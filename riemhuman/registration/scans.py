@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
 
 from riemhuman.checks import UNITS, one_of, real_array
 from riemhuman.errors import ArgumentError, FileFormatError
@@ -17,6 +15,7 @@ from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.meshes import as_arrays, load_points
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.kernels.surface import unit_vectors
+from riemhuman.surfaces.measures import vertex_components
 
 FEWEST_POINTS = 200
 
@@ -92,7 +91,7 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
     >>> rh.registration.load_scan("scan.ply").unit
     'millimetres'
     """
-    return in_metres(*load_points(path), unit=unit, name=os.fspath(path))
+    return _in_metres(*load_points(path), unit, os.fspath(path))
 
 
 def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
@@ -164,19 +163,11 @@ def find_inward_triangles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
         most = np.bincount(part, np.linalg.norm(offsets, axis=1) * areas)
         return along / np.maximum(most, np.finfo(float).tiny), area
 
-    part = mesh_parts(len(points), faces)[faces[:, 0]]
+    part = vertex_components(faces, len(points))[faces[:, 0]]
     own, area = outwardness(part)
     together, _ = outwardness(np.zeros(len(faces), dtype=np.int64))
     decided = (np.abs(own) > _LEAST_CURVATURE) & (area > _LEAST_AREA * area.sum())
     return np.where(decided, own < 0, together[0] < 0)[part]
-
-
-def mesh_parts(n_vertices: int, faces: np.ndarray) -> np.ndarray:
-    """Return the number of the connected part of every vertex."""
-    ends = faces[:, [0, 1, 1, 2]].reshape(-1, 2).T
-    graph = sparse.coo_array((np.ones(ends.shape[1]), ends), shape=(n_vertices, n_vertices))
-    labels: np.ndarray = csgraph.connected_components(graph, directed=False)[1]
-    return labels
 
 
 def as_scan(scan: Any, unit: str | None = None) -> Scan:
@@ -184,26 +175,25 @@ def as_scan(scan: Any, unit: str | None = None) -> Scan:
     if isinstance(scan, Scan):
         return scan
     if isinstance(scan, (str, os.PathLike)):
-        return in_metres(*load_points(scan), unit=unit, name=os.fspath(scan))
+        return load_scan(scan, unit)
     if isinstance(scan, tuple) and len(scan) == 2:
-        vertices, faces = check_mesh(*scan, names=("the vertices of scan", "the faces of scan"))
-        return in_metres(vertices, faces, None, unit=unit)
+        names = ("the vertices of scan", "the faces of scan")
+        return _in_metres(*check_mesh(*scan, names=names), None, unit)
     if hasattr(scan, "faces") or hasattr(scan, "cells"):
-        return in_metres(*as_arrays(scan), None, unit=unit)
+        return _in_metres(*as_arrays(scan), None, unit)
     values = np.asarray(real_array(scan, "scan", ("N", "C"), batched=False), dtype=np.float64)
     if values.shape[1] not in (3, 6):
         raise ArgumentError(
             f"scan must have 3 columns, or 6 with normals; found shape {values.shape}"
         )
     normals = values[:, 3:] if values.shape[1] == 6 else None
-    return in_metres(values[:, :3], None, normals, unit=unit)
+    return _in_metres(values[:, :3], None, normals, unit)
 
 
-def in_metres(
+def _in_metres(
     points: np.ndarray,
     faces: np.ndarray | None,
     normals: np.ndarray | None,
-    *,
     unit: str | None,
     name: str = "scan",
 ) -> Scan:

@@ -71,8 +71,7 @@ def simulated_scan(
 ) -> SimulatedScan:
     """Return a simulated scan of a body.
 
-    The points are sampled from the surface, independently of the body's triangulation, and the body
-    is rotated about the vertical axis, y.
+    The points are sampled from the surface, independently of its triangles; the vertical axis is y.
 
     Parameters
     ----------
@@ -83,11 +82,11 @@ def simulated_scan(
     rng : None, int or numpy.random.Generator
         Source of random numbers.
     n_points : int
-        Number of points before parts are removed, approximate for a mesh.
+        Number of points, approximate for a mesh, before parts are removed.
     mesh : bool
         Whether new triangles join the points.
     noise : float
-        Standard deviation of the noise of every coordinate, metres.
+        Standard deviation of every coordinate, metres.
     missing : float
         Share of the points in holes, which are balls of 6 cm radius.
     rotate : bool
@@ -95,8 +94,7 @@ def simulated_scan(
     clothing : float
         Largest distance of clothes from the body, metres.
     view : array_like, shape (3,), optional
-        Direction from the body to the scanner, before the body is rotated; only points visible from
-        there are kept. By default all points are kept.
+        Direction from the body, before it is rotated, to the only scanner.
     cut : pair of float
         Heights removed at the feet and at the top, metres.
     floor : bool

@@ -46,7 +46,7 @@ def as_pose(betas, vectors, trans):
 
 
 def test_points_are_those_of_the_model(model, body, parameters):
-    points, normals = pose_body(body, as_pose(*parameters))
+    points, normals, *_ = pose_body(body, as_pose(*parameters))
     skin = body.numbers >= 0
     np.testing.assert_allclose(points[skin], model(*parameters)[body.numbers[skin]], atol=1e-12)
     np.testing.assert_allclose(points[~skin], model.joints(*parameters), atol=1e-12)
@@ -65,7 +65,7 @@ def test_points_are_those_of_a_model_with_pose_offsets(model, rng, parameters):
         posedirs=offsets,
     )
     body = sample_model(with_offsets, 60)
-    points, _ = pose_body(body, as_pose(*parameters))
+    points, *_ = pose_body(body, as_pose(*parameters))
     skin = body.numbers >= 0
     expected = with_offsets(*parameters)[body.numbers[skin]]
     np.testing.assert_allclose(points[skin], expected, atol=1e-12)
@@ -78,13 +78,15 @@ def test_derivatives_lead_back_to_a_body_nearby(body, parameters, rng):
         goal.betas + 0.02 * rng.standard_normal(len(goal.betas)),
         goal.trans + 0.01,
     )
-    targets = pose_body(body, goal)[0]
+    targets = pose_body(body, goal).points
     shares = np.full(len(targets), 1.0 / len(targets))
-    gaps = [targets - pose_body(body, start)[0]]
-    prior = Prior(goal.local, np.zeros(len(goal.local)), goal.betas, 0.0)
+    posed = pose_body(body, start)
+    gaps = [targets - posed.points]
+    prior = Prior(goal.local, np.zeros(len(goal.local)), goal.betas, np.zeros(len(goal.betas)))
     for _ in range(2):
-        start = take_step(body, start, prior, 0.0, shares, gaps[-1], gaps[-1], 1.0, 1.0)
-        gaps.append(targets - pose_body(body, start)[0])
+        step = take_step(body, posed, prior, 0.0, shares, gaps[-1], gaps[-1], 1.0, 1.0)
+        posed = pose_body(body, step)
+        gaps.append(targets - posed.points)
     sizes = [np.abs(each).max() for each in gaps]
     # The damping of 1e-4 keeps Gauss–Newton's steps from being exact.
     assert sizes[1] < 0.1 * sizes[0]

@@ -6,7 +6,7 @@ from scanned_people import with_other_names, with_smpls_tree
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.registration._posed_body import Pose, joint_motions, sample_model
+from riemhuman.registration._posed_body import Pose, pose_body, sample_model
 from riemhuman.registration._start_poses import (
     _SMPL_TREE,
     arms_of,
@@ -61,7 +61,7 @@ def test_rotating_a_forearm_moves_no_joint(model):
                 np.delete(each.local, arm[2:], 0), np.delete(pose.local, arm[2:], 0)
             )
             np.testing.assert_array_equal(each.local[wrist], np.eye(3))
-            places = [joint_motions(body, one).positions for one in (pose, each)]
+            places = [pose_body(body, one).positions for one in (pose, each)]
             np.testing.assert_allclose(*places, atol=1e-12)
             turns.append(pose.local[elbow].T @ each.local[elbow])
         angles = Rotation.from_matrix(np.stack(turns)).magnitude()
