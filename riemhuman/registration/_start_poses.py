@@ -88,7 +88,7 @@ def _mirror_pose(angles: dict[str, Any]) -> dict[str, Any]:
 
 def rename_joints(model: BodyModel, names: tuple[str, ...]) -> BodyModel:
     renamed = copy.copy(model)
-    renamed.joint_names = names
+    vars(renamed)["joint_names"] = names  # models refuse to be changed
     return renamed
 
 

@@ -55,8 +55,8 @@ class RegisteredScan:
     trusted : bool
         Whether the result passed all checks.
     trusted_vertices : array of bool, shape (V,)
-        Vertices that the scan shows or that are within 6 cm of these along the surface. All False if
-        the body is not trusted, but for a limb alone in doubt.
+        Vertices that the scan shows or that are within 6 cm of these along the surface. All False
+        if the body is not trusted, but for a limb alone in doubt.
     message : str
         The checks that the result failed, and parts that the scan does not show.
     likelihood : float
@@ -498,17 +498,17 @@ class ScanRegistration:
         return candidates[0].likelihood - max(others, default=-np.inf)
 
 
-
 def _other_units(scan: Scan, background: np.ndarray) -> list[str]:
     """Return what to say if the size of a scan is that of a body in another unit too."""
     extent = float(np.ptp(scan.points[~background], axis=0).max())
     others = [unit for unit in likely_units(extent * UNITS[scan.unit]) if unit != scan.unit]
     if not others:
         return []
-    return [
-        f"the scan may be in {others[0]}: {extent:.2f} m is small for a scan in {scan.unit}, which "
-        "were inferred from its size; the argument unit, or --unit, decides"
-    ]
+    said = (
+        f"the scan may be in {others[0]}: it is {extent:.2f} m long, and {scan.unit} were inferred "
+        "from this size; the argument unit, or --unit, decides"
+    )
+    return [said]
 
 
 def apply_transform(transform: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Folders of scans: what is written, what a second run leaves, and what is damaged."""
 
 import copy
-import shutil
 from dataclasses import replace
 
 import numpy as np
