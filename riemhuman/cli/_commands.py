@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
+from riemhuman.errors import ArgumentError
+
 _CHOICE = re.compile(r"(?s)(.*invalid choice: '(?P<found>[^']*)') \(choose from (?P<known>.*)\)")
 
 UNITS = ("metres", "centimetres", "millimetres", "inches")
@@ -106,6 +108,16 @@ def several(
             parser.set_defaults(checks=(*parser.get_default("checks"), check))
 
     return declare
+
+
+def check_needs(options: argparse.Namespace, names: Sequence[str], *needed: str) -> None:
+    """Raise an error if an option is given without any of those that it needs."""
+    if any(getattr(options, need.split()[0].strip("-")) for need in needed):
+        return
+    for name in names:
+        if getattr(options, name):
+            flag = name.replace("_", "-")
+            raise ArgumentError(f"--{flag} needs {' or '.join(needed)}; add that, or leave it out")
 
 
 def path(text: str) -> Path:

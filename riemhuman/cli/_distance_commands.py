@@ -30,14 +30,8 @@ _N_TYPICAL_PEOPLE, _N_TYPICAL_POSES = 5, 5
 
 def _check_body_set(options: argparse.Namespace) -> None:
     """Raise an error if an option does not apply to the chosen bodies."""
-    if options.labels is not None and options.bodies is None:
-        raise ArgumentError("--labels needs --bodies FOLDER")
-    if options.faust is None and options.bodies is None:
-        for name in ("template", "allow_missing"):
-            if getattr(options, name):
-                raise ArgumentError(f"--{name.replace('_', '-')} needs --faust or --bodies FOLDER")
-    if options.bodies is None and (options.unit or options.up):
-        raise ArgumentError("--unit and --up need --bodies FOLDER")
+    cli.check_needs(options, ("labels", "unit", "up"), "--bodies FOLDER")
+    cli.check_needs(options, ("template", "allow_missing"), "--faust FOLDER", "--bodies FOLDER")
     if options.people is not None and (options.bodies or options.faust or options.reader):
         raise ArgumentError("--people SEED is for the open bodies")
     if options.reader is not None:
@@ -194,11 +188,10 @@ def _dist(options: argparse.Namespace) -> cli.Answer:
 def _note_rotation(first: ndarray, second: ndarray) -> None:
     """Say so if one surface is rotated relative to the other."""
     import numpy as np
+    from scipy.spatial.transform import Rotation
 
-    offsets = second - second.mean(axis=0)
-    aligned = rh.procrustes(second, to=first, scale=None)
-    rotation = np.linalg.lstsq(offsets, aligned - aligned.mean(axis=0), rcond=None)[0]
-    angle = np.degrees(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0)))
+    offsets = [surface - surface.mean(axis=0) for surface in (first, second)]
+    angle = np.degrees(Rotation.align_vectors(*offsets)[0].magnitude())
     if angle > _LARGE_ROTATION:
         terminal.note(
             f"warning: B is rotated by about {angle:.0f}° relative to A, which this metric counts; "
@@ -274,14 +267,14 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
     name = inputs.metric_name(metric)
     n_pairs = len(surfaces) * (len(surfaces) - 1) // 2
     counted = f"{n_pairs:,} distance{'' if n_pairs == 1 else 's'}"
-    paths = None
     try:
         if options.paths:
             paths = _path_distances(metric, surfaces, options)
             matrices = {"distances": paths.bounds, "lengths": paths.lengths}
+            about = [f"{_excess(paths)}; {paths.message}"]
         else:
             with options.task(f"{counted}, {name}"):
-                matrices = {"distances": _distances(metric, surfaces, options)}
+                matrices, about = {"distances": _distances(metric, surfaces, options)}, []
     except KeyboardInterrupt:
         if options.resume is not None:
             terminal.note(
@@ -301,9 +294,7 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
         return cli.Answer(text.rstrip("\n"), record, written=False)
     if options.csv is not None:
         write_text(options.csv, text)
-    said = [f"{len(names)} meshes, {counted}, {name}"]
-    said += [] if paths is None else [f"{_excess(paths)}; {paths.message}"]
-    return cli.Answer("\n".join(said), record)
+    return cli.Answer("\n".join([f"{len(names)} meshes, {counted}, {name}", *about]), record)
 
 
 def _check_matrix_options(options: argparse.Namespace) -> None:
@@ -311,10 +302,7 @@ def _check_matrix_options(options: argparse.Namespace) -> None:
         raise ArgumentError("nothing to write; give -o NPZ, --csv CSV, or both")
     if options.json and options.csv == "-":
         raise ArgumentError("--json and --csv - both write to standard output; leave one out")
-    for name in ("n_nodes", "basis", "n_components"):
-        if getattr(options, name) is not None and not options.paths:
-            flag = name.replace("_", "-")
-            raise ArgumentError(f"--{flag} needs --paths; add that, or leave it out")
+    cli.check_needs(options, ("n_nodes", "basis", "n_components"), "--paths")
     if options.paths and options.precision != "double":
         raise ArgumentError(
             f"--precision {options.precision} cannot be combined with --paths; leave out one"
@@ -533,6 +521,5 @@ def _report(options: argparse.Namespace) -> cli.Answer:
         quick=options.quick,
         scans=options.scans,
         progress=options.task,
-        bars=options.bars,
     )
     return cli.Answer(str(page), {"output": page})

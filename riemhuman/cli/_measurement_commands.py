@@ -178,8 +178,7 @@ def _read(
     files: Sequence[Path], options: argparse.Namespace, pose: str = "standing"
 ) -> tuple[Any, ndarray]:
     """Return the measurements, and the meshes in files."""
-    if options.definitions is not None and options.model is None:
-        raise ArgumentError("--definitions JSON needs --model NPZ")
+    cli.check_needs(options, ("definitions",), "--model NPZ")
     files = inputs.list_meshes(files)
     meshes = rh.datasets.RegisteredMeshes(files, scale=None, unit=options.unit, up=options.up)
     template = rh.Template(meshes[0], meshes.faces)

@@ -257,6 +257,7 @@ def _add_bodies(
     classes = classes[np.argsort(-counts, kind="stable")][: 2 * _MOST_IN_COLUMN]
     centres = np.stack([np.median(positions[labels == k], axis=0) for k in classes])
     width, height = _inches(ax)
+    sizes = np.maximum(np.ptp(positions, axis=0), 1e-9)
     by_x = np.argsort(centres[:, 0], kind="stable")
     half = len(classes) // 2
     for side, column in ((0, by_x[:half]), (1, by_x[half:])):
@@ -267,7 +268,7 @@ def _add_bodies(
         zoom = 72 * min(_BODY_HEIGHT, slot - _NAME_HEIGHT) / _BODY_PIXELS
         for number, k in enumerate(column):
             own = np.flatnonzero(labels == classes[k])
-            gaps = np.linalg.norm((positions[own] - centres[k]) / np.ptp(positions, axis=0), axis=1)
+            gaps = np.linalg.norm((positions[own] - centres[k]) / sizes, axis=1)
             body, color = points[own[gaps.argmin()]], colors[classes[k]]
             picture = render(body, faces, height=_BODY_PIXELS, color=0.25 + 0.75 * color)
             x = abs(side - _COLUMN_WIDTH / 2 / width)

@@ -4,7 +4,6 @@ from riemhuman.report.make import make_report
 from riemhuman.report.registered_scans import scan_page
 from riemhuman.report.retrieval_benchmark import (
     BenchmarkRecord,
-    CodeDescriptor,
     benchmark,
     format_benchmark,
     representations,
@@ -13,7 +12,6 @@ from riemhuman.report.retrieval_benchmark import (
 
 __all__ = [
     "BenchmarkRecord",
-    "CodeDescriptor",
     "benchmark",
     "format_benchmark",
     "make_report",

@@ -127,7 +127,6 @@ class Report:
     output: Output
     representations: Mapping[str, Any]
     given_basis: DeformationBasis | None = None
-    bars: bool = False
 
     def step(self, name: str, compute: Callable[[], Computed], title: str, **inputs: Any) -> Step:
         """Return a result that depends on the bodies and on further inputs."""
@@ -155,7 +154,7 @@ class Report:
         @cache
         def described() -> dict[str, Described]:
             # Called only if one of them is missing in the store: spectra take long.
-            return described_together(self.representations, self.bodies, progress=self.bars)
+            return described_together(self.representations, self.bodies)
 
         def compute(name: str, representation: Any) -> Computed:
             own = described().get(name) if hasattr(representation, "describe_together") else None

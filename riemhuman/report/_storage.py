@@ -20,7 +20,6 @@ from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import convert_errors, file_path, write_text
 
 _MARKER = "provenance.json"
-_BEFORE_MARKER = ".provenance."
 _MADE_BY = "riemhuman report"
 _SUBFOLDERS = ("figures", "tables", "results", "results/figures")
 _LONGEST_RECORD = 2**23  # characters
@@ -34,15 +33,13 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
     folder = file_path(path, "output", "folder")
     if folder.exists() and not folder.is_dir():
         raise FileError(f"{folder} is a file; the report needs a folder of its own")
-    if folder.is_dir():
-        with convert_errors(folder, "cannot be read"):
-            # A kill may have left a part of the marker.
-            others = [e for e in folder.iterdir() if not e.name.startswith(_BEFORE_MARKER)]
-        if others and not _is_report(folder):
-            raise FileError(
-                f"{folder} holds other files; the report needs a new or empty folder, or one with "
-                "an earlier report"
-            )
+    with convert_errors(folder, "cannot be read"):
+        is_used = folder.is_dir() and any(folder.iterdir())
+    if is_used and not _is_report(folder):
+        raise FileError(
+            f"{folder} holds other files; the report needs a new or empty folder, or one with an "
+            "earlier report"
+        )
     return folder
 
 

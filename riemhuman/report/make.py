@@ -73,7 +73,6 @@ def make_report(
     quick: bool = False,
     scans: str | os.PathLike[str] | None = None,
     progress: Progress = nullcontext,
-    bars: bool = False,
 ) -> Path:
     """Repeat the experiments of the paper's sections 5 and 6, and write a report.
 
@@ -98,8 +97,6 @@ def make_report(
         worst first.
     progress : callable
         Takes the name of a task; returns a context manager that is open during the task.
-    bars : bool
-        Whether to show progress bars within long tasks.
 
     Examples
     --------
@@ -128,7 +125,7 @@ def make_report(
     store = ResultStore(results, _identity(), progress)
     files = Output(folder, ResultStore(figures, _identity(), progress), digest)
     plan = QUICK if quick else Plan()
-    report = Report(bodies, digest, plan, store, files, compared, basis, bars)
+    report = Report(bodies, digest, plan, store, files, compared, basis)
     with figure_style():
         made = [section for make in _SECTIONS if (section := make(report)) is not None]
     text = page(

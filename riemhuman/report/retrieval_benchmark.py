@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import one_of
 from riemhuman.descriptors import (
     AreaProjectionTransform,
     Descriptor,
@@ -237,80 +236,40 @@ def _is_registered(bodies: Any) -> bool:
 
 def of_extensions(bodies: Any) -> dict[str, Any]:
     """Return the representations that other packages register, see `riemhuman.extensions`."""
-    descriptors = {name: make() for name, make in extensions("descriptors").items()}
-    return _metrics_of_extensions(bodies) | descriptors
-
-
-def _metrics_of_extensions(bodies: Any) -> dict[str, Any]:
-    if not _is_registered(bodies):
-        return {}
-    space = AlignedSurfaces(bodies.template, equip=False)
-    return {name: metric(space) for name, metric in extensions("metrics").items()}
+    metrics: dict[str, Any] = {}
+    if _is_registered(bodies):
+        space = AlignedSurfaces(bodies.template, equip=False)
+        metrics = {name: metric(space) for name, metric in extensions("metrics").items()}
+    return metrics | {name: make() for name, make in extensions("descriptors").items()}
 
 
 @dataclass(frozen=True, eq=False)
-class CodeDescriptor(Descriptor):
-    """One of the two codes that a network computes for a body, with Euclidean distances.
-
-    Shape and pose codes need surfaces in correspondence with the template of the network.
-
-    Parameters
-    ----------
-    codes : ShapePoseCodes or IntrinsicExtrinsicCodes
-        A trained network.
-    which : {"shape", "pose", "intrinsic", "extrinsic"}
-        Name of the code.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> codes = rh.learned.ShapePoseCodes.load_pretrained()
-    >>> rh.report.CodeDescriptor(codes, "shape").describe_all(bodies[:2]).shape
-    (2, 16)
-    """
+class _CodeDescriptor(Descriptor):
+    """One of the two codes that a network computes for registered bodies, by its name."""
 
     codes: ShapePoseCodes | IntrinsicExtrinsicCodes
     which: str
 
-    def __post_init__(self) -> None:
-        one_of(self.which, "which", self.codes.code_names)
-
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        if isinstance(self.codes, IntrinsicExtrinsicCodes):
-            return self._half(self.codes.describe(vertices, faces)[None])[0]
-        template = self.codes.template_
-        template.check_faces(faces)
-        return self._half(self.codes.transform(np.asarray(vertices)[None]))[0]
+        return self._of(np.asarray(vertices)[None])[0]
 
     def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
-        template = getattr(bodies, "template", None)
-        if not isinstance(template, Template):
-            return super().describe_all(bodies, n_jobs)
-        known = self.codes.template_
-        same = known.n_vertices == template.n_vertices and np.array_equal(
-            known.faces, template.faces
-        )
-        codes = self.codes if same else self.codes.on(template)
-        return self._half(codes.transform(bodies.points))
+        return self._of(bodies.points)
 
-    def _half(self, found: np.ndarray) -> np.ndarray:
-        return self.codes.split(found)[self.codes.code_names.index(self.which)]
+    def _of(self, points: np.ndarray) -> np.ndarray:
+        found = self.codes.split(self.codes.transform(points))
+        return found[self.codes.code_names.index(self.which)]
 
 
-def shipped_descriptors(template: Template) -> dict[str, CodeDescriptor]:
+def shipped_descriptors(template: Template) -> dict[str, Descriptor]:
     """Return the codes of the networks that ship, for tables."""
-    clouds = IntrinsicExtrinsicCodes.load_pretrained(template)
-    found = {
-        f"{which} code{LEARNED}": CodeDescriptor(clouds, which)
-        for which in ("intrinsic", "extrinsic")
-    }
-    try:
-        parts = ShapePoseCodes.load_pretrained(template)
-    except ArgumentError:
-        return found
-    return found | {
-        f"{which} code{LEARNED}": CodeDescriptor(parts, which) for which in ("shape", "pose")
+    networks: list[Any] = [IntrinsicExtrinsicCodes.load_pretrained(template)]
+    with suppress(ArgumentError):  # of another triangulation
+        networks.append(ShapePoseCodes.load_pretrained(template))
+    return {
+        f"{which} code{LEARNED}": _CodeDescriptor(codes, which)
+        for codes in networks
+        for which in codes.code_names
     }
 
 
@@ -341,7 +300,9 @@ def retrieval_tables(
     """
     n_pairs = len(bodies) * (len(bodies) - 1) // 2
     distances = {}
-    for name, metric in (table_metrics(bodies) | _metrics_of_extensions(bodies)).items():
+    for name, metric in (table_metrics(bodies) | of_extensions(bodies)).items():
+        if not hasattr(metric, "dist_pairwise"):
+            continue
         with task(f"{name}: {n_pairs:,} distances"):
             distances[name] = metric.dist_pairwise(bodies.points, n_jobs=-1)
     own: dict[str, Any] = {}

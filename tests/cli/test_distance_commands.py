@@ -24,13 +24,9 @@ def metric_of(template, a, lam, c):
     ("options", "weights"),
     [
         ([], (1, 1e-4, 0)),
-        (["--shape"], (1, 1e-4, 0)),
         (["--pose"], (0, 0, 1)),
         (["-a", "2", "-l", "0.01", "-c", "0.5"], (2, 0.01, 0.5)),
-        (["-a", "2"], (2, 1e-4, 0)),
         (["-c", "3"], (1, 1e-4, 3)),
-        (["-l", "0.01"], (1, 0.01, 0)),
-        (["-a", "1", "--lam", "1"], (1, 1, 0)),
     ],
 )
 def test_dist_is_that_of_the_library(run, scans, bodies, options, weights):

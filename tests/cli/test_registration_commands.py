@@ -1,7 +1,6 @@
 """The command ``register``."""
 
 import json
-import shutil
 from types import SimpleNamespace
 
 import numpy as np
@@ -74,14 +73,20 @@ def test_landmarks_reach_the_registration(run, scan, fitted, tmp_path):
     np.testing.assert_array_equal(fitted["head"], [0.0, 1600.0, 0.0])
 
 
-@pytest.mark.slow
-def test_a_scan_becomes_a_body_and_a_box_does_not(run, scan, tmp_path):
-    folder = tmp_path / "scans"
-    folder.mkdir()
-    shutil.copy(scan, folder)
-    np.save(folder / "box.npy", np.random.default_rng(0).random((2000, 3)))
-    finished = run("register", folder, "-o", tmp_path / "bodies", "--coarse", "--up", "y")
+def test_folders_are_registered_with_a_page_and_told_about(run, tmp_path, monkeypatch):
+    def register_folder(registration, scans, output, **settings):
+        assert settings == {"sequence": True, "keep_axes": False, "progress": False}
+        measures = {"median_distance": 0.002, "matched_share": 0.5}
+        return [
+            SimpleNamespace(name="anna", trusted=True, message="", **measures),
+            SimpleNamespace(name="box", trusted=False, message="no person", **measures),
+        ]
+
+    monkeypatch.setattr(rh.registration, "register_folder", register_folder)
+    monkeypatch.setattr(rh.report, "scan_page", lambda folder: folder / "index.html")
+    options = ("-o", tmp_path / "bodies", "--coarse", "--sequence")
+    finished = run("register", tmp_path, *options)
     assert finished.code == 1  # as for one scan
-    assert "box is not trusted: " in finished.err
-    points, _ = rh.load_mesh(tmp_path / "bodies" / "scan.ply")
-    assert 1.0 < np.ptp(points, axis=0).max() < 2.5
+    assert "box is not trusted: no person" in finished.err
+    page = tmp_path / "bodies" / "index.html"
+    assert f"1 of 2 scans are registered and trusted; see {page}" in finished.out

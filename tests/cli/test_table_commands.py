@@ -9,47 +9,24 @@ import numpy as np
 import pytest
 from third_party import Extents, VertexOffsets
 
-from riemhuman import extensions
-from riemhuman.__main__ import main
 from riemhuman.datasets import load_open_bodies
 from riemhuman.geometry import AlignedSurfaces
-from riemhuman.io import save_mesh
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.retrieval import scores
 from riemhuman.surfaces import DeformationBasis
 
 
-def test_prints_the_tables(capsys):
-    assert main(["tables", "--resolution", "coarse"]) == 0
-    captured = capsys.readouterr()
-    printed = captured.out
-    assert "100 bodies: 10 people, 10 poses, 1,202 vertices, 2,400 triangles" in printed
-    assert len(re.findall(r"4,950 distances: \d+\.\d s", captured.err)) == 5
-    who, how = printed.split("How do they stand?")
-    shape_on_people, shape_on_poses = (
-        float(re.search(r"shape metric \(1, 0.0001, 0\)  +(\d+\.\d)", part)[1])
-        for part in (who.split("Who is it?")[1], how)
-    )
-    pose_on_people, pose_on_poses = (
-        float(re.search(r"pose metric \(0, 0, 1\)  +(\d+\.\d)", part)[1])
-        for part in (who.split("Who is it?")[1], how)
-    )
-    assert shape_on_people > 90 > 20 > shape_on_poses
-    assert pose_on_poses > 90 > 20 > pose_on_people
-
-
-def test_reads_a_labelled_folder(tmp_path, capsys):
-    bodies = load_open_bodies("coarse")
-    rows = ["file,subject,pose"]
-    for i in (0, 1, 20, 21):
-        save_mesh(tmp_path / f"{i}.off", bodies.points[i], bodies.template.faces)
-        rows.append(f"{i},person {i // 10},pose {i % 10}")
-    (tmp_path / "table.csv").write_text("\n".join(rows), encoding="utf-8")
-    labels = ["--labels", str(tmp_path / "table.csv")]
-    assert main(["tables", "--bodies", str(tmp_path), *labels]) == 0
-    printed = capsys.readouterr().out
-    assert "4 bodies: 2 people, 2 poses, 1,202 vertices" in printed
-    assert len(re.findall(r"shape metric \(1, 0.0001, 0\) +100.0  100.0", printed)) == 1
+def test_tables_of_a_labelled_folder(run, scans):
+    finished = run("tables", "--bodies", scans, "--labels", scans / "labels.csv")
+    assert "6 bodies: 2 people, 3 poses, 1,202 vertices, 2,400 triangles" in finished.out
+    assert len(re.findall(r"15 distances: \d+\.\d s", finished.err)) == 5
+    who, how = finished.out.split("How do they stand?")
+    row = r"{} metric \([^)]*\) +(\d+\.\d)"
+    found = {
+        name: [float(re.search(row.format(name), part)[1]) for part in (who, how)]
+        for name in ("shape", "pose")
+    }
+    assert found == {"shape": [100.0, 0.0], "pose": [0.0, 100.0]}
 
 
 def test_all_representations(run, scans, monkeypatch):
@@ -92,7 +69,7 @@ def test_view_shows_meshes_motions_and_paths(run, scans, bodies, tmp_path):
     assert '"n_frames":3' in (tmp_path / "path.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("options", [[], ["--by", "pose"], ["--method", "t-sne"]], ids=str)
+@pytest.mark.parametrize("options", [["--by", "pose"], ["--method", "t-sne"]], ids=str)
 def test_plot_draws_a_map(run, scans, matrix, tmp_path, options):
     picture = tmp_path / "map.svg"
     finished = run("plot", matrix, "--labels", scans / LABELS, "-o", picture, *options)
@@ -137,33 +114,6 @@ def test_meshes_without_labels_are_left_out_if_they_may(run, refused, scans, mat
     picture = tmp_path / "map.png"
     finished = run("plot", matrix, "--labels", table, "--allow-missing", "-o", picture)
     assert finished.out.startswith("meshes      5, mds")
-
-
-@pytest.fixture
-def extended():
-    """Register a metric and a descriptor of another package."""
-    added = (("metrics", "offsets", VertexOffsets), ("descriptors", "extents", Extents))
-    for one in added:
-        extensions.register(*one)
-    yield
-    for kind, name, _ in added:
-        extensions.unregister(kind, name)
-
-
-@pytest.mark.sampled(3, "reports without figures")
-@pytest.mark.slow
-def test_page_of_a_labelled_folder(extended, undrawn, run, scans, tmp_path):
-    finished = run("report", "--quick", "--bodies", scans, "-o", tmp_path / "report")
-    assert finished.code == 0, finished.err
-    page = tmp_path / "report" / "index.html"
-    assert finished.out == f"{page}\n"
-    text = page.read_text(encoding="utf-8")
-    assert "<html" in text.lower()
-    assert "offsets" in text
-    assert "extents" in text
-    provenance = json.loads((page.parent / "provenance.json").read_text(encoding="utf-8"))
-    assert provenance["status"] == "finished"
-    assert "Karcher mean" in finished.err
 
 
 def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):

@@ -7,7 +7,6 @@ from evaluate_codes import UnseenBodies, mean_error
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.learned import IntrinsicExtrinsicCodes
-from riemhuman.report import CodeDescriptor
 from riemhuman.surfaces import spectrum
 
 
@@ -52,8 +51,5 @@ def test_refuses_and_describes(codes, bodies):
         codes.describe(1000.0 * bodies.points[0], bodies.model.faces)
     with pytest.raises(ArgumentError, match="Z"):
         codes.spectra(np.zeros((2, 7)))
-    with pytest.raises(ArgumentError, match="which"):
-        CodeDescriptor(codes, "shape")
-    meshes = [(f, bodies.model.faces) for f in bodies.points[:2]]
-    found = CodeDescriptor(codes, "extrinsic").describe_all(meshes)
-    np.testing.assert_allclose(found, codes.split(codes.transform(bodies.points[:2]))[1])
+    found = [codes.describe(f, bodies.model.faces) for f in bodies.points[:2]]
+    np.testing.assert_allclose(found, codes.transform(bodies.points[:2]))

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.learned import ShapePoseCodes
-from riemhuman.report import CodeDescriptor
 from riemhuman.retrieval import scores
 from riemhuman.surfaces.template import Template
 
@@ -91,12 +90,9 @@ def test_triangles_that_collapse_are_left_out(codes, n_places, error):
 def test_open_bodies_tell_who_and_how():
     open_bodies = load_open_bodies("coarse")
     codes = ShapePoseCodes.load_pretrained()
-    for which, labels in (("shape", open_bodies.subject), ("pose", open_bodies.pose)):
-        descriptor = CodeDescriptor(codes, which)
-        found = descriptor.describe_all(open_bodies)
-        assert scores(descriptor.distances(found), labels).nn > 95.0
-        one = descriptor.describe(open_bodies.points[0], open_bodies.template.faces)
-        np.testing.assert_allclose(one, found[0])
+    found = codes.split(codes.transform(open_bodies.points))
+    for own, labels in zip(found, (open_bodies.subject, open_bodies.pose), strict=True):
+        assert scores(squareform(pdist(own)), labels).nn > 95.0
 
 
 def test_refuses(codes, bodies):
@@ -114,5 +110,3 @@ def test_refuses(codes, bodies):
         codes.transfer(bodies.points[:2], bodies.points[:1])
     with pytest.raises(ArgumentTypeError, match="template must be a Template"):
         codes.on(bodies.points[0])
-    with pytest.raises(ArgumentError, match="which"):
-        CodeDescriptor(codes, "intrinsic")

@@ -115,7 +115,7 @@ def test_the_bar_is_as_long_as_it_says_in_both_directions(nine_bodies):
 
 @pytest.mark.parametrize("n_classes", [1, 13])
 def test_maps_of_one_class_and_of_more_classes_than_fit(n_classes):
-    positions = np.random.default_rng(0).normal(size=(26, 2))
+    positions = np.random.default_rng(0).normal(size=(26, 2)) * [1.0, 0.0]
     surfaces = np.repeat([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]], 26, axis=0)
     ax = plot_embedding(positions, np.arange(26) % n_classes, points=surfaces, faces=[[0, 1, 2]])
     drawn = [artist for artist in ax.artists if hasattr(artist, "offsetbox")]

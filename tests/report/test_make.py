@@ -118,6 +118,15 @@ def test_the_page_can_be_heard_and_driven_by_keys(page):
             assert len(region["aria-label"].split()) > 2  # what it shows, not the name of a file
 
 
+def test_sentences_follow_from_the_numbers(folder):
+    text = " ".join((folder / "index.html").read_text(encoding="utf-8").split())
+    assert "No representation scores higher than the shape metric (1, 0.0001, 0)." in text
+    assert (
+        "Chance alone would put 25.0 % into the first tier, more than the 0.0 % of the pose" in text
+    )
+    assert "The best are people with a = 1, λ = 0.0001, c = 0" in text
+
+
 def test_every_number_is_that_of_its_table(page, folder):
     tables = {}
     assert len(page.data) > 100
@@ -139,7 +148,9 @@ def test_results_are_those_of_the_library(folder, nine_bodies):
     records = benchmark(nine_bodies)
     for task in TASKS:
         own = [record for record in records if record.task == task]
-        for row, record in zip(rows_of(folder, f"retrieval-{task}"), own, strict=True):
+        *rows, metric, descriptor = rows_of(folder, f"retrieval-{task}")
+        assert (metric["representation"], descriptor["representation"]) == ("offsets", "extents")
+        for row, record in zip(rows, own, strict=True):
             assert row["representation"] == record.representation
             for key in ("nn", "first_tier", "second_tier", "mean_average_precision"):
                 assert float(row[key]) == getattr(record.scores, key)
@@ -170,9 +181,9 @@ def test_provenance(folder, nine_bodies):
     assert all(step["seconds"] >= 0 for step in found["steps"])
 
 
-def test_run_again_nothing_is_computed(folder, nine_bodies):
+def test_run_again_nothing_is_computed(folder, make_small_report):
     before = (folder / "index.html").read_text(encoding="utf-8")
-    make_report(folder, bodies=nine_bodies, quick=True)
+    make_small_report()
     found = json.loads((folder / "provenance.json").read_text(encoding="utf-8"))
     assert all(step["reused"] for step in found["steps"])
     after = (folder / "index.html").read_text(encoding="utf-8")
@@ -181,8 +192,6 @@ def test_run_again_nothing_is_computed(folder, nine_bodies):
 
 
 def test_stopped_from_the_keyboard_it_goes_on_where_it_was(tmp_path, monkeypatch, nine_bodies):
-    basis = DeformationBasis.from_laplacian(nine_bodies.template, 6)
-
     def interrupt(*arguments):
         raise KeyboardInterrupt
 
@@ -196,19 +205,19 @@ def test_stopped_from_the_keyboard_it_goes_on_where_it_was(tmp_path, monkeypatch
 
     for _ in "ab":
         with pytest.raises(KeyboardInterrupt):
-            make_report(tmp_path / "r", bodies=nine_bodies, basis=basis, quick=True, progress=watch)
+            make_report(tmp_path / "r", bodies=nine_bodies, quick=True, progress=watch)
     assert not (tmp_path / "r" / "index.html").exists()
     stored = {file.stem for file in (tmp_path / "r" / "results").glob("*.npz")}
     assert stored == {"distances-shape-metric-1-0-0001-0", "distances-pose-metric-0-0-1",
                       "distances-srnf", "distances-rotation-metric",
-                      "distances-general-elastic-metric-1-1-1", "maps", "differences"}  # fmt: skip
+                      "distances-general-elastic-metric-1-1-1", "maps", "differences",
+                      "basis"}  # fmt: skip
     # Only what was interrupted is begun again.
     again = "Geodesic, one person, two poses"
     assert [tasks.count(name) for name in tasks] == [2 if name == again else 1 for name in tasks]
     assert len(tasks) > 15
 
 
-@pytest.mark.sampled(3, "reports without figures")
 def test_bodies_without_model_or_shared_labels(undrawn, tmp_path):
     template = sphere_template()
     points = surfaces(template, 4, size=0.1)
