@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
 from riemhuman.plots._colors import SKIN, colour_limit, value_colors
 from riemhuman.plots.figures import new_axes, new_figure
-from riemhuman.plots.rendering import View, Window, as_surfaces, render, window_around
+from riemhuman.plots.rendering import View, as_surfaces, render, window_around
 from riemhuman.surfaces.measures import triangle_areas
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 # The sides of a body with measurement lines: titles and azimuths in degrees.
 _SIDES = (("front", 0.0), ("left side", 90.0), ("back", 180.0))
 _ELEVATION = 4.0  # degrees
+_LINES = ("-", "--", ":", "-.")  # styles of each ten lines
 _BODY_INCHES = 4.6
 _LEGEND_COLUMNS = 4
 _LEGEND_ROW_INCHES = 0.19
@@ -204,10 +205,7 @@ def _tints(
         return value_colors(shades, colour_limit(shades) if largest is None else largest)
     if colors is None:
         return [SKIN] * len(path)
-    tints = real_array(colors, "colors", (len(path), 3), batched=False)
-    if tints.min() < 0 or tints.max() > 1:
-        raise ArgumentError("colors must lie between 0 and 1")
-    return tints
+    return real_array(colors, "colors", (len(path), 3), batched=False)
 
 
 def _scale(largest: float) -> Any:
@@ -258,8 +256,18 @@ def plot_measurement_lines(
     windows = [replace(window, height=tallest) for window in windows]
     all_axes = figure.subplots(1, len(_SIDES), width_ratios=[window.width for window in windows])
     for axes, (side, _), view, window in zip(all_axes, _SIDES, views, windows, strict=True):
-        handles = _draw_side(axes, surface, faces, curves, view, window, height)
+        (x, y), width, tall = window.centre, window.width / 2, window.height / 2
+        picture = render(surface, faces, height=height, view=view, window=window)
+        axes.imshow(picture, extent=(x - width, x + width, y - tall, y + tall))
         axes.set_title(side)
+        axes.set_axis_off()
+        handles = []
+        for number, parts in enumerate(curves.values()):
+            style = {"color": f"C{number % 10}", "linestyle": _LINES[number // 10 % len(_LINES)]}
+            for part in parts:
+                flat: ndarray = view.rotate(np.asarray(part))[:, :2]
+                (artist,) = axes.plot(*flat.T, linewidth=0.9, **style)
+            handles.append(artist)
     figure.legend(
         handles,
         list(curves),
@@ -269,27 +277,3 @@ def plot_measurement_lines(
         frameon=False,
     )
     return figure
-
-
-def _draw_side(
-    axes: Any,
-    surface: ArrayLike,
-    faces: ArrayLike,
-    curves: Mapping[str, Sequence[ArrayLike]],
-    view: View,
-    window: Window,
-    height: int,
-) -> list[Any]:
-    """Draw a body with curves, and return an artist of each curve for the legend."""
-    (x, y), width, tall = window.centre, window.width / 2, window.height / 2
-    picture = render(surface, faces, height=height, view=view, window=window)
-    axes.imshow(picture, extent=(x - width, x + width, y - tall, y + tall))
-    handles = []
-    for number, parts in enumerate(curves.values()):
-        style = ("-", "--", ":", "-.")[number // 10 % 4]
-        for part in parts:
-            flat: ndarray = view.rotate(np.asarray(part))[:, :2]
-            (artist,) = axes.plot(*flat.T, color=f"C{number % 10}", linewidth=0.9, linestyle=style)
-        handles.append(artist)
-    axes.set_axis_off()
-    return handles

@@ -228,16 +228,12 @@ def _averaged(picture: ndarray) -> ndarray:
 
 
 def points_picture(
-    points: ndarray,
-    window: Window,
-    height: int,
-    colors: ndarray | None = None,
-    view: View | None = None,
+    points: ndarray, window: Window, height: int, colors: ndarray | None = None
 ) -> ndarray:
     """Draw points as small squares, shape (height, width, 4); far points are darker."""
     scale = height / window.height
     width = max(1, round(height * window.width / window.height))
-    rotated = (view or View()).rotate(points)
+    rotated = View().rotate(points)
     order = np.argsort(rotated[:, 2])
     depth = rotated[:, 2] - rotated[:, 2].min()
     light = 1.0 - _DEPTH_SHADE * (1.0 - depth / max(float(depth.max()), 1e-9))
@@ -264,20 +260,19 @@ def strip_picture(
     surfaces: Sequence[ndarray] | ndarray,
     faces: ndarray | None,
     colors: Sequence[ArrayLike] | None = None,
-    view: View | None = None,
     height: int = _STRIP_HEIGHT,
 ) -> ndarray:
     """Draw at most eight surfaces side by side at one scale, evenly chosen from more.
 
     Each is as wide as the widest. Without triangles, their vertices are drawn.
     """
-    n_surfaces, view = len(surfaces), view or View()
+    n_surfaces, view = len(surfaces), View()
     shown = np.linspace(0, n_surfaces - 1, min(n_surfaces, _MOST_SHOWN)).round().astype(int)
     chosen = np.stack([surfaces[number] for number in shown])
     chosen = chosen - (chosen.min(axis=1, keepdims=True) + chosen.max(axis=1, keepdims=True)) / 2
     window = window_around(chosen, view)
     if faces is None:
-        pictures = [points_picture(points, window, height, view=view) for points in chosen]
+        pictures = [points_picture(points, window, height) for points in chosen]
     else:
         tints = [SKIN if colors is None else colors[number] for number in shown]
         pictures = [

@@ -9,7 +9,7 @@ import base64
 import os
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -131,8 +131,6 @@ class Viewer:
         Bodies side by side, for each choice by name.
     legend, title : str
         Label of the choices, and title of the view.
-    view : View
-        Initial direction from which the bodies are seen.
     description : str
         Text below the title of the page.
     seconds : float
@@ -152,7 +150,6 @@ class Viewer:
     choices: Mapping[str, Sequence[ViewedBody]]
     legend: str = "Show"
     title: str = "Bodies"
-    view: View = field(default_factory=View)
     description: str = ""
     seconds: float = _SECONDS
     below: str = ""
@@ -176,7 +173,7 @@ class Viewer:
             legend=self.legend,
             stills={name: self._still(bodies) for name, bodies in self.choices.items()},
             moving=any(len(body.frames) > 1 for body in shown_first),
-            data=_payload(self.choices, self.faces, self.view) | {"seconds": self.seconds},
+            data=_payload(self.choices, self.faces) | {"seconds": self.seconds},
         )
 
     def page(self) -> str:
@@ -221,13 +218,12 @@ class Viewer:
             body.color if body.values is None else value_colors(body.values, body.limit)
             for body in bodies
         ]
-        return image_source(strip_picture(surfaces, self.faces, colors, self.view, _STILL_HEIGHT))
+        return image_source(strip_picture(surfaces, self.faces, colors, _STILL_HEIGHT))
 
 
-def _payload(
-    choices: Mapping[str, Sequence[ViewedBody]], faces: ndarray, view: View
-) -> dict[str, Any]:
+def _payload(choices: Mapping[str, Sequence[ViewedBody]], faces: ndarray) -> dict[str, Any]:
     """Return the data of a viewer in types that JSON can hold."""
+    view = View()
     surface = next(body for bodies in choices.values() for body in bodies).frames[0]
     return {
         # Neighbouring triangles have similar numbers.
@@ -420,7 +416,7 @@ def _viewer(
     sizes = {body.frames.shape[1] for body in every}
     if len(sizes) > 1:
         raise ArgumentError(f"all bodies must have the same vertices; found {sorted(sizes)}")
-    return Viewer(triangles, choices, legend, title, description=description)
+    return Viewer(triangles, choices, legend, title, description)
 
 
 def save_picture(
@@ -477,7 +473,7 @@ def save_picture(
     chosen = np.linspace(0, n_others - 1, n_shown).round().astype(int).tolist()
     chosen += [len(surfaces) - 1] * mean
     labels, tints = [names[i] for i in chosen], [colors[i] for i in chosen]
-    picture = strip_picture(surfaces[chosen], np.asarray(faces), tints, height=_PICTURE_HEIGHT)
+    picture = strip_picture(surfaces[chosen], np.asarray(faces), tints, _PICTURE_HEIGHT)
     write_bytes(path, _with_names(picture, labels))
     count = f": {n_shown} of {n_others} bodies" + " and their mean" * mean
     return ", ".join(labels) + count * (n_shown < n_others)

@@ -39,23 +39,20 @@ def test_distance(run, people):
 
 
 def test_distance_of_files_in_millimetres_over_a_template(run, refused, people, tmp_path):
-    large = tmp_path / "large"
-    large.mkdir()
-    motion = rh.datasets.load_mesh_motions(people[1])[0]
-    for k, frame in enumerate(motion):
-        rh.save_mesh(large / f"frame_{k}.ply", 1000 * frame, motion.faces)
-    rh.save_mesh(tmp_path / "body.ply", motion[2], motion.faces)
-    over = ("--template", tmp_path / "body.ply")
-    known = float(run("motions", "dist", people[1], people[0], *over).out)
-    assert known != float(run("motions", "dist", people[1], people[0]).out)
-    rh.save_mesh(tmp_path / "body.ply", 1000 * motion[2], motion.faces)
-    small = tmp_path / "small"
-    small.mkdir()
-    for k, frame in enumerate(rh.datasets.load_mesh_motions(people[0])[0]):
-        rh.save_mesh(small / f"frame_{k}.ply", 1000 * frame, motion.faces)
-    found = run("motions", "dist", large, small, *over, "--unit", "millimetres")
-    assert float(found.out) == pytest.approx(known, rel=1e-5)
-    rh.save_mesh(tmp_path / "other.ply", motion[0], motion.faces[:, [1, 0, 2]])
+    motions = [rh.datasets.load_mesh_motions(each)[0] for each in people[:2]]
+    faces, body = motions[0].faces, motions[0][2]
+    for name, motion in zip("ab", motions, strict=True):
+        (tmp_path / name).mkdir()
+        for k, frame in enumerate(motion):
+            rh.save_mesh(tmp_path / name / f"frame_{k}.ply", 1000 * frame, faces)
+    rh.save_mesh(tmp_path / "metres.ply", body, faces)
+    rh.save_mesh(tmp_path / "large.ply", 1000 * body, faces)
+    expected = float(run("motions", "dist", *people[:2], "--template", tmp_path / "metres.ply").out)
+    assert expected != float(run("motions", "dist", *people[:2]).out)
+    options = ("--template", tmp_path / "large.ply", "--unit", "millimetres")
+    found = float(run("motions", "dist", tmp_path / "a", tmp_path / "b", *options).out)
+    assert found == pytest.approx(expected, rel=1e-5)
+    rh.save_mesh(tmp_path / "other.ply", body, faces[:, [1, 0, 2]])
     said = refused("motions", "dist", *people[:2], "--template", tmp_path / "other.ply")
     assert "other.ply has another" in said
 
