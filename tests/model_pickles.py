@@ -72,7 +72,7 @@ class Sparse:
 
     def state(self):
         matrix = self.matrix
-        names = ("row", "col") if matrix.format == "coo" else ("indices", "indptr")
+        names = ("indices", "indptr")
         state = {"_shape": matrix.shape, "format": matrix.format, "data": matrix.data}
         return state | {name: getattr(matrix, name) for name in names} | self.changes
 

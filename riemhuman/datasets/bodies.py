@@ -46,13 +46,11 @@ class Bodies:
     model : BodyModel, optional
         The body model of the surfaces.
     subject_names, pose_names : tuple of str
-        Names of the people and poses.
     betas : array_like, shape (n, B), optional
-        Shape coefficients.
     pose_vectors : array_like, shape (n, J, 3), optional
         Axis-angle joint rotations, radians.
     translations : array_like, shape (n, 3), optional
-        Translations, metres.
+        In metres.
     ids : tuple of str
         Name of each surface, for instance of its file; by default its number, from 0.
 
@@ -145,13 +143,6 @@ class Bodies:
         -------
         Bodies
             In the same order, with the names of all people and poses.
-
-        Examples
-        --------
-        >>> import riemhuman as rh
-        >>> bodies = rh.datasets.load_open_bodies("coarse")
-        >>> bodies.select(subject="lanky man", pose=["squat", "arms_up"]).points.shape
-        (2, 1202, 3)
         """
         chosen = np.ones(len(self), dtype=bool)
         for name, wanted in (("subject", subject), ("pose", pose)):
@@ -187,13 +178,11 @@ class Bodies:
         Parameters
         ----------
         path : path_like
-            The file.
 
         Returns
         -------
         Bodies
             Without a body model.
-
         """
         required = ("format_version", "template_vertices", "template_faces", "points")
         arrays = load_arrays(path, required, (*_STORED, *_NAMES))

@@ -37,8 +37,7 @@ class SkeletonMotion(Record):
 
     Attributes
     ----------
-    joint_names : tuple of str
-        Names of the J joints.
+    joint_names : tuple of str, length J
     parents : array of int, shape (J,)
         Number of each joint's parent; -1 for a root.
     offsets : array, shape (J, 3)
@@ -48,9 +47,8 @@ class SkeletonMotion(Record):
     translations : array, shape (n_frames, J, 3)
         Positions relative to the parents: the offsets, where the file has no others.
     frames_per_second : float
-        Frame rate.
     name : str
-        Name of the recording: that of the file without its ending.
+        Name of the file without its ending.
 
     Examples
     --------
@@ -100,22 +98,15 @@ def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
     Parameters
     ----------
     path : path_like
-        The file.
 
     Returns
     -------
     SkeletonMotion
 
-    Raises
-    ------
-    FileFormatError
-        If the file is damaged; the message gives the line.
-
     Examples
     --------
     >>> import riemhuman as rh
-    >>> motion = rh.datasets.load_bvh("walk.bvh")  # doctest: +SKIP
-    >>> motion.joint_names[0]  # doctest: +SKIP
+    >>> rh.datasets.load_bvh("walk.bvh").joint_names[0]  # doctest: +SKIP
     'Hips'
     """
     file = file_path(path)

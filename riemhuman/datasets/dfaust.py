@@ -100,12 +100,6 @@ def load_dfaust(
         All sequences of the first person, then of the second, and so on. Points are in metres, y
         up, as in the files.
 
-    Raises
-    ------
-    FileFormatError
-        If a file is not HDF5, has no sequences, no triangles or different triangles, or sequences
-        to load do not hold numbers of shape (V, 3, n_frames); the message names them all.
-
     References
     ----------
     .. [1] Bogo, Romero, Pons-Moll, Black, "Dynamic FAUST: Registering Human Bodies in Motion",

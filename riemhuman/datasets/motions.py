@@ -41,9 +41,7 @@ class Motion(ABC):
     subject, sequence : str
         Names of the person and of the motion.
     frames_per_second : float
-        Frame rate.
     n_frames : int
-        Number of frames.
     faces : array of int, shape (F, 3)
         Triangles of every frame.
 

@@ -83,9 +83,8 @@ def load_open_bodies(
     Parameters
     ----------
     resolution : {"full", "coarse"}
-        Resolution of the model, see `load_open_model`.
+        See `load_open_model`.
     variant : {"plain", "natural"}
-        Which bodies to return.
     people : int, optional
         Seed of ten other people with other performances, on whom methods can be tested that were
         tuned on the default ten. The default ten are the same in both variants.

@@ -84,13 +84,10 @@ def load_open_motions(
     Parameters
     ----------
     resolution : {"full", "coarse"}
-        Resolution of the model, see `load_open_model`.
-    subjects : sequence of str or str, optional
-        Names of the people; by default all.
-    sequences : sequence of str or str, optional
-        Names of the motions; by default all.
+        See `load_open_model`.
+    subjects, sequences : sequence of str or str, optional
+        Names of the people and of the motions; by default all.
     frames_per_second : float
-        Frame rate.
 
     Returns
     -------
@@ -101,8 +98,7 @@ def load_open_motions(
     Examples
     --------
     >>> import riemhuman as rh
-    >>> motions = rh.datasets.load_open_motions("coarse", sequences=["knees", "punching"])
-    >>> len(motions)
+    >>> len(rh.datasets.load_open_motions("coarse", sequences=["knees", "punching"]))
     20
     """
     table = read_table("open_motions")

@@ -46,10 +46,9 @@ def joint_rotations(angles: Mapping[str, Sequence[Any]], model: BodyModel) -> np
     angles : mapping of str to sequence
         Axes and angles of some joints, degrees: ("xz", 30, -70) rotates by 30 about x, then by -70
         about z. In the T-pose, x points to the body's left, y up and z forward. A joint without a
-        side stands for both: the angles are those of the left joint, and the right joint mirrors
-        them. Other joints do not rotate.
+        side stands for both, the right one mirrored. Other joints do not rotate.
     model : BodyModel
-        The open model, at any resolution.
+        The open model.
 
     Returns
     -------
@@ -108,10 +107,9 @@ def pose_vectors(rotations: np.ndarray, model: BodyModel) -> np.ndarray:
     Parameters
     ----------
     rotations : array_like, shape (..., J, 3, 3)
-        Rotation of each joint in the body's axes, which its parent rotates, as from
-        `joint_rotations`.
+        As from `joint_rotations`.
     model : BodyModel
-        The open model, at any resolution.
+        The open model.
 
     Returns
     -------

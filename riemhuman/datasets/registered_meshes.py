@@ -65,7 +65,6 @@ class RegisteredMeshes:
     ----------
     files : tuple of Path
     faces : array of int, shape (F, 3)
-        The common triangles.
     reference : array, shape (V, 3)
         Vertices of the reference.
 
@@ -256,7 +255,6 @@ def load_bodies(
     allow_missing : bool
         Whether to leave out meshes without a row and rows without a mesh.
     progress : bool
-        Whether to show a progress bar over files.
 
     Returns
     -------
@@ -311,7 +309,7 @@ def read_labels(
     numbers : list of int
         Indices of the names that have labels, ascending.
     labels : dict of str to list of str
-        The columns "subject" and "pose", with one entry for each of these names.
+        The columns "subject" and "pose" for these names.
 
     Examples
     --------
@@ -441,7 +439,7 @@ def _read_table(table: Path) -> list[tuple[int, list[str]]]:
                 )
             rows.append((reader.line_num, wanted))
     except csv.Error as error:
-        raise FileFormatError(f"{table}, line {reader.line_num}: {error}") from error
+        raise FileFormatError(f"{table}, line {reader.reader.line_num}: {error}") from error
     return rows
 
 

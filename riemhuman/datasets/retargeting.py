@@ -118,13 +118,12 @@ class RetargetedMotion(ModelMotion):
     Parameters
     ----------
     recording : SkeletonMotion, or function that returns it
-        Recorded skeleton.
     model : BodyModel
         Model with named joints.
     names : pair of str
         Names of the person and of the motion.
     frames_per_second, n_frames
-        Frame rate and number of frames of the recording.
+        As of the recording.
     betas, joints, up
         As for `retarget`.
 
@@ -179,11 +178,6 @@ class RetargetedMotion(ModelMotion):
         Parameters
         ----------
         betas : array_like, shape (B,)
-            Shape coefficients.
-
-        Returns
-        -------
-        RetargetedMotion
         """
         other = copy(self)
         other.__dict__.pop("_performance", None)
@@ -235,13 +229,6 @@ def retarget(
     Returns
     -------
     RetargetedMotion
-        ``motion.performed_by(betas)`` is the motion of another person, ``motion.recording`` the
-        skeleton, and ``motion.errors`` are `RetargetingErrors`.
-
-    Raises
-    ------
-    ArgumentError
-        If joints are not found, are not in the order of a body, or lie in one place.
 
     Examples
     --------

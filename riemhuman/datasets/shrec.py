@@ -33,13 +33,11 @@ class LabelledMeshes(Record):
     Attributes
     ----------
     files : tuple of Path
-        Mesh files.
     ids : tuple of str
         Name of each mesh in the class file.
     subject : array of int, shape (n,)
         Class of each mesh, an index into `subject_names`.
     subject_names : tuple of str
-        Names of the classes.
     scale : float
         Factor from the files' unit to metres.
 
@@ -98,13 +96,6 @@ def load_shrec14(
     -------
     LabelledMeshes
         In the order of the class file; no mesh file has been read yet.
-
-    Raises
-    ------
-    FileError
-        If the folder has no meshes, not exactly one class file, or lacks meshes of the class file.
-    FileFormatError
-        If the class file is damaged, with its line, or an id matches several meshes.
 
     References
     ----------

@@ -131,8 +131,11 @@ _KINDS = {
     **{f"{module} object": "object" for module in ("builtins", "__builtin__")},
     **{f"{module} set": "set" for module in ("builtins", "__builtin__")},
     **{f"{module} frozenset": "set" for module in ("builtins", "__builtin__")},
-    **{f"scipy.sparse.{module} csc_matrix": "csc" for module in ("csc", "_csc")},
-    "scipy.sparse._csc csc_array": "csc",
+    **{
+        f"scipy.sparse.{module} csc_{end}": "csc"
+        for module in ("csc", "_csc")
+        for end in ("matrix", "array")
+    },
 }
 _CLASSES = {name: type(name, (_Record,), {"kind": kind}) for name, kind in _KINDS.items()}
 _CLASSES |= {f"{module} _reconstructor": _Reconstructor for module in ("copyreg", "copy_reg")}

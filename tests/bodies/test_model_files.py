@@ -72,12 +72,10 @@ def test_pickles_of_this_python(tmp_path, protocol):
     assert model.joint_names[3] == "bone 3"
 
 
-@pytest.mark.parametrize("layout", ["csc", "csr", "coo"])
-@pytest.mark.parametrize("module", ["scipy.sparse.{}", "scipy.sparse._{}"])
+@pytest.mark.parametrize("module", ["csc", "_csc"])
 @pytest.mark.parametrize("kind", ["matrix", "array"])
-def test_sparse_regressors(tmp_path, layout, module, kind):
-    matrix = sparse.coo_matrix(FIELDS["J_regressor"]).asformat(layout)
-    changed = Sparse(matrix, module.format(layout), f"{layout}_{kind}")
+def test_sparse_regressors(tmp_path, module, kind):
+    changed = Sparse(REGRESSOR, f"scipy.sparse.{module}", f"csc_{kind}")
     path = written(tmp_path / "model.pkl", pickled(FIELDS | {"J_regressor": changed}))
     assert_same(BodyModel.from_file(path))
 
@@ -207,7 +205,7 @@ MALFORMED = {
     ),
     "sparse, too short": (
         sparse_with(indices=REGRESSOR.indices[:5]),
-        "csc matrix with too few indices",
+        "csc matrix with unequal parts",
     ),
     "sparse, of words": (
         sparse_with(data=np.array(["a"])),

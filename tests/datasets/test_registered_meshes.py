@@ -215,6 +215,19 @@ def test_spellings_of_a_table(folder, change):
     check_labels(load_bodies(folder, table))
 
 
+@pytest.mark.parametrize("line_end", [b"\n", b"\r\n", b"\r"])
+def test_labels_with_any_line_end_and_lines_within_quotes(folder, line_end):
+    table = (
+        TABLE.replace("Anna", "Ann\u2028a")
+        .replace("Ben", '"Be\nn"')
+        .replace("pose 2", "run\x0cfast")
+    )
+    (folder / "labels.csv").write_bytes(table.encode().replace(b"\n", line_end))
+    bodies = load_bodies(folder)
+    assert bodies.subject_names == ("Ann\u2028a", f"Be{line_end.decode()}n")
+    assert bodies.pose_names == ("pose 10", "run\x0cfast")
+
+
 BAD_TABLES = {
     "b10.obj renamed": (
         TABLE.replace("b10.obj", "b99.obj"),
@@ -234,6 +247,7 @@ BAD_TABLES = {
         "line 5: no subject and no pose given",
     ),
     "another column": ("file,who,pose\n", "lacks the columns subject; .* 'file,who,pose'"),
+    "an open quote": (TABLE + '"b20.ply,Ben', "line 6: unexpected end of data"),
     "nothing": ("", "lacks the columns file, subject, pose"),
     "not text": (b"\xff\xfe\x00", "not text in UTF-8"),
 }

@@ -74,23 +74,3 @@ def test_pickles_are_refused(tmp_path):
     np.savez(tmp_path / "x.npz", a=np.array([{}], dtype=object))
     with pytest.raises(FileFormatError, match="plain arrays"):
         load_arrays(tmp_path / "x.npz", ["a"])
-
-
-def test_damage_is_recognised_or_harmless(tmp_path):
-    file = tmp_path / "x.npz"
-    save_arrays(file, ARRAYS)
-    content = file.read_bytes()
-    rng = np.random.default_rng(0)
-    damaged = [b"", b"not an archive", content[:100], content[:-30]]
-    for _ in range(200):
-        broken = bytearray(content)
-        broken[rng.integers(len(broken))] ^= 1 << rng.integers(8)
-        damaged.append(bytes(broken))
-    n_refused = 0
-    for broken in damaged:
-        file.write_bytes(broken)
-        try:
-            np.testing.assert_array_equal(load_arrays(file, ["a"])["a"], ARRAYS["a"])
-        except FileFormatError:
-            n_refused += 1
-    assert n_refused > 100

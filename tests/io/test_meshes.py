@@ -358,6 +358,15 @@ def test_places_of_files(mesh, tmp_path, monkeypatch):
             load_mesh(tmp_path / name)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux alone")
+@pytest.mark.parametrize("name", ["~anna.ply", "~.ply", os.fsdecode(b"\xff.ply"), "a\nb.ply"])
+def test_names_of_every_kind(mesh, tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    save_mesh(name, *mesh)
+    assert os.listdir() == [name]
+    np.testing.assert_array_equal(load_mesh(name)[1], mesh[1])
+
+
 @pytest.mark.parametrize("ending", [*ENDINGS, ".stl", ".glb"])
 def test_garbage_is_refused(tmp_path, ending):
     for content in (b"", b"\0\xff" * 300, b"<html></html>"):
@@ -420,6 +429,17 @@ def test_polygons_are_split_alike_from_every_source(tmp_path):
     for wrong in ([4, 0, 1, 2], [-1, 0, 1], [2, 0, 1]):
         with pytest.raises(ArgumentError, match="corners"):
             as_arrays(SimpleNamespace(points=corners, faces=np.array(wrong)))
+
+
+def test_pyvista_and_back():
+    pyvista = pytest.importorskip("pyvista")
+    template = sphere_template()
+    mesh = template.to_pyvista(2 * template.vertices)
+    np.testing.assert_allclose(mesh.area, 4 * template.face_areas.sum(), rtol=1e-6)
+    np.testing.assert_array_equal(Template(mesh).faces, template.faces)
+    np.testing.assert_array_equal(as_arrays(mesh)[0], 2 * template.vertices)
+    quads = as_arrays(pyvista.Plane(i_resolution=2, j_resolution=2))[1]
+    assert quads.shape == (8, 3)
 
 
 def test_trimesh_and_back():

@@ -11,7 +11,7 @@ import pytest
 from model_pickles import Call, Ch, Raw, Select, pickled, smpl_fields, smpl_pickle
 
 from riemhuman.bodies import BodyModel
-from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import FileFormatError
 from riemhuman.io.pickles import load_pickled_arrays
 
 FIELDS = smpl_fields(n_vertices=20)
@@ -227,10 +227,3 @@ def test_whole_numbers_that_no_array_holds(folder, numbers):
     (folder / "model.pkl").write_bytes(pickle.dumps({"a": numbers}))
     with pytest.raises(FileFormatError, match="whole number beyond 64 bits, in its field a"):
         load_pickled_arrays("model.pkl", ["a"])
-
-
-def test_no_file(folder):
-    with pytest.raises(FileError, match="cannot be read"):
-        load_pickled_arrays(folder, [])
-    with pytest.raises(ArgumentTypeError, match="path"):
-        load_pickled_arrays(None, [])

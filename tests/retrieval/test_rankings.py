@@ -26,16 +26,6 @@ def test_the_mean_of_the_curve_is_the_mean_average_precision(distances):
     assert 100 * precision.mean() == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_curve_by_hand():
-    # From the first item the order is 1, 2, 3; from each other likewise by place on a line.
-    places = np.array([0.0, 1.0, 3.0, 7.0])
-    distances = np.abs(places[:, None] - places)
-    recall, precision = precision_recall(distances, [0, 1, 0, 1])
-    np.testing.assert_allclose(recall, [1.0])
-    # Ranks of the one other: 2 from 0, 3 from 1, 2 from 3 (order 1, 0, 7), 2 from 7.
-    np.testing.assert_allclose(precision, [(1 / 2 + 1 / 3 + 1 / 2 + 1 / 2) / 4])
-
-
 def test_every_level_by_its_definition(distances):
     _, precision = precision_recall(distances, LABELS)
     expected = []

@@ -73,13 +73,14 @@ def chain(error):
 
 def run_case(reader, files, rng, folder, watchman):
     """Return how a case ended, "read" or "refused", what was done, and what is wrong, if any."""
-    target = reader.targets[int(rng.integers(len(reader.targets)))]
+    target = one_of(rng, list(files))
     mutation = one_of(rng, reader.mutations)
     put(folder, files | {target: mutation(rng, files[target])})
     end, problem = "refused", None
     watchman.awake = True
     try:
-        reader.read(folder)
+        for array in reader.read(folder):
+            assert np.isfinite(array).all(), "not finite"
         end = "read"
     except RiemhumanError as error:
         if {"MemoryError", "RecursionError"} & set(chain(error)):

@@ -17,7 +17,7 @@ TESTS = Path(__file__).parents[1]
 CASES_A_READER = 300 if FULL else 100
 GROUPS = {
     "meshes": ["ply text", "ply binary", "obj", "off", "stl", "glb", "points"],
-    "archives": ["basis", "amass", "dynamic faust"],
+    "archives": ["amass", "dynamic faust"],
     "pickles and folders": ["model pickle", "job"],
 }
 

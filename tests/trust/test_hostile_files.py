@@ -10,22 +10,14 @@ import numpy as np
 import pytest
 from model_pickles import Call, Ch, Raw, Select, Sparse, pickled, smpl_fields
 from scipy import sparse
-from trust.fuzzed_readers import (
-    amass_model,
-    surfaces,
-    template,
-)
+from trust.fuzzed_readers import amass_model, surfaces, template
 from trust.fuzzing import array_file, array_header
 
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets import load_amass, load_dfaust
-from riemhuman.errors import (
-    FileFormatError,
-    RiemhumanError,
-)
+from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import load_array, load_arrays
 from riemhuman.io.pickles import load_pickled_arrays
-from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
 @contextmanager
@@ -113,17 +105,6 @@ def csc(changes):
     return pickled({"J_regressor": matrix, "notes": "of old"})
 
 
-@pytest.mark.parametrize("number", [-1, 2**32, 2**63 - 1])
-@pytest.mark.parametrize("name", ["indptr", "indices"])
-def test_indices_of_sparse_matrices_are_checked_before_arithmetic(tmp_path, name, number):
-    for place in range(3):
-        changed = np.array([0, 1, 2, 3] if name == "indptr" else [0, 1, 2], np.int64)
-        changed[place] = number
-        (tmp_path / "m.pkl").write_bytes(csc({name: changed}))
-        with pytest.raises(FileFormatError, match="csc matrix"):
-            load_pickled_arrays(tmp_path / "m.pkl", ["J_regressor"])
-
-
 @pytest.mark.parametrize(
     "starts",
     [[0, 2**63 - 1, -2, 3], [0, 2**62, -(2**62), 3], [0, 2**63 - 1, 2**63 - 1, 3], [0, 5, 1, 3]],
@@ -143,15 +124,12 @@ def test_damaged_sparse_matrices_are_refused_or_lie_within_their_shapes(tmp_path
     numbers = np.array([-(2**63), -1, 0, 1, 2, 3, 5, 9, 2**31, 2**61, 2**63 - 1])
     ends = Counter()
     for _ in range(300):
-        layout = str(rng.choice(["csc", "csr", "coo"]))
-        matrix = sparse.random(*rng.integers(1, 5, 2), 0.6, rng=rng).asformat(layout)
-        name = str(
-            rng.choice(["row", "col"] if layout == "coo" else ["indices", "indptr", "indptr"])
-        )
+        matrix = sparse.random(*rng.integers(1, 5, 2), 0.6, rng=rng).asformat("csc")
+        name = str(rng.choice(["indices", "indptr", "indptr"]))
         indices = getattr(matrix, name).astype(rng.choice([np.int64, np.uint64, np.int32, np.int8]))
         for place in rng.integers(len(indices), size=int(rng.integers(3))) if len(indices) else ():
             indices[place] = rng.choice(numbers).astype(indices.dtype)
-        hostile = Sparse(matrix, f"scipy.sparse.{layout}", f"{layout}_matrix", {name: indices})
+        hostile = Sparse(matrix, changes={name: indices})
         (tmp_path / "m.pkl").write_bytes(pickled({"J": hostile}))
         try:
             found = load_pickled_arrays(tmp_path / "m.pkl", ["J"])["J"]
@@ -252,11 +230,3 @@ def test_bytes_behind_an_array_are_noticed(tmp_path):
     ):
         with pytest.raises(FileFormatError, match="takes 48 bytes; found"):
             read()
-
-
-def test_arrays_without_numbers_claim_nothing(tmp_path):
-    fields = {"format_version": np.array(1), "vectors": np.eye(3).reshape(3, 1, 3)}
-    for name, shape in (("vectors", (10**15, 0)), ("explained_variance", (10**15, 0))):
-        np.savez(tmp_path / "b.npz", **fields | {name: np.empty(shape)})
-        with bounded(2**22), pytest.raises(RiemhumanError):
-            DeformationBasis.load(tmp_path / "b.npz")
