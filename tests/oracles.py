@@ -1,17 +1,14 @@
 """Independent computations to compare with: written from the formulas, not from the code.
 
 Matrices here are single 2 × 2 arrays. `exact_*` works with 60 decimal digits, so that its own
-rounding never counts; `matrix_*` uses SciPy's matrix functions.
+rounding never counts.
 """
 
 from __future__ import annotations
 
-import warnings
-
 import mpmath
 import numpy as np
 from mpmath import mp
-from scipy.linalg import expm, logm
 
 mp.dps = 60
 
@@ -84,30 +81,6 @@ def as_exact(array):
 def as_floats(matrix):
     """Return an mpmath matrix as a float64 array."""
     return np.array(matrix.tolist(), dtype=object).astype(float)
-
-
-def matrix_squared_dist(g1, g2, lam):
-    """Return the squared distance through SciPy's matrix logarithm (Theorem 1, corrected)."""
-    shear = traceless(matrix_log(np.linalg.solve(g1, g2)))
-    theta = np.sqrt(max(np.trace(shear @ shear), 0.0) / lam) / 4
-    s1, s2 = np.linalg.det(g1) ** 0.25, np.linalg.det(g2) ** 0.25
-    return 16 * lam * (s1**2 - 2 * s1 * s2 * np.cos(min(np.pi, theta)) + s2**2)
-
-
-def matrix_log(matrix):
-    """Return SciPy's matrix logarithm, whose warnings start far below the tolerances here."""
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
-        return logm(matrix)
-
-
-def matrix_exp(delta_g, g, lam):
-    """Return the end of a geodesic through SciPy's matrix exponential."""
-    velocity = np.linalg.solve(g, delta_g)
-    shear = traceless(velocity)
-    nu = np.sqrt(np.trace(shear @ shear) / lam) / 4
-    along = 1 + np.trace(velocity) / 4
-    return (along**2 + nu**2) * g @ expm(np.arctan2(nu, along) / nu * shear)
 
 
 def traceless(matrix):

@@ -45,9 +45,6 @@ class FieldMetric(RiemannianMetric):
     _term: Term
     _fields: Callable[..., Fields]
     _products: Callable[[ndarray, ndarray, ndarray], ndarray]
-    _exp: Callable[[ndarray, ndarray], ndarray]
-    _log: Callable[[ndarray, ndarray], ndarray]
-    _transport: Callable[[ndarray, ndarray, ndarray], ndarray]
     _curvatures: Callable[[ndarray, ndarray, ndarray], ndarray]
 
     def __init__(self, space: Manifold) -> None:
@@ -67,26 +64,6 @@ class FieldMetric(RiemannianMetric):
         fields = partial(self._fields, name="points")
         return SumOfTerms([self._term], self._template, fields)
 
-    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        base_point = self.space.check_point(base_point, "base_point")
-        return self._exp(real_array(tangent_vec, "tangent_vec", self.space.shape), base_point)
-
-    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        point = self.space.check_point(point, "point")
-        return self._log(point, self.space.check_point(base_point, "base_point"))
-
-    def parallel_transport(
-        self,
-        tangent_vec: ndarray,
-        base_point: ndarray,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-    ) -> ndarray:
-        base_point = self.space.check_point(base_point, "base_point")
-        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        direction = self._velocity(base_point, direction, end_point)
-        return self._transport(tangent_vec, base_point, direction)
-
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
         r"""Return π√w of the smallest triangle, on which a way around has twice that length."""
         leading = () if base_point is None else np.shape(base_point)[: -self.space.point_ndim]
@@ -96,9 +73,6 @@ class FieldMetric(RiemannianMetric):
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
     ) -> ndarray:
         return self._form(self._curvatures, tangent_vec_a, tangent_vec_b, base_point)
-
-    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
-        return self.geodesic(start, initial_tangent_vec=self.log(end, start))
 
     def _form(self, of_triangles: Callable[..., ndarray], a: Any, b: Any, point: Any) -> ndarray:
         """Integrate a form of two tangent vectors at a point."""

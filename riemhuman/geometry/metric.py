@@ -46,11 +46,13 @@ from riemhuman.kernels.surface import differential, square_root
 from riemhuman.representation import constructor_text
 
 
-def _defines(name: str, doc: str) -> property:
-    """Return a property: whether the class of a metric overrides a method."""
-    return property(
-        lambda self: getattr(type(self), name) is not getattr(RiemannianMetric, name), doc=doc
-    )
+def _is_overridden(metric: RiemannianMetric, name: str) -> bool:
+    return getattr(type(metric), name) is not getattr(RiemannianMetric, name)
+
+
+def _defines(*names: str, doc: str) -> property:
+    """Return a property: whether the class of a metric overrides one of some methods."""
+    return property(lambda self: any(_is_overridden(self, name) for name in names), doc=doc)
 
 
 class RiemannianMetric:
@@ -143,13 +145,17 @@ class RiemannianMetric:
         given = getattr(self, name)
         return default_strategy(name, self) if given is None else given
 
-    has_closed_form_dist = _defines("squared_dist", "Whether the class has distances itself.")
-    has_inner_product = _defines("inner_product", "Whether the class has inner products itself.")
-    has_closed_form_geodesic = _defines("_geodesic_between", "Whether geodesics need no solver.")
-    has_closed_form_transport = _defines("parallel_transport", "Whether transport needs no solver.")
-    has_metric_matrix = _defines("metric_matrix", "Whether `metric_matrix` is defined.")
+    has_closed_form_dist = _defines("squared_dist", doc="Whether the class has distances itself.")
+    has_inner_product = _defines("inner_product", doc="Whether it has inner products itself.")
+    has_closed_form_geodesic = _defines(
+        "_geodesic_between", "_log", doc="Whether geodesics need no solver."
+    )
+    has_closed_form_transport = _defines(
+        "parallel_transport", "_transport", doc="Whether parallel transport needs no solver."
+    )
+    has_metric_matrix = _defines("metric_matrix", doc="Whether `metric_matrix` is defined.")
     has_lower_bound_coordinates = _defines(
-        "lower_bound_coordinates", "Whether `lower_bound_coordinates` is defined."
+        "lower_bound_coordinates", doc="Whether `lower_bound_coordinates` is defined."
     )
 
     @property
@@ -571,11 +577,13 @@ class RiemannianMetric:
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
         """
+        base_point = self.space.check_point(base_point, "base_point")
+        return self._exp(real_array(tangent_vec, "tangent_vec", self.space.shape), base_point)
+
+    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
         solver = self._solver("exp_solver")
         return self._one_by_one(
-            lambda point, velocity: solve_geodesic(velocity, point, self, solver)[-1],
-            self.space.check_point(base_point, "base_point"),
-            real_array(tangent_vec, "tangent_vec", self.space.shape),
+            lambda x, v: solve_geodesic(v, x, self, solver)[-1], point, velocity
         )
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
@@ -588,12 +596,12 @@ class RiemannianMetric:
         ----------
         point, base_point : array, shape (..., \*shape)
         """
+        point = self.space.check_point(point, "point")
+        return self._log(point, self.space.check_point(base_point, "base_point"))
+
+    def _log(self, point: ndarray, start: ndarray) -> ndarray:
         solver = self._solver("log_solver")
-        return self._one_by_one(
-            lambda start, end: solver.solve(self, end, start).tangent_vec,
-            self.space.check_point(base_point, "base_point"),
-            self.space.check_point(point, "point"),
-        )
+        return self._one_by_one(lambda x, y: solver.solve(self, y, x).tangent_vec, start, point)
 
     def parallel_transport(
         self,
@@ -615,17 +623,28 @@ class RiemannianMetric:
         end_point : array, shape (..., \*shape), optional
             End point of the geodesic; exactly one of the two is given.
         """
-        solver = self._solver("transport_solver")
-        _check_one_is_given(direction, end_point)
-        name = "end_point" if direction is None else "direction"
-        goals = real_array(end_point if direction is None else direction, name, self.space.shape)
-        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        if (direction is None) == (end_point is None):
+            raise ArgumentError("parallel_transport needs direction or end_point, and not both")
+        shape = self.space.shape
+        tangent_vec = real_array(tangent_vec, "tangent_vec", shape)
         base_point = self.space.check_point(base_point, "base_point")
+        if self.has_closed_form_transport:
+            if end_point is not None:
+                direction = self.log(end_point, base_point)
+            direction = real_array(direction, "direction", shape)
+            return self._transport(tangent_vec, base_point, direction)
+        solver = self._solver("transport_solver")
+        name = "end_point" if direction is None else "direction"
+        goals = real_array(end_point if direction is None else direction, name, shape)
 
         def carry(vector: ndarray, start: ndarray, goal: ndarray) -> ndarray:
             return solver.solve(self, vector, start, **{name: goal}).tangent_vec
 
         return self._one_by_one(carry, tangent_vec, base_point, goals)
+
+    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+        """Return vectors at the ends of geodesics with initial velocities, in closed form."""
+        raise self._not_defined("parallel_transport")
 
     def geodesic(
         self,
@@ -663,6 +682,8 @@ class RiemannianMetric:
         return self.space.check_point(point, name)
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        if _is_overridden(self, "_log"):
+            return self.geodesic(start, initial_tangent_vec=self.log(end, start))
         solver = self._solver("geodesic_solver")
         path = np.asarray(self._solve(solver, "geodesic", start, end).path)
 
@@ -684,15 +705,6 @@ class RiemannianMetric:
                 f"found {np.shape(start)} and {np.shape(end)}"
             )
         return solver.solve(self, start, end)
-
-    def _velocity(
-        self, base_point: ndarray, direction: ndarray | None, end_point: ndarray | None
-    ) -> ndarray:
-        """Return the initial velocity of the geodesic that vectors are transported along."""
-        _check_one_is_given(direction, end_point)
-        if end_point is not None:
-            return self.log(end_point, base_point)
-        return real_array(direction, "direction", self.space.shape)
 
     def _one_by_one(self, solve: Callable[..., ndarray], *arrays: ndarray) -> ndarray:
         """Return the results for broadcast arrays of points or vectors."""
@@ -818,8 +830,3 @@ def metric_of(space: Any) -> RiemannianMetric:
             f"{type(space).__name__}{' without one' if isinstance(space, Manifold) else ''}"
         )
     return space.metric
-
-
-def _check_one_is_given(direction: ndarray | None, end_point: ndarray | None) -> None:
-    if (direction is None) == (end_point is None):
-        raise ArgumentError("parallel_transport needs direction or end_point, and not both")

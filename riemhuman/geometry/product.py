@@ -12,7 +12,7 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, metric_weight, real_array
-from riemhuman.errors import ArgumentError, NotDefinedError
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, SumOfFactors
@@ -206,11 +206,11 @@ class ProductMetric(RiemannianMetric):
             ]
         )
 
-    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        return self.space._each(attrgetter("metric.exp"), tangent_vec, base_point)
+    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+        return self.space._each(attrgetter("metric.exp"), velocity, point)
 
-    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        return self.space._each(attrgetter("metric.log"), point, base_point)
+    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+        return self.space._each(attrgetter("metric.log"), point, start)
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
         base_point = self.space.check_point(base_point, "base_point")
@@ -225,20 +225,8 @@ class ProductMetric(RiemannianMetric):
     ) -> ndarray:
         return self._sum("curvature_form", tangent_vec_a, tangent_vec_b, base_point)
 
-    def parallel_transport(
-        self,
-        tangent_vec: ndarray,
-        base_point: ndarray,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-    ) -> ndarray:
-        for factor in self.space.factors:
-            if not factor.metric.has_closed_form_transport:
-                raise NotDefinedError(f"{type(factor.metric).__name__} has no parallel transport")
-        direction = self._velocity(base_point, direction, end_point)
-        return self.space._each(
-            attrgetter("metric.parallel_transport"), tangent_vec, base_point, direction
-        )
+    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+        return self.space._each(attrgetter("metric.parallel_transport"), vector, point, velocity)
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         components = zip(

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import autograd.numpy as np
 from numpy import ndarray
 
@@ -99,27 +96,14 @@ class FlatMetric(RiemannianMetric):
         difference = point_a - point_b
         return np.sum(self._weights * difference * difference, axis=self.space._point_axes)
 
-    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        return self.space.check_point(base_point, "base_point") + tangent_vec
+    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+        return point + velocity
 
-    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        base_point = self.space.check_point(base_point, "base_point")
-        return self.space.check_point(point, "point") - base_point
+    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+        return point - start
 
-    def parallel_transport(
-        self,
-        tangent_vec: ndarray,
-        base_point: ndarray | None = None,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-    ) -> ndarray:
-        carried = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        others = {"base_point": base_point, "direction": direction, "end_point": end_point}
-        for name, array in others.items():
-            if array is not None:
-                carried = carried + np.zeros_like(real_array(array, name, self.space.shape))
-        return carried
+    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+        return vector + np.zeros_like(point + velocity)
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
         leading = np.shape(base_point)[: -self.space.point_ndim] if base_point is not None else ()
@@ -133,9 +117,6 @@ class FlatMetric(RiemannianMetric):
     @property
     def bulk(self) -> Bulk:
         return _Vectors(self._weights.ravel(), self.space.shape)
-
-    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
-        return self.geodesic(start, initial_tangent_vec=self.log(end, start))
 
 
 class _Vectors(Bulk):

@@ -137,7 +137,7 @@ def test_energy_when_every_time_is_registered_anew(name, most):
 
 
 def test_meshes_crumple_over_all_vertices_and_a_warning_says_so():
-    template = sphere_template(2)
+    template = sphere_template()
     metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(template, equip=False)))
     start, end = surfaces(template, 2, rng=3, size=0.15)
     solver = PathStraightening(n_nodes=4, max_iter=30)

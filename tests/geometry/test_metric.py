@@ -194,12 +194,11 @@ def test_gradients_of_squared_norm(case):
 
 @every("dist")
 def test_coincident_points(case):
-    for x in case.points:
-        assert case.metric.dist(x, x) == 0.0
-        assert case.metric.squared_dist(x, x) == 0.0
-        for function in (case.metric.squared_dist, case.metric.dist):
-            for argument in (0, 1):
-                np.testing.assert_array_equal(grad(function, argument)(x, x.copy()), 0.0)
+    x = case.points[0]
+    for function in (case.metric.squared_dist, case.metric.dist):
+        np.testing.assert_array_equal(function(case.points, case.points), 0.0)
+        for argument in (0, 1):
+            np.testing.assert_array_equal(grad(function, argument)(x, x.copy()), 0.0)
     still = np.repeat(case.points[:1], 3, axis=0)
     assert case.metric.energy(still) == case.metric.length(still) == 0
     np.testing.assert_array_equal(grad(case.metric.energy)(still), 0.0)

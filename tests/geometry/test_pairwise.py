@@ -6,7 +6,7 @@ import threading
 
 import numpy as np
 import pytest
-from cases import CASES, HalfPlane, HyperbolicDistance, sphere_template, surfaces
+from cases import CASES, HalfPlane, sphere_template, surfaces
 from scipy.spatial.distance import cdist
 
 from riemhuman.datasets import load_open_bodies
@@ -171,7 +171,7 @@ class Asked:
         return part
 
 
-def test_points_are_sliced_as_the_budget_allows(tmp_path, monkeypatch):
+def test_points_are_sliced_as_the_budget_allows(tmp_path):
     metric, points = (metric_of(TEMPLATE, (0.0, 0.0, 1.0)), surfaces(TEMPLATE, 12, rng=10))
     whole = metric.dist_pairwise(points)
     size = sum(array.nbytes for array in metric.features(points[:1], "single"))
@@ -186,20 +186,6 @@ def test_points_are_sliced_as_the_budget_allows(tmp_path, monkeypatch):
     np.testing.assert_array_equal(metric.cdist(list(points), mapped), whole)
     np.testing.assert_array_equal(metric.cdist(points[:0], mapped), np.zeros((0, 12)))
     np.testing.assert_array_equal(metric.cdist(mapped, points[:0]), np.zeros((12, 0)))
-    # All at once where the budget is just enough, and by halves of it where it is not.
-    for memory, longest in ((12 * size, 12), (12 * size - 1, 5)):
-        asked = Asked(points)
-        np.testing.assert_array_equal(metric.dist_pairwise(asked, memory=memory), whole)
-        assert asked.longest == longest
-    for memory, longest in ((16 * size, 12), (16 * size - 1, 7)):
-        asked = Asked(points)
-        np.testing.assert_array_equal(metric.cdist(asked, points[:4], memory=memory), whole[:, :4])
-        assert asked.longest == longest
-    # However much the budget allows, few points are looked at together.
-    monkeypatch.setattr("riemhuman.geometry.pairwise._BLOCK", 5)
-    asked = Asked(points)
-    np.testing.assert_array_equal(metric.dist_pairwise(asked, memory=11 * size), whole)
-    assert asked.longest == 5
 
 
 def test_features_are_those_of_the_points_in_their_order():
@@ -216,7 +202,7 @@ def test_features_are_those_of_the_points_in_their_order():
         assert case.metric.bulk.rounding(features).shape == (4,)
 
 
-def test_progress_is_shown_on_demand(capsys, monkeypatch):
+def test_progress_is_shown_on_demand(capsys):
     case = CASES["pose triangle"]
     case.metric.dist_pairwise(case.points)
     case.metric.cdist(case.points, case.points)
@@ -227,7 +213,6 @@ def test_progress_is_shown_on_demand(capsys, monkeypatch):
     assert "12/12" in capsys.readouterr().err
     # Every pair counts once, however the work is cut.
     points = surfaces(case.space.template, 11, rng=12)
-    monkeypatch.setattr("riemhuman.geometry.pairwise._BLOCK", 4)
     for memory in (2**29, 1):
         case.metric.dist_pairwise(points, progress=True, memory=memory)
         assert "55/55" in capsys.readouterr().err
@@ -281,23 +266,6 @@ def test_distances_of_users_are_asked_for_once_a_pair(n_jobs, elsewhere):
     found = metric.cdist(points[:2], points, n_jobs=n_jobs)
     np.testing.assert_allclose(found, cdist(points[:2], points), rtol=1e-14)
     assert sorted(asked) == sorted((a, b) for a in heights[:2] for b in heights)
-
-
-def test_points_are_looked_at_where_features_do_not_settle_a_distance():
-    """Features without rounding settle them all, 0 too."""
-    points = surfaces(TEMPLATE, 2, rng=15)[[0, 1, 1]]
-    metric = metric_of(TEMPLATE, (1.0, 0.1, 0.1))
-    for other, precision in ((HyperbolicDistance(HalfPlane()), "single"), (metric, "double")):
-        some = points if other is metric else HalfPlane().random_point(2, rng=16)[[0, 1, 1]]
-        features = other.features(some, precision)
-        found = squared_dist_rectangle(other, features, features, None, None)
-        np.testing.assert_array_equal(
-            np.sqrt(found), other.dist_pairwise(some, precision=precision)
-        )
-        assert found[1, 2] == 0.0
-    features = metric.features(points, "single")
-    with pytest.raises(TypeError):
-        squared_dist_rectangle(metric, features, features, None, None)
 
 
 @pytest.mark.parametrize(("n_jobs", "most"), [(None, 3), (2, 60_000)])

@@ -12,7 +12,7 @@ from cases import (
     triangle_template,
 )
 
-from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError, OutsideManifoldError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, OutsideManifoldError
 from riemhuman.geometry import (
     EbinMetric,
     MetricFields,
@@ -76,25 +76,6 @@ def test_factors_of_weight_zero_are_not_looked_at():
     assert not ProductMetric(mixed).has_closed_form_dist
     assert not ProductMetric(mixed).has_closed_form_geodesic
     assert ProductMetric(mixed, weights=[0.0, 1.0]).has_closed_form_dist
-
-
-def test_parallel_transport():
-    space = ProductManifold([NORMALS, NormalFields(triangle_template())])
-    a, b = space.random_point(2, rng=3)
-    v = space.random_tangent_vec(a, rng=4)
-    moved = space.metric.parallel_transport(v, a, end_point=b)
-    for k, factor in enumerate(space.factors):
-        expected = factor.metric.parallel_transport(
-            space.component(v, k), space.component(a, k), end_point=space.component(b, k)
-        )
-        np.testing.assert_allclose(space.component(moved, k), expected, atol=1e-14)
-    same = space.metric.parallel_transport(v, a, direction=space.metric.log(b, a))
-    np.testing.assert_array_equal(same, moved)
-    with pytest.raises(ArgumentError, match="needs direction or end_point, and not both"):
-        space.metric.parallel_transport(v, a)
-    plane = ProductManifold([HalfPlane().equip_with_metric(HyperbolicInnerProduct)])
-    with pytest.raises(NotDefinedError, match="HyperbolicInnerProduct has no parallel transport"):
-        plane.metric.parallel_transport(np.ones(2), np.ones(2), direction=np.ones(2))
 
 
 def test_tables_of_distances_in_products_of_users_spaces():

@@ -14,11 +14,10 @@ ROOT = Path(__file__).parents[2]
 
 COMPUTE = """
 import numpy as np
-from riemhuman.geometry import VectorSpace
-points = np.arange(12.0).reshape(4, 3)
-print(VectorSpace((3,)).metric.dist_pairwise(points)[0].round(4).tolist())
+from riemhuman.kernels.rotations import nearest_rotations
+print(nearest_rotations(2.0 * np.eye(3)).round(9).tolist())
 """
-EXPECTED = "[0.0, 5.1962, 10.3923, 15.5885]"
+EXPECTED = "[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"
 
 
 @pytest.fixture(scope="module")

@@ -92,17 +92,6 @@ def test_the_driver_joins_the_features_of_terms_that_take_the_surfaces():
         SumOfTerms(terms, template).features(points, "single")
 
 
-def test_the_driver_takes_fields_that_are_no_surfaces():
-    template = TEMPLATES["open"]
-    f_u, f_v, _ = definitions(template, some_surfaces(template)[::2])
-    normals = surface.unit_normals(f_u, f_v)
-    over_points = SumOfTerms([NormalTerm()], template, lambda points: (2.0 * points,))
-    found = over_points.features(0.5 * normals, "single")
-    expected = field_features(NormalTerm(), (normals,), template.face_areas, "single")
-    for array, other in zip(found, expected, strict=True):
-        np.testing.assert_array_equal(array, other)
-
-
 def test_range_of_single_precision():
     """Squares of what is kept, and products of squares, stay within its range."""
     limits = np.finfo(np.float32)
@@ -117,13 +106,6 @@ def test_range_of_single_precision():
     vectors = np.array([[[0.95e15]], [[-1.05e15]], [[np.nan]]])
     _, rounding = flat.vector_features(vectors, np.ones(1), "single")
     assert np.isinf(rounding).tolist() == [False, True, True]
-
-
-def test_rounding_is_at_most_the_way_through_the_apex():
-    x, y, s = np.array([[123456789.0]]), np.array([[0.01]]), np.array([[1.7]])
-    _, rounding = field_features(EbinTerm(lam=0.3), (x, y, s), np.array([0.25]), "single")
-    # 4√λ (s₁ + s₂), times √w.
-    assert rounding[0] == pytest.approx(4 * np.sqrt(0.3) * 2 * 1.7 * 0.5, rel=1e-6)
 
 
 def test_what_is_too_small_for_single_precision_counts_as_rounding():

@@ -142,21 +142,23 @@ IndexDataCacheFile.save = lambda self, key, data: (missed.append(self), save(sel
 template = rh.Template(np.eye(4)[:, :3], np.array([[0, 1, 2], [1, 0, 3]]))
 space = rh.AlignedSurfaces(template)
 points = template.vertices + np.random.default_rng(0).uniform(-0.1, 0.1, (3, 4, 3))
-metric = {metric}
-metric.{call}(points)
+{call}
 print(len(missed))
 """
 
 
 MADE = ["rh.SRNFMetric(space)", "rh.ElasticMetric(space)", "rh.GeneralElasticMetric(space)"]
 CALLS = ["dist_pairwise", "energy_and_gradient", "metric_matrix"]
+# The first one, which runs every day, compiles least.
+CASES = ["rh.RotationFields(template).random_point()"]
+CASES += [f"{metric}.{call}(points)" for metric, call in product(MADE, CALLS)]
 
 
-@pytest.mark.parametrize(("metric", "call"), sample(product(MADE, CALLS), 9))
-def test_a_second_process_compiles_nothing(metric, call, tmp_path, monkeypatch):
+@pytest.mark.parametrize("call", sample(CASES, 10))
+def test_a_second_process_compiles_nothing(call, tmp_path, monkeypatch):
     """With a cache of their own: other tests compile at the same time."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    script = SCRIPT.replace("{metric}", metric).replace("{call}", call)
+    script = SCRIPT.replace("{call}", call)
     compiled = [
         int(subprocess.run([sys.executable, "-c", script], capture_output=True, check=True).stdout)
         for _ in range(2)
