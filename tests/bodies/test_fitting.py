@@ -12,15 +12,16 @@ from oracles import taylor_slope
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel, ModelFit, correspondence_matrix
+from riemhuman.bodies import BodyModel, ModelFit, convert_fit, correspondence_matrix
 from riemhuman.bodies._fitting_equations import (
     Equations,
     Parameters,
     Skeleton,
 )
 from riemhuman.bodies.fitting import _LOSSES, _loss
-from riemhuman.datasets import load_open_model
+from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.measurements import open_measurements
 
 
 @pytest.fixture(scope="module")
@@ -274,6 +275,21 @@ def test_a_flat_point_cloud_is_fitted_as_well_as_can_be(model):
             fit = model.fit(points, max_iter=5)
             assert np.isfinite(fit.distances).all()
             assert np.isfinite(fit.pose).all()
+
+
+def test_from_coarse_to_full_and_back(model):
+    full, fit = load_open_model("full"), model.fit(load_open_bodies("coarse").points[[3, 9]])
+    there = open_measurements(model).correspondence_to(full)
+    converted = convert_fit(fit, model, to=full, correspondence=there)
+    assert converted.betas.shape == fit.betas.shape
+    assert converted.mean_distance.max() < 1e-3
+    np.testing.assert_allclose(converted.betas, fit.betas, atol=0.2)
+    here = open_measurements(full).correspondence_to(model)
+    back = convert_fit(converted, full, to=model, correspondence=here)
+    # Vertices of the full skin lie up to some millimetres off the coarse triangles.
+    assert back.mean_distance.max() < 5e-3
+    surfaces = [model(each.betas, each.pose, each.trans) for each in (back, fit)]
+    np.testing.assert_allclose(*surfaces, atol=0.02)
 
 
 BAD = {

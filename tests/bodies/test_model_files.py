@@ -12,6 +12,7 @@ from riemhuman.bodies import BodyModel, convert_model, model_contents
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 
 FIELDS = smpl_fields()
+REGRESSOR = sparse.csc_matrix(FIELDS["J_regressor"])
 NAMES = {
     "faces": "f",
     "shapedirs": "shapedirs",
@@ -152,80 +153,44 @@ def test_missing_fields_are_named(tmp_path, name):
         BodyModel.from_file(path)
 
 
-def spoilt(name, index, value):
-    array = FIELDS[name].astype(np.float64)
-    array[index] = value
-    return {name: array}
-
-
-REGRESSOR = sparse.csc_matrix(FIELDS["J_regressor"])
-
-
 def sparse_with(**changes):
     return {"J_regressor": Sparse(REGRESSOR, changes=changes)}
 
 
-MALFORMED = {
-    "a joint too few": (
-        {"J_regressor": FIELDS["J_regressor"][:23]},
-        r"weights must have shape \(60, 23\)|posedirs must have shape",
-    ),
-    "sparse, a joint too few": (
-        {"J_regressor": Sparse(REGRESSOR[:23])},
-        r"J_regressor must have the shape of weights, \(60, 24\), transposed; found \(23, 60\)",
-    ),
-    "sparse, vast": (
-        sparse_with(_shape=(2**40, 60)),
-        r"J_regressor must have the shape of weights",
-    ),
-    "posedirs of 23 joints": (
-        {"posedirs": FIELDS["posedirs"][..., :198]},
-        r"posedirs must have shape \(60, 3, 207\)",
-    ),
-    "nothing": ({"weights": None}, "holds NoneType in place of an array, in its field weights"),
-    "chumpy without a state": (
-        {"v_template": Ch(None)},
-        "holds NoneType in place of an array, in its field v_template",
-    ),
-    "a selection outside": (
-        {"v_template": Select(Ch(np.zeros(4)), np.array([0, 4]), (2,))},
-        "holds a chumpy Select with indices outside its array, in its field v_template",
-    ),
-    "a selection of another size": (
-        {"v_template": Select(Ch(np.zeros(4)), np.array([0, 3]), (60, 3))},
-        r"Select of 2 numbers whose preferred_shape is \(60, 3\)",
-    ),
-    "sparse, outside": (
-        sparse_with(indices=REGRESSOR.indices + 3),
-        "csc matrix with entries outside it, in its field J_regressor",
-    ),
-    "sparse, starts fall": (
-        sparse_with(indptr=REGRESSOR.indptr[::-1].copy()),
-        "csc matrix whose indptr is malformed",
-    ),
-    "sparse, too short": (
-        sparse_with(indices=REGRESSOR.indices[:5]),
-        "csc matrix with unequal parts",
-    ),
-    "sparse, of words": (
-        sparse_with(data=np.array(["a"])),
-        "csc matrix whose data is missing or malformed",
-    ),
-}
-
-
-@pytest.mark.parametrize("case", MALFORMED)
-def test_malformed_fields(tmp_path, case):
-    changes, message = MALFORMED[case]
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"J_regressor": FIELDS["J_regressor"][:23]}, r"weights must have shape \(60, 23\)"),
+        ({"J_regressor": Sparse(REGRESSOR[:23])}, r"shape of weights, \(60, 24\), transposed"),
+        (sparse_with(_shape=(2**40, 60)), "J_regressor must have the shape of weights"),
+        ({"posedirs": FIELDS["posedirs"][..., :198]}, r"posedirs must have shape \(60, 3, 207\)"),
+        ({"weights": None}, "holds NoneType in place of an array, in its field weights"),
+        ({"v_template": Ch(None)}, "holds NoneType in place of an array, in its field v_template"),
+        (
+            {"v_template": Select(Ch(np.zeros(4)), np.array([0, 4]), (2,))},
+            "a chumpy Select with indices outside its array, in its field v_template",
+        ),
+        (
+            {"v_template": Select(Ch(np.zeros(4)), np.array([0, 3]), (60, 3))},
+            r"Select of 2 numbers whose preferred_shape is \(60, 3\)",
+        ),
+        (
+            {"v_template": Ch(FIELDS["v_template"], "MatVecMult", "chumpy.ch")},
+            r"asks for chumpy\.ch\.MatVecMult, which is refused",
+        ),
+        (
+            sparse_with(indices=REGRESSOR.indices + 3),
+            "entries outside it, in its field J_regressor",
+        ),
+        (sparse_with(indptr=REGRESSOR.indptr[::-1].copy()), "csc matrix whose indptr is malformed"),
+        (sparse_with(indices=REGRESSOR.indices[:5]), "csc matrix with unequal parts"),
+        (sparse_with(data=np.array(["a"])), "csc matrix whose data is missing or malformed"),
+    ],
+)
+def test_malformed_fields(tmp_path, changes, message):
     path = written(tmp_path / "model.pkl", pickled(FIELDS | changes))
     with pytest.raises(FileFormatError, match=rf"model\.pkl:? .*({message})"):
         BodyModel.from_file(path)
-
-
-def test_other_chumpy_objects_are_refused_by_name(tmp_path):
-    changed = FIELDS | {"v_template": Ch(FIELDS["v_template"], "MatVecMult", "chumpy.ch")}
-    with pytest.raises(FileFormatError, match=r"asks for chumpy\.ch\.MatVecMult, which is refused"):
-        BodyModel.from_file(written(tmp_path / "model.pkl", pickled(changed)))
 
 
 def _smplx(n_coefficients, **more):
