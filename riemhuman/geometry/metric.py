@@ -118,8 +118,8 @@ class RiemannianMetric:
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in vars(self) and name in signature(type(self)).parameters:
-            raise AttributeError(
-                f"{name} of {type(self).__name__} is fixed; another value makes another metric"
+            raise ArgumentError(
+                f"{name} of {type(self).__name__} cannot be changed; make another metric"
             )
         super().__setattr__(name, value)
 

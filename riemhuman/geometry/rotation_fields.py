@@ -147,18 +147,16 @@ class RotationMetric(PullbackMetric):
     The differential of a surface f on a triangle is :math:`df = R \sqrt g` (polar decomposition),
     where R takes the template's plane and normal to the surface's and so is a rotation. Heat flows
     between the rotations of all triangles for `time`, as between matrices, and the nearest
-    rotations are compared. Together, g and R before diffusion determine the surface up to a
-    translation, which g and the normals do not. Like normals, it distinguishes poses, and more
-    reliably: diffusion averages over the thickness of a limb, within which a person's build rotates
-    triangles back and forth. Translation and scale of one surface leave the distance unchanged.
+    rotations are compared. Like normals, the metric distinguishes poses, and more reliably:
+    diffusion averages over the thickness of a limb, within which a person's build rotates triangles
+    back and forth. Translation and scale of one surface leave the distance unchanged.
 
     Parameters
     ----------
     space : AlignedSurfaces
     time : float, optional
         Duration of the heat flow, in squared units of the template, such as m²: heat spreads by √(4
-        time). By default a 720th of the template's area. On an adult, √(4 time) is then the
-        thickness of a limb, 10 cm. At 0 there is no diffusion.
+        time). By default a 720th of the template's area, on an adult the thickness of a limb.
     **solvers : strategies, see `RiemannianMetric`
 
     Examples

@@ -53,16 +53,13 @@ class SobolevMetric(MidpointMetric):
               & + c_1 |dh_\perp|^2 + d_1 |dh_0|^2 + a_2 |\Delta h|^2 \, dA \end{split}
 
     The first-order parts are the change of angles, of area, of the normal, and the rotation within
-    the tangent plane; Δ is the cotangent Laplacian, see `riemhuman.terms._quadratic`. The weights
-    are those of Hartman, Sukurdeep, Klassen, Charon and Bauer, "Elastic shape analysis of surfaces
-    with second-order Sobolev metrics", International Journal of Computer Vision 131, 2023. There is
-    no closed-form distance: squared distances are energies of the paths that `geodesic_solver`
-    finds.
+    the tangent plane; Δ is the cotangent Laplacian. The weights are those of Hartman, Sukurdeep,
+    Klassen, Charon and Bauer, "Elastic shape analysis of surfaces with second-order Sobolev
+    metrics", International Journal of Computer Vision 131, 2023.
 
     Parameters
     ----------
     space : AlignedSurfaces
-        Surfaces over a template. Their triangles must have an area.
     a0, a1, b1, c1, d1, a2 : float
         Weights, at least 0. Where a body and its deformation grow s times larger, the cost by a0
         grows s⁴ times, that of the first order s² times, that of a2 not at all.
@@ -72,9 +69,8 @@ class SobolevMetric(MidpointMetric):
     -----
     With a0 = 0 translations cost nothing. All other deformations must cost something: a0 > 0, or
     two of a1, b1 and c1, or a2 > 0 on a mesh without border. Δ is computed at interior vertices.
-    The midpoint of two surfaces is thinner where triangles rotate, so that the steps of a path
-    should rotate them only a little. With a0 = d1 = a2 = 0 the metric is that of
-    `GeneralElasticMetric` with a = a1/4, b = b1/8 and c = c1.
+    The steps of a path should rotate triangles only a little. With a0 = d1 = a2 = 0 the metric is
+    that of `GeneralElasticMetric` with a = a1/4, b = b1/8 and c = c1.
 
     Examples
     --------
@@ -135,17 +131,15 @@ class GaugeInvariantMetric(MidpointMetric):
 
     .. math:: ((h, k))_f = G_f(P_f h, P_f k), \qquad P_f = n n^\top
 
-    with normals at the vertices, see `riemhuman.terms._quadratic`. For φ = ⟨h, n⟩ and the
-    principal curvatures κ, the metric :math:`\int a\operatorname{tr}A_0^2
-    + b(\operatorname{tr}A)^2 + c|\delta n|^2\, dA` becomes
+    with normals at the vertices. For φ = ⟨h, n⟩ and the principal curvatures κ, the metric
+    :math:`\int a\operatorname{tr}A_0^2 + b(\operatorname{tr}A)^2 + c|\delta n|^2\, dA` becomes
 
     .. math:: \begin{split} \int & 2a\varphi^2(\kappa_1 - \kappa_2)^2 \\
               & + 4b\varphi^2(\kappa_1 + \kappa_2)^2 + c|\nabla\varphi|^2\, dA \end{split}
 
     (Tumpach, Drira, Daoudi, Srivastava, "Gauge invariant framework for shape analysis of surfaces",
     IEEE Transactions on Pattern Analysis and Machine Intelligence 38(1), 2016), with no estimate of
-    curvatures. The energy of a path stays the same, up to discretisation, when its surfaces are
-    registered anew along themselves.
+    curvatures.
 
     Parameters
     ----------
@@ -156,11 +150,10 @@ class GaugeInvariantMetric(MidpointMetric):
 
     Notes
     -----
-    Motions along the surface cost nothing: there is no closed-form distance, and the Gram matrix is
-    semidefinite. Motions without stretching, even translations, cost φ² times the squared
-    curvatures: the metric is for surfaces near each other, such as bodies in one pose. Search for
-    paths over smooth deformations, as in the example: over all vertices a mesh crumples, because
-    creases that slide cost little.
+    Motions along the surface cost nothing, up to discretisation, and the Gram matrix is
+    semidefinite. Motions without stretching, even translations, cost φ² times squared curvatures:
+    the metric is for surfaces near each other, such as bodies in one pose. Search for paths over
+    smooth deformations, as in the example: over all vertices a mesh crumples.
 
     Examples
     --------

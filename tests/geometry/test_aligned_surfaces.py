@@ -113,12 +113,6 @@ def test_translations_of_each(case):
 
 
 @every_metric
-def test_whether_lengths_are_seen_is_told(case):
-    f = case.points[0]
-    assert case.metric.is_stretch_invariant != (case.metric.dist(f, 1.1 * f) > 1e-3)
-
-
-@every_metric
 def test_rotations(case):
     f1, f2 = case.points[:2]
     first, second = rotations()

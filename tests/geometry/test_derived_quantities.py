@@ -2,15 +2,13 @@
 
 import numpy as np
 import pytest
-from cases import CASES, KINDS, HalfPlane, HyperbolicInnerProduct, name_of, sphere_template
+from cases import CASES, KINDS, name_of, sphere_template
 
 from riemhuman.errors import (
-    ArgumentError,
     ArgumentTypeError,
     OutsideManifoldError,
 )
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric, VectorSpace
-from riemhuman.solvers import PoleLadder
+from riemhuman.geometry import ElasticMetric, SRNFMetric, VectorSpace
 
 every_case = pytest.mark.parametrize("case", KINDS, ids=name_of)
 CURVED = [
@@ -131,29 +129,3 @@ def test_a_template_is_no_space(metric_class):
     message = f"{metric_class.__name__} takes a space of points, such as AlignedSurfaces"
     with pytest.raises(ArgumentTypeError, match=message):
         metric_class(sphere_template())
-
-
-def test_transport_by_a_strategy():
-    space = HalfPlane()
-    metric = HyperbolicInnerProduct(space, transport_solver=PoleLadder(geodesic_solver=Vertical()))
-    start = np.array([[0.3, 1.0], [0.1, 1.0]])
-    end, vectors = 2.0 ** np.array([0.0, 1.0]) * start, np.array([[1.0, 0.5], [0.2, -1.0]])
-    # Along a vertical line vectors grow in proportion to y.
-    carried = metric.parallel_transport(vectors, start, end_point=end)
-    np.testing.assert_allclose(carried, 2.0 * vectors, rtol=2e-2)
-    with pytest.raises(ArgumentError, match="needs direction or end_point, and not both"):
-        metric.parallel_transport(vectors, start)
-    surfaces = ElasticMetric(AlignedSurfaces(sphere_template()), transport_solver=PoleLadder())
-    assert surfaces.transport_solver == PoleLadder()
-    assert not surfaces.has_closed_form_transport
-    assert CASES["product"].metric.has_closed_form_transport
-
-
-class Vertical:
-    """Geodesics of the half-plane along vertical lines."""
-
-    def solve(self, metric, start, end):
-        """Return points at equal hyperbolic distances."""
-        heights = np.geomspace(start[1], end[1], 17)
-        path = np.stack([np.full(17, start[0]), heights], axis=1)
-        return type("Found", (), {"path": path, "energy": metric.energy(path)})

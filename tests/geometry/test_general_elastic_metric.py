@@ -68,16 +68,11 @@ def test_only_areas_count_without_the_other_weights():
     np.testing.assert_allclose(found, 8.0 * np.sum((roots[0] - roots[1]) ** 2), rtol=1e-10)
 
 
-def test_fields_have_geodesics_in_closed_form():
-    f1, f2 = surfaces(TEMPLATE, 2, rng=3)
-    fields = METRIC.target_metric
-    start, end = METRIC.map(f1), METRIC.map(f2)
-    path = fields.geodesic(start, end)(np.linspace(0, 1, 5))
-    steps = [fields.dist(path[k], path[k + 1]) for k in range(4)]
-    np.testing.assert_allclose(steps, METRIC.dist(f1, f2) / 4, rtol=1e-8)
+def test_norms_are_those_of_changes_of_fields():
+    f = surfaces(TEMPLATE, 1, rng=3)[0]
     h = deformations(TEMPLATE, 1, rng=2)[0]
-    change = METRIC.differential(h, f1)
-    np.testing.assert_allclose(fields.norm(change, start), METRIC.norm(h, f1), rtol=1e-9)
+    found = METRIC.target_metric.norm(METRIC.differential(h, f), METRIC.map(f))
+    np.testing.assert_allclose(found, METRIC.norm(h, f), rtol=1e-9)
 
 
 def test_no_geodesic_to_antipodal_normals_unless_through_the_apex():

@@ -134,23 +134,20 @@ def test_new_manifolds_have_the_same_parameters(space, dim, shape, metric_class)
     assert space.metric.space is space
 
 
-def test_spaces_without_a_default_metric():
+def test_spaces_of_users():
+    class Plane(HalfPlane):
+        def default_metric(self):
+            return HyperbolicDistance
+
+    assert isinstance(Plane().metric, HyperbolicDistance)
     space = HalfPlane()
+    assert not hasattr(space, "metric")
     assert space.default_metric() is None
     with pytest.raises(ArgumentTypeError, match="HalfPlane has no default metric"):
         space.equip_with_metric()
     assert isinstance(space.equip_with_metric(HyperbolicDistance).metric, HyperbolicDistance)
     space.equip_with_metric(HyperbolicInnerProduct, geodesic_solver="any")
     assert space.metric.geodesic_solver == "any"
-
-
-def test_manifolds_of_users_come_with_their_default_metric():
-    class Plane(HalfPlane):
-        def default_metric(self):
-            return HyperbolicDistance
-
-    assert isinstance(Plane().metric, HyperbolicDistance)
-    assert not hasattr(HalfPlane(), "metric")
 
 
 @pytest.mark.parametrize("name", ["belongs", "to_tangent", "random_point", "check_point"])

@@ -3,6 +3,7 @@
 A property is a function that asserts; broken twins of a metric must not pass it.
 """
 
+import inspect
 from types import SimpleNamespace
 
 import autograd.numpy as anp
@@ -127,19 +128,22 @@ def test_covector_represents_inner_product(case):
 
 def test_strategies_take_one_pair_after_the_other():
     class Straight:
-        def solve(self, metric, other, base_point):
+        def solve(self, metric, other, base_point, end_point=0.0):
             assert base_point.shape == other.shape == (2,)
             return SimpleNamespace(
-                end=base_point + other, tangent_vec=other - base_point, complete=True, message=""
+                end=base_point + other, tangent_vec=end_point + other - base_point
             )
 
     space = HalfPlane()
-    metric = HyperbolicInnerProduct(space, exp_solver=Straight(), log_solver=Straight())
+    solvers = ("exp_solver", "log_solver", "transport_solver")
+    metric = HyperbolicInnerProduct(space, **dict.fromkeys(solvers, Straight()))
     points = space.random_point(6, rng=0).reshape(2, 3, 2)
     vectors = 0.1 * points[::-1]
     np.testing.assert_array_equal(metric.exp(vectors, points), points + vectors)
     np.testing.assert_array_equal(metric.exp(vectors, points[0, 1]), points[0, 1] + vectors)
     np.testing.assert_array_equal(metric.log(points, points[1, 2]), points - points[1, 2])
+    carried = metric.parallel_transport(vectors, points, end_point=points)
+    np.testing.assert_array_equal(carried, points + vectors - points)
 
 
 # Gradients (House rule 6).
@@ -507,19 +511,12 @@ def test_solver_interpolates_along_bends():
     np.testing.assert_allclose(geodesic(0.5), [[-0.5, 2.5]], rtol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("name", "parameter"),
-    [
-        ("mixed sphere", "lam"),
-        ("product", "weights"),
-        ("sobolev all sphere", "a2"),
-        ("flat", "space"),
-    ],
-)
-def test_parameters_of_a_metric_are_fixed(name, parameter):
-    metric = CASES[name].metric
-    with pytest.raises(AttributeError, match=f"{parameter} of .* is fixed"):
-        setattr(metric, parameter, getattr(metric, parameter))
+@pytest.mark.parametrize("case", KINDS, ids=name_of)
+def test_parameters_of_a_metric_cannot_be_changed(case):
+    for name in inspect.signature(type(case.metric)).parameters:
+        if name in vars(case.metric):
+            with pytest.raises(ArgumentError, match=f"{name} of .*; make another metric"):
+                setattr(case.metric, name, 1.0)
 
 
 # Bad input.
@@ -562,7 +559,6 @@ def test_times_are_checked(name):
 BAD_POINTS = {
     "nan": (lambda x: np.where(np.arange(x.size).reshape(x.shape) == 1, np.nan, x), "NaN"),
     "complex": (lambda x: x + 1j, "complex128"),
-    "object": (lambda x: x.astype(object), "dtype object"),
     "string": (lambda x: "surface", "must be an array of real numbers; found str 'surface'"),
     "none": (lambda x: None, "must be an array of real numbers; found NoneType None"),
     "flat": (lambda x: x.ravel()[:-1], "must have shape"),

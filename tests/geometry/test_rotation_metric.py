@@ -98,17 +98,6 @@ def test_gram_matrix_holds_inner_products(time):
         assert gram[j, k] == pytest.approx(expected, rel=1e-9)
 
 
-def test_lower_bounds():
-    template = sphere_template()
-    metric = RotationMetric(AlignedSurfaces(template), time=0.01)
-    points = surfaces(template, 6)
-    coordinates = metric.lower_bound_coordinates(points)
-    bounds = np.linalg.norm(coordinates[:, None] - coordinates, axis=-1)
-    distances = metric.dist_pairwise(points, precision="double")
-    assert np.all(bounds <= distances * (1 + 1e-12))
-    assert bounds.sum() > 0.7 * distances.sum()
-
-
 def test_poses_of_people_nothing_was_tuned_on():
     """One person's two similar poses are taken for each other less often than by normals."""
     bodies = load_open_bodies("coarse", "natural", 12)

@@ -84,9 +84,3 @@ def test_points_are_checked_once(monkeypatch):
         seen.clear()
         call()
         assert [shape for shape in seen if len(shape) > 1] == expected
-
-
-def test_climbs_are_seen():
-    functions, climbs = walk(lambda: METRIC.bulk.squared_distances(*2 * [METRIC.features(POINTS)]))
-    assert ("kernels/threads.py", "mapped") in climbs
-    assert ("terms/normals.py", "_tile") in functions

@@ -340,31 +340,16 @@ def with_bad_entry(number):
     [
         ([], ArgumentError, "motions holds no motion"),
         ([MOTION, MOTION[:10]], ArgumentError, r"motions\[1\] has 10 frames; with step=10 .* 11"),
-        ([Indexed(MOTION[:4])], ArgumentError, r"motions\[0\] has 4 frames"),
         ([iter(())], ArgumentError, r"motions\[0\] has 0 frames"),
-        (
-            [MOTION, MOTION, MOTION[:, :4]],
-            ArgumentError,
-            r"motions\[2\] has 4 vertices; the motions before it have 5",
-        ),
-        (
-            [[*MOTION[:3], MOTION[3, :4]]],
-            ArgumentError,
-            r"frame 3 of motions\[0\] has 4 vertices; .* 5",
-        ),
+        ([MOTION, MOTION[:, :4]], ArgumentError, r"motions\[1\] has 4 vertices; .* have 5"),
+        ([[*MOTION[:3], MOTION[3, :4]]], ArgumentError, r"frame 3 of .* 4 vertices; .* 5"),
         ([MOTION, with_bad_entry(10)], ArgumentError, r"frame 10 of motions\[1\] holds 1 NaN"),
-        ([MOTION, with_bad_entry(7)], ArgumentError, r"frame 7 of motions\[1\] holds 1 NaN"),
         ([[with_bad_entry(7)]], ArgumentError, r"frame 7 of motions\[0\] holds 1 NaN"),
         ([Indexed(with_bad_entry(20))], ArgumentError, r"frame 20 of motions\[0\] holds 1 NaN"),
         (MOTION, ArgumentError, r"found one, of shape \(24, 5, 3\)"),
-        ([MOTION[:, :, :2]], ArgumentError, r"frame 0 of motions\[0\] must have shape"),
         ([3.0], ArgumentTypeError, r"motions\[0\] must be an array"),
         (None, ArgumentTypeError, "motions must be an array"),
-        (
-            ["walking on the spot"],
-            ArgumentTypeError,
-            r"frame 0 of motions\[0\] must be an array of real",
-        ),
+        (["walking"], ArgumentTypeError, r"frame 0 of motions\[0\] must be an array of real"),
     ],
 )
 def test_refusals_say_which(motions, error, message):

@@ -41,12 +41,6 @@ def test_frames_of_a_triangle_worked_by_hand():
     )
 
 
-def test_inclusion_of_the_template_has_the_identity_as_metric(template):
-    f_u, f_v = derivatives(template, template.vertices)
-    for products, expected in ((f_u * f_u, 1), (f_v * f_v, 1), (f_u * f_v, 0)):
-        np.testing.assert_allclose(products.sum(axis=1), expected, atol=1e-13)
-
-
 def test_derivatives_of_a_linear_map_are_the_map_applied_to_the_frame(template):
     matrix = np.random.default_rng(1).normal(size=(3, 3))
     frame = np.stack(derivatives(template, template.vertices))

@@ -133,7 +133,7 @@ def test_equal_antipodal_and_degenerate_triangles(weights):
 
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_minimal_paths_of_fields(weights):
-    """Exponential, logarithm and geodesic; the energy of broken paths falls to the distance."""
+    """Exponential, logarithm and geodesic."""
     term, rng = ConeTerm(1.0, *weights), np.random.default_rng(9)
     pairs = random_triangles(50, rng)
     pairs[:, 1] = pairs[:, 0] + (pairs[:, 1] - pairs[:, 0]) / max(1.0, 30 * weights[0])
@@ -156,18 +156,10 @@ def test_minimal_paths_of_fields(weights):
         parts = [term.squared_dist(*pair) for pair in pairwise(fields)]
         return (len(paths) - 1) * sum(parts)
 
-    def path(n_segments, bent):
-        times = np.linspace(0, 1, n_segments + 1)
-        exact = [_cone_geodesics.geodesic((g1, n1), (g2, n2), np.array(t), term) for t in times]
-        swelling = 1 + bent * np.sin(np.pi * times)
-        return [(s * g, n) for s, (g, n) in zip(swelling, exact, strict=True)]
-
     for n_segments in (2, 5):
-        np.testing.assert_allclose(energy(path(n_segments, 0.0)), squared, rtol=1e-8, atol=1e-12)
-    rising = [energy(path(n_segments, 0.2)) for n_segments in (1, 2, 4, 8)]
-    assert np.all(np.diff(rising, axis=0) >= -1e-10)
-    falling = [energy(path(8, bent)) for bent in (0.4, 0.2, 0.1, 0.0)]
-    assert np.all(np.diff(falling, axis=0) <= 1e-10)
+        times = np.linspace(0, 1, n_segments + 1)
+        path = [_cone_geodesics.geodesic((g1, n1), (g2, n2), np.array(t), term) for t in times]
+        np.testing.assert_allclose(energy(path), squared, rtol=1e-8, atol=1e-12)
 
 
 CHARTED = [*WEIGHTS, (1.0, 0.01, 0.0)]

@@ -165,17 +165,6 @@ def test_how_near_to_singular_matrices_may_be(tells, near, far):
             assert tells(1e-3 * turned) == expected
 
 
-def test_limit_towards_degenerate_matrices():
-    """Distances to g + εI tend to the distance to the degenerate g, like √s = ε^(1/4)."""
-    lam = 0.3
-    other = matrices(1, 3.0, np.random.default_rng(5))[0]
-    for g in DEGENERATE.values():
-        limit = np.sqrt(squared_dist(g, other, lam))
-        for step in (1e-4, 1e-8, 1e-12, 1e-16):
-            dist = np.sqrt(squared_dist(g + step * np.eye(2), other, lam))
-            assert abs(dist - limit) < 20 * np.sqrt(lam) * step**0.25
-
-
 def test_passing_beside_the_apex_is_legal():
     g = np.eye(2)
     shear = np.array([[1.0, 0.0], [0.0, -1.0]])

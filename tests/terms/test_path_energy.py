@@ -76,13 +76,6 @@ def test_degenerate_triangles(template_name):
     assert np.all(np.isfinite(gradient))
 
 
-def test_path_that_stands_still():
-    for case in COMPILED:
-        energy, gradient = case.metric.energy_and_gradient(np.repeat(case.points[:1], 3, axis=0))
-        assert energy == 0.0
-        np.testing.assert_array_equal(gradient, 0.0)
-
-
 class Uncompiled(FlatTerm):
     """A term that runs by its definition."""
 

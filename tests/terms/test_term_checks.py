@@ -6,7 +6,7 @@ import pytest
 from cases import sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry import AlignedSurfaces, RiemannianMetric, SobolevMetric, SurfaceMetric
+from riemhuman.geometry import AlignedSurfaces, SobolevMetric, SurfaceMetric
 from riemhuman.terms import FlatTerm, NormalTerm, Term
 
 SPACE = AlignedSurfaces(sphere_template(), equip=False)
@@ -91,8 +91,6 @@ def test_a_term_that_says_no_weight_has_weight_one():
     points = surfaces(SPACE.template, 3)
     found = metric.dist_pairwise(points, precision="double")
     np.testing.assert_allclose(found[0, 1], metric.dist(points[0], points[1]), rtol=1e-12)
-    energy = metric.energy(points)
-    np.testing.assert_allclose(energy, RiemannianMetric.energy(metric, points), rtol=1e-12)
 
 
 def test_fields_that_some_triangles_do_not_have_are_none_of_these_slips():
