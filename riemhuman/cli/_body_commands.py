@@ -160,7 +160,6 @@ def _components(options: argparse.Namespace) -> cli.Answer:
     with options.task(f"Components of {n}, {inputs.metric_name(metric)}"):
         nearest = rh.statistics.NearestSurface(progress=options.bars)
         pca = rh.statistics.TangentPCA(metric.space, count, nearest=nearest).fit(points)
-    pca.nearest = None  # one progress bar over all bodies replaces one per body
     with options.task(f"{1 + 2 * count + options.samples} bodies"):
         bodies = _bodies_of_components(pca, options)
     record = {
@@ -194,15 +193,10 @@ def _bodies_of_components(pca: Any, options: argparse.Namespace) -> dict[str, nd
     """Return the surfaces to write by name: the mean, the ends of components, and samples."""
     import numpy as np
 
-    from riemhuman.progress import ProgressBar
-
     deviations = np.sqrt(pca.explained_variance_)
     names = [f"component_{k + 1}_{side}" for k in range(len(deviations)) for side in _SIDES]
     ends = [times * row for row in np.diag(deviations) for times in _SIDES.values()]
-    bodies = {"mean": pca.mean_}
-    with ProgressBar(ends, disable=not options.bars, unit="body") as bar:
-        for name, end in zip(names, bar, strict=True):
-            (bodies[name],) = pca.inverse_transform(end[None])
+    bodies = {"mean": pca.mean_, **dict(zip(names, pca.inverse_transform(ends), strict=True))}
     if options.samples:
         samples = pca.sample(options.samples, options.seed)
         for k, surface in enumerate(samples.reshape(options.samples, *pca.mean_.shape)):
@@ -451,7 +445,7 @@ def _basis_motions(options: argparse.Namespace) -> list[Any]:
     chosen = {"subjects": options.subjects, "sequences": options.sequences}
     if options.open:
         return list(rh.datasets.load_open_motions(options.resolution, **chosen))
-    return [motion for _, motion, _ in inputs.read_motions(options, options.motions, **chosen)]
+    return inputs.read_motions(options, *options.motions, **chosen).motions
 
 
 @cli.command(

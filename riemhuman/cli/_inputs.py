@@ -263,10 +263,17 @@ def write_path(
                 (folder / SUMMARY).write_text(as_json(summary) + "\n", encoding="utf-8")
 
 
-def read_motions(
-    options: argparse.Namespace, places: Sequence[Path], **chosen: Any
-) -> list[tuple[str, Any, ndarray]]:
-    """Return the names, frames and triangles of motions, whose frames are read when needed.
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """Motions of one triangulation, whose frames are read when needed, and their names."""
+
+    names: list[str]
+    motions: list[Any]
+    faces: ndarray
+
+
+def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> Motions:
+    """Return the motions in files and folders.
 
     `chosen` are the people and sequences of files of Dynamic FAUST.
     """
@@ -286,19 +293,19 @@ def read_motions(
         elif ending == ".bvh":
             motion = read_recording(place, is_mean=True)
             found.append((place.stem, motion, motion.faces))
-        elif is_hdf5:
-            found += [(m.sequence, m, m.faces) for m in rh.datasets.load_dfaust(place, **chosen)]
         else:
-            motions = rh.datasets.load_mesh_motions(place, unit=options.unit, up=options.up)
+            units = {"unit": options.unit, "up": options.up}
+            load = rh.datasets.load_dfaust if is_hdf5 else rh.datasets.load_mesh_motions
+            motions = load(place, **(chosen if is_hdf5 else units))
             found += [(motion.sequence, motion, motion.faces) for motion in motions]
-    for name, _, faces in found[1:]:
-        difference = face_difference(faces, found[0][2])
-        if difference:
+    names, read, triangles = (list(column) for column in zip(*found, strict=True))
+    for name, faces in zip(names, triangles, strict=True):
+        if difference := face_difference(faces, triangles[0]):
             raise ArgumentError(
-                f"all motions must share one triangulation; {name} and {found[0][0]} do not: "
+                f"all motions must share one triangulation; {name} and {names[0]} do not: "
                 f"{difference}"
             )
-    return found
+    return Motions(names, read, triangles[0])
 
 
 def save_figure(figure: Any, file: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import riemhuman as rh
@@ -35,36 +34,33 @@ _BY = cli.option(
 _N_TIMES = cli.option("--n-times", "times of the result", default=40, metavar="N")
 
 
-class _Motions:
-    """The motions in files and folders, of one triangulation, with their names."""
+def _read_pair(options: argparse.Namespace) -> inputs.Motions:
+    read = inputs.read_motions(options, options.a_motion, options.b_motion)
+    if len(read.names) != 2:
+        raise ArgumentError(
+            f"{options.a_motion} and {options.b_motion} must hold one motion each; found "
+            f"{len(read.names)}"
+        )
+    return read
 
-    def __init__(self, options: argparse.Namespace, *places: Path, count: int | None = None):
-        found = inputs.read_motions(options, places)
-        if count is not None and len(found) != count:
+
+def _space(options: argparse.Namespace, read: inputs.Motions, n_times: int = 40) -> Any:
+    """Return the space of motions with the pose metric; by default, a first frame is template."""
+    import numpy as np
+
+    body = read.motions[0][0]
+    if options.template is not None:
+        given = {"unit": options.unit, "up": options.up}
+        meshes = rh.datasets.RegisteredMeshes([options.template], **given)
+        if not np.array_equal(meshes.faces, read.faces):
             raise ArgumentError(
-                f"{' and '.join(map(str, places))} must hold one motion each; found {len(found)}"
+                f"all motions must share one triangulation; --template {options.template} has "
+                "another"
             )
-        self.names = [name for name, *_ in found]
-        self.motions = [motion for _, motion, _ in found]
-        self.faces = found[0][2]
-
-    def space(self, options: argparse.Namespace, n_times: int = 40) -> Any:
-        """Return their space with the pose metric; by default, the first frame is template."""
-        import numpy as np
-
-        body = self.motions[0][0]
-        if options.template is not None:
-            given = {"unit": options.unit, "up": options.up}
-            meshes = rh.datasets.RegisteredMeshes([options.template], **given)
-            if not np.array_equal(meshes.faces, self.faces):
-                raise ArgumentError(
-                    f"all motions must share one triangulation; --template {options.template} has "
-                    "another"
-                )
-            body = meshes[0]
-        space = rh.AlignedSurfaces(rh.Template(body, self.faces), equip=False)
-        space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
-        return rh.motions.MotionSpace(space, n_times)
+        body = meshes[0]
+    space = rh.AlignedSurfaces(rh.Template(body, read.faces), equip=False)
+    space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
+    return rh.motions.MotionSpace(space, n_times)
 
 
 def _measure(options: argparse.Namespace, space: Any, n_components: int | None = None) -> Any:
@@ -88,8 +84,8 @@ def _measure(options: argparse.Namespace, space: Any, n_components: int | None =
     _BY,
 )
 def _dist(options: argparse.Namespace) -> cli.Answer:
-    read = _Motions(options, options.a_motion, options.b_motion, count=2)
-    dist = float(_measure(options, read.space(options)).dist(*read.motions))
+    read = _read_pair(options)
+    dist = float(_measure(options, _space(options, read)).dist(*read.motions))
     record = {"a": read.names[0], "b": read.names[1], "by": options.by, "distance": dist}
     return cli.Answer(f"{dist:.8g}", record)
 
@@ -110,8 +106,8 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
 
     from riemhuman.io.files import write_text
 
-    read = _Motions(options, *options.motions)
-    names, measure = read.names, _measure(options, read.space(options), options.components)
+    read = inputs.read_motions(options, *options.motions)
+    names, measure = read.names, _measure(options, _space(options, read), options.components)
     with options.task(f"Distances of {len(names)} motions"):
         distances = measure.dist_pairwise(read.motions, progress=options.bars)
     if options.ending == ".npz":
@@ -135,8 +131,8 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
     _BY,
 )
 def _align(options: argparse.Namespace) -> cli.Answer:
-    read = _Motions(options, options.a_motion, options.b_motion, count=2)
-    space, names = read.space(options, options.n_times), tuple(read.names)
+    read = _read_pair(options)
+    space, names = _space(options, read, options.n_times), tuple(read.names)
     with options.task("Alignment"):
         measure = _measure(options, space)
         first, second, warp = rh.motions.align_motions(space, *read.motions, measure, names)
@@ -164,8 +160,8 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     _BY,
 )
 def _mean(options: argparse.Namespace) -> cli.Answer:
-    read = _Motions(options, *options.motions)
-    space = read.space(options, options.n_times)
+    read = inputs.read_motions(options, *options.motions)
+    space = _space(options, read, options.n_times)
     alignment, bars = _measure(options, space), options.bars
     estimator = rh.motions.MotionMean(space, alignment=alignment, progress=bars)
     with options.task(f"Mean of {len(read.names)} motions"):
@@ -189,8 +185,8 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     cli.option("-k", "largest number of parts to print", default=5, metavar="K"),
 )
 def _find(options: argparse.Namespace) -> cli.Answer:
-    read = _Motions(options, options.a_motion, options.b_motion, count=2)
-    search = rh.motions.MotionSearch(read.space(options).frames.metric, options.bars)
+    read = _read_pair(options)
+    search = rh.motions.MotionSearch(_space(options, read).frames.metric, options.bars)
     parts = search.find(*read.motions, options.k)
     record = [{"distance": p.dist, "first": p.start, "last": p.stop - 1} for p in parts]
     rows = [f"{p.dist:10.6g}  {p.start:6d}  {p.stop - 1:6d}" for p in parts]

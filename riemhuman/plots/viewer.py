@@ -91,9 +91,8 @@ class ViewedBody:
     color : tuple of float
         Red, green and blue between 0 and 1.
     values : array, shape (F,), optional
-        Non-negative values of the triangles, shown as colours.
-    largest : float, optional
-        Value of the last colour; by default, 1 % of the values exceed it.
+        Non-negative values of the triangles, such as `contributions` per area, shown as colours;
+        1 % of them exceed that of the last colour.
     value_label : str
         Label of the colour scale, such as the unit of the values.
 
@@ -108,15 +107,12 @@ class ViewedBody:
     frames: ndarray
     color: tuple[float, float, float] = SKIN
     values: ndarray | None = None
-    largest: float | None = None
     value_label: str = ""
 
     @property
     def limit(self) -> float:
         """Value of the last colour; 0 without values."""
-        if self.values is None:
-            return 0.0
-        return colour_limit(self.values) if self.largest is None else self.largest
+        return 0.0 if self.values is None else colour_limit(self.values)
 
 
 @dataclass(frozen=True)
@@ -345,8 +341,6 @@ def view_bodies(
     faces: ArrayLike | None = None,
     names: Sequence[str] | None = None,
     *,
-    values: ArrayLike | None = None,
-    value_label: str = "",
     title: str = "Bodies",
 ) -> Viewer:
     """Return an interactive view of bodies side by side.
@@ -359,11 +353,6 @@ def view_bodies(
         Triangles; none for mesh objects.
     names : sequence of str, length n, optional
         Labels of the bodies.
-    values : array_like, shape (n, F) or (F,), optional
-        Non-negative value of each triangle, such as `contributions` per area. All bodies share one
-        colour scale, whose end 1 % of the values exceed.
-    value_label : str
-        Label of the colour scale, such as the unit of the values.
     title : str
         Title of the view.
 
@@ -376,22 +365,8 @@ def view_bodies(
     points, faces = as_surfaces(points, faces)
     surfaces = real_array(points, "points", ("n_vertices", 3))
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
-    n_bodies = len(surfaces)
-    labels = _labels([""] * n_bodies if names is None else names, n_bodies)
-    shades: list[ndarray | None] = [None] * n_bodies
-    largest = None
-    if values is not None:
-        n_faces = len(np.asarray(faces))
-        rows = real_array(values, "values", (n_faces,)).reshape(-1, n_faces)
-        shades, largest = list(rows), colour_limit(rows)
-        if len(shades) != n_bodies:
-            raise ArgumentError(
-                f"values must have one row per body; found {len(shades)} for {n_bodies} bodies"
-            )
-    bodies = [
-        ViewedBody(label, surface[None], values=shade, largest=largest, value_label=value_label)
-        for label, surface, shade in zip(labels, surfaces, shades, strict=True)
-    ]
+    labels = _labels([""] * len(surfaces) if names is None else names, len(surfaces))
+    bodies = [ViewedBody(*body) for body in zip(labels, surfaces[:, None], strict=True)]
     return _viewer(faces, {title: bodies}, "Show", title)
 
 

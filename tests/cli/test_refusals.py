@@ -28,6 +28,7 @@ mean body_0.ply -o m.ply --picture m.gif                    | must be .png or .h
 geodesic body_0.ply body_1.ply -o path --n-nodes 1          | n_nodes
 geodesic body_0.ply body_1.ply -o path.gif                  | .npz or / (a folder)
 geodesic body_0.ply body_1.ply -o alone -f                  | holds something else (other.ply)
+geodesic body_0.ply body_1.ply -o frames -f                 | holds something else (frame_0001.ply)
 geodesic body_0.ply body_1.ply -o p --basis basis.npz       | belongs to another template
 components alone -o out -n 4                                | -n 4 needs at least 5 meshes
 components alone -o out -n 0                                | -n must be
@@ -74,7 +75,7 @@ def place(bodies, tmp_path_factory):
     faces = bodies.template.faces
     for number in (0, 1):
         save_mesh(folder / f"body_{number}.ply", bodies.points[number], faces)
-    for name in ("empty", "alone", "folder.ply"):
+    for name in ("empty", "alone", "frames", "folder.ply"):
         (folder / name).mkdir()
     for name in ("other.ply", "alone/other.ply"):
         save_mesh(folder / name, bodies.points[0], faces[::-1])
@@ -84,7 +85,7 @@ def place(bodies, tmp_path_factory):
     np.savetxt(folder / "scan.xyz", np.zeros((3, 3)))
     np.savez(folder / "path.npz", path=bodies.points[:2], faces=faces)
     DeformationBasis(np.ones((1, 2, 3)), orthonormalize=True).save(folder / "basis.npz")
-    for name in ("notes.txt", "bad.npz"):
+    for name in ("notes.txt", "bad.npz", "frames/frame_0001.ply"):
         (folder / name).write_text("text", encoding="utf-8")
     return folder
 
@@ -98,8 +99,14 @@ def test_refused_in_one_line_with_nothing_written(refused, place, monkeypatch, l
     assert sorted(place.rglob("*")) == before
 
 
-def test_pictures_without_matplotlib_are_refused_before_the_work(refused, place, monkeypatch):
+@pytest.mark.parametrize(
+    "line",
+    [
+        "geodesic body_0.ply body_1.ply -o path.png",
+        "transfer body_0.ply --onto body_1.ply -o t.png",
+    ],
+)
+def test_pictures_without_matplotlib_are_refused_before_the_work(refused, place, monkeypatch, line):
     monkeypatch.chdir(place)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    message = refused("geodesic", "body_0.ply", "body_1.ply", "-o", "path.png")
-    assert "[plot]'" in message
+    assert "[plot]'" in refused(*line.split())

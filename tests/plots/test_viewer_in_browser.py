@@ -5,7 +5,7 @@ import pytest
 from headless_browser import opened_browser
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.plots import view_bodies, view_path
+from riemhuman.plots import ViewedBody, Viewer, view_bodies, view_path
 
 BODIES = load_open_bodies("coarse")
 FACES = BODIES.template.faces
@@ -16,10 +16,12 @@ SIZE = (1000, 760)
 def pages(tmp_path_factory):
     """Return the pages of two coloured bodies, of two paths, and of nine bodies."""
     folder = tmp_path_factory.mktemp("pages")
-    values = np.linspace(0, 2, len(FACES)) * np.ones((2, 1))
-    names = ["Anna, standing", "Ben, who sits on a chair"]
-    shown = view_bodies(BODIES.points[:2], FACES, names, values=values, value_label="per m²")
-    shown.save(folder / "bodies.html")
+    values = np.linspace(0, 2, len(FACES))
+    coloured = [
+        ViewedBody(name, surface[None], values=values, value_label="per m²")
+        for name, surface in zip(["Anna, standing", "Ben, on a chair"], BODIES.points, strict=False)
+    ]
+    Viewer(FACES, {"": coloured}).save(folder / "bodies.html")
     start, end = BODIES.points[[0, 3]]
     path = start + np.linspace(0, 1, 5)[:, None, None] * (end - start)
     paths = {"there": path, "back": path[::-1]}
