@@ -25,6 +25,7 @@ from collections.abc import Callable
 from importlib.metadata import entry_points
 from typing import Any
 
+from riemhuman.checks import one_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 KINDS = {
@@ -76,7 +77,7 @@ def unregister(kind: str, name: str) -> None:
     kind, name : str
         As of `register`.
     """
-    _check_kind(kind)
+    one_of(kind, "kind", tuple(KINDS))
     if name not in _REGISTERED[kind]:
         raise ArgumentError(f"name must be one that was registered; found {name!r}")
     del _REGISTERED[kind][name]
@@ -90,7 +91,7 @@ def extensions(kind: str) -> dict[str, Callable[..., Any]]:
     kind : str
         One of `KINDS`.
     """
-    _check_kind(kind)
+    one_of(kind, "kind", tuple(KINDS))
     found: dict[str, Callable[..., Any]] = {}
     for entry in entry_points(group=f"riemhuman.{kind}"):
         try:
@@ -116,8 +117,3 @@ def extension(kind: str, name: str) -> Callable[..., Any]:
         listed = ", ".join(map(repr, known)) or "none"
         raise ArgumentError(f"{name!r} is none of the {kind} that packages register: {listed}")
     return known[name]
-
-
-def _check_kind(kind: str) -> None:
-    if kind not in KINDS:
-        raise ArgumentError(f"kind must be one of {', '.join(KINDS)}; found {kind!r}")

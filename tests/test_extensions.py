@@ -112,7 +112,7 @@ def test_registration_in_a_script():
 
 
 def test_bad_registrations():
-    with pytest.raises(ArgumentError, match="kind must be one of metrics, descriptors, readers"):
+    with pytest.raises(ArgumentError, match="kind must be one of 'metrics', 'descriptors'"):
         extensions.register("solvers", "any", Extents)
     with pytest.raises(ArgumentTypeError, match="factory must be called with an `AlignedSurfaces`"):
         extensions.register("metrics", "any", 3)

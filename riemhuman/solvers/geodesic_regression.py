@@ -32,13 +32,11 @@ class GeodesicRegression(ImageEstimator):
 
     Parameters
     ----------
-    space : Manifold
-        A manifold equipped with a metric.
-    mean, image, nearest
+    space, mean, image, nearest
         As in `TangentPCA`.
     tolerance : float
         The refinement stops when a Newton step would gain at most this share of the sum of squared
-        distances to the mean, as estimated from the preconditioned gradient.
+        distances to the mean.
     max_iter : int
         Largest number of iterations; 0 keeps the regression in the tangent space.
 

@@ -86,10 +86,8 @@ class DiscreteLogarithm(Solver, LogSolver):
     geodesic_solver : object, optional
         Solver for the path, whose steps are not halved. By default `BasisPath` with the basis or
         `PathStraightening` without, both with narrow tolerances.
-    tolerance : float
-        Largest error of the equations, as a share of the length of two segments.
-    max_iter : int
-        Largest number of iterations for each equation.
+    tolerance, max_iter
+        As of `DiscreteExponential`.
     n_doublings : int
         How often the steps may be halved.
     end_tolerance : float

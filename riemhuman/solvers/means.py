@@ -82,10 +82,8 @@ class BasisMean(Solver, MeanSolver):
     sample_size : int
         Where points come in batches, number of evenly spaced points from whose mean the search
         starts and whose differences join the basis.
-    callback : callable, optional
-        Called with (iteration, variance, point) after each iteration.
-    progress : bool
-        Whether to show a progress bar.
+    callback, progress
+        As of `BasisPath`, with the variance and the point.
 
     Examples
     --------
@@ -432,10 +430,8 @@ class GeometricMedian(FrechetMean):
 
     Parameters
     ----------
-    space : Manifold
-        A manifold equipped with a metric.
-    solver : object, optional
-        Strategy, by default that of `FrechetMean`; it is asked for ``exponent=1``.
+    space, solver
+        As of `FrechetMean`; the solver is asked for ``exponent=1``.
 
     Attributes
     ----------

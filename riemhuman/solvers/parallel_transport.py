@@ -68,10 +68,8 @@ class PoleLadder(Solver, TransportSolver):
         by default all coordinates are free.
     geodesic_solver : object, optional
         Solver for the geodesic, by default the metric's own.
-    tolerance : float
-        Largest error of each equation, as a share of the length of its two segments.
-    max_iter : int
-        Largest number of iterations of each equation.
+    tolerance, max_iter
+        As of `DiscreteExponential`, for each equation.
 
     Examples
     --------

@@ -282,10 +282,8 @@ def path_distances(
         The metric.
     points : array or sequence, shape (n, \*shape)
         Points.
-    n_jobs : int, optional
-        Number of threads, -1 for one a core; by default one.
-    progress : bool
-        Whether to show a progress bar.
+    n_jobs, progress
+        As of `LinearPath.solve_many`.
 
     Examples
     --------

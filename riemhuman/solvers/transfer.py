@@ -248,13 +248,8 @@ class Disentangling(Solver):
         build is carried over, above all to the torso, and the farther limbs end from where B holds
         them. The default adds at most 3 % to the distance from A's own performance of the pose
         (tests/benchmarks/test_transfer.py).
-    tolerance : float
-        Stop when a Newton step would gain at most this share of the value, as far as the
-        preconditioned gradient tells.
-    max_iter : int
-        Most iterations.
-    progress : bool
-        Whether to show a progress bar.
+    tolerance, max_iter, progress
+        As of `NearestSurface`.
 
     Examples
     --------

@@ -68,16 +68,6 @@ def test_the_best_turned_path_and_its_rivals(seed):
         assert energy == pytest.approx(metric.energy(path), rel=1e-12)
 
 
-def test_turned_paths_are_at_equal_times(bodies):
-    metric = ElasticMetric(AlignedSurfaces(bodies.template), 1.0, 1.0, 0.0)
-    interpolator = bodies.template.interpolator
-    start, end = pose_pair(bodies, "squat", "hands_on_hips")
-    turns = interpolator.rotations(start, end)
-    path = rotating_path(metric, start, end, 4, turns)
-    inner = interpolator.interpolate(start, end, np.array([1 / 3, 2 / 3]), turns)
-    np.testing.assert_allclose(path, np.stack([start, *inner, end]), atol=1e-12)
-
-
 def test_a_triangle_without_area_has_no_rotation():
     template = sphere_template()
     metric = ElasticMetric(AlignedSurfaces(template, equip=False), 1.0, 1.0, 0.0)
@@ -165,13 +155,6 @@ def test_rotation_geodesics(metric):
     check_uniform_rotation(poses_along(metric, first, last, "geodesic"), first, last)
     with pytest.raises(AssertionError):
         check_uniform_rotation(poses_along(metric, first, last, "axis-angle"), first, last)
-
-
-def test_about_one_axis_both_agree(metric):
-    first = parameters(3)
-    last = first._replace(pose=0.5 * first.pose)
-    one, other = (poses_along(metric, first, last, name) for name in ("axis-angle", "geodesic"))
-    np.testing.assert_allclose(one, other, atol=1e-12)
 
 
 def test_flat_poses_and_plain_tuples(metric):

@@ -30,6 +30,7 @@ OTHERS = [
 ]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("case", CLOSED_FORM, ids=name_of)
 def test_second_order_against_closed_forms(case):
     start, end = case.points[:2]
@@ -176,9 +177,9 @@ def test_bad_input():
         DiscreteLogarithm(bodies.basis(20)).solve(case.metric, end, start)
 
 
-def natural_pair(seed, first, second):
+def natural_pair(first, second):
     """Return the metric (1, 1, 0.1), and two natural bodies that no setting was chosen on."""
-    natural = load_open_bodies("coarse", variant="natural", people=seed)
+    natural = load_open_bodies("coarse", variant="natural", people=5)
     metric = ElasticMetric(AlignedSurfaces(natural.template), 1.0, 1.0, 0.1)
     return metric, natural.points[first], natural.points[second]
 
@@ -191,10 +192,11 @@ def distance_of_inverse(solver, result, metric, start, end):
     return 1000.0 * np.abs(forward.end - end).max() if forward.complete else np.inf
 
 
-@pytest.mark.parametrize(("seed", "first", "second", "n_steps"), [(5, 67, 60, 40), (5, 92, 90, 10)])
-def test_large_changes_of_pose_take_as_many_steps_as_they_need(seed, first, second, n_steps):
-    """With ten steps throughout, the first two ended 458 and 764 mm from the other body."""
-    metric, start, end = natural_pair(seed, first, second)
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(("first", "second", "n_steps"), [(67, 60, 40), (92, 90, 10)])
+def test_large_changes_of_pose_take_as_many_steps_as_they_need(first, second, n_steps):
+    """With ten steps throughout, the first ended 458 mm from the other body."""
+    metric, start, end = natural_pair(first, second)
     solver = DiscreteLogarithm()
     result = solver.solve(metric, end, start)
     assert result.converged
@@ -207,7 +209,7 @@ def test_large_changes_of_pose_take_as_many_steps_as_they_need(seed, first, seco
 @pytest.mark.parametrize(("first", "second"), [(46, 44), (18, 17)])
 def test_converged_is_what_comes_back(over_basis, first, second):
     """Without halved steps, both answers occur; each is that of the exponential."""
-    metric, start, end = natural_pair(5, first, second)
+    metric, start, end = natural_pair(first, second)
     solver = DiscreteLogarithm(bodies.basis() if over_basis else None, n_steps=5, n_doublings=0)
     with catch_warnings(record=True) as warnings:
         simplefilter("always")

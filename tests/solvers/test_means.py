@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import autograd.numpy as anp
 import bodies_in_motion as bodies
 import numpy as np
 import pytest
@@ -24,7 +23,6 @@ from riemhuman.geometry import (
     MetricFields,
     NormalFields,
     ProductManifold,
-    RiemannianMetric,
     RotationMetric,
     VectorSpace,
 )
@@ -124,18 +122,6 @@ def test_the_default_mean_of_poses_is_a_body(weights):
     # nothing.
     longer = BasisMean(tolerance=1e-9).solve(space.metric, points)
     assert longer.variances[-1] > mean.result_.variances[-1] * (1 - 3e-3)
-
-
-def test_all_coordinates_are_free_without_a_basis():
-    """The gradient vanishes by comparison with that at one of the points."""
-    space, points = one_person()
-    mean = BasisMean(tolerance=1e-7).solve(space.metric, points)
-    dispersion = Dispersion(space.metric, points)
-    slopes = dispersion.value_and_gradient(mean.point)[1]
-    assert np.abs(slopes).max() < 1e-2 * np.abs(dispersion.value_and_gradient(points[0])[1]).max()
-    assert np.all(np.diff(mean.variances) <= 0)
-    assert mean.n_iterations == len(mean.variances) - 1
-    assert "span" not in mean.message
 
 
 @pytest.mark.parametrize("make", SETS.values(), ids=SETS)
@@ -290,18 +276,6 @@ def test_points_without_weight_do_not_count():
     assert mean.variance_ == pytest.approx(expected.variance_)
 
 
-def test_users_metrics_run_unchanged():
-    class VertexDistance(RiemannianMetric):
-        def squared_dist(self, point_a, point_b):
-            """Return Σ ‖a − b‖²."""
-            return anp.sum((point_a - point_b) ** 2, axis=(-2, -1))
-
-    space, points = five_people()
-    space.equip_with_metric(VertexDistance)
-    mean = FrechetMean(space, BasisMean(bodies.basis().truncate(4))).fit(points)
-    np.testing.assert_allclose(mean.estimate_, points.mean(axis=0), atol=1e-6)
-
-
 def test_a_search_that_stops_early_says_so():
     space, points = one_person()
     with pytest.warns(ConvergenceWarning, match="BasisMean.*2 iterations"):
@@ -442,7 +416,7 @@ def test_a_wrong_body_is_named_by_its_batch(change, error, message):
 
 def test_edges_of_a_pose_mean_keep_their_lengths():
     data = load_open_bodies("coarse")
-    points, metric = data.points[:10], ElasticMetric(bodies.space(), 0.0, 0.0, 1.0)
+    points, metric = data.points[:10:2], ElasticMetric(bodies.space(), 0.0, 0.0, 1.0)
     edges = edge_lengths(points, data.template.edges)
 
     def range_of(companion_weight):

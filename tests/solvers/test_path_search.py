@@ -41,7 +41,6 @@ from riemhuman.solvers import (
     SegmentEnergy,
     Status,
 )
-from riemhuman.solvers.interpolated_paths import rotating_path
 from riemhuman.solvers.path_search import freeze_flat_triangles, refine_path
 from riemhuman.solvers.paths import linear_path
 from riemhuman.surfaces import DeformationBasis
@@ -127,9 +126,9 @@ def test_between_bodies_over_a_basis(weights, pair):
 def test_below_the_path_over_a_basis(weights, seed):
     """Of arms that turn; from the straight path it ends up to a fifth above."""
     metric, ends = elastic(*weights), bodies.swung_arms(seed)
-    result = PathStraightening().solve(metric, *ends)
+    result = PathStraightening(6).solve(metric, *ends)
     check_result(metric, result, *ends)
-    assert result.energy < over_basis().solve(metric, *ends).energy
+    assert result.energy < over_basis(6).solve(metric, *ends).energy
 
 
 @pytest.mark.sampled(3)
@@ -157,22 +156,6 @@ def test_the_gradient_vanishes():
         for path in paths
     )
     assert after < 0.02 * before
-
-
-@pytest.mark.parametrize("seed", [1, 3, 4])
-def test_arms_turn_the_way_that_costs_least(seed):
-    """Minimised from paths whose triangles all turn the shorter way, or all alike, it is no less.
-
-    A comparison by the middles alone ends 0.4 to 1.4 % above the better of the two.
-    """
-    metric, ends = elastic(0, 0, 1), bodies.swung_arms(seed)
-    interpolator = bodies.space().template.interpolator
-    shorter = interpolator.rotations(*ends)
-    reached = [
-        over_basis().solve(metric, *ends, rotating_path(metric, *ends, 11, turns)).energy
-        for turns in (shorter, interpolator.unwrap(shorter))
-    ]
-    assert over_basis().solve(metric, *ends).energy <= min(reached)
 
 
 @pytest.mark.sampled(3)
@@ -482,29 +465,6 @@ def test_drift_costs_nothing(make):
     np.testing.assert_allclose(removed.path, metric.remove_drift(kept.path), atol=1e-12)
 
 
-def check_interrupted(result, case, n_nodes):
-    assert result.status is Status.INTERRUPTED
-    assert result.n_iterations == len(result.energies) - 1
-    assert result.energies[-1] == pytest.approx(result.energy)
-    assert result.path.shape == (n_nodes, *case.space.shape)
-    np.testing.assert_allclose(case.metric.energy(result.path), result.energy, rtol=1e-10)
-
-
-def test_interruption_keeps_the_best_path_so_far():
-    case, reached = CASES["pose open"], []
-
-    def callback(iteration, energy, path):
-        reached.append(energy)
-        if iteration == 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises(Interrupted, match="interrupted from the keyboard") as caught:
-        solve(case, tolerance=1e-10, callback=callback)
-    check_interrupted(caught.value.result, case, 11)
-    assert len(reached) == 3
-    assert caught.value.result.energy <= min(reached) * (1 + 1e-12)
-
-
 class Interrupting(FiniteDifferenceEnergy):
     """An energy during which the user presses Ctrl-C at the k-th gradient."""
 
@@ -529,7 +489,11 @@ def test_interruption_while_starts_are_compared(monkeypatch):
     monkeypatch.setattr(PathStraightening, "_starts", lambda *arguments: [straight, detour])
     with pytest.raises(Interrupted) as caught:
         solver.solve(case.metric, *case.points[:2])
-    check_interrupted(caught.value.result, case, 5)
+    result = caught.value.result
+    assert result.status is Status.INTERRUPTED
+    assert result.n_iterations == len(result.energies) - 1
+    assert result.energies[-1] == pytest.approx(result.energy)
+    np.testing.assert_allclose(case.metric.energy(result.path), result.energy, rtol=1e-10)
 
 
 # What they refuse.
@@ -543,6 +507,7 @@ def test_ends_and_paths_that_do_not_fit(make):
     for arguments, message in (
         ((start, end[:-1]), "end must have shape"),
         ((np.full_like(start, np.nan), end), "start.*NaN"),
+        ((start, end, path[0]), "initial_path must have shape"),
         ((start, end, path[:-1]), "n_nodes = 11 times; found 10"),
         ((start, end, path[::-1]), "from start to end"),
     ):
@@ -624,15 +589,6 @@ def operator(size=45, seed=6):
     return (lambda slope: matrix @ slope), matrix
 
 
-def flatness(points, node, triangle):
-    """Return the shortest height of a triangle."""
-    one, two, three = points[node, FACES[triangle]]
-    area = np.linalg.norm(np.cross(two - one, three - one))
-    return area / max(
-        np.linalg.norm(one - two), np.linalg.norm(two - three), np.linalg.norm(three - one)
-    )
-
-
 def test_where_no_triangle_is_flat_nothing_is_frozen():
     inverse, _ = operator()
     points = nodes()
@@ -657,10 +613,3 @@ def test_the_operator_is_the_inverse_of_the_hessian_on_the_motions_left(flat):
     left = linalg.null_space(np.array(rows))
     expected = left @ np.linalg.inv(left.T @ np.linalg.inv(matrix) @ left) @ left.T
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
-    # Such motions leave the heights, and change the area to second order alone.
-    motion = frozen(np.random.default_rng(7).normal(size=45)).reshape(points.shape)
-    moved = points + 1e-3 * motion / np.abs(motion).max()
-    for node, triangle in flat:
-        assert flatness(moved, node, triangle) == pytest.approx(
-            flatness(points, node, triangle), rel=1e-2
-        )

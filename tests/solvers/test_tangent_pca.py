@@ -177,9 +177,8 @@ def euclidean(points, n_components):
     return mean + (rows @ kept.T @ kept).reshape(points.shape)
 
 
-@pytest.mark.parametrize(("which", "gain"), [("people", 1.05), ("poses", 3.0)])
-def test_bodies_are_distorted_less_than_by_euclidean_components(which, gain):
-    points, pca = bodies_and_pca(which)
+def test_bodies_are_distorted_less_than_by_euclidean_components():
+    points, pca = bodies_and_pca("poses")
     metric = pca.space.metric
     scores = pca.transform(points)
     some = [0, 8]
@@ -189,7 +188,7 @@ def test_bodies_are_distorted_less_than_by_euclidean_components(which, gain):
         theirs = euclidean(points, k)[some]
         errors.append(np.sum(metric.squared_dist(ours, rows)))
         if k < 9:
-            assert gain * area_changes(ours, rows) < area_changes(theirs, rows)
+            assert 3.0 * area_changes(ours, rows) < area_changes(theirs, rows)
             assert errors[-1] < np.sum(metric.squared_dist(theirs, rows))
     assert np.all(np.diff(errors) < 0)
     # With all components, Φ and the nearest surface are inverse to each other.
