@@ -69,6 +69,7 @@ class Skeleton:
     def __init__(self, model: Any, with_hands: bool = False) -> None:
         self.parents = model.parents
         self.order = model.joint_order
+        self.limbs = np.flatnonzero(model.parents >= 0)  # joints other than the root
         self.rest_joints = model.joint_regressor @ model.template.vertices
         self.directions = model.shapedirs
         self.joint_shapes = np.einsum("jv,vxb->jxb", model.joint_regressor, model.shapedirs)
@@ -88,7 +89,7 @@ class JointMotions:
     """The rigid motions of the joints for some parameters, and their derivatives."""
 
     def __init__(self, skeleton: Skeleton, parameters: Parameters) -> None:
-        self._skeleton = skeleton
+        self.skeleton = skeleton
         self.parameters = parameters
         joints = skeleton.rest_joints + skeleton.joint_shapes @ parameters.betas
         self.local = rotation_matrix(parameters.pose)
@@ -114,24 +115,20 @@ class JointMotions:
     @cached_property
     def shift_shapes(self) -> np.ndarray:
         """Derivatives of the shifts with respect to the betas, shape (J, 3, B)."""
-        return self._position_shapes - self.rotations @ self._skeleton.joint_shapes
-
-    @cached_property
-    def limbs(self) -> np.ndarray:
-        """Numbers of the joints other than the root, shape (J - 1,)."""
-        return np.flatnonzero(self._skeleton.parents >= 0)
+        return self._position_shapes - self.rotations @ self.skeleton.joint_shapes
 
     @cached_property
     def pose_feature(self) -> np.ndarray:
         """The entries of R - I, by which pose-dependent displacements are multiplied."""
-        return (self.local[self.limbs] - np.eye(3)).ravel()
+        return (self.local[self.skeleton.limbs] - np.eye(3)).ravel()
 
     @cached_property
     def pose_feature_rotations(self) -> np.ndarray:
         """Derivatives of the entries of R by small rotations in space, shape (J - 1, 9, 3)."""
-        axes, rotations = self.axes[self.limbs], self.rotations[self.limbs]
+        limbs = self.skeleton.limbs
+        axes, rotations = self.axes[limbs], self.rotations[limbs]
         products = np.einsum("jyx,cyz,jzw->jxwc", axes, _CROSS_WITH_AXES, rotations)
-        return products.reshape(len(self.limbs), 9, 3)
+        return products.reshape(len(limbs), 9, 3)
 
     @cached_property
     def rotations_of_pose(self) -> np.ndarray:
@@ -195,7 +192,7 @@ class _Patch:
             of_features = self.posedirs.reshape(n_vertices * 3, -1, 9)
             offsets = np.einsum("rjk,jkc->rjc", of_features, motions.pose_feature_rotations)
             # With pose offsets, all joints are active, in the order of the tree's table.
-            limbs = (3 * motions.limbs[:, np.newaxis] + np.arange(3)).ravel()
+            limbs = (3 * motions.skeleton.limbs[:, np.newaxis] + np.arange(3)).ravel()
             rows[..., limbs] += np.matmul(rotations, offsets.reshape(n_vertices, 3, -1))
 
         shifts = self.weights @ motions.shift_shapes[self.bones].reshape(len(self.bones), -1)
@@ -232,15 +229,11 @@ class Equations:
         self._numbers = numbers
         self._weights = (combine @ model.weights)[numbers]
 
-    def points(self, parameters: Parameters) -> np.ndarray:
-        """Return the points in use for some parameters."""
-        motions = JointMotions(self._skeleton, parameters)
-        parts = [patch.combined(patch.surface(motions)[2]) for patch in self._patches]
-        return np.concatenate(parts) + parameters.trans
-
     def cost(self, parameters: Parameters, target: np.ndarray) -> float:
         """Return the mean loss of the distances from the points to their targets, and the prior."""
-        gaps = target[self._numbers] - self.points(parameters)
+        motions = JointMotions(self._skeleton, parameters)
+        parts = [patch.combined(patch.surface(motions)[2]) for patch in self._patches]
+        gaps = target[self._numbers] - np.concatenate(parts) - parameters.trans
         losses, _ = self._loss(np.sum(gaps**2, axis=-1))
         return float(self._shares[self._numbers] @ losses + self._prior @ parameters.vector**2)
 

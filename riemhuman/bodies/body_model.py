@@ -11,7 +11,7 @@ import autograd.numpy as np
 import numpy as onp
 from numpy.typing import DTypeLike
 
-from riemhuman.bodies.fitting import ModelFit, fit_model
+from riemhuman.bodies.fitting import fit_model
 from riemhuman.bodies.model_files import read_model_fields
 from riemhuman.bodies.skinning import joint_motions, joint_parents, parents_first, skin_surface
 from riemhuman.checks import one_of, real_array
@@ -67,8 +67,7 @@ class BodyModel:
     hand_poses : sequence of str
         Names of the K hand poses.
     dtype : data type
-        Precision of surfaces and joints, float64 or float32, which halves their memory. The model
-        itself is kept in double precision.
+        Precision of surfaces and joints, float64 or float32.
 
     Attributes
     ----------
@@ -146,11 +145,7 @@ class BodyModel:
         _check_sums(self.joint_regressor, "J_regressor")
         _check_sums(self.weights, "weights")
         if self.weights.min() < 0:
-            vertex, joint = (int(i) for i in onp.argwhere(self.weights < 0)[0])
-            raise ArgumentError(
-                f"weights must not be negative; found {self.weights[vertex, joint]:g} "
-                f"at vertex {vertex}, joint {joint}"
-            )
+            raise ArgumentError(f"weights must not be negative; found {self.weights.min():g}")
         self._is_complete = True
 
     @classmethod
@@ -163,9 +158,8 @@ class BodyModel:
     ) -> BodyModel:
         """Read a model from a file in SMPL's layout: an .npz archive, or a .pkl file.
 
-        Files of SMPL, SMPL-H, SMPL-X, STAR and SMAL are read as published; `model_contents` returns
-        the parts of a file that are used and those that are left out. A .pkl file is read as data:
-        its code is not run, and chumpy is not needed.
+        Files of SMPL, SMPL-H, SMPL-X, STAR and SMAL are read as published, see `model_contents`. A
+        .pkl file is read as data: its code is not run, and chumpy is not needed.
 
         Parameters
         ----------
@@ -297,38 +291,22 @@ class BodyModel:
         both = (left, left if right is None else right)
         return onp.concatenate([rows[poses.index(one_of(name, "pose", poses))] for name in both])
 
-    def fit(self, points: Any, **options: Any) -> ModelFit:
-        """Fit shapes, poses and translations to surfaces, by `riemhuman.bodies.fit_model`.
-
-        Parameters
-        ----------
-        points : array_like, shape (..., n_points, 3)
-            Registered surfaces, metres.
-        **options
-            Further arguments of `fit_model`.
-
-        Returns
-        -------
-        fit : ModelFit
-        """
-        return fit_model(self, points, **options)
+    fit = fit_model
 
     def _shaped(self, betas: Any) -> Any:
         if betas is None:
             return self._rest
         betas = self._rounded(real_array(betas, "betas", (self.n_betas,)))
-        offsets = np.dot(betas, self._shape_matrix)
-        return self._rest + np.reshape(offsets, (*np.shape(betas)[:-1], *self._rest.shape))
+        return self._rest + self._offsets(betas, self._shape_matrix)
 
     def _hand_offsets(self, hands: Any) -> Any:
         self._check_hands()
         hands = self._rounded(real_array(hands, "hands", (self.hand_directions.shape[-1],)))
-        offsets = np.dot(hands, self._hand_matrix)
-        return np.reshape(offsets, (*np.shape(hands)[:-1], *self._rest.shape))
+        return self._offsets(hands, self._hand_matrix)
 
     def _check_hands(self) -> None:
         if not self.hand_poses:
-            raise ArgumentError("hands must be left out, since the model has no hand poses")
+            raise ArgumentError("hands must be relaxed: the model has no hand poses")
 
     def _rounded(self, array: Any) -> Any:
         return array.astype(self.dtype, copy=False)
@@ -349,8 +327,11 @@ class BodyModel:
         limbs = onp.flatnonzero(self.parents >= 0)
         feature = rotations[..., limbs, :, :] - np.eye(3, dtype=self.dtype)
         feature = np.reshape(feature, (*np.shape(feature)[:-3], 9 * len(limbs)))
-        offsets = np.dot(feature, self._pose_matrix)
-        return np.reshape(offsets, (*np.shape(feature)[:-1], self.n_vertices, 3))
+        return self._offsets(feature, self._pose_matrix)
+
+    def _offsets(self, coefficients: Any, matrix: onp.ndarray) -> Any:
+        shape = (*np.shape(coefficients)[:-1], self.n_vertices, 3)
+        return np.reshape(np.dot(coefficients, matrix), shape)
 
     def _translated(self, points: Any, trans: Any) -> Any:
         if trans is None:
@@ -363,14 +344,13 @@ class BodyModel:
 
     @cached_property
     def _pose_matrix(self) -> onp.ndarray:
-        assert self.posedirs is not None, "used only where there are posedirs"
         return self._as_rows(self.posedirs)
 
     @cached_property
     def _hand_matrix(self) -> onp.ndarray:
         return self._as_rows(self.hand_directions)
 
-    def _as_rows(self, directions: onp.ndarray) -> onp.ndarray:
+    def _as_rows(self, directions: Any) -> onp.ndarray:
         matrix = directions.reshape(-1, directions.shape[-1]).T
         return onp.ascontiguousarray(matrix, dtype=self.dtype)
 

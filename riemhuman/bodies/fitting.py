@@ -1,9 +1,10 @@
 """Fits of a body model to registered surfaces: shape, pose and translation.
 
-The steps are those of Levenberg and Marquardt. `scipy.optimize.least_squares` would need the
-derivatives of all residuals as one matrix, some 40,000 by 90 for a body, and factorise it in every
-step. The normal equations need the matrix only patch by patch, and most patches depend on few
-joints.
+The start has a closed form: the rotation of each joint by Kabsch's solution with the skinning
+weights, then betas and translation by linear least squares. The steps from there are those of
+Levenberg and Marquardt, on some 1,500 points and then on all. `scipy.optimize.least_squares` would
+need the derivatives of all residuals as one matrix, some 40,000 by 90 for a body. The normal
+equations need it only patch by patch, and most patches depend on few joints.
 """
 
 from __future__ import annotations
@@ -114,38 +115,31 @@ def fit_model(
     separately, with its points y, the model's points x, the weights w divided by their sum, the
     loss ρ and the priors b, p and h; j runs over the joints other than the root.
 
-    The start has a closed form: the rotation of each joint by Kabsch's solution with the skinning
-    weights, then betas and translation by linear least squares. From there, Levenberg–Marquardt
-    steps with exact derivatives are taken on some 1,500 points and then on all.
-
     Parameters
     ----------
     model : BodyModel
         The model.
     points : array_like, shape (..., n_points, 3)
-        Surfaces, metres: one point for each vertex of the model, unless `correspondence` is given.
+        Surfaces, metres.
     correspondence : array_like of int, pair, or sparse matrix, optional
         Place of each point on the model, as for `correspondence_matrix`.
     weights : array_like, shape (n_points,), optional
-        Weights of the points, for instance areas; equal by default. Points of weight zero are left
-        out.
+        Weights of the points, for instance areas; equal by default.
     loss : {"squared", "huber"}
         Loss ρ(r): r²; or r² up to the scale c and 2 c r − c² beyond, for points far off.
     loss_scale : float
         Scale c of Huber's loss, metres.
     betas_prior : float
-        Weight b, square metres: with 1e-6, one unit of a coefficient costs as much as 1 mm of
-        root mean square distance.
+        Weight b, square metres: with 1e-6, a coefficient of 1 costs as much as 1 mm for all points.
     pose_prior : float
         Weight p, square metres per squared radian.
     hands_prior : float, optional
         Weight h, square metres, of the coefficients η of the hand poses; by default, hands are
         relaxed.
     tolerance : float
-        The fit has converged when a step moves the points by less than this root mean square
-        distance, metres.
+        Root mean square movement of the points, metres, below which a fit has converged.
     max_iter : int
-        Number of steps after which each stage of a fit stops.
+        Largest number of steps of each stage of a fit.
 
     Returns
     -------
@@ -162,13 +156,9 @@ def fit_model(
     n_points = combine.shape[0]
     surfaces = real_array(points, "points", ("n_points", 3))
     if surfaces.shape[-2] != n_points:
+        what = "the model's vertices" if correspondence is None else "the rows of correspondence"
         raise ArgumentError(
-            f"points has {surfaces.shape[-2]} points per surface (shape {surfaces.shape}); "
-            + (
-                f"the model has {n_points} vertices"
-                if correspondence is None
-                else f"correspondence is for {n_points}"
-            )
+            f"points must have one point for each of {what}, {n_points}; found {surfaces.shape}"
         )
     check_same_scale(
         surfaces, combine @ model.template.vertices, "points", "the model", remedy=_REMEDY
@@ -177,10 +167,8 @@ def fit_model(
     in_betas = np.full(model.n_betas, real_number(betas_prior, "betas_prior", minimum=0.0))
     in_hands = np.zeros(0)
     if hands_prior is not None:
-        if not model.hand_poses:
-            raise ArgumentError("hands_prior must be left out, since the model has no hand poses")
         weight = real_number(hands_prior, "hands_prior", minimum=0.0)
-        in_hands = np.full(model.hand_directions.shape[-1], weight)
+        in_hands = np.full(len(model.hand_pose("relaxed")), weight)
     fitter = _Fitter(
         model,
         Skeleton(model, with_hands=hands_prior is not None),
@@ -221,20 +209,18 @@ def convert_fit(
     Parameters
     ----------
     fit : ModelFit
-        Parameters of the first model.
-    model : BodyModel
-        The first model.
-    to : BodyModel
-        The other model, for instance SMPL, SMPL-H, SMPL-X or STAR.
+        Parameters of `model`.
+    model, to : BodyModel
+        The models, for instance the open one and SMPL.
     correspondence : array_like of int, pair, or sparse matrix
-        Place of each vertex of the first model on the other, as for `fit_model`.
+        Place of each vertex of `model` on the other, as for `fit_model`.
     **options
         Further arguments of `fit_model`.
 
     Returns
     -------
     fit : ModelFit
-        Its distances are those of the first model's vertices from their places on the other.
+        Distances are those of the vertices of `model` from their places on the other.
 
     Examples
     --------
@@ -275,7 +261,7 @@ def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_
     """
     n_vertices = model.n_vertices
     if correspondence is None:
-        return sparse.csr_array(sparse.eye_array(n_vertices))
+        return sparse.eye_array(n_vertices, format="csr")
     if sparse.issparse(correspondence):
         matrix = sparse.csr_array(correspondence, dtype=np.float64)
         if matrix.shape[1] != n_vertices:
@@ -303,8 +289,7 @@ def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_
     else:
         vertices = integer_array(correspondence, "correspondence", ("n_points",))
         _refuse_outside(vertices, n_vertices, "vertices")
-        entries = (np.ones(len(vertices)), (np.arange(len(vertices)), vertices))
-        return sparse.csr_array(entries, shape=(len(vertices), n_vertices))
+        return sparse.csr_array(sparse.eye_array(n_vertices, format="csr")[vertices])
     if not np.isfinite(coordinates).all() or (np.abs(sums - 1.0) > _SUM_TOLERANCE).any():
         worst = int(np.argmax(np.abs(sums - 1.0)))
         raise ArgumentError(

@@ -75,9 +75,9 @@ def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> 
     Parameters
     ----------
     path : path_like
-        An .npz or .pkl file of SMPL, SMPL-H, SMPL-X, STAR, SMAL or a model in their layout.
+        An .npz or .pkl file, as for `BodyModel.from_file`.
     n_betas : int, optional
-        Number of shape coefficients to keep, as for `BodyModel.from_file`.
+        Number of shape coefficients to keep.
 
     Returns
     -------
@@ -104,11 +104,16 @@ def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) 
     for name, array in fields.items():
         if sparse.issparse(array) and name != "joint_regressor":
             raise FileFormatError(f"{path}: {name} must not be a sparse matrix")
-    fields["joint_regressor"] = _dense_regressor(
-        fields["joint_regressor"], fields["weights"].shape, path
-    )
+    regressor, shape = fields["joint_regressor"], fields["weights"].shape
+    if sparse.issparse(regressor):
+        if regressor.shape[::-1] != shape:  # which may be vast
+            raise FileFormatError(
+                f"{path}: J_regressor must have the shape of weights, {shape}, transposed; "
+                f"found {regressor.shape}"
+            )
+        fields["joint_regressor"] = regressor.toarray()
     if "posedirs" in fields:
-        n_entries = 9 * (len(fields["joint_regressor"]) - 1)
+        n_entries = 9 * (len(np.atleast_1d(fields["joint_regressor"])) - 1)
         n_vertices = len(np.atleast_1d(fields["v_template"]))
         fields["posedirs"] = _posedirs(fields["posedirs"], n_vertices, n_entries)
     if fields["shapedirs"].ndim == 3:
@@ -177,20 +182,6 @@ def _contents(fields: Mapping[str, Any], n_betas: int | None) -> ModelContents:
 def _last_length(array: Any) -> int:
     """Return the length of the last axis of an array, or 0 for a number."""
     return (0, *np.shape(array))[-1]
-
-
-def _dense_regressor(
-    regressor: Any, shape_of_weights: tuple[int, ...], path: str | os.PathLike[str]
-) -> np.ndarray:
-    """Return the joint regressor as an array, after a check of the shape of a sparse one."""
-    if not sparse.issparse(regressor):
-        return np.atleast_1d(regressor)
-    if regressor.shape[::-1] != shape_of_weights:
-        raise FileFormatError(
-            f"{path}: J_regressor must have the shape of weights, {shape_of_weights}, transposed; "
-            f"found {regressor.shape}"
-        )
-    return regressor.toarray()
 
 
 def _posedirs(posedirs: np.ndarray, n_vertices: int, n_entries: int) -> np.ndarray:
