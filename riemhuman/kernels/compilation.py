@@ -47,7 +47,8 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """Mark a function of a module to be compiled by numba when it is first called.
 
     It may call other marked functions, its own module's and those that its module imports by name.
-    It releases the interpreter lock. Division by zero gives infinity or NaN, as in NumPy.
+    It releases the interpreter lock; division by zero gives infinity or NaN; the Python function is
+    `py_func`. Without a writable folder to keep compiled functions in, it warns.
 
     Parameters
     ----------
@@ -55,16 +56,6 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         The function, in the part of Python and NumPy that numba understands.
     **options
         Options of `numba.njit`, such as ``fastmath``.
-
-    Returns
-    -------
-    callable
-        With the Python function as its attribute `py_func`.
-
-    Warns
-    -----
-    UserWarning
-        At the first call, if there is no writable folder to keep compiled functions in.
 
     Examples
     --------

@@ -24,25 +24,15 @@ _SERIES_BELOW = 1e-3
 
 
 def rotation_matrix(axis_angle: Any) -> Any:
-    """Return the rotation matrices of axis-angle vectors (Rodrigues' formula).
+    """Return the rotation matrices of axis-angle vectors, shape (..., 3, 3).
 
-    R = I + (sin θ / θ) K + ((1 − cos θ) / θ²) K², with θ = ‖ω‖ and K the cross-product
-    matrix of ω. Differentiable with autograd everywhere, θ = 0 included.
+    Rodrigues' formula: R = I + (sin θ / θ) K + ((1 − cos θ) / θ²) K², with θ = ‖ω‖ and K the
+    cross-product matrix of ω. Differentiable with autograd everywhere, θ = 0 included.
 
     Parameters
     ----------
     axis_angle : array_like, shape (..., 3)
         Rotation vectors ω in radians: direction is the axis, length the angle.
-
-    Returns
-    -------
-    rotations : array, shape (..., 3, 3)
-        Matrices that act on columns.
-
-    Raises
-    ------
-    ArgumentError
-        If the last axis is not of length 3 or an entry is not finite.
 
     Examples
     --------
@@ -65,26 +55,15 @@ def rotation_matrix(axis_angle: Any) -> Any:
 
 
 def rotation_derivative(axis_angle: Any) -> Any:
-    """Return the matrices that take changes of axis-angle vectors to turns of the bodies.
+    """Return the left Jacobians J of the rotation group, shape (..., 3, 3).
 
-    The left Jacobian of the rotation group: with R(ω) the rotation, for small changes,
-    R(ω + dω) = R(J dω) R(ω) to first order, where
+    With R(ω) the rotation, R(ω + dω) = R(J dω) R(ω) to first order, where
     J = I + ((1 − cos θ) / θ²) K + ((θ − sin θ) / θ³) K².
 
     Parameters
     ----------
     axis_angle : array_like, shape (..., 3)
         Rotation vectors ω in radians.
-
-    Returns
-    -------
-    derivatives : array, shape (..., 3, 3)
-        Matrices J, in the axes that R maps into.
-
-    Raises
-    ------
-    ArgumentError
-        If the last axis is not of length 3 or an entry is not finite.
 
     Examples
     --------
