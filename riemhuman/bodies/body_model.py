@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
@@ -400,10 +401,7 @@ def _check_sums(rows: onp.ndarray, name: str) -> None:
 
 
 def _precision(dtype: DTypeLike) -> onp.dtype[Any]:
-    try:
-        checked = onp.dtype(dtype)
-    except TypeError:
-        checked = onp.dtype(object)
-    if checked not in (onp.float64, onp.float32):
-        raise ArgumentError(f"dtype must be float64 or float32; found {dtype!r}")
-    return checked
+    with suppress(TypeError):
+        if onp.dtype(dtype) in (onp.float64, onp.float32):
+            return onp.dtype(dtype)
+    raise ArgumentError(f"dtype must be float64 or float32; found {dtype!r}")

@@ -47,8 +47,6 @@ _MOST_DAMPING = 1e6
 # A gain below this share of the cost is indistinguishable from rounding.
 _ROUNDING = 1e-13
 
-# What to do about points of another size.
-_REMEDY = "a fit is in the unit of the model"
 _SUM_TOLERANCE = 1e-6
 
 
@@ -160,9 +158,8 @@ def fit_model(
         raise ArgumentError(
             f"points must have one point for each of {what}, {n_points}; found {surfaces.shape}"
         )
-    check_same_scale(
-        surfaces, combine @ model.template.vertices, "points", "the model", remedy=_REMEDY
-    )
+    remedy, rest = "a fit is in the unit of the model", combine @ model.template.vertices
+    check_same_scale(surfaces, rest, "points", "the model", remedy=remedy)
     in_pose = np.where(model.parents >= 0, real_number(pose_prior, "pose_prior", minimum=0.0), 0.0)
     in_betas = np.full(model.n_betas, real_number(betas_prior, "betas_prior", minimum=0.0))
     in_hands = np.zeros(0)
@@ -269,8 +266,6 @@ def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_
                 f"correspondence must have shape (n_points, {n_vertices}); found {matrix.shape}"
             )
         matrix.sum_duplicates()
-        coordinates = matrix.data
-        sums = matrix.sum(axis=1)
     elif (
         isinstance(correspondence, Sequence)
         and len(correspondence) == 2
@@ -285,12 +280,12 @@ def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_
         rows = np.repeat(np.arange(len(triangles)), 3)
         entries = (coordinates.ravel(), (rows, model.faces[triangles].ravel()))
         matrix = sparse.csr_array(entries, shape=(len(triangles), n_vertices))
-        sums = coordinates.sum(axis=1)
     else:
         vertices = integer_array(correspondence, "correspondence", ("n_points",))
         _refuse_outside(vertices, n_vertices, "vertices")
         return sparse.csr_array(sparse.eye_array(n_vertices, format="csr")[vertices])
-    if not np.isfinite(coordinates).all() or (np.abs(sums - 1.0) > _SUM_TOLERANCE).any():
+    sums = matrix.sum(axis=1)
+    if not np.isfinite(matrix.data).all() or (np.abs(sums - 1.0) > _SUM_TOLERANCE).any():
         worst = int(np.argmax(np.abs(sums - 1.0)))
         raise ArgumentError(
             f"correspondence must have rows that sum to one; row {worst} sums to {sums[worst]:g}"
@@ -358,7 +353,10 @@ class _Fitter:
         betas, trans = np.zeros(skeleton.n_betas), np.zeros(3)
         for _ in range(_CLOSED_FORM_ROUNDS):
             rotations = equations.closed_form_rotations(target, betas)
-            pose = _relative(rotations, skeleton.parents)
+            # Relative to the parent joint, and those of the root to nothing.
+            is_limb = (skeleton.parents >= 0)[:, np.newaxis, np.newaxis]
+            axes = np.where(is_limb, rotations[skeleton.parents], np.eye(3))
+            pose = Rotation.from_matrix(axes.transpose(0, 2, 1) @ rotations).as_rotvec()
             parameters = Parameters(betas, pose, trans)
             matrix, right = equations.normal(parameters, target)
             linear = np.arange(pose.size, len(right))
@@ -395,12 +393,6 @@ class _Fitter:
             parameters, cost = trial, trial_cost
             damping = max(damping / 10.0, _LEAST_DAMPING)
         return parameters, self._max_iter, False
-
-
-def _relative(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
-    """Return rotations in space as axis-angle vectors relative to the parent joint."""
-    axes = np.where((parents >= 0)[:, np.newaxis, np.newaxis], rotations[parents], np.eye(3))
-    return Rotation.from_matrix(axes.transpose(0, 2, 1) @ rotations).as_rotvec()
 
 
 def _spread_out(numbers: np.ndarray, n_points: int) -> np.ndarray:
