@@ -119,6 +119,14 @@ def test_thigh_is_measured_where_the_line_crosses_the_trunk(own):
     np.testing.assert_allclose(girths[1], girths[0], rtol=0.1)
 
 
+def test_navel_among_the_hips(own):
+    """A person on whom the level of the navel meets the legs; nothing was tuned on them."""
+    wide = load_open_bodies("coarse", "natural", people=1).points[80]
+    waist = Measurements(own.definitions, ["waist girth (omphalion)", "hip girth"])
+    values = waist.measure(wide, pose="standard").values
+    assert 0.8 < values[0] / values[1] < 1.1
+
+
 def test_lines_have_the_measured_lengths(bodies, own):
     lines, measured = own.lines(bodies.points[0]), own.measure(bodies.points[0])
     for name in own.names:

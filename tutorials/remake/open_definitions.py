@@ -257,7 +257,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             name="waist girth (omphalion)",
             at="omphalion",
             note="level at the navel",
-            **trunk,
+            **hips,
             **_named(ansur="waistcircumference", smpl="waist circumference"),
         ),
         Girth(
@@ -587,11 +587,11 @@ def _breadths() -> tuple[Measurement, ...]:
         Breadth(
             name="waist breadth (omphalion)",
             at="omphalion",
-            **trunk,
+            **hips,
             **_named(ansur="waistbreadth"),
         ),
         Depth(
-            name="waist depth (omphalion)", at="omphalion", **trunk, **_named(ansur="waistdepth")
+            name="waist depth (omphalion)", at="omphalion", **hips, **_named(ansur="waistdepth")
         ),
         Breadth(name="hip breadth", at=_BUTTOCKS, **hips, **_named(_DESIGN, "hipbreadth")),
         Depth(name="buttock depth", at=_BUTTOCKS, **hips, **_named(ansur="buttockdepth")),
