@@ -129,8 +129,7 @@ class AreaProjectionTransform(Descriptor):
         points, triangles = check_mesh(vertices, faces)
         corners = points[triangles]
         middle = points.mean(axis=0)
-        volume = float(np.linalg.det(corners - middle).sum()) / 6
-        if volume < 0:
+        if np.linalg.det(corners - middle).sum() < 0:  # six times the volume
             triangles = triangles[:, ::-1]
             corners = points[triangles]
         reach = self.ratio * max(self.radii)
@@ -253,8 +252,7 @@ def _ball_sums(values: np.ndarray, radius: float) -> np.ndarray:
 
 
 def _jeffrey(p: np.ndarray, q: np.ndarray) -> float:
-    middle = (p + q) / 2
-    return max(float(np.sum(rel_entr(p, middle) + rel_entr(q, middle))), 0.0)
+    return max(float(np.sum(rel_entr(p, (p + q) / 2) + rel_entr(q, (p + q) / 2))), 0.0)
 
 
 def _grid_around(vertices: np.ndarray, spacing: float, margin: float) -> VoxelGrid:
@@ -268,9 +266,8 @@ def _grid_around(vertices: np.ndarray, spacing: float, margin: float) -> VoxelGr
 def _enclosed_voxels(corners: np.ndarray, grid: VoxelGrid) -> np.ndarray:
     """Return whether the centre of each voxel is inside a mesh, given by its corners (F, 3, 3).
 
-    A centre is inside if rays along at least two of the three axes are inside, by the sum of signed
-    crossings with triangles. A hole in the mesh thus has an effect only where it is seen along two
-    axes.
+    A centre is inside if rays along two of the three axes are, by the sum of signed crossings with
+    triangles: a hole in the mesh has an effect only where it is seen along two axes.
     """
     positions = (corners - grid.origin) / grid.spacing
     votes = np.zeros(grid.shape, dtype=np.int8)

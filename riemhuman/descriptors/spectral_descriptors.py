@@ -17,11 +17,9 @@ from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.spectra import LAPLACIANS, Spectrum, spectrum
 
-_DNA_NORMALIZATIONS = ("none", "area", "first")
 _TIMES = tuple(np.geomspace(0.02, 2.0, 16).tolist())
 # Range of log₁₀(4πt h), which is 0 where the surface is flat within a distance of √t.
 _HEAT_RANGE = -0.5, 1.5
-_WAVE_POOLINGS = ("histogram", "vertex mean")
 _ENERGIES = tuple(np.linspace(1.5, 5.5, 24).tolist())
 # Range of the signature times the area, whose mean over any surface is 1.
 _WAVE_RANGE = 0.0, 4.0
@@ -106,7 +104,7 @@ class ShapeDNA(SpectralDescriptor):
 
     def __post_init__(self) -> None:
         whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
-        one_of(self.normalization, "normalization", _DNA_NORMALIZATIONS)
+        one_of(self.normalization, "normalization", ("none", "area", "first"))
         one_of(self.laplacian, "laplacian", LAPLACIANS)
 
     def of_spectrum(self, modes: Spectrum) -> np.ndarray:
@@ -257,7 +255,7 @@ class WaveKernelSignature(KernelSignature):
                 "energies must hold at least two different numbers, or sigma be given; found "
                 f"{self.energies}"
             )
-        one_of(self.pooling, "pooling", _WAVE_POOLINGS)
+        one_of(self.pooling, "pooling", ("histogram", "vertex mean"))
         self._check_choices()
 
     def distances(self, vectors: ArrayLike) -> np.ndarray:

@@ -89,9 +89,8 @@ class PairedCodes(ABC):
         correspondence : array_like of int, pair, or sparse matrix, optional
             Where the vertices of the network's template lie on the other: numbers of vertices,
             shape (V,); a pair of numbers of triangles, shape (V,), and barycentric coordinates,
-            shape (V, 3); or a matrix whose rows sum to one. It is optional if the other template
-            has vertices at the same places, as the full open template has. The codes of point
-            clouds need none.
+            shape (V, 3); or a matrix whose rows sum to one. The full open template, which has
+            vertices at the same places, and codes of point clouds need none.
         """
         if not isinstance(template, Template):
             raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")

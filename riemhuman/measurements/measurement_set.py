@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -296,7 +297,9 @@ class MeasurementSet:
             "axes": self.axes.tolist(),
             "standard_pose": {n: np.asarray(v).tolist() for n, v in self.standard_pose.items()},
         }
-        write_text(path, _json_text(record))
+        text = json.dumps(record, indent=1, ensure_ascii=False)
+        # Lists of numbers and names are one line each.
+        write_text(path, re.sub(r"\[[^][]*\]", lambda found: " ".join(found[0].split()), text))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], template: Template | BodyModel) -> MeasurementSet:
@@ -350,23 +353,6 @@ def _as_runs(numbers: ndarray) -> list[list[int]]:
 def _from_runs(runs: Sequence[Sequence[int]]) -> ndarray:
     ranges = [np.arange(first, last + 1) for first, last in runs]
     return np.concatenate(ranges) if ranges else np.empty(0, dtype=np.int64)
-
-
-def _json_text(record: Mapping[str, Any]) -> str:
-    """Return JSON with one entry per line, two levels deep."""
-    lines = []
-    for key, value in record.items():
-        text = json.dumps(value)
-        if isinstance(value, dict) and value:
-            entries = [
-                f"{json.dumps(k)}: {json.dumps(v, ensure_ascii=False)}" for k, v in value.items()
-            ]
-            text = "{\n  " + ",\n  ".join(entries) + "\n }"
-        elif isinstance(value, list) and value and isinstance(value[0], dict):
-            entries = [json.dumps(entry, ensure_ascii=False) for entry in value]
-            text = "[\n  " + ",\n  ".join(entries) + "\n ]"
-        lines.append(f" {json.dumps(key)}: {text}")
-    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def open_measurements(

@@ -1,8 +1,7 @@
 """Motions as points: sequences of bodies, compared, aligned and averaged at any speed.
 
 `DynamicTimeWarping` matches frames of two motions at any speed; `VelocityTimeWarping` also finds
-motions again that have few frames; `RateInvariantMetric` satisfies the triangle inequality;
-`RateDependentMetric` compares bodies at equal times.
+motions again that have few frames; `RateInvariantMetric` satisfies the triangle inequality.
 """
 
 from riemhuman.motions.motion_representations import compare_representations

@@ -84,10 +84,7 @@ def _at_shares(space: MotionSpace, motion: Motion, times: ndarray, name: str) ->
 
 @dataclass(frozen=True)
 class MotionPath:
-    """A path of motions, shape (n_nodes, n_times, V, 3), at equally spaced times of the first.
-
-    `times`, shape (n_times,), are those of the second motion, as shares of its duration.
-    """
+    """A path of motions, shape (n_nodes, n_times, V, 3), and times of the second, as shares."""
 
     path: ndarray
     times: ndarray

@@ -60,13 +60,6 @@ class TestMean:
         np.testing.assert_allclose(times.mean(axis=0), [0, 1 / 3, 2 / 3, 1], atol=0.02)
         assert (np.diff(times, axis=1) > 0).all()
 
-    def test_other_alignment(self, motion_space, knees):
-        alignment = rh.motions.RateInvariantMetric(motion_space)
-        mean = rh.motions.MotionMean(motion_space, alignment=alignment, n_iterations=1).fit(
-            knees[:2]
-        )
-        assert mean.estimate_.shape == motion_space.shape
-
 
 class TestComponents:
     def test_all_of_them_make_the_motions(self, space, components):

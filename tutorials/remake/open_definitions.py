@@ -590,9 +590,7 @@ def _breadths() -> tuple[Measurement, ...]:
             **hips,
             **_named(ansur="waistbreadth"),
         ),
-        Depth(
-            name="waist depth (omphalion)", at="omphalion", **hips, **_named(ansur="waistdepth")
-        ),
+        Depth(name="waist depth (omphalion)", at="omphalion", **hips, **_named(ansur="waistdepth")),
         Breadth(name="hip breadth", at=_BUTTOCKS, **hips, **_named(_DESIGN, "hipbreadth")),
         Depth(name="buttock depth", at=_BUTTOCKS, **hips, **_named(ansur="buttockdepth")),
         replace(
