@@ -345,15 +345,10 @@ def _remarks(
     elif prediction.contradictory:
         name = prediction.contradictory[0]
         remarks.append(f"{name} of {given[name]:.4g}: at most 1 of 100 adults have such a value")
-    others = [name for name in prediction.contradictory if name not in (prediction.pair or given)]
-    if others:
-        remarks.append(f"so do {', '.join(others)}")
     if not prediction.contradictory and len(given) > 1:
         remarks.append("the values agree with each other")
     if _WAIST in given and _OMPHALION not in given:
-        remark = "the waist is the natural one; give the navel's, as in ANSUR, as " + repr(
-            _OMPHALION
-        )
+        remark = f"the waist is the natural one; give the navel's, as in ANSUR, as {_OMPHALION!r}"
         renamed = {_OMPHALION if name == _WAIST else name: v for name, v in given.items()}
         if prediction.contradictory and not predict(renamed, sex).contradictory:
             remark += ", with which the values would agree"

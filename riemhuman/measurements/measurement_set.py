@@ -223,9 +223,8 @@ class MeasurementSet:
             The other template. For lengths along joints it must be a body model that has joints of
             these names.
         correspondence : array_like of int, pair, or sparse matrix
-            Where each vertex of this template lies on the other: numbers of vertices, shape (V,); a
-            pair of numbers of triangles, shape (V,), and barycentric coordinates, shape (V, 3); or
-            a matrix whose rows sum to one. See `correspondence_to`.
+            Where each vertex of this template lies on the other, as `correspondence_to` says, or
+            as for `rh.bodies.correspondence_matrix`.
         """
         surface = _surface_of(template)
         matrix = correspondence_matrix(surface, correspondence)

@@ -87,8 +87,7 @@ def test_distances_by_rotation():
 
 
 def test_rotations_do_not_jump_at_half_a_turn():
-    almost, beyond = [[0, np.pi - 0.01, 0]], [[0, -np.pi + 0.01, 0]]
-    rows = np.reshape([almost, beyond], (2, 3))
+    rows = np.array([[0, np.pi - 0.01, 0], [0, -np.pi + 0.01, 0]])
     model = Model()
     np.testing.assert_allclose(ModelPoseVectors(model, "rotation").distances(rows)[0, 1], 0.02)
     np.testing.assert_allclose(ModelPoseVectors(model).distances(rows)[0, 1], 2 * np.pi - 0.02)

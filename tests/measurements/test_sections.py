@@ -108,12 +108,10 @@ def test_a_plane_that_misses():
     template = tube(12, 5)
     girth = Girth(name="g", at="off", parts=["lower end"])
     landmarks = {"off": (np.array([0, 48]), np.array([0.1, 0.9]))}
-    own = MeasurementSet(template, [girth], landmarks, {"lower end": np.arange(6)})
-    with pytest.raises(
-        ArgumentError, match="'g' cannot be taken of body 0: its plane misses lower"
-    ):
-        Measurements(own).measure(template.vertices)
-    measured = Measurements(own).measure(template.vertices, missing="nan")
+    own = Measurements(MeasurementSet(template, [girth], landmarks, {"lower end": np.arange(6)}))
+    with pytest.raises(ArgumentError, match="'g' cannot be taken of body 0: its plane misses"):
+        own.measure(template.vertices)
+    measured = own.measure(template.vertices, missing="nan")
     assert np.isnan(measured.values).all()
     assert measured.why_missing == {(0, "g"): "its plane misses lower end"}
 
