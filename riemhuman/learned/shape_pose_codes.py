@@ -61,6 +61,7 @@ class ShapePoseCodes(PairedCodes):
     n_shape: int
     n_pose: int
     n_parts: int
+    _parts: Parts
 
     code_names = ("shape", "pose")
     _SETTINGS = ("n_shape", "n_pose", "n_parts", "n_hidden")

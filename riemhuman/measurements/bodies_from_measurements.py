@@ -44,6 +44,8 @@ from riemhuman.solvers._preconditioners import SparseCholeskyFactor
 SEXES = ("woman", "man")
 # Degrees of freedom, which flag the expected share of the people of ANSUR II, and that share.
 _DEGREES, _SHARE = 12.0, 0.005
+# Share of adults below which a remark says that values that agree are those of nobody.
+_RARE = 0.001
 # Standard deviation with which a value is measured, relative to it.
 _ERROR = 0.005
 # The search ends when a step changes the shape coefficients, or lowers the cost, by less than these
@@ -89,8 +91,8 @@ class MeasuredPerson:
     converged : bool
         Whether the search converged.
     message : str
-        Which two values contradict each other, which waist was given, whether the search
-        converged, and which values the body misses.
+        Which two values contradict each other, whether no adult has such values, which waist was
+        given, whether the search converged, and which values the body misses.
 
     Examples
     --------
@@ -215,7 +217,7 @@ class Prediction:
     """What given values say: the others, the sex, and values that contradict each other.
 
     `scores` are t-values of the given values, `pair` the two values that fit each other least, with
-    the first one's value that would fit.
+    the first one's value that would fit, and `rarity` the share of adults as far from the mean.
     """
 
     mean: dict[str, float]
@@ -224,6 +226,7 @@ class Prediction:
     scores: dict[str, float]
     contradictory: tuple[str, ...]
     pair: tuple[str, str, float] | None
+    rarity: float
 
 
 @lru_cache(maxsize=1)
@@ -280,9 +283,9 @@ def predict(
 
 def _contradictions(
     known: Sequence[str], values: ndarray, noise: ndarray, sex: str
-) -> tuple[dict[str, float], tuple[str, ...], tuple[str, str, float] | None]:
+) -> tuple[dict[str, float], tuple[str, ...], tuple[str, str, float] | None, float]:
     if not known:
-        return {}, (), None
+        return {}, (), None, 1.0
     names = adults()["names"]
     rows = [names.index(name) for name in known]
     deviations = values - adults()[sex]["mean"][rows]
@@ -301,7 +304,9 @@ def _contradictions(
             own, gaps = _t_values(deviations[both], covariance[np.ix_(both, both)])
             if abs(own[0]) > least:
                 least, pair = abs(own[0]), (known[worst], known[j], float(values[worst] - gaps[0]))
-    return dict(zip(known, scores.tolist(), strict=True)), contradictory, pair
+    squared = deviations @ np.linalg.solve(covariance, deviations) / len(known)
+    rarity = float(stats.f.sf(squared, len(known), _DEGREES))
+    return dict(zip(known, scores.tolist(), strict=True)), contradictory, pair, rarity
 
 
 def _t_values(deviations: ndarray, covariance: ndarray) -> tuple[ndarray, ndarray]:
@@ -346,7 +351,10 @@ def _remarks(
         name = prediction.contradictory[0]
         remarks.append(f"{name} of {given[name]:.4g}: at most 1 of 100 adults have such a value")
     if not prediction.contradictory and len(given) > 1:
-        remarks.append("the values agree with each other")
+        rare = ", but at most 1 of 1000 adults is so far from the mean"
+        remarks.append(
+            "the values agree with each other" + (rare if prediction.rarity < _RARE else "")
+        )
     if _WAIST in given and _OMPHALION not in given:
         remark = f"the waist is the natural one; give the navel's, as in ANSUR, as {_OMPHALION!r}"
         renamed = {_OMPHALION if name == _WAIST else name: v for name, v in given.items()}

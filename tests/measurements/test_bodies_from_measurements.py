@@ -90,6 +90,9 @@ def test_single_values_and_misses_are_named():
     person = model_from_measurements({"stature": 1.70}, resolution="coarse")
     assert person.contradictory == ()
     assert person.message == ""
+    child = {"stature": 1.2, "body mass": 22.0}
+    person = model_from_measurements(child, resolution="coarse", max_iter=1)
+    assert "agree with each other, but at most 1 of 1000 adults" in person.message
 
 
 def test_the_message_says_which_waist():
@@ -119,6 +122,7 @@ def test_predictions_are_calibrated(sex):
     assert abs(within.mean() - 0.9) < 0.01
     assert within.min() > 0.83
     assert np.mean([bool(one.contradictory) for one in found]) <= 0.01
+    assert np.mean([one.rarity < 0.001 for one in found]) <= 0.001
     # No linear function of the given values explains more.
     inputs = np.column_stack([np.ones(len(people)), people[:, rows]])
     residuals = errors - inputs @ np.linalg.lstsq(inputs, errors, rcond=None)[0]
