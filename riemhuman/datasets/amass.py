@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import one_of, real_array, real_number
+from riemhuman.checks import real_array, real_number
 from riemhuman.datasets._skeletons import SMPL_JOINTS, SMPL_PARENTS, model_joints
 from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ModelMotion, Motions
@@ -76,12 +76,12 @@ class AmassMotion(ModelMotion):
     """One motion of AMASS; frame i is ``model(betas, pose_vectors[i], translations[i])``."""
 
     def __init__(
-        self, path: Path, model: BodyModel, header: _Header, frames_per_second: float, up: str
+        self, path: Path, model: BodyModel, header: _Header, frames_per_second: float
     ) -> None:
         recorded = header.n_frames, header.frames_per_second
         self._numbers = nearest_frames(*recorded, frames_per_second)
         super().__init__(*_names(path), frames_per_second, len(self._numbers), model)
-        self.path, self.gender, self._up = path, header.gender, up
+        self.path, self.gender = path, header.gender
 
     @property
     def betas(self) -> np.ndarray:
@@ -101,14 +101,11 @@ class AmassMotion(ModelMotion):
         recording = _read(self.path, int(self._numbers[-1]))
         chosen = self._numbers[numbers]
         pose = _of_model(recording.poses[chosen], self.model.n_joints)
-        translations = recording.translations[chosen]
-        if self._up == "y":
-            # Poses rotate the root about itself, but a rotation of space also moves it.
-            root = self.model.joints(self.betas)[0]
-            rotation = Rotation.from_matrix(_TO_Y_UP)
-            pose[:, 0] = (rotation * Rotation.from_rotvec(pose[:, 0])).as_rotvec()
-            translations = (translations + root) @ _TO_Y_UP.T - root
-        return pose, translations
+        # Poses rotate the root about itself, but a rotation of space also moves it.
+        root = self.model.joints(self.betas)[0]
+        rotation = Rotation.from_matrix(_TO_Y_UP)
+        pose[:, 0] = (rotation * Rotation.from_rotvec(pose[:, 0])).as_rotvec()
+        return pose, (recording.translations[chosen] + root) @ _TO_Y_UP.T - root
 
 
 def load_amass(
@@ -116,7 +113,6 @@ def load_amass(
     model: BodyModel | Mapping[str, BodyModel] | None = None,
     *,
     frames_per_second: float | None = None,
-    up: str = "y",
 ) -> Motions[AmassMotion | RetargetedMotion]:
     """Load motions of AMASS [1]_ for a body model; frames are computed on access.
 
@@ -142,14 +138,12 @@ def load_amass(
     frames_per_second : float, optional
         Frame rate, at most that of the files: the frames nearest in time are used. By default all
         frames are used.
-    up : {"y", "z"}
-        "y" rotates the motions of the files, whose z axis points up, to y up; "z" leaves them
-        unchanged, for models of SMPL.
 
     Returns
     -------
     motions : Motions
-        One for each file; its subject is the name of the file's folder.
+        One for each file, y up, although z points up in the files; its subject is the name of the
+        file's folder.
 
     References
     ----------
@@ -162,7 +156,6 @@ def load_amass(
     >>> rh.datasets.load_amass("AMASS/CMU")[0][:10].shape  # doctest: +SKIP
     (10, 1202, 3)
     """
-    one_of(up, "up", ("y", "z"))
     models = _models(load_open_model("coarse") if model is None else model)
     headers: dict[Path, _Header] = {}
     problems = []
@@ -189,9 +182,7 @@ def load_amass(
             )
         rate = header.frames_per_second if frames_per_second is None else frames_per_second
         if _is_smpl(own):
-            motions.append(AmassMotion(file, own, header, rate, up))
-        elif up == "z":
-            raise ArgumentError("up must be 'y' for models other than SMPL's; found 'z'")
+            motions.append(AmassMotion(file, own, header, rate))
         else:
             motions.append(_retargeted(file, own, header, rate))
     if any(isinstance(motion, RetargetedMotion) for motion in motions):

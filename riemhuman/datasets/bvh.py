@@ -281,10 +281,10 @@ class _Reader:
                 raise self._error(f"{n_channels} numbers expected; found {len(words)}")
             values.extend(self._floats(words))
             count += 1
-        if not count or count != n_frames:
-            raise self._error(
-                f"Frames must be the number of frames, at least 1; found {n_frames:g} for {count}"
-            )
+        if not count:
+            raise self._error("there are no frames")
+        if count != n_frames:
+            raise self._error(f"Frames says {n_frames:g}, but {count} follow")
         return np.array(values).reshape(count, n_channels), frame_time
 
     def _read_value(self, lines: Iterator[tuple[int, str]], name: str) -> float:

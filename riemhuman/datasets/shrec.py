@@ -70,7 +70,6 @@ def load_shrec14(
     classes: str | os.PathLike[str] | None = None,
     *,
     scale: float = 1.0,
-    allow_missing: bool = False,
 ) -> LabelledMeshes:
     r"""Find the meshes of a SHREC'14 human data set, labelled by a class file.
 
@@ -89,8 +88,6 @@ def load_shrec14(
         this number as its last.
     scale : float
         Factor from the files' unit to metres.
-    allow_missing : bool
-        Whether to leave out meshes that the class file lists and the folder lacks.
 
     Returns
     -------
@@ -133,11 +130,10 @@ def load_shrec14(
             subject.append(number)
             ids.append(name)
             files.append(found)
-    if missing and not (allow_missing and files):
-        remedy = "; allow_missing=True loads the others" if files else ""
+    if missing:
         raise FileError(
             f"{root} lacks {len(missing)} of the {len(missing) + len(files)} meshes that "
-            f"{class_file} lists: {join_names(missing, 20)}{remedy}"
+            f"{class_file} lists: {join_names(missing, 20)}"
         )
     return LabelledMeshes(
         tuple(files), tuple(ids), np.array(subject, dtype=np.int64), tuple(members), scale

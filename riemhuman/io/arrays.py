@@ -38,9 +38,7 @@ def save_arrays(
     path : path_like
         The file, with its suffix; an existing file is replaced.
     arrays : mapping of str to array_like
-        The arrays by name.
     compressed : bool
-        Whether the file is compressed.
 
     Examples
     --------
@@ -68,7 +66,6 @@ def load_arrays(
     Parameters
     ----------
     path : path_like
-        The file.
     required : sequence of str
         Arrays that the file must contain.
     optional : sequence of str, optional
@@ -160,7 +157,6 @@ def load_array(path: str | os.PathLike[str], *, mode: Any = None) -> np.ndarray:
     Parameters
     ----------
     path : path_like
-        The file.
     mode : {"r", "r+"}, optional
         Mode of a memory map; by default the array is read.
 

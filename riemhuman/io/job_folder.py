@@ -10,7 +10,6 @@ flushed.
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -159,23 +158,11 @@ class JobFolder:
 
 def _allocate(file: Path, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
     """Write a table of zeros, all of whose disk space is reserved at once."""
-    header = {
-        "descr": np.lib.format.dtype_to_descr(dtype),
-        "fortran_order": False,
-        "shape": tuple(shape),
-    }
-    size = math.prod(shape) * dtype.itemsize
-    with file.open("wb") as stream:
-        np.lib.format.write_array_header_1_0(stream, header)
-        stream.flush()
-        if size and hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(stream.fileno(), stream.tell(), size)
-        else:
-            # If the file had holes, a full disk would later kill the process by a signal.
-            zeros = bytes(2**20)
-            for start in range(0, size, len(zeros)):
-                stream.write(zeros[: size - start])
-            stream.flush()
+    np.lib.format.open_memmap(file, "w+", dtype, tuple(shape))
+    with file.open("rb+") as stream:
+        # If the file had holes, a full disk would later kill the process by a signal.
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(stream.fileno(), 0, file.stat().st_size)
         os.fsync(stream.fileno())
 
 

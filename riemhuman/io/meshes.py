@@ -225,9 +225,7 @@ def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
     Parameters
     ----------
     vertices : array_like, shape (V, 3)
-        Vertex positions.
     faces : array_like, shape (F, 3)
-        Triangles.
 
     Examples
     --------
@@ -247,9 +245,7 @@ def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> Any:
     Parameters
     ----------
     vertices : array_like, shape (V, 3)
-        Vertex positions.
     faces : array_like, shape (F, 3)
-        Triangles.
 
     Examples
     --------

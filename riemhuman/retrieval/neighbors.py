@@ -33,7 +33,6 @@ class NearestNeighbors(Estimator):
     metric : RiemannianMetric
         A metric with a closed-form distance.
     n_neighbors : int
-        Number of neighbours.
     algorithm : {"auto", "brute", "index"}
         "index" uses bounds whatever the number of points, and "brute" none; by default, bounds are
         used for a thousand points or more, if they exclude most of them.
@@ -115,9 +114,8 @@ class NearestNeighbors(Estimator):
         X : array or sequence, shape (n_queries, \*shape), optional
             Queries; by default the points of the index, which are not neighbours of themselves.
         n_neighbors : int, optional
-            Number of neighbours; by default that of the estimator.
+            By default that of the estimator.
         return_distance : bool
-            Whether to return the distances as well.
         candidates : array of int, shape (n_queries, m), optional
             Points of the index that each query is compared with first, such as the nearest codes of
             `riemhuman.learned.MetricCodes`. Good candidates save comparisons and do not change the

@@ -320,10 +320,8 @@ def retrieval_table(
     ----------
     distances : mapping of str to array, shape (n, n)
         Distance matrices by name of representation.
-    labels : array, shape (n,)
-        Class of each body.
-    groups : array, shape (n,), optional
-        Groups, such as people: bodies of the group of a query are left out.
+    labels, groups
+        As for `scores`.
 
     Returns
     -------
@@ -349,11 +347,6 @@ def format_table(title: str, rows: list[TableRow]) -> str:
     title : str
         Title of the first column.
     rows : list of TableRow
-        Rows.
-
-    Returns
-    -------
-    str
 
     Examples
     --------

@@ -4,7 +4,6 @@ Run with `pytest tests/benchmarks/test_motions.py --benchmark-enable -s`.
 """
 
 import itertools
-import time
 from functools import cache
 
 import numpy as np
@@ -152,25 +151,6 @@ def test_motions_and_their_own_samplings(name, frames):
     if name == "velocities":
         assert np.median(shares) <= 2.0
         assert np.median(shares[unseen]) <= 2.0
-
-
-def test_mean_of_ten_performances():
-    knees = [m for m in open_motions() if m.sequence == "knees"]
-    motions = rh.motions.MotionSpace(space(), n_times=24)
-    begin = time.process_time()
-    mean = rh.motions.MotionMean(motions).fit([m[::4] for m in knees])
-    seconds = time.process_time() - begin
-    area = space().face_areas(mean.estimate_).sum(axis=-1)
-    areas = space().face_areas(mean.aligned_)
-    roots = (np.sqrt(areas).mean(axis=0) ** 2).sum(axis=-1)
-    straight = space().face_areas(mean.aligned_.mean(axis=0)).sum(axis=-1)
-    gap = np.abs(area / roots - 1).max()
-    print(
-        f"\nmean of ten: {seconds:.0f} s of processor time; areas within {100 * gap:.2f} % of the "
-        f"mean size, {100 * np.abs(area / areas.sum(axis=-1).mean(axis=0) - 1).max():.2f} % of the "
-        f"mean area; of straight means, {100 * np.abs(straight / roots - 1).max():.2f} %"
-    )
-    assert gap <= 0.01
 
 
 def test_people_unlike_those_of_the_model():

@@ -96,21 +96,6 @@ def test_metric_learned_from_labels(benchmark, what):
     assert found.nn >= 98.0
 
 
-@each_set
-def test_mean_over_all_vertices(benchmark, name):
-    """Processor seconds of the Karcher mean of ten bodies with no basis."""
-    points, space = bodies("full").points[SETS[name]], equipped(1.0, 1.0, 1.0, "full")
-    space.metric.dist_pairwise(points[:2])
-    pca, _, seconds = clocked(
-        lambda: TangentPCA(space, n_components=1).fit(points), benchmark=benchmark
-    )
-    print(
-        f"\n{name}: mean over all vertices, and one component, in {seconds:.1f} s of the "
-        f"processor; mean squared distance "
-        f"{space.metric.squared_dist(points, pca.mean_).mean():.6g}"
-    )
-
-
 def test_components_of_a_thousand_people(benchmark):
     known = bodies("coarse")
     n_people = 1000

@@ -4,10 +4,9 @@ import adult_people
 import build_open_model
 import numpy as np
 import pytest
-from body_generator import BodyGenerator, largest_component
+from body_generator import BodyGenerator
 
 from riemhuman.datasets import load_open_model
-from riemhuman.errors import FileError, FileFormatError
 
 LEVELS = ("muscle", "weight", "height", "proportions", "cupsize", "firmness")
 
@@ -48,40 +47,12 @@ def test_shapes_of_phenotypes_multiply(generator, gender, change, levels, expect
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5)
 
 
-def test_largest_component():
-    faces = np.array([[0, 5, 6], [2, 3, 4], [3, 4, 1]])
-    vertices, faces = largest_component(faces, 7)
-    assert vertices.tolist() == [1, 2, 3, 4]
-    assert faces.tolist() == [[1, 2, 3], [2, 3, 0]]
-
-
 def people(n, names, rng):
     """Return a table of people whose girth follows their mass."""
     stature = rng.normal(1.7, 0.07, n)
     mass = 25.0 * stature**2 * np.exp(rng.normal(0.0, 0.13, n))
     girth = 0.9 * (mass / 70.0) ** 0.6 * np.exp(rng.normal(0.0, 0.02, n))
     return np.stack([{"stature": stature, "weightkg": mass}.get(k, girth) for k in names], axis=1)
-
-
-@pytest.mark.parametrize("sex", adult_people.SEXES)
-def test_body_mass_is_spread_as_published(sex):
-    names = ("stature", "weightkg", "waistcircumference")
-    table = people(4000, names, np.random.default_rng(1))
-    wide, shares = adult_people.widened(table, names, sex)
-    np.testing.assert_array_equal(wide[:, 0], table[:, 0])
-    own, index = (rows[:, 1] / rows[:, 0] ** 2 for rows in (table, wide))
-    published = np.array(adult_people._BODY_MASS_INDEX[sex])
-    expected = np.median(own) * published / published[4]
-    np.testing.assert_allclose(np.quantile(index, adult_people._PERCENTILES), expected, rtol=0.01)
-    # Everyone stays in order, and girths follow mass as before.
-    np.testing.assert_array_equal(np.argsort(own), np.argsort(index))
-    exponent = np.polyfit(np.log(index), np.log(wide[:, 2]), 1)[0]
-    assert abs(exponent - 0.6) < 0.05
-    # The shares lead back to the people.
-    mean = np.average(np.log(index), weights=shares)
-    spread = np.sqrt(np.average((np.log(index) - mean) ** 2, weights=shares))
-    assert abs(mean - np.log(own).mean()) < 0.01
-    assert abs(spread / np.log(own).std() - 1.0) < 0.05
 
 
 class LinearFitter(adult_people.PeopleFitter):
@@ -113,18 +84,6 @@ def test_people_get_bodies_with_their_measurements(generator, monkeypatch):
         assert np.corrcoef(measured, wanted)[0, 1] > 0.93
     # What the measurements leave open differs between people.
     assert adults.parameters.std(axis=0).min() > 0.05
-
-
-def test_tables_of_something_else(tmp_path):
-    for name in ("women.csv", "men.csv"):
-        (tmp_path / name).write_text("height,weight\n1,2\n", encoding="utf-8")
-    with pytest.raises(FileFormatError, match=r"women\.csv lacks the column stature of ANSUR II"):
-        adult_people.read_people(tmp_path)
-
-
-def test_folder_that_does_not_exist(tmp_path):
-    with pytest.raises(FileError, match="must exist to receive the model"):
-        build_open_model.main([str(tmp_path), str(tmp_path / "nowhere")])
 
 
 def test_coefficients_are_standard_deviations_of_both_sexes_alike(monkeypatch):

@@ -14,13 +14,11 @@ RESOLUTIONS = {"full": (13348, 26692), "coarse": (1202, 2400)}
 DATA = resources.files("riemhuman.datasets") / "data"
 
 
-@pytest.fixture(scope="module", params=RESOLUTIONS)
-def bodies(request):
-    return load_open_bodies(request.param)
+each_resolution = pytest.mark.parametrize("resolution", RESOLUTIONS)
 
 
 @pytest.fixture(scope="module")
-def coarse():
+def bodies():
     return load_open_bodies("coarse")
 
 
@@ -29,7 +27,6 @@ def test_ten_subjects_in_ten_poses(bodies):
     np.testing.assert_array_equal(10 * bodies.subject + bodies.pose, np.arange(100))
     assert sorted(set(bodies.subject)) == sorted(set(bodies.pose)) == list(range(10))
     assert len(set(bodies.subject_names)) == len(set(bodies.pose_names)) == 10
-    assert (bodies.template.n_vertices, bodies.template.n_faces) in RESOLUTIONS.values()
     assert bodies.template is bodies.model.template
     betas = bodies.betas.reshape(10, 10, -1)
     np.testing.assert_array_equal(betas, np.repeat(betas[:, :1], 10, axis=1))
@@ -38,14 +35,16 @@ def test_ten_subjects_in_ten_poses(bodies):
     assert gaps[~np.eye(10, dtype=bool)].min() > 2
 
 
-def test_closed_oriented_and_connected(bodies):
-    faces = bodies.template.faces
+@each_resolution
+def test_closed_oriented_and_connected(resolution):
+    template = load_open_model(resolution).template
+    faces, n_vertices = template.faces, template.n_vertices
+    assert (n_vertices, len(faces)) == RESOLUTIONS[resolution]
     directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     _, once = np.unique(directed, axis=0, return_counts=True)
     edges, twice = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
     assert set(once) == {1}
     assert set(twice) == {2}
-    n_vertices = bodies.template.n_vertices
     graph = sparse.coo_array((np.ones(len(edges)), edges.T), shape=(n_vertices, n_vertices))
     assert connected_components(graph, directed=False)[0] == 1
     assert n_vertices - len(edges) + len(faces) == 2  # a sphere
@@ -64,11 +63,12 @@ def test_volumes_are_those_of_people(bodies):
 
 def test_everybody_stands_on_the_ground(bodies):
     np.testing.assert_allclose(bodies.points[..., 1].min(axis=1), 0.0, atol=0.1)
-    np.testing.assert_allclose(bodies.model.template.vertices[:, 1].min(), 0.0, atol=5e-3)
 
 
-def test_axes_of_the_model(bodies):
-    model = bodies.model
+@each_resolution
+def test_axes_of_the_model(resolution):
+    model = load_open_model(resolution)
+    np.testing.assert_allclose(model.template.vertices[:, 1].min(), 0.0, atol=5e-3)
     joints = dict(zip(model.joint_names, model.joints(), strict=True))
     assert joints["left_wrist"][0] > 0.2 > -0.2 > joints["right_wrist"][0]
     assert joints["head"][1] > 1.3 > joints["pelvis"][1] > joints["left_ankle"][1] > 0
@@ -93,13 +93,13 @@ def test_hands_open_and_close(bodies):
         assert lengths[-1] < 0.7 * lengths[0]
 
 
-def test_loading_again_gives_the_same_and_is_independent(coarse):
-    kept = coarse.points.copy()
+def test_loading_again_gives_the_same_and_is_independent(bodies):
+    kept = bodies.points.copy()
     again = load_open_bodies("coarse")
     for name in ("points", "subject", "pose", "betas", "pose_vectors", "translations"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(coarse, name))
+        np.testing.assert_array_equal(getattr(again, name), getattr(bodies, name))
         getattr(again, name)[...] = 0
-    np.testing.assert_array_equal(coarse.points, kept)
+    np.testing.assert_array_equal(bodies.points, kept)
     np.testing.assert_array_equal(load_open_bodies("coarse").points, kept)
 
 

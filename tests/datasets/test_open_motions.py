@@ -7,22 +7,7 @@ from riemhuman.datasets import load_open_bodies, load_open_motions
 from riemhuman.datasets.open_poses import read_table
 from riemhuman.errors import ArgumentError
 
-NAMES = [
-    "chicken_wings",
-    "hips",
-    "jiggle_on_toes",
-    "jumping_jacks",
-    "knees",
-    "light_hopping_loose",
-    "light_hopping_stiff",
-    "one_leg_jump",
-    "one_leg_loose",
-    "punching",
-    "running_on_spot",
-    "shake_arms",
-    "shake_hips",
-    "shake_shoulders",
-]
+NAMES = list(read_table("open_motions")["motions"])
 
 
 @pytest.fixture(scope="module")

@@ -72,15 +72,8 @@ def test_formats_have_an_order_and_hidden_files_do_not_count(data):
 def test_nothing_is_left_out_silently(data):
     (data / "Data" / "1.obj").unlink()
     (data / "Data" / "4.obj").unlink()
-    with pytest.raises(FileError, match=r"lacks 2 of the 5 .*test.cla lists: 1, 4; allow_missing"):
+    with pytest.raises(FileError, match=r"lacks 2 of the 5 .*test.cla lists: 1, 4$"):
         load_shrec14(data)
-    meshes = load_shrec14(data, allow_missing=True)
-    assert meshes.ids == ("0", "2", "3")
-    assert meshes.subject.tolist() == [0, 0, 1]
-    write_meshes(data / "none", ["88"])
-    (data / "none" / "x.cla").write_text(CLASSES)
-    with pytest.raises(FileError, match="lacks 5 of the 5 meshes"):
-        load_shrec14(data / "none", allow_missing=True)
 
 
 def test_damaged_meshes_are_named(data):

@@ -44,6 +44,7 @@ def drawn(group, resolution="coarse", n=400):
     return rh.measurements.Measurements(own).measure(bodies, axes="space", missing="nan")
 
 
+@pytest.mark.sampled(2, "full bodies")
 @pytest.mark.parametrize("sex", ["woman", "man"])
 def test_drawn_people_have_the_spread_of_ansur(sex):
     which = ("woman", "man").index(sex)

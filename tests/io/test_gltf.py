@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io import load_mesh, save_glb
 
 TYPES = {5126: "<f4", 5123: "<u2", 5125: "<u4"}
@@ -133,20 +133,14 @@ def test_refusals(path, tmp_path):
     surfaces, faces = path
     with pytest.raises(FileFormatError, match=r"path.gltf: the ending must be .glb"):
         save_glb(tmp_path / "path.gltf", surfaces, faces)
-    with pytest.raises(ArgumentTypeError, match="found 3"):
-        save_glb(3, surfaces, faces)
     with pytest.raises(ArgumentError, match=r"surfaces must have shape .*n_times"):
         save_glb(tmp_path / "path.glb", surfaces[0], faces)
     with pytest.raises(ArgumentError, match="holds no surface"):
         save_glb(tmp_path / "path.glb", surfaces[:0], faces)
-    with pytest.raises(ArgumentError, match="NaN"):
-        save_glb(tmp_path / "path.glb", surfaces * np.nan, faces)
     with pytest.raises(ArgumentError, match="out of range"):
         save_glb(tmp_path / "path.glb", surfaces, faces + 1)
     with pytest.raises(ArgumentError, match="seconds must be a finite number above 0"):
         save_glb(tmp_path / "path.glb", surfaces, faces, seconds=0)
-    with pytest.raises(FileError, match="cannot be written"):
-        save_glb(tmp_path / "absent" / "path.glb", surfaces, faces)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -48,9 +48,11 @@ METRICS = metrics()
 POSE = METRICS["pose"]
 
 
-@pytest.mark.parametrize("algorithm", ["auto", "index"])
-@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
-def test_same_as_by_all_distances(metric, algorithm):
+@pytest.mark.parametrize(
+    ("name", "algorithm"), [*((n, "index") for n in METRICS), ("both", "auto")]
+)
+def test_same_as_by_all_distances(name, algorithm):
+    metric = METRICS[name]
     points, queries = groups(sphere_template()), groups(sphere_template(), rng=1)[:7]
     # Queries that are points of the set, some nearly.
     queries[:3] = points[:3]
@@ -70,8 +72,7 @@ def test_every_metric_with_a_distance(case):
     assert_same(neighbors.kneighbors(n_neighbors=len(points) - 1), expected)
 
 
-@pytest.mark.parametrize("n_components", [0, 1, 300])
-@pytest.mark.parametrize("name", ["pose", "shape"])
+@pytest.mark.parametrize(("name", "n_components"), [("pose", 0), ("shape", 1), ("shape", 60)])
 def test_parameters_change_no_result(name, n_components):
     points = groups(sphere_template())
     neighbors = NearestNeighbors(
@@ -81,8 +82,9 @@ def test_parameters_change_no_result(name, n_components):
     assert_same(neighbors.fit(points).kneighbors(), expected)
 
 
-@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
-def test_duplicates_come_in_the_order_of_their_indices(metric):
+@pytest.mark.parametrize("name", ["pose", "srnf"])
+def test_duplicates_come_in_the_order_of_their_indices(name):
+    metric = METRICS[name]
     points = groups(sphere_template())[:20]
     points = np.concatenate([points[:6], points[:6], points[:6], points])
     neighbors = NearestNeighbors(metric, n_neighbors=5).fit(points)
@@ -94,7 +96,7 @@ def test_duplicates_come_in_the_order_of_their_indices(metric):
     assert_same(everything, by_all_distances(metric, points[:4], points, len(points)))
 
 
-@pytest.mark.parametrize("name", METRICS)
+@pytest.mark.parametrize("name", ["shape", "both"])
 def test_points_with_neighbors_are_compared_with_few(name):
     # Under the metric of shapes, all but the smallest changes are as far as can be.
     spread = 0.001 if name == "shape" else 0.02
@@ -147,23 +149,10 @@ def test_a_wrong_point_is_named():
         NearestNeighbors(POSE).fit(points)
 
 
-@pytest.mark.parametrize(
-    ("options", "error", "message"),
-    [
-        ({"n_neighbors": 0}, ArgumentError, "n_neighbors must be a whole number of at least 1"),
-        ({"n_neighbors": 2.5}, ArgumentTypeError, "n_neighbors must be a whole number"),
-        ({"algorithm": "tree"}, ArgumentError, "algorithm must be one of"),
-        ({"n_components": -1}, ArgumentError, "n_components must be a whole number of at least 0"),
-        ({"n_jobs": 0}, ArgumentError, "n_jobs must be -1, or at least 1"),
-    ],
-)
-def test_wrong_parameters(options, error, message):
-    with pytest.raises(error, match=message):
-        NearestNeighbors(POSE, **options).fit(groups(sphere_template())[:8])
-
-
 def test_wrong_calls():
     points = groups(sphere_template())[:8]
+    with pytest.raises(ArgumentError, match="algorithm must be one of"):
+        NearestNeighbors(POSE, algorithm="tree").fit(points)
     neighbors = NearestNeighbors(POSE)
     with pytest.raises(ArgumentError, match="call fit first"):
         neighbors.kneighbors(points)
@@ -208,9 +197,10 @@ CLOSE[[3, 17, 29]] = CLOSE[[39, 16, 0]] * (1 + 1e-9)
 NEAR_CLOSE = np.concatenate([surfaces(sphere_template(), 6, rng=6), CLOSE[[5, 38]] * (1 + 1e-9)])
 
 
-@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
+@pytest.mark.parametrize("name", ["shape", "srnf"])
 @pytest.mark.parametrize(("size", "algorithm"), [(1, "index"), (3, "brute"), (7, "index")])
-def test_blocks(metric, size, algorithm, monkeypatch):
+def test_blocks(name, size, algorithm, monkeypatch):
+    metric = METRICS[name]
     for name in ("_BLOCK", "_FIRST", "_BATCH"):
         monkeypatch.setattr(riemhuman.retrieval._neighbor_index, name, size)
     neighbors = NearestNeighbors(metric, 4, algorithm=algorithm).fit(CLOSE)

@@ -150,17 +150,13 @@ SQUARE = np.ones((4, 4))
     ("distances", "labels", "error", "message"),
     [
         (np.ones((4, 5)), range(4), ArgumentError, r"distances must be a square.*\(4, 5\)"),
-        (np.ones(4), range(4), ArgumentError, "distances must have shape"),
         ("text", range(4), ArgumentTypeError, "distances"),
         (np.where(np.eye(4, k=1), np.nan, 1), "aabb", ArgumentError, r"distances\[0, 1\] is nan"),
-        (np.where(np.eye(4, k=-2), np.inf, 1), "aabb", ArgumentError, r"\[2, 0\] is inf.* 2 "),
         (np.where(np.eye(4, k=3), -0.5, 1), "aabb", ArgumentError, r"\[0, 3\] is -0.5"),
         (SQUARE, "aab", ArgumentError, "3 labels found; .* 4 items"),
         (SQUARE, "abcd", ArgumentError, "found none among 4 items"),
-        (np.ones((0, 0)), [], ArgumentError, "found none among 0 items"),
         (SQUARE, None, ArgumentTypeError, "labels"),
         (SQUARE, [[0], [0], [1], [1]], ArgumentTypeError, "labels .*unhashable"),
-        (SQUARE, np.ones((4, 1)), ArgumentTypeError, "labels .*unhashable"),
     ],
 )
 def test_bad_arguments_are_refused_by_name(distances, labels, error, message):
