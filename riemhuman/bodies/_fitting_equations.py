@@ -75,8 +75,8 @@ class Skeleton:
         self.joint_shapes = np.einsum("jv,vxb->jxb", model.joint_regressor, model.shapedirs)
         if with_hands:
             self.directions = np.concatenate([model.shapedirs, model.hand_directions], axis=-1)
-            still = np.zeros((model.n_joints, 3, model.hand_directions.shape[-1]))
-            self.joint_shapes = np.concatenate([self.joint_shapes, still], axis=-1)
+            n_hands = model.hand_directions.shape[-1]
+            self.joint_shapes = np.pad(self.joint_shapes, ((0, 0), (0, 0), (0, n_hands)))
         self.n_joints, self.n_betas = model.n_joints, self.directions.shape[-1]
         # below[j, k]: whether joint k moves with joint j.
         self.below = np.eye(len(model.parents))
@@ -129,11 +129,6 @@ class JointMotions:
         axes, rotations = self.axes[limbs], self.rotations[limbs]
         products = np.einsum("jyx,cyz,jzw->jxwc", axes, _CROSS_WITH_AXES, rotations)
         return products.reshape(len(limbs), 9, 3)
-
-    @cached_property
-    def rotations_of_pose(self) -> np.ndarray:
-        """Matrices from changes of axis-angle vectors to rotations in space, shape (J, 3, 3)."""
-        return self.axes @ rotation_derivative(self.parameters.pose)
 
 
 @dataclass(frozen=True)
@@ -255,7 +250,9 @@ class Equations:
             rows = rows.reshape(-1, rows.shape[-1])
             matrix[np.ix_(patch.columns, patch.columns)] += rows.T @ rows
             right[patch.columns] += rows.T @ (factors[:, np.newaxis] * gaps).ravel()
-        change = linalg.block_diag(*motions.rotations_of_pose, np.eye(n_betas + 3))
+        # From changes of axis-angle vectors to rotations in space.
+        of_pose = motions.axes @ rotation_derivative(parameters.pose)
+        change = linalg.block_diag(*of_pose, np.eye(n_betas + 3))
         matrix, right = change.T @ matrix @ change, change.T @ right
         return matrix + np.diag(self._prior), right - self._prior * parameters.vector
 
