@@ -141,12 +141,14 @@ def poses_along(metric, first, last, rotations):
 
 
 def check_uniform_rotation(poses, first, last):
-    """Check that each joint turns about one axis, at constant speed, by the shortest way."""
+    """Check that each joint turns to its end about one axis, at constant speed, the short way."""
     for joint in range(poses.shape[1]):
         rotations = Rotation.from_rotvec(poses[:, joint])
         steps = (rotations[:-1].inv() * rotations[1:]).as_rotvec()
         np.testing.assert_allclose(steps, steps[:1] + 0 * steps, atol=1e-12)
-        gap = Rotation.from_rotvec(first.pose[joint]).inv() * Rotation.from_rotvec(last.pose[joint])
+        end = Rotation.from_rotvec(last.pose[joint])
+        assert (rotations[-1].inv() * end).magnitude() < 1e-11
+        gap = Rotation.from_rotvec(first.pose[joint]).inv() * end
         np.testing.assert_allclose(8 * np.linalg.norm(steps[0]), gap.magnitude(), atol=1e-11)
 
 

@@ -20,7 +20,7 @@ from riemhuman.geometry import (
     ProductManifold,
     VectorSpace,
 )
-from riemhuman.solvers import BasisMean
+from riemhuman.solvers import BasisMean, tangent_pca
 from riemhuman.statistics import TangentPCA, inverted_triangles
 from riemhuman.surfaces import DeformationBasis, generalized_procrustes
 from riemhuman.surfaces.measures import triangle_areas
@@ -227,6 +227,16 @@ def test_samples_that_are_not_accepted_are_drawn_anew():
     np.testing.assert_array_equal(ahead[: len(kept)], kept)
     with pytest.raises(ArgumentError, match="one point in 100; it did 0 of 200"):
         pca.sample(2, accept=lambda point: False)
+
+
+def test_samples_with_inverted_triangles_are_drawn_anew(monkeypatch):
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    points = surfaces(sphere_template(), 3, rng=5, size=0.1)
+    pca, verdicts = TangentPCA(space, 1, mean=points[0]).fit(points), [False, True]
+    monkeypatch.setattr(tangent_pca, "inverted_triangles", lambda *_: np.array([verdicts.pop()]))
+    assert pca.sample(rng=3).shape == space.shape
+    assert verdicts == []
 
 
 def share_between(scores, labels):
