@@ -127,7 +127,7 @@ def path(text: str) -> Path:
     return file_path(text)
 
 
-def path_option(flags: str, metavar: str, text: str, **settings: Any) -> Argument:
+def path_option(flags: str, metavar: str, text: str = "mesh file", **settings: Any) -> Argument:
     return option(flags, text, type=path, metavar=metavar, **settings)
 
 
@@ -173,10 +173,6 @@ def output(
     text = text or f"{' or '.join(kinds)} to write"
     own = option(flags, text, metavar=metavar, required=required)
     return several(own, *[FORCE] * (dest == "output"), check=check)
-
-
-def mesh(dest: str, metavar: str, text: str = "mesh file") -> Argument:
-    return path_option(dest, metavar, text)
 
 
 def template(default: str, use: str = "whose triangle areas weight the metric") -> Argument:

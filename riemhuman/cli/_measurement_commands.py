@@ -126,8 +126,8 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> str:
     "deviations of a difference over poses of one person.",
     "  riemhuman compare visit1.ply visit2.ply\n"
     "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
-    cli.mesh("before", "BEFORE", "the first visit"),
-    cli.mesh("after", "AFTER", "the second visit"),
+    cli.path_option("before", "BEFORE", "the first visit"),
+    cli.path_option("after", "AFTER", "the second visit"),
     cli.output("CSV", ".csv", text="table to write", required=False),
     _DEFINITIONS,
 )

@@ -73,16 +73,14 @@ def name_of(bodies: Bodies, index: int) -> str:
     return f"{readable(subject)}, {readable(bodies.pose_names[bodies.pose[index]])}"
 
 
-def choose_pair(distances: ndarray, suits: Callable[..., ndarray], share: float) -> Pair | None:
+def choose_pair(distances: ndarray, suits: ndarray, share: float) -> Pair | None:
     """Return, of the pairs that suit, that at a share of their order by distance: 1, the farthest.
 
-    `suits` says of the numbers of two items, as arrays, which of these pairs do.
+    `suits` tells of two items, in a row and a column, whether they do.
     """
-    first, second = np.triu_indices(len(distances), 1)
-    chosen = suits(first, second)
-    if not chosen.any():
+    first, second = np.nonzero(np.triu(suits, 1))
+    if not len(first):
         return None
-    first, second = first[chosen], second[chosen]
     order = np.argsort(distances[first, second], kind="stable")
     number = order[round(share * (len(order) - 1))]
     return int(first[number]), int(second[number])
@@ -186,12 +184,10 @@ class Report:
 
     def pair(self, metric: str, share: float, *, person: bool, pose: bool) -> Pair | None:
         """Return bodies that do or do not share the person and the pose, see `choose_pair`."""
-
-        def suits(first: ndarray, second: ndarray) -> Any:
-            subject, stance = self.bodies.subject, self.bodies.pose
-            same_person = subject[first] == subject[second]
-            return (same_person == person) & ((stance[first] == stance[second]) == pose)
-
+        same_person, same_pose = (
+            np.equal.outer(labels, labels) for labels in (self.bodies.subject, self.bodies.pose)
+        )
+        suits = (same_person == person) & (same_pose == pose)
         return choose_pair(self.matrix(metric), suits, share)
 
     @cached_property

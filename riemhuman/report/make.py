@@ -128,10 +128,11 @@ def make_report(
     report = Report(bodies, digest, plan, store, files, compared, basis)
     with figure_style():
         made = [section for make in _SECTIONS if (section := make(report)) is not None]
+    sizes = _sizes(bodies)
     text = page(
         _TITLE,
         fill("lead", poses=[readable(name) for name in bodies.pose_names[:3]], quick=quick),
-        _facts(bodies),
+        [(f"{number:,}", name) for name, number in sizes.items()],
         [*first, *made, _making_section(report)],
         f"Made with riemhuman {_versions()['riemhuman']}, {_now()}. "
         "Bodies in 3-D are drawn by three.js (MIT licence).",
@@ -147,7 +148,8 @@ def make_report(
         "finished": _now(),
         "versions": _versions(),
         "machine": {"system": platform.system(), "processor": platform.machine()},
-        "bodies": _sizes(bodies) | {"fingerprint": digest},
+        "sizes": sizes,
+        "fingerprint": digest,
         "basis": report.basis[1],
         "parameters": asdict(plan),
         "seeds": {"t-sne": plan.seed},
@@ -159,20 +161,12 @@ def make_report(
 
 def _sizes(bodies: Bodies) -> dict[str, int]:
     return {
-        "number": len(bodies),
+        "bodies": len(bodies),
         "people": len(set(bodies.subject.tolist())),
         "poses": len(set(bodies.pose.tolist())),
-        "vertices": bodies.template.n_vertices,
-        "triangles": bodies.template.n_faces,
+        "vertices each": bodies.template.n_vertices,
+        "pairs": len(bodies) * (len(bodies) - 1) // 2,
     }
-
-
-def _facts(bodies: Bodies) -> list[tuple[str, str]]:
-    """Return the sizes of the data, with their names on the page."""
-    sizes = _sizes(bodies)
-    names = {"number": "bodies", "people": "people", "poses": "poses", "vertices": "vertices each"}
-    facts = [(f"{sizes[key]:,}", name) for key, name in names.items()]
-    return [*facts, (f"{len(bodies) * (len(bodies) - 1) // 2:,}", "pairs")]
 
 
 def _making_section(report: Report) -> Section:

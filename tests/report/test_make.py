@@ -171,7 +171,7 @@ def test_results_are_those_of_the_library(folder, nine_bodies):
 def test_provenance(folder, nine_bodies):
     found = json.loads((folder / "provenance.json").read_text(encoding="utf-8"))
     assert found["status"] == "finished"
-    assert found["bodies"]["number"] == 9
+    assert found["sizes"]["bodies"] == 9
     assert found["versions"]["numpy"] == np.__version__
     assert found["parameters"]["n_nodes"] == 7
     assert found["seeds"] == {"t-sne": 0}

@@ -16,13 +16,11 @@ DISTANCES = np.abs(np.subtract.outer(np.arange(9.0) ** 2, np.arange(9.0) ** 2))
 
 
 def test_pairs_by_what_they_share_and_their_distance():
-    def suits(one, other):
-        return (SUBJECT[one] == SUBJECT[other]) & (POSE[one] != POSE[other])
-
+    suits = np.equal.outer(SUBJECT, SUBJECT) & ~np.equal.outer(POSE, POSE)
     # Items i and j are |i² − j²| apart: 0 and 1 are nearest, 6 and 8 farthest within a person.
     assert choose_pair(DISTANCES, suits, 0.0) == (0, 1)
     assert choose_pair(DISTANCES, suits, 1.0) == (6, 8)
-    assert choose_pair(DISTANCES, lambda one, other: one == other, 0.5) is None
+    assert choose_pair(DISTANCES, np.eye(9, dtype=bool), 0.5) is None
 
 
 def test_groups_hold_one_of_each():
