@@ -67,8 +67,7 @@ class Skeleton:
     """
 
     def __init__(self, model: Any, with_hands: bool = False) -> None:
-        self.parents = model.parents
-        self.order = model.joint_order
+        self.model, self.parents, self.order = model, model.parents, model.joint_order
         self.limbs = np.flatnonzero(model.parents >= 0)  # joints other than the root
         self.rest_joints = model.joint_regressor @ model.template.vertices
         self.directions = model.shapedirs
@@ -207,7 +206,6 @@ class Equations:
 
     def __init__(
         self,
-        model: Any,
         skeleton: Skeleton,
         combine: sparse.csr_array,
         shares: np.ndarray,
@@ -218,11 +216,11 @@ class Equations:
         self._skeleton, self._loss, self._prior = skeleton, loss, prior
         self._shares = shares / shares[numbers].sum()
         self._patches = [
-            _patch(model, skeleton, combine, numbers[first : first + _PATCH])
+            _patch(skeleton, combine, numbers[first : first + _PATCH])
             for first in range(0, len(numbers), _PATCH)
         ]
         self._numbers = numbers
-        self._weights = (combine @ model.weights)[numbers]
+        self._weights = (combine @ skeleton.model.weights)[numbers]
 
     def cost(self, parameters: Parameters, target: np.ndarray) -> float:
         """Return the mean loss of the distances from the points to their targets, and the prior."""
@@ -282,9 +280,8 @@ class Equations:
         return rotations
 
 
-def _patch(
-    model: Any, skeleton: Skeleton, combine: sparse.csr_array, numbers: np.ndarray
-) -> _Patch:
+def _patch(skeleton: Skeleton, combine: sparse.csr_array, numbers: np.ndarray) -> _Patch:
+    model = skeleton.model
     rows = combine[numbers]
     vertices = np.unique(rows.indices)
     local = rows[:, vertices]

@@ -167,7 +167,6 @@ def fit_model(
         weight = real_number(hands_prior, "hands_prior", minimum=0.0)
         in_hands = np.full(len(model.hand_pose("relaxed")), weight)
     fitter = _Fitter(
-        model,
         Skeleton(model, with_hands=hands_prior is not None),
         combine,
         _shares(weights, n_points),
@@ -306,7 +305,6 @@ class _Fitter:
 
     def __init__(
         self,
-        model: Any,
         skeleton: Skeleton,
         combine: sparse.csr_array,
         shares: np.ndarray,
@@ -315,7 +313,7 @@ class _Fitter:
         tolerance: float,
         max_iter: int,
     ) -> None:
-        self._model, self._skeleton, self._combine = model, skeleton, combine
+        self._skeleton, self._combine, model = skeleton, combine, skeleton.model
         self._tolerance, self._max_iter = tolerance, max_iter
         # By the joint that moves them most, so that neighbours depend on few joints.
         main = np.where(shares > 0, (combine @ model.weights).argmax(axis=1), -1)
@@ -323,7 +321,7 @@ class _Fitter:
         everything = np.concatenate(of_joints)
         few = np.concatenate([_spread_out(numbers, len(everything)) for numbers in of_joints])
         self._stages = [
-            Equations(model, self._skeleton, combine, shares, numbers, loss, prior)
+            Equations(skeleton, combine, shares, numbers, loss, prior)
             for numbers in ((few, everything) if len(few) < len(everything) else (everything,))
         ]
 
@@ -333,9 +331,10 @@ class _Fitter:
         for stage in self._stages:
             parameters, steps, converged = self._descend(stage, target, parameters)
             n_iterations += steps
-        betas, hands = np.split(parameters.betas, [self._model.n_betas])
+        model = self._skeleton.model
+        betas, hands = np.split(parameters.betas, [model.n_betas])
         given = hands if hands.size else None
-        points = self._model(betas, parameters.pose, parameters.trans, given)
+        points = model(betas, parameters.pose, parameters.trans, given)
         gaps = self._combine @ points - target
         return ModelFit(
             betas=betas,

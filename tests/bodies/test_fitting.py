@@ -13,11 +13,7 @@ from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, ModelFit, convert_fit, correspondence_matrix
-from riemhuman.bodies._fitting_equations import (
-    Equations,
-    Parameters,
-    Skeleton,
-)
+from riemhuman.bodies._fitting_equations import Equations, Parameters, Skeleton
 from riemhuman.bodies.fitting import _LOSSES, _loss
 from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, ConvergenceWarning
@@ -141,7 +137,7 @@ def test_the_right_hand_side_is_the_gradient(model, smpl, loss, which, mapped):
     numbers = rng.permutation(len(target))
     prior = rng.uniform(size=3 * body.n_joints + body.n_betas + 3)
     function = _loss(loss, 0.02)
-    equations = Equations(body, Skeleton(body), combine, shares, numbers, function, prior)
+    equations = Equations(Skeleton(body), combine, shares, numbers, function, prior)
     _, right = equations.normal(start, target)
 
     def cost(step):
