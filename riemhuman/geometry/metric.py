@@ -668,8 +668,7 @@ class RiemannianMetric:
         if (end_point is None) == (initial_tangent_vec is None):
             raise ArgumentError("geodesic needs end_point or initial_tangent_vec, and not both")
         if end_point is not None:
-            start = self._check_end(initial_point, "initial_point")
-            return self._geodesic_between(start, self._check_end(end_point, "end_point"))
+            return self._geodesic_between(initial_point, end_point)
         initial_point = self.space.check_point(initial_point, "initial_point")
         velocity = real_array(initial_tangent_vec, "initial_tangent_vec", self.space.shape)
         point, velocity = (
@@ -677,11 +676,9 @@ class RiemannianMetric:
         )
         return lambda t: self.exp(self._times(t) * velocity, point)
 
-    def _check_end(self, point: ndarray, name: str) -> ndarray:
-        """Return an end of a geodesic between two points after checking it."""
-        return self.space.check_point(point, name)
-
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        start = self.space.check_point(start, "initial_point")
+        end = self.space.check_point(end, "end_point")
         if _is_overridden(self, "_log"):
             return self.geodesic(start, initial_tangent_vec=self.log(end, start))
         solver = self._solver("geodesic_solver")
@@ -811,7 +808,7 @@ def _scaled(name: str, power: float) -> Callable[..., Any]:
 for _power, _names in {
     1.0: "inner_product covector gram_matrix metric_matrix squared_dist energy curvature_form",
     0.5: "length injectivity_radius lower_bound_coordinates",
-    0.0: "exp log parallel_transport remove_drift map differential _geodesic_between _check_end",
+    0.0: "exp log parallel_transport remove_drift map differential _geodesic_between",
 }.items():
     for _name in _names.split():
         setattr(ScalarProductMetric, _name, _scaled(_name, _power))

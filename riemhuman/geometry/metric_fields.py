@@ -233,9 +233,6 @@ class EbinMetric(ConeMetric):
         self._term = EbinTerm(lam=lam)
         self.lam = self._term.lam
 
-    def _check_end(self, point: ndarray, name: str) -> ndarray:
-        return self._checked(point, name)[0]  # in the completion
-
 
 class GeneralElasticFieldMetric(ConeMetric):
     r"""The general elastic metric on pairs of a metric field and a normal field.

@@ -121,12 +121,6 @@ def test_log_beyond_pi_is_refused():
 # Refusals.
 
 
-@pytest.mark.parametrize("lam", [0.0, -1.0, np.nan, np.inf])
-def test_lambda_must_be_positive(lam):
-    with pytest.raises(ArgumentError, match="lam must be a finite number above 0; found"):
-        EbinMetric(SPACE, lam=lam)
-
-
 @pytest.mark.parametrize(
     ("matrix", "message"),
     [
