@@ -149,7 +149,13 @@ def plot_path(
     if spacing is not None:
         step = real_number(spacing, "spacing", minimum=0, strict=True)
         middles = widths[0] / 2 + step * np.arange(len(chosen))
-    tints = _tints(surfaces, faces, values, colors, largest)
+    if values is not None:
+        shape = (len(surfaces), len(np.asarray(faces)))
+        shades = real_array(values, "values", shape, batched=False)
+        tints = value_colors(shades, colour_limit(shades) if largest is None else largest)
+    else:
+        given = [SKIN] * len(surfaces) if colors is None else colors
+        tints = real_array(given, "colors", (len(surfaces), 3), batched=False)
     ax = new_axes(ax, min(12.0, 2.4 * (middles[-1] + widths[-1] / 2) / common.height), 2.4)
     for order, (index, own) in enumerate(zip(chosen, windows, strict=True)):
         picture = render(
@@ -190,22 +196,6 @@ def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarra
     if not areas.all():
         raise ArgumentError("faces must not include triangles without area")
     return real_array(values, "values", (len(areas),)) / areas
-
-
-def _tints(
-    path: ndarray,
-    faces: ArrayLike,
-    values: ArrayLike | None,
-    colors: ArrayLike | None,
-    largest: float | None,
-) -> Any:
-    if values is not None:
-        shape = (len(path), len(np.asarray(faces)))
-        shades = real_array(values, "values", shape, batched=False)
-        return value_colors(shades, colour_limit(shades) if largest is None else largest)
-    if colors is None:
-        return [SKIN] * len(path)
-    return real_array(colors, "colors", (len(path), 3), batched=False)
 
 
 def _scale(largest: float) -> Any:
