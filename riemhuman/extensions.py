@@ -14,9 +14,8 @@ A package names them in its setup.cfg,
     riemhuman.measurements =
         arm span = their_package:ArmSpan
 
-and a script calls `register`. In both cases, ``riemhuman tables``, the report and the options
-``--metric`` and ``--reader`` of the command line find them, and measurements are taken with those
-of the library.
+and a script calls `register`. In both cases tables, the report and the options ``--metric`` and
+``--reader`` of the command line find them, and measurements are taken with those of the library.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 On surfaces they search over smooth deformations of the template: over all vertices, metrics that
 measure no bending crumple a mesh. `exp` and `log` make as many steps over the same deformations and
-the velocity, so that each undoes the other: ten, or up to eighty where λ is so small that steps
-must be short. Between two very different poses, λ = 1e-4 may leave no logarithm even then.
+the velocity, so that each undoes the other: ten, or up to eighty where λ is small.
 """
 
 from __future__ import annotations

@@ -134,11 +134,7 @@ class GeodesicEquation:
         derivative: float,
         energy: float,
     ) -> Triple:
-        """Solve for the shift.
-
-        The equation's derivative by the shift is about `derivative` times the metric's matrix, and
-        the energy of the path of three points about `energy`.
-        """
+        """Solve for the shift, given about what factor of the metric's matrix is the derivative."""
         metric, shape = self.metric, middle.shape
         # A step may be no longer than rounding errors.
         near = self._project(rounded(middle, _ROUNDING))

@@ -64,12 +64,10 @@ class LBFGS:
     """A preconditioned quasi-Newton method for smooth functions, with kinks at most here and there.
 
     The search ends when a Newton step, as estimated from the operator and the last steps, would
-    gain at most the share `tolerance` of the value, or when many iterations together have gained a
-    small part of that. A Newton step counts as small only if the second half of the iterations, if
-    they are many, has gained at most the share `recent_decrease`: along soft directions that no
-    step has explored, an estimate is too small. The operator is formed anew after `refresh`
-    iterations. `callback` is called with (iteration, value, x) after each iteration; `progress` is
-    the text of a progress bar, if there is to be one.
+    gain at most the share `tolerance` of the value and the second half of the iterations, if they
+    are many, has gained at most the share `recent_decrease`; or when many iterations together have
+    gained a small part of `tolerance`. The operator is formed anew after `refresh` iterations.
+    `progress` is the text of a progress bar.
     """
 
     tolerance: float

@@ -361,10 +361,9 @@ def _energy(metric: RiemannianMetric, energy: PathEnergy, path: ndarray) -> floa
 def freeze_flat_triangles(inverse: Operator, nodes: ndarray, faces: ndarray) -> Operator:
     r"""Return an inverse Hessian over the motions that leave flat triangles as flat as they are.
 
-    Where a triangle loses its area its normal jumps, and a path may get stuck: each direction that
-    still leads down moves such a triangle a little, too. The corner opposite to the longest edge
-    therefore stays where it is relative to that edge. With these linear conditions C x = 0 the
-    inverse H, over the coordinates of nodes of shape (n, V, 3), becomes
+    Where a triangle loses its area its normal jumps, and a path may get stuck. The corner opposite
+    to the longest edge therefore stays where it is relative to that edge. With these linear
+    conditions C x = 0 the inverse H, over the coordinates of nodes of shape (n, V, 3), becomes
     H − H Cᵀ (C H Cᵀ)⁻¹ C H.
     """
     _, n_vertices, n_axes = nodes.shape
