@@ -256,6 +256,7 @@ def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_
     (2, 3)
     """
     n_vertices = model.n_vertices
+    is_pair = isinstance(correspondence, Sequence) and len(correspondence) == 2
     if correspondence is None:
         return sparse.eye_array(n_vertices, format="csr")
     if sparse.issparse(correspondence):
@@ -265,11 +266,7 @@ def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_
                 f"correspondence must have shape (n_points, {n_vertices}); found {matrix.shape}"
             )
         matrix.sum_duplicates()
-    elif (
-        isinstance(correspondence, Sequence)
-        and len(correspondence) == 2
-        and np.ndim(correspondence[0])
-    ):
+    elif is_pair and np.ndim(correspondence[0]):
         triangles = integer_array(correspondence[0], "triangles of correspondence", ("n_points",))
         _refuse_outside(triangles, len(model.faces), "triangles")
         shape = (len(triangles), 3)
