@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from riemhuman.datasets.registered_meshes import (
     no_meshes,
 )
 from riemhuman.errors import FileError, FileFormatError
-from riemhuman.io.files import file_path, read_text
+from riemhuman.io.files import file_path, read_text, short_message
 from riemhuman.io.meshes import load_mesh
 from riemhuman.representation import Record, join_names
 
@@ -147,72 +148,39 @@ def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
     with its name, the name of its parent class or 0, the number of its meshes, and their ids. Line
     breaks have no meaning. Classes without meshes are left out.
     """
-    words = _Words(file_path(path, "classes"))
-    if words.next("the word PSB").upper() != "PSB":
-        raise words.error("a class file begins with PSB")
-    words.next("the version")
-    n_classes = words.next_count("the number of classes")
-    n_meshes = words.next_count("the number of meshes")
+    file = file_path(path, "classes")
+    words = iter(re.findall(r"[^ \t\v\f\r\n]+", read_text(file)))
     members: dict[str, tuple[str, ...]] = {}
-    known_ids: set[str] = set()
-    for number in range(n_classes):
-        name = words.next(f"the name of class {number + 1} of {n_classes}")
-        if name in members:
-            raise words.error("this class is there already")
-        label = name[:60]
-        parent = words.next(f"the parent of class {label}")
-        if parent not in ("0", "-1") and parent not in members:
-            raise words.error(f"the parent of class {label} must be 0 or a class defined before")
-        ids = []
-        for _ in range(words.next_count(f"the number of meshes of class {label}")):
-            ids.append(words.next(f"the id of a mesh of class {label}"))
-            if ids[-1] in known_ids:
-                raise words.error("this mesh is in a class already")
-            known_ids.add(ids[-1])
-        members[name] = tuple(ids)
-    if words.next():
-        raise words.error("the file has more words than its header declares")
-    if len(known_ids) != n_meshes:
+    where = "its header"
+    try:
+        if next(words).upper() != "PSB":
+            raise FileFormatError(f"{file} is not a class file: it does not begin with PSB")
+        _, n_classes, n_meshes = next(words), int(next(words)), int(next(words))
+        for number in range(n_classes):
+            where = f"class {number + 1} of {n_classes}"
+            name, parent, count = next(words), next(words), int(next(words))
+            if name in members or parent not in ("0", "-1", *members):
+                raise FileFormatError(
+                    f"{file}: {where} must have a name of its own and a parent defined before, or "
+                    f"0; found {name[:60]!r} and {parent[:60]!r}"
+                )
+            members[name] = tuple(islice(words, count))
+            if len(members[name]) < count:
+                raise StopIteration
+    except FileFormatError:
+        raise
+    except StopIteration:
+        raise FileFormatError(f"{file} ends within {where}") from None
+    except ValueError as error:
+        raise FileFormatError(f"{file}: {where} is damaged: {short_message(error)}") from error
+    ids = [each for names in members.values() for each in names]
+    left = len(list(words))
+    if left or not len(set(ids)) == len(ids) == n_meshes:
         raise FileFormatError(
-            f"{path}: {len(known_ids)} meshes found in classes, the header declares {n_meshes}"
+            f"{file} must list {n_meshes} different meshes, as its header declares; found "
+            f"{len(ids)}, {len(set(ids))} of them different, and {left} words behind"
         )
-    return {name: ids for name, ids in members.items() if ids}
-
-
-class _Words:
-    """The words of a text file, one after the other, with their lines."""
-
-    def __init__(self, file: Path) -> None:
-        self._file = file
-        lines = re.split(r"\r\n|\r|\n", read_text(file))
-        self._words = (
-            (number, word)
-            for number, line in enumerate(lines, 1)
-            for word in re.findall(r"[^ \t\v\f]+", line)
-        )
-        self._line, self._word = 1, ""
-
-    def next(self, meaning: str = "") -> str:
-        """Return the next word; at the end, "" or an error that names what was expected."""
-        self._line, self._word = next(self._words, (self._line, ""))
-        if meaning and not self._word:
-            raise FileFormatError(
-                f"{self._file}, line {self._line}: the file ends where {meaning} was expected"
-            )
-        return self._word
-
-    def next_count(self, meaning: str) -> int:
-        """Return the next word as a number."""
-        word = self.next(meaning)
-        if not re.fullmatch(r"[0-9]{1,9}", word):
-            raise self.error(f"{meaning} was expected")
-        return int(word)
-
-    def error(self, reason: str) -> FileFormatError:
-        """Return an error about the last word."""
-        return FileFormatError(
-            f"{self._file}, line {self._line}: {self._word[:60]!r} found; {reason}"
-        )
+    return {name: names for name, names in members.items() if names}
 
 
 def _find_class_file(root: Path) -> Path:

@@ -17,8 +17,9 @@ from riemhuman.kernels.threads import mapped, slices, thread_count
 # Numbers of points that are added, and of queries that are answered, at a time.
 _BLOCK = 64
 
-# Largest number of lower bounds in memory.
-_BOUNDS = 2**22
+# Largest numbers of lower bounds in memory, and of points whose features are held in double
+# precision.
+_BOUNDS, _DOUBLE = 2**22, 256
 
 # Largest numbers of points that the projection is fitted to, and of all their coordinates.
 _SAMPLE, _SAMPLE_SIZE = 1024, 2**26
@@ -124,15 +125,10 @@ class NeighborIndex:
                     return self._search(one, float(rounding[i]), bounds[i], slack, k, first)  # noqa: B023
 
                 found = list(mapped(search, range(len(points)), n_threads=n_threads))
-
-            def exact(i: int) -> tuple[ndarray, ndarray, int]:
-                some, n_compared = found[i]  # noqa: B023
-                query = points[i : i + 1]  # noqa: B023
-                distances = self.metric.cdist(query, self.points[some], precision="double")[0]
+            exact = self._exact_distances(points, [some for some, _ in found], n_threads)
+            for (some, n_compared), distances in zip(found, exact, strict=True):
                 order = np.lexsort((some, distances))[:k]
-                return distances[order], some[order], n_compared
-
-            yield from mapped(exact, range(len(points)), n_threads=n_threads)
+                yield distances[order], some[order], n_compared
 
     def _compare_all(
         self, features: tuple[ndarray, ...], numbers: list[int | None], k: int
@@ -201,6 +197,32 @@ class NeighborIndex:
         # NaN, from an overflow in single precision, gives no bound.
         low = np.nan_to_num(distances - error, nan=0.0)
         return low, np.nan_to_num(distances + error, nan=np.inf, posinf=np.inf)
+
+    def _exact_distances(
+        self, points: ndarray, candidates: list[ndarray], n_threads: int
+    ) -> list[ndarray]:
+        """Return the distances of each query from its candidates, in double precision."""
+        own = features_in_threads(self.metric, points, "double", thread_count(self.n_jobs))
+        exact = [np.empty(len(numbers)) for numbers in candidates]
+        everyone = np.unique(np.concatenate(candidates))
+        for part in slices(len(everyone), _DOUBLE):
+            some = everyone[part]
+            features = features_in_threads(
+                self.metric, self.points[some], "double", thread_count(self.n_jobs)
+            )
+
+            def compare(i: int, some: ndarray = some, features: Any = features) -> None:
+                here = np.flatnonzero(np.isin(candidates[i], some))
+                places = np.searchsorted(some, candidates[i][here])
+                squared = self.metric.bulk.squared_distances(
+                    tuple(feature[i : i + 1] for feature in own),
+                    tuple(feature[places] for feature in features),
+                )
+                exact[i][here] = np.sqrt(squared[0])
+
+            for _ in mapped(compare, range(len(candidates)), n_threads=n_threads):
+                pass
+        return exact
 
 
 def _squared_distances(rows: ndarray, others: ndarray) -> tuple[ndarray, float]:

@@ -201,7 +201,7 @@ NEAR_CLOSE = np.concatenate([surfaces(sphere_template(), 6, rng=6), CLOSE[[5, 38
 @pytest.mark.parametrize(("size", "algorithm"), [(1, "index"), (3, "brute"), (7, "index")])
 def test_blocks(name, size, algorithm, monkeypatch):
     metric = METRICS[name]
-    for name in ("_BLOCK", "_FIRST", "_BATCH"):
+    for name in ("_BLOCK", "_FIRST", "_BATCH", "_DOUBLE"):
         monkeypatch.setattr(riemhuman.retrieval._neighbor_index, name, size)
     neighbors = NearestNeighbors(metric, 4, algorithm=algorithm).fit(CLOSE)
     assert_same(neighbors.kneighbors(), by_all_distances(metric, None, CLOSE, 4))
