@@ -182,6 +182,7 @@ def test_squared_dists_and_gradient_are_those_of_single_segments(case):
     np.testing.assert_allclose(gradient, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_gradients_of_squared_norm(case):
     metric, projection = case.metric, case.space.projection

@@ -134,6 +134,7 @@ def definitions(m, quarter):
     return value(m), grad(value)(m)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("function", [loops, definitions])
 @pytest.mark.parametrize("lam", [1e-4, 0.01, 0.125, 1.0, 100.0])
 def test_slopes_of_half_angles(lam, function):
