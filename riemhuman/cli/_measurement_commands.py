@@ -123,7 +123,7 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> str:
     "changes of one person between two visits",
     "Brings two registered meshes of one person to the standard pose and prints how their\n"
     "measurements changed. A change is marked if it exceeds its threshold: two standard\n"
-    "deviations of a difference over poses of one person.",
+    "deviations of a difference over poses of one person. What a scan did not show is nan.",
     "  riemhuman compare visit1.ply visit2.ply\n"
     "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
     cli.path_option("before", "BEFORE", "the first visit"),
@@ -132,9 +132,13 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> str:
     _DEFINITIONS,
 )
 def _compare(options: argparse.Namespace) -> cli.Answer:
-    measurements, points = _read([options.before, options.after], options)
+    import numpy as np
+
+    files = [options.before, options.after]
+    measurements, points = _read(files, options)
+    trusted = _trusted_vertices(files, points.shape[1])
     with options.task("Standard pose of 2 meshes"):
-        result = rh.measurements.compare_visits(measurements, *points)
+        result = rh.measurements.compare_visits(measurements, *points, trusted_vertices=trusted)
     columns = (
         *(result.names, result.units, result.before, result.after),
         *(result.changes, result.thresholds, result.is_significant),
@@ -144,7 +148,8 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         titles = ["measurement", "unit", "before", "after", "change", "threshold"]
         titles.append("exceeds threshold")
         _write_table(options.output, [titles, *([*row[:-1], bool(row[-1])] for row in rows)])
-    outward = 1000.0 * result.displacements
+    moved = 1000.0 * result.displacements
+    outward = moved[np.isfinite(moved)] if np.isfinite(moved).any() else moved
     record = {
         "before": options.before,
         "after": options.after,

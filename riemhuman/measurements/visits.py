@@ -79,7 +79,7 @@ class VisitComparison:
     @property
     def expected_by_chance(self) -> float:
         """Number of measurements expected beyond their thresholds if nothing changed."""
-        return float(_CHANCE * np.isfinite(self.noise).sum())
+        return float(_CHANCE * np.isfinite(self.noise * self.changes).sum())
 
     @property
     def areas_significant(self) -> ndarray:
@@ -87,7 +87,9 @@ class VisitComparison:
         return np.abs(self.area_changes) > _SIGNIFICANT * self.area_noise
 
 
-def compare_visits(measurements: Measurements, before: Any, after: Any) -> VisitComparison:
+def compare_visits(
+    measurements: Measurements, before: Any, after: Any, *, trusted_vertices: Any = None
+) -> VisitComparison:
     """Compare two visits of one person, in any poses.
 
     `in_standard_pose` brings both bodies to the standard pose, where they are measured.
@@ -98,6 +100,8 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
         The measurements; their template must be a body model.
     before, after : array_like, shape (V, 3)
         The person at both visits, metres.
+    trusted_vertices : array_like of bool, shape (2, V), optional
+        Which vertices of each to trust, as for `Measurements.measure`; changes elsewhere are NaN.
 
     Examples
     --------
@@ -113,7 +117,11 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
     before = real_array(before, "before", shape, batched=False)
     after = real_array(after, "after", shape, batched=False)
     straight = in_standard_pose(description, np.stack([before, after]))
-    measured = measurements.measure(straight, axes="space", missing="nan")
+    options: Any = {"axes": "space", "missing": "nan", "trusted_vertices": trusted_vertices}
+    measured = measurements.measure(straight, **options)
+    known_in_both = np.ones(description.n_vertices, dtype=bool)
+    if trusted_vertices is not None:
+        known_in_both = np.all(np.broadcast_to(trusted_vertices, straight.shape[:2]), axis=0)
     first, second = straight[0], procrustes(straight[1], to=straight[0])
     assert description.model is not None
     space = AlignedSurfaces(description.model.template, equip=False, scale=None)
@@ -130,9 +138,15 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
         noise=np.array([known.get(name, np.nan) for name in measured.names]),
         points_before=first,
         points_after=second,
-        area_changes=np.log(areas[1] / areas[0]),
+        area_changes=np.where(
+            known_in_both[description.faces].all(axis=1), np.log(areas[1] / areas[0]), np.nan
+        ),
         area_noise=area_noise,
-        displacements=np.sum((second - first) * vertex_normals(first, description.faces), axis=1),
+        displacements=np.where(
+            known_in_both,
+            np.sum((second - first) * vertex_normals(first, description.faces), axis=1),
+            np.nan,
+        ),
     )
 
 

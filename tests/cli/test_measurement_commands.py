@@ -82,6 +82,21 @@ def test_people_who_sit(run, scans):
     assert "leave out --model" in refused.err
 
 
+def test_visits_without_parts_that_a_scan_does_not_show(run, bodies, tmp_path):
+    """The second scan shows no head."""
+    faces, points = bodies.template.faces, bodies.points[[0, 2]]
+    shown = points[1][:, 1] < points[1][:, 1].max() - 0.3
+    save_mesh(tmp_path / "one.ply", points[0], faces)
+    save_mesh(tmp_path / "two.ply", points[1], faces, shown)
+    only = ("--only", "head girth", "--only", "calf girth", "--json")
+    record = json.loads(run("compare", tmp_path / "one.ply", tmp_path / "two.ply", *only).out)
+    assert record["changes"][0] is None
+    assert abs(record["changes"][1]) < 0.02
+    assert record["exceeds_threshold"][0] is False
+    assert record["expected_beyond_threshold_by_chance"] == pytest.approx(0.0455, rel=1e-3)
+    assert np.isfinite(record["outward_millimetres"]["most"])
+
+
 def test_two_visits(run, scans, bodies, own, tmp_path):
     files = (scans / "body_0.ply", scans / "body_2.ply")
     record = json.loads(run("compare", *files, "--json").out)
