@@ -38,8 +38,8 @@ _MODEL_ALONG = 0.05
 _PRIOR_METRES = 0.02
 # Largest rotation of a joint in a step, radians.
 _LONGEST = 0.3
-# Inverse variance of the coefficients of hands, where 1 is a fist.
-_HANDS_PRECISION = 100.0
+# Inverse variance of the coefficients of hands, of which 1 is a pose of a hand.
+_HANDS_PRECISION = 300.0
 
 _N_SURFACE_STEPS = 3
 _FREE_ALONG = 0.05
@@ -52,8 +52,8 @@ _N_DENSE = 3000
 _N_ROTATED, _LEAST_ROTATED = 1000, 0.06
 # Rotations are different if the forearm and hand are this far apart, metres in the mean.
 _DIFFERENT_METRES = 0.008
-# Another rotation must bring the scan nearer to the arm by this share.
-_LEAST_GAIN = 0.05
+# Another rotation, or pose of the hand, must bring the scan nearer to the arm by this share.
+_LEAST_GAIN, _LEAST_GAIN_OF_HANDS = 0.05, 0.1
 # Distances beyond this are of other parts of the scan, metres.
 _ARM_METRES = 0.03
 _ARM_STIFFNESSES = (1e-3, 3e-4, 1e-4, 5e-5)
@@ -229,6 +229,7 @@ class _Arm(NamedTuple):
     joints: np.ndarray  # from the collar to the wrist
     vertices: np.ndarray  # numbers in the model
     metric: ElasticMetric
+    hands: list[np.ndarray]  # coefficients of poses of this hand; NaN for the other
 
 
 class DenseFitter:
@@ -288,8 +289,9 @@ class DenseFitter:
             scan = replace(scan, points=scan.points[~hair], normals=scan.normals[~hair])
             tree = ScanTree(scan.points, scan.normals)
             pose = fit_closest(dense, pose, prior, tree)
-        if not best.known:  # its forearms are as a moment before
+        if not best.known:  # its arms are as a moment before
             pose = self._rotate_forearms(prior, pose, scan, tree)
+            pose, prior = self._pose_hands(prior, pose, scan, tree)
         model_points = self.surface(pose)
         last = _LAST_STIFFNESS * max(1.0, tree.noise / _NOISE_METRES) ** 2
         softer = np.geomspace(_FIRST_STIFFNESS, min(last, _FIRST_STIFFNESS), _N_STEPS)
@@ -328,18 +330,49 @@ class DenseFitter:
                 if all(_gap(surface, each, arm) > _DIFFERENT_METRES for each in surfaces):
                     surfaces.append(surface)
                     others.append(other)
-            if not others:
+            own = _points_on(arm, surfaces[0], scan)
+            if not (others and len(own)):
                 continue
-            near = cKDTree(surfaces[0]).query(scan.points, distance_upper_bound=0.1)[1]
-            own = scan.points[np.isin(near, arm.vertices)]
-            if not len(own):
-                continue
-            distances = [_arm_distance(arm, surface, own, tree) for surface in surfaces]
+            distances = []
+            for surface in surfaces:
+                rest = surface[arm.vertices]
+                fitted, _ = fit_elastic(arm.metric, rest, rest, tree, _ARM_STIFFNESSES)
+                distances.append(_arm_distance(arm, fitted, own))
             nearest = int(np.argmin(distances))
             if nearest and distances[nearest] < (1.0 - _LEAST_GAIN) * distances[0]:
                 dense = self.search.samples(_N_DENSE)
                 pose = fit_closest(dense, others[nearest - 1], prior, tree)
         return pose
+
+    def _pose_hands(
+        self, prior: Prior, pose: Pose, scan: PreparedScan, tree: ScanTree
+    ) -> tuple[Pose, Prior]:
+        """Return a fit with each hand in the pose that comes nearest to the scan, and its prior.
+
+        The elastic step would hide a wrong one: it presses fingers into a fist.
+        """
+        n_betas = self.model.n_betas
+
+        def fit(around: np.ndarray) -> tuple[float, Pose, Prior]:
+            betas = np.append(pose.betas[:n_betas], around)
+            its_prior = prior._replace(betas=np.append(prior.betas[:n_betas], around))
+            few = self.search.samples(_N_ROTATED)
+            other = fit_closest(few, pose._replace(betas=betas), its_prior, tree)
+            surface = self.surface(other)[arm.vertices]
+            return _arm_distance(arm, surface, own), other, its_prior
+
+        for arm in self._arms:
+            own = _points_on(arm, self.surface(pose), scan)
+            if not (arm.hands and len(own)):
+                continue
+            now = prior.betas[n_betas:]
+            others = [now, *(np.where(np.isnan(hands), now, hands) for hands in arm.hands)]
+            first, *found = mapped(fit, others, N_THREADS)
+            nearest = min(found, key=lambda each: each[0])
+            if nearest[0] < (1.0 - _LEAST_GAIN_OF_HANDS) * first[0]:
+                _, pose, prior = nearest
+                pose = fit_closest(self.search.samples(_N_DENSE), pose, prior, tree)
+        return pose, prior
 
 
 def _arm_surface(model: BodyModel, joints: np.ndarray) -> _Arm:
@@ -348,7 +381,14 @@ def _arm_surface(model: BodyModel, joints: np.ndarray) -> _Arm:
     faces = model.faces[inside[model.faces].all(axis=1)]
     used, corners = np.unique(faces, return_inverse=True)
     template = Template(model.template.vertices[used], corners.reshape(-1, 3))
-    return _Arm(joints, used, ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=1.0))
+    metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=1.0)
+    side = int(joint_names(model)[joints[-1]].startswith("right"))
+    hands = []
+    for pose in model.hand_poses:
+        both = model.hand_pose(pose).reshape(2, -1)
+        both[1 - side] = np.nan
+        hands.append(both.ravel())
+    return _Arm(joints, used, metric, hands)
 
 
 def _gap(first: np.ndarray, second: np.ndarray, arm: _Arm) -> float:
@@ -357,9 +397,13 @@ def _gap(first: np.ndarray, second: np.ndarray, arm: _Arm) -> float:
     return float(np.linalg.norm(first[own] - second[own], axis=1).mean())
 
 
-def _arm_distance(arm: _Arm, surface: np.ndarray, points: np.ndarray, tree: ScanTree) -> float:
-    """Return the mean distance of points from an arm after an elastic step, metres."""
-    own = surface[arm.vertices]
-    fitted, _ = fit_elastic(arm.metric, own, own, tree, _ARM_STIFFNESSES)
-    distances = nearest_points(points, fitted, arm.metric.space.template.faces)[1]
+def _points_on(arm: _Arm, surface: np.ndarray, scan: PreparedScan) -> np.ndarray:
+    """Return the points of a scan that lie near an arm of a surface."""
+    near = cKDTree(surface).query(scan.points, distance_upper_bound=0.1)[1]
+    return scan.points[np.isin(near, arm.vertices)]
+
+
+def _arm_distance(arm: _Arm, surface: np.ndarray, points: np.ndarray) -> float:
+    """Return the mean distance of points from the surface of an arm, metres."""
+    distances = nearest_points(points, surface, arm.metric.space.template.faces)[1]
     return float(np.minimum(distances, _ARM_METRES).mean())

@@ -29,9 +29,9 @@ FAR_SHARE, FAR_METRES, USUAL_LIKELIHOOD = 0.95, 0.020, 2.75
 
 # Holes up to twice this width are filled by the vertices around them, metres.
 _SEEN_METRES = 0.06
-# Vertices overlap if they are this near and look the same way but are this far apart in the rest
-# pose, metres.
-_OVERLAP_METRES, _APART_METRES, _N_NEIGHBOURS = 0.015, 0.15, 30
+# Vertices overlap if they look the same way, are this far apart in the rest pose, and lie on each
+# other: this near along normals, and as near as neighbours in the mesh, within limits, metres.
+_APART_METRES, _ALONG_METRES, _OVERLAP_METRES, _N_NEIGHBOURS = 0.15, 0.012, (0.015, 0.045), 30
 
 _REMEDY = "landmarks decide: the argument of ScanRegistration.solve, or --landmarks"
 
@@ -77,10 +77,15 @@ def find_overlaps(template: Template, points: np.ndarray, matched: np.ndarray) -
     normals = vertex_normals(points, template.faces)[own]
     count = min(_N_NEIGHBOURS, len(own))
     distances, near = cKDTree(points[own]).query(points[own], k=count)
+    ends = template.vertices[template.edges]
+    edge = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean())
+    close = distances < np.clip(edge, *_OVERLAP_METRES)
+    gaps = points[own][near] - points[own, np.newaxis]
+    close &= np.abs(np.einsum("nkx,nx->nk", gaps, normals)) < _ALONG_METRES
     rest = template.vertices[own]
     apart = np.linalg.norm(rest[near] - rest[:, np.newaxis], axis=-1) > _APART_METRES
     alike = np.einsum("nkx,nx->nk", normals[near], normals) > 0.5
-    overlaps[own] = (apart & alike & (distances < _OVERLAP_METRES)).any(axis=1)
+    overlaps[own] = (apart & alike & close).any(axis=1)
     return overlaps
 
 

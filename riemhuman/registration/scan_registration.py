@@ -129,7 +129,9 @@ _FARTHEST_LANDMARK = 5.0
 _LEAST_LEVEL = 0.3
 # Joints that move a smaller share of the vertices are ignored.
 _LIMB = 0.01
-_LIMB_JOINTS = ("shoulder", "elbow", "hip", "knee")
+_LIMB_JOINTS = ("shoulder", "elbow", "hip", "knee", "head")
+# A limb whose matches are also those of another part, for this share of them, is not in the scan.
+_SHARED_LIMB = 0.5
 # Unseen parts are named if they are more than this share of the surface together.
 _LEAST_UNSEEN = 0.1
 # With a larger unseen share, the direction up is a guess.
@@ -339,7 +341,8 @@ class ScanRegistration:
         _, model_distances = nearest_points(some, model_points, self.model.faces)
         # Hands that lie on the body are thin enough to be where it is, though they are right.
         overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands)
-        lost = self._lost_limbs(self._shares(matched & ~overlaps))
+        lost = self._lost_limbs(matched, overlaps)
+        overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands & ~lost)
         seen = near_matched(self.model.template, matched) & ~lost
         shares = self._shares(matched)
         limb = int(np.argmin(shares))
@@ -448,16 +451,17 @@ class ScanRegistration:
             joints += arm[1:].tolist() if joint in arm[1:] else []
         return np.isin(self._owners, joints_below(self.model, joints))
 
-    def _lost_limbs(self, shares: np.ndarray) -> np.ndarray:
+    def _lost_limbs(self, matched: np.ndarray, overlaps: np.ndarray) -> np.ndarray:
         """Return which vertices belong to limbs that match little of the scan.
 
-        The model has no way to leave out a limb: without points of its own, it is fitted to others.
+        The model has no way to leave out a limb: without points of its own, it is fitted to others,
+        and most of what it matches is matched by another part of the body too.
         """
         names = joint_names(self.model)
+        few = self._shares(matched & ~overlaps) < LIMB_ELSEWHERE
+        shared = self._shares(overlaps) > _SHARED_LIMB * self._shares(matched)
         lost = [
-            int(k)
-            for k in np.flatnonzero(shares < LIMB_ELSEWHERE)
-            if names[k].split("_")[-1] in _LIMB_JOINTS
+            int(k) for k in np.flatnonzero(few | shared) if names[k].split("_")[-1] in _LIMB_JOINTS
         ]
         vertices: np.ndarray = np.isin(self._owners, joints_below(self.model, lost))
         return vertices
