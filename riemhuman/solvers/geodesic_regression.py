@@ -117,7 +117,7 @@ class GeodesicRegression(ImageEstimator):
         times = (times - self.center_) / unit
 
         metric = self._image_metric
-        if self.max_iter and type(metric).exp is RiemannianMetric.exp:
+        if self.max_iter and not metric.has_closed_form_geodesic:
             raise ArgumentError(
                 f"max_iter must be 0 where {type(metric).__name__} has no closed form for exp: the "
                 "refinement needs its derivative"
