@@ -237,11 +237,13 @@ def _glb(points: np.ndarray, triangles: np.ndarray, seconds: float, name: str) -
 
 def _describe_arrays(arrays: list[np.ndarray], document: dict[str, Any]) -> bytes:
     """Return arrays as the binary part of a file, and write their layout into its document."""
-    binary, views, accessors = bytearray(), [], []
+    binary = bytearray()
+    views: list[dict[str, Any]] = []
+    accessors: list[dict[str, Any]] = []
     for array in arrays:
         is_vertices, is_float = array.ndim == 2, array.dtype.kind == "f"
         view = {"buffer": 0, "byteOffset": len(binary), "byteLength": array.nbytes}
-        accessor: dict[str, Any] = {
+        accessor = {
             "bufferView": len(views),
             "componentType": {"f4": _FLOAT, "u2": _SHORT, "u4": _INT}[array.dtype.str[1:]],
             "count": len(array),

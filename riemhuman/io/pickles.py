@@ -163,7 +163,7 @@ class _Unpickler(pickle._Unpickler):
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self.dispatch = _Operations(_DISPATCH)
+        self.dispatch = _Operations(_DISPATCH)  # type: ignore[misc]
 
     def find_class(self, module: str, name: str) -> type[_Record]:
         if f"{module} {name}" not in _CLASSES:
@@ -182,18 +182,19 @@ def _list_of_last(count: int) -> Callable[[Any], None]:
     return load
 
 
-_DISPATCH = pickle._Unpickler.dispatch | {
-    pickle.EMPTY_TUPLE[0]: pickle._Unpickler.load_empty_list,
-    pickle.TUPLE[0]: pickle._Unpickler.load_list,
-    pickle.TUPLE1[0]: _list_of_last(1),
-    pickle.TUPLE2[0]: _list_of_last(2),
-    pickle.TUPLE3[0]: _list_of_last(3),
-    pickle.EMPTY_SET[0]: pickle._Unpickler.load_empty_list,
-    pickle.ADDITEMS[0]: pickle._Unpickler.load_appends,
-    pickle.FROZENSET[0]: pickle._Unpickler.load_list,
-    # The operation for bytearrays allocates their length before it reads.
-    pickle.BYTEARRAY8[0]: pickle._Unpickler.load_binbytes8,
+# Operations that do what another one does; that for bytearrays allocates before it reads.
+_ALIASES = {
+    pickle.EMPTY_TUPLE: pickle.EMPTY_LIST,
+    pickle.TUPLE: pickle.LIST,
+    pickle.EMPTY_SET: pickle.EMPTY_LIST,
+    pickle.ADDITEMS: pickle.APPENDS,
+    pickle.FROZENSET: pickle.LIST,
+    pickle.BYTEARRAY8: pickle.BINBYTES8,
 }
+_TUPLES = {pickle.TUPLE1: 1, pickle.TUPLE2: 2, pickle.TUPLE3: 3}
+_DISPATCH = dict(pickle._Unpickler.dispatch)
+_DISPATCH |= {code[0]: _DISPATCH[other[0]] for code, other in _ALIASES.items()}
+_DISPATCH |= {code[0]: _list_of_last(count) for code, count in _TUPLES.items()}
 
 
 def _kind(value: Any) -> str:
@@ -255,7 +256,7 @@ def _dtype(record: Any) -> np.dtype[Any]:
         raise FileFormatError(
             f"holds an array of type {_describe(code)}; arrays must hold numbers or text"
         )
-    byte_order = record.state[1] if record.state else "="
+    byte_order: Any = record.state[1] if record.state else "="
     if byte_order not in ("<", ">", "|", "="):
         raise FileFormatError("holds a malformed NumPy data type")
     return np.dtype(code).newbyteorder(byte_order)
@@ -307,7 +308,7 @@ def _sparse(state: dict[str, Any]) -> sparse.coo_array:
         raise FileFormatError(f"holds a sparse matrix of shape {_describe(shape)}")
     parts = []
     for name, kinds in (("data", "fiub"), ("indices", "iu"), ("indptr", "iu")):
-        part = state.get(name)
+        part: Any = state.get(name)
         found = _array(part) if _kind(part) in ("array", "buffer") else np.empty(())
         if found.ndim != 1 or found.dtype.kind not in kinds:
             raise FileFormatError(f"holds a csc matrix whose {name} is missing or malformed")
