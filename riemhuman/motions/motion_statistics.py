@@ -234,7 +234,11 @@ class MotionMean(Estimator):
         return self.metric or ElasticMetric(self.space.frames, a=1.0, lam=1.0, c=1.0)
 
     def _means(self, aligned: ndarray) -> ndarray:
-        """Return the Karcher mean of surfaces at every time, each found from the previous one."""
+        """Return the Karcher mean of surfaces at every time, found from the first of them.
+
+        A search from a body that faces away would end at the mean's reflection through a point,
+        which has the same fields.
+        """
         solver, metric = NearestSurface(), self._metric
         areas = self.space.frames.template.vertex_areas
         means: list[ndarray] = []
@@ -243,8 +247,7 @@ class MotionMean(Estimator):
         )
         for t in bar:
             surfaces = aligned[:, t]
-            start = means[-1] if means else surfaces[0]
-            mean = solver.solve(metric, metric.map(surfaces), start).point
+            mean = solver.solve(metric, metric.map(surfaces), surfaces[0]).point
             shift = np.average(surfaces.mean(axis=0) - mean, axis=0, weights=areas)
             means.append(mean + shift)
         return np.stack(means)

@@ -38,6 +38,14 @@ class TestMean:
         assert max(distances) < 0.5 * step
         assert mean.variance_ < 0.1 * step**2
 
+    def test_of_a_motion_that_turns_around(self, space, open_motions):
+        """The fields of a body are those of its reflection through a point."""
+        motion = open_motions[0][:40:8].copy()
+        motion[3:] *= [-1.0, 1.0, -1.0]
+        turning = rh.motions.MotionSpace(space, n_times=5)
+        mean = rh.motions.MotionMean(turning, n_iterations=1).fit([motion, motion])
+        np.testing.assert_allclose(mean.estimate_, mean.aligned_[0], atol=1e-3)
+
     def test_limbs_do_not_shrink(self, space, components):
         """Roots of areas are averaged, as λ of the metric weighs them; a straight mean is less."""
         mean = components.mean
