@@ -344,7 +344,8 @@ def _read_xyz(file: Path) -> ndarray:
             warnings.simplefilter("ignore")  # of a file without points
             return np.loadtxt(lines, comments=("#", "//"), ndmin=2)
     except ValueError as error:
-        raise FileFormatError(f"damaged table of points: {short_message(error)}") from error
+        reason = short_message(error).partition(";")[0]  # without advice on calls of NumPy
+        raise FileFormatError(f"damaged table of points: {reason}") from error
 
 
 def _columns(values: ndarray) -> tuple[ndarray, ndarray | None]:

@@ -7,8 +7,8 @@ solver and of the recipe, then the medians and the worst. The recipe is L-BFGS-B
 from the straight path, with the same compiled energy, for 2,000 iterations: where SciPy's line
 search gives up before, it starts again from where it was, as long as that gains 0.01 %. It takes
 half an hour; with `-k turn0` every pair comes under one metric, which takes a third of that. With
-`-k straightening` it prints the energy and the seconds of paths straightened in all coordinates,
-for the same pairs; with `-k gaps` what results say of their distance to the minimum; with
+`-k straightening` it prints the seconds of paths straightened in all coordinates, for the same
+pairs; with `-k gaps` what results say of their distance to the minimum; with
 `-k many` the time of a table of distances by the lengths of paths.
 """
 
@@ -163,9 +163,9 @@ def straightened():
 @pytest.mark.parametrize("weights", WEIGHTS, ids=str)
 def test_straightening(benchmark, straightened, weights):
     metric = ElasticMetric(AlignedSurfaces(bodies("full").template), *weights)
-    for start, end, kind in pairs():
+    for start, end, _ in pairs():
         ends = bodies("full").points[[start, end]]
-        result, duration, processor = clocked(
+        result, _, processor = clocked(
             lambda: PathStraightening().solve(metric, *ends),  # noqa: B023
             benchmark=benchmark,
         )
@@ -173,12 +173,6 @@ def test_straightening(benchmark, straightened, weights):
         assert result.converged
         assert result.lower_bound <= result.energy < over_basis.energy
         straightened.append((processor, result.energy / over_basis.energy))
-        print(
-            f"\n{start:3d} {end:3d} {kind:5} {weights!s:16} energy {result.energy:.5g}, over "
-            f"the basis {over_basis.energy:.5g}, bound {result.lower_bound:.5g}, gap "
-            f"{result.gap:.2f} %; {result.n_iterations} iterations, {duration:.2f} s, "
-            f"{processor:.2f} s of processor time"
-        )
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     print(f"peak of memory {peak:.2f} GiB, of all that has run in this process")
 

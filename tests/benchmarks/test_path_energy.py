@@ -2,19 +2,16 @@
 
     pytest tests/benchmarks/test_path_energy.py --benchmark-enable -s
 
-prints times of the compiled loops beside the definition that autograd differentiates, and the gain
-of threads.
+prints times of the compiled loops beside the definition that autograd differentiates.
 """
 
 from functools import partial
 
-import numpy as np
 from autograd import value_and_grad
 from performances import bodies, clocked, pose_pair
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric
 from riemhuman.solvers import LinearPath
-from riemhuman.terms import _sum as sum_of_terms
 
 
 def metric(resolution):
@@ -32,18 +29,15 @@ def seconds(call, rounds=10):
     return clocked(call, rounds)[1]
 
 
-def test_energy_and_gradient(benchmark, monkeypatch):
+def test_energy_and_gradient(benchmark):
     elastic, path = metric("full"), path_of("full", 11)
     ours = seconds(lambda: elastic.energy_and_gradient(path), 20)
     # Through autograd, from the definition.
     definition = value_and_grad(partial(RiemannianMetric.energy, elastic))
     theirs = seconds(lambda: definition(path), 3)
-    monkeypatch.setattr(sum_of_terms, "_WORTH_THREADS", np.inf)
-    alone = seconds(lambda: elastic.energy_and_gradient(path), 20)
     print(
         f"\n11 surfaces: {1e3 * ours:.1f} ms; definition and autograd {1e3 * theirs:.0f} ms, "
-        f"{theirs / ours:.0f} times as long; one thread {1e3 * alone:.1f} ms, "
-        f"{alone / ours:.2f} times as long"
+        f"{theirs / ours:.0f} times as long"
     )
     benchmark.pedantic(lambda: elastic.energy_and_gradient(path), rounds=20)
     assert ours < theirs

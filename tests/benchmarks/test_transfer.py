@@ -74,11 +74,6 @@ def test_motion_transfer(benchmark):
                 mean_distance(centred(reshaped), centred(own[4])),
             ]
             rows.append(row)
-            print(
-                f"\n{source.subject:>26} {source.sequence:20} motion: offsets {row[0]:5.1f} mm, "
-                f"transfer {row[1]:5.1f} mm; shape: {row[2]:5.1f} and {row[3]:5.1f} mm",
-                end="",
-            )
     rows = np.array(rows)
     means = rows.mean(axis=0)
     ratios = rows[:, 1::2] / rows[:, ::2]
@@ -107,18 +102,12 @@ def test_disentangling(benchmark):
         one, other = (int(k) for k in 10 * people + poses)
         truth = data.model(data.betas[one], data.pose_vectors[other])
         arguments = (metrics[1], data.points[one], data.points[other])
-        found, seconds = timed(solver, metrics[0], *arguments, benchmark=benchmark)
+        found, _ = timed(solver, metrics[0], *arguments, benchmark=benchmark)
         surfaces = (data.points[one], data.points[other], found.surface)
         row = [mean_distance(centred(surface), centred(truth)) for surface in surfaces]
         rows.append((min(row[:2]), row[2]))
         aligned = [mean_distance(procrustes(surface, truth), truth) for surface in surfaces]
         aligned_rows.append((min(aligned[:2]), aligned[2]))
-        print(
-            f"\n{data.subject_names[people[0]]:>24} as {data.pose_names[poses[1]]:14} "
-            f"(from {data.pose_names[poses[0]]}, {data.subject_names[people[1]]}): inputs "
-            f"{row[0]:5.1f} and {row[1]:5.1f} mm, both {row[2]:4.1f} mm; {seconds:.2f} s",
-            end="",
-        )
     for name, pairs in (("translation", rows), ("rigid motion", aligned_rows)):
         better, ours = np.array(pairs).T
         ratios = ours / better
