@@ -215,16 +215,23 @@ def other_starts(registration, result, rng, n_starts=2):
         yield "another person", replace(result, fit=fit, likelihood=-np.inf)
 
 
+# Joints with a smaller share of the vertices are no limbs.
+_LIMB = 0.01
+
+
 def results_to_trust_or_not(registration, points, truth, places, rng):
-    """Yield the start, error in metres and result, before others are tried, of one search.
+    """Yield start, mean error, that of the worst limb (metres) and result of one search.
 
     It is followed by results from starts that are deliberately wrong. `places` are those of the
-    true vertices on the model, None if they are its own. The error is that of the trusted vertices,
+    true vertices on the model, None if they are its own. Errors are those of the trusted vertices,
     of all if none is trusted.
     """
     scan = as_scan(points)
     prepared, fitter = prepare_scan(scan), registration._fitter
-    faces = registration.model.faces
+    model = registration.model
+    faces, owners = model.faces, model.weights.argmax(axis=1)
+    if places is not None:
+        owners = owners[faces[places.triangles, 0]]
 
     def solved(start):
         result = registration._solve(fitter, scan, prepared, {}, start)
@@ -232,10 +239,15 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
         if places is not None:
             own, chosen = points_at(places, own, faces), chosen[faces[places.triangles, 0]]
         errors = np.linalg.norm(own - truth, axis=1)
-        return float(errors[chosen].mean() if chosen.any() else errors.mean()), result
+        chosen = chosen if chosen.any() else ~chosen
+        errors, limbs = errors[chosen], owners[chosen]
+        counts = np.bincount(limbs)
+        of_limbs = np.bincount(limbs, errors) / np.maximum(counts, 1)
+        worst = of_limbs[counts > _LIMB * len(owners)].max()
+        return float(errors.mean()), float(worst), result
 
-    error, first = solved(None)
-    yield "search", error, first
+    error, worst, first = solved(None)
+    yield "search", error, worst, first
     for name, start in [
         *wrong_starts(registration, first),
         *other_starts(registration, first, rng),

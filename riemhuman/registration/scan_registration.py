@@ -132,6 +132,8 @@ _LIMB = 0.01
 _LIMB_JOINTS = ("shoulder", "elbow", "hip", "knee", "head")
 # A limb whose matches are also those of another part, for this share of them, is not in the scan.
 _SHARED_LIMB = 0.5
+# No elbow or knee bends by more than 160°.
+_FOLDING, _LEAST_BENT = {"elbow": "wrist", "knee": "ankle"}, -0.94
 # Unseen parts are named if they are more than this share of the surface together.
 _LEAST_UNSEEN = 0.1
 # With a larger unseen share, the direction up is a guess.
@@ -341,7 +343,7 @@ class ScanRegistration:
         _, model_distances = nearest_points(some, model_points, self.model.faces)
         # Hands that lie on the body are thin enough to be where it is, though they are right.
         overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands)
-        lost = self._lost_limbs(matched, overlaps)
+        lost = self._lost_limbs(points, matched, overlaps)
         overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands & ~lost)
         seen = near_matched(self.model.template, matched) & ~lost
         shares = self._shares(matched)
@@ -451,18 +453,30 @@ class ScanRegistration:
             joints += arm[1:].tolist() if joint in arm[1:] else []
         return np.isin(self._owners, joints_below(self.model, joints))
 
-    def _lost_limbs(self, matched: np.ndarray, overlaps: np.ndarray) -> np.ndarray:
+    def _lost_limbs(
+        self, points: np.ndarray, matched: np.ndarray, overlaps: np.ndarray
+    ) -> np.ndarray:
         """Return which vertices belong to limbs that match little of the scan.
 
         The model has no way to leave out a limb: without points of its own, it is fitted to others,
-        and most of what it matches is matched by another part of the body too.
+        and most of what it matches is matched by another part of the body too, or it is folded into
+        the part above it.
         """
         names = joint_names(self.model)
+        joints = self.model.joint_regressor @ points
         few = self._shares(matched & ~overlaps) < LIMB_ELSEWHERE
         shared = self._shares(overlaps) > _SHARED_LIMB * self._shares(matched)
         lost = [
             int(k) for k in np.flatnonzero(few | shared) if names[k].split("_")[-1] in _LIMB_JOINTS
         ]
+        for k, name in enumerate(names):
+            side, _, joint = name.partition("_")
+            if joint in _FOLDING:
+                above = joints[k] - joints[self.model.parents[k]]
+                below = joints[names.index(f"{side}_{_FOLDING[joint]}")] - joints[k]
+                size = np.linalg.norm(above) * np.linalg.norm(below)
+                if above @ below < _LEAST_BENT * size:
+                    lost.append(k)
         vertices: np.ndarray = np.isin(self._owners, joints_below(self.model, lost))
         return vertices
 

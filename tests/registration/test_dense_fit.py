@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from scanned_people import foreign_bodies, foreign_places, points_at
+from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration import simulated_scan
 from riemhuman.registration._dense_fit import DenseFitter, ScanTree
-from riemhuman.registration._posed_body import Pose
+from riemhuman.registration._posed_body import Pose, Prior
 from riemhuman.registration._scan_preparation import estimate_normals, prepare_scan
 from riemhuman.registration._start_poses import arms_of
 from riemhuman.registration._start_search import Candidate, StartSearch, Target
@@ -57,3 +58,19 @@ def test_turned_hands_come_back(model):
         start = Pose(local, right.pose.betas, right.pose.trans)
         found = fitter.fit(Candidate(start, best.prior, 0.0, UP), prepared)
         assert error(found.points) < error(right.points) + 0.005
+
+
+def test_fists_come_out_as_fists(model):
+    """Of a scan with one fist, from a start with relaxed hands."""
+    fitter = DenseFitter(StartSearch(model))
+    search, hands = fitter.search, model.hand_pose("fist", "relaxed")
+    local = search.poses["a"]
+    body = model(pose=Rotation.from_matrix(local).as_rotvec(), hands=hands)
+    scan = simulated_scan(body, model.faces, 0, n_points=8000, rotate=False)
+    betas = np.zeros(model.n_betas + len(hands))
+    prior = Prior(local, search.precisions, betas, search.betas_precisions)
+    start = Candidate(Pose(local, betas, np.zeros(3)), prior, 0.0, UP)
+    fit = fitter.fit(start, prepare_scan(rh.registration.Scan(scan.points)))
+    np.testing.assert_allclose(fit.pose.betas[model.n_betas :], hands, atol=0.1)
+    on_hand = np.abs(model.hand_directions).max(axis=(1, 2)) > 0.01
+    assert np.linalg.norm(fit.points - scan.body, axis=1)[on_hand].mean() < 0.01

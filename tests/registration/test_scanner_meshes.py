@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration, find_inward_triangles, simulated_scan
+from riemhuman.registration.scan_registration import _other_units
 from riemhuman.registration.scans import as_scan
 
 
@@ -104,19 +105,42 @@ def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
     assert "is not in the scan and not trusted" in result.message
 
 
-def test_a_missing_arm_is_not_trusted(registration, bodies):
+def test_a_missing_arm_is_not_trusted(registration):
     """It is fitted to the trunk, where the scan has points."""
-    scan = simulated_scan(bodies[0], bodies.template.faces, rng=0, n_points=12000, rotate=False)
+    bodies = rh.datasets.load_open_bodies("coarse", variant="natural", people=4711)
+    scan = simulated_scan(bodies[3], bodies.template.faces, rng=3, n_points=9000, rotate=False)
     names, owners = bodies.model.joint_names, bodies.model.weights.argmax(axis=1)
     arm = [names.index(f"left_{joint}") for joint in ("shoulder", "elbow", "wrist")]
     on_arm = np.isin(owners, arm)
     points = scan.points[~on_arm[cKDTree(scan.body).query(scan.points)[1]]]
     result = registration.solve(points)
     assert result.trusted, result.message
-    errors = np.linalg.norm(result.points - scan.body, axis=1)
-    assert errors[result.trusted_vertices].max() < 0.05
+    assert not result.trusted_vertices[on_arm].any()
     assert result.trusted_vertices[~on_arm].mean() > 0.95
     assert "left_elbow, left_wrist, is not in the scan" in result.message
+
+
+def test_a_forearm_folded_into_its_upper_arm_is_lost(registration):
+    """So forearms are fitted that a scan lacks."""
+    model = registration.model
+    elbow, wrist = (model.joint_names.index(f"left_{joint}") for joint in ("elbow", "wrist"))
+    joints, pose = model.joints(), np.zeros((model.n_joints, 3))
+    axis = np.cross(joints[wrist] - joints[elbow], [0.0, 0.0, 1.0])
+    whole = np.ones(model.n_vertices, dtype=bool)
+    forearm = np.isin(model.weights.argmax(axis=1), [elbow, wrist])
+    for degrees, expected in ((130.0, 0.0), (175.0, 1.0)):
+        pose[elbow] = np.radians(degrees) * axis / np.linalg.norm(axis)
+        lost = registration._lost_limbs(model(pose=pose), whole, ~whole)
+        assert lost[forearm].mean() == expected
+        assert not lost[~forearm].any()
+
+
+def test_a_scan_in_inches_is_refused_for_its_unit(bodies):
+    scan = as_scan(39.37 * bodies[0])
+    assert scan.unit == "centimetres"
+    (said,) = _other_units(scan, np.zeros(len(scan), dtype=bool))
+    assert "may be in inches" in said
+    assert not _other_units(as_scan(bodies[0]), np.zeros(len(scan), dtype=bool))
 
 
 def test_impossible_points_are_named(registration, bodies):
