@@ -147,9 +147,6 @@ class RiemannianMetric:
 
     has_closed_form_dist = _defines("squared_dist", doc="Whether the class has distances itself.")
     has_inner_product = _defines("inner_product", doc="Whether it has inner products itself.")
-    has_closed_form_geodesic = _defines(
-        "_geodesic_between", "_log", doc="Whether geodesics need no solver."
-    )
     has_closed_form_transport = _defines(
         "parallel_transport", "_transport", doc="Whether parallel transport needs no solver."
     )
@@ -157,6 +154,15 @@ class RiemannianMetric:
     has_lower_bound_coordinates = _defines(
         "lower_bound_coordinates", doc="Whether `lower_bound_coordinates` is defined."
     )
+
+    @property
+    def has_closed_form_geodesic(self) -> bool:
+        """Whether geodesics need no solver."""
+        exp, log = (
+            _is_overridden(self, name) or _is_overridden(self, f"_{name}")
+            for name in ("exp", "log")
+        )
+        return _is_overridden(self, "_geodesic_between") or (exp and log)
 
     @property
     def has_target_metric(self) -> bool:
@@ -679,7 +685,7 @@ class RiemannianMetric:
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         start = self.space.check_point(start, "initial_point")
         end = self.space.check_point(end, "end_point")
-        if _is_overridden(self, "_log"):
+        if self.has_closed_form_geodesic:
             return self.geodesic(start, initial_tangent_vec=self.log(end, start))
         solver = self._solver("geodesic_solver")
         path = np.asarray(self._solve(solver, "geodesic", start, end).path)

@@ -464,6 +464,20 @@ def test_inner_product_of_a_distance_alone_at_the_origin():
     np.testing.assert_allclose(found, a @ b, rtol=1e-7)
 
 
+def test_exp_and_log_alone_are_enough_for_geodesics():
+    class Shifted(RiemannianMetric):
+        def exp(self, tangent_vec, base_point):
+            return base_point + tangent_vec
+
+        def log(self, point, base_point):
+            return point - base_point
+
+    metric = Shifted(VectorSpace((2,)))
+    assert metric.has_closed_form_geodesic
+    path = metric.geodesic(np.zeros(2), np.array([2.0, 4.0]))([0.0, 0.25, 1.0])
+    np.testing.assert_array_equal(path, [[0.0, 0.0], [0.5, 1.0], [2.0, 4.0]])
+
+
 # Solvers as strategies.
 
 

@@ -7,17 +7,6 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry import FlatMetric, VectorSpace
 
 
-def test_weighted_sum_of_squares():
-    metric = FlatMetric(VectorSpace((2, 3)), weights=[2.0, 0.5])
-    a, b = np.arange(12.0).reshape(2, 2, 3) ** 1.5
-    expected = 2.0 * np.sum((a[0] - b[0]) ** 2) + 0.5 * np.sum((a[1] - b[1]) ** 2)
-    np.testing.assert_allclose(metric.squared_dist(a, b), expected, rtol=1e-14)
-    expected = 2.0 * np.dot(a[0], b[0]) + 0.5 * np.dot(a[1], b[1])
-    np.testing.assert_allclose(metric.inner_product(a, b, a), expected, rtol=1e-14)
-    unweighted = VectorSpace((2, 3)).metric
-    np.testing.assert_allclose(unweighted.dist(a, b), np.linalg.norm(a - b), rtol=1e-14)
-
-
 def test_weights_are_checked_and_kept():
     space = VectorSpace((2, 3))
     with pytest.raises(ArgumentError, match=r"weights must have shape \(2\); found \(3,\)"):
