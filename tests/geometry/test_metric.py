@@ -108,9 +108,6 @@ def test_axioms_on_many_triples(case):
     check_axioms(case.metric.dist, near, a, b)
 
 
-# The distance and the inner product belong together.
-
-
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_covector_represents_inner_product(case):
     metric, x, (v, w) = case.metric, case.points[0], case.tangent_vecs[:2]
