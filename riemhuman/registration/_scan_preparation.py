@@ -188,7 +188,7 @@ def estimate_normals(points: np.ndarray) -> np.ndarray:
         signs, parents = signs * signs[parents], parents[parents]
     normals *= signs[:, np.newaxis]
     means = np.stack([np.bincount(part, x) for x in points.T], axis=1)
-    means /= np.bincount(part)[:, np.newaxis]
+    means = means / np.bincount(part)[:, np.newaxis]
     outward = np.bincount(part, np.einsum("nx,nx->n", points - means[part], normals))
     return np.where(outward < 0, -1.0, 1.0)[part][:, np.newaxis] * normals
 

@@ -32,12 +32,12 @@ from riemhuman.registration.scan_registration import (
 from riemhuman.registration.scans import load_scan
 
 UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
-_VERSION = 5
+_VERSION = 6
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
 _FIELDS = ("trusted", "message", "likelihood", "median_distance", "matched_share")
 _OF_RESULT = ("points", "up", "transform", "matched", "trusted_vertices")
-_OF_FIT = ("betas", "pose", "trans")
+_OF_FIT = ("betas", "pose", "trans", "hands")
 _ARRAYS = (*_OF_RESULT, "faces", "shown", "shown_distances", *_OF_FIT)
 
 
@@ -305,4 +305,5 @@ def _read(file: Path) -> ScanRecord:
         except RiemhumanError as error:
             raise FileFormatError(f"{file}: {error}") from error
     arrays = {name: fields[name] for name in _ARRAYS if name in fields}
-    return ScanRecord(file.stem, *(fields[name].item() for name in _FIELDS), arrays)
+    values = {name: fields[name].item() for name in _FIELDS}
+    return ScanRecord(name=file.stem, arrays=arrays, **values)

@@ -62,7 +62,7 @@ class RegisteredScan:
     likelihood : float
         Mean log-likelihood of the scan points for a body of 1.8 square metres; NaN without a model.
     fit : ModelFit or None
-        Betas, pose and trans of the model, and the distances of `points` from it.
+        Betas, pose, trans and hands of the model, and the distances of `points` from it.
     distances : array, shape (N,)
         Distance of each point of the scan from the registered surface, metres.
     matched : array of bool, shape (V,)
@@ -554,7 +554,7 @@ def _upright_transform(points: np.ndarray, root: np.ndarray, up: np.ndarray) -> 
 
 def _pose(fit: ModelFit) -> Pose:
     local = rotation_matrix(fit.pose)
-    hands = [] if fit.hands is None else fit.hands
+    hands = np.zeros(0) if fit.hands is None else fit.hands
     return Pose(local, np.append(fit.betas, hands), fit.trans)
 
 

@@ -45,7 +45,8 @@ def test_the_body_is_found(result, scan):
 
 
 def test_the_model_fit_is_the_body_before_its_elastic_step(registration, result):
-    surface = registration.model(result.fit.betas, result.fit.pose, result.fit.trans)
+    fit = result.fit
+    surface = registration.model(fit.betas, fit.pose, fit.trans, fit.hands)
     gaps = np.linalg.norm(surface - result.points, axis=1)
     np.testing.assert_allclose(gaps, result.fit.distances, atol=1e-9)
     assert gaps.mean() < 0.01
