@@ -138,6 +138,8 @@ _FOLDING, _LEAST_BENT = {"elbow": "wrist", "knee": "ankle"}, -0.94
 _LEAST_UNSEEN = 0.1
 # With a larger unseen share, the direction up is a guess.
 _GUESSED_UP = 0.25
+# Cosines of 25°, by which feet and trunk must lean from an axis, and of 30° between the feet.
+_LEANING, _FEET_AGREE = 0.906, 0.866
 # A joint farther from its landmark is wrong, metres.
 _FARTHEST_MISS = 0.12
 # A whole body fitted to half a one is near this share of it.
@@ -364,6 +366,9 @@ class ScanRegistration:
         if doubts and self.unit is None:
             doubts = [*_other_units(whole, background), *doubts]
         trusted_vertices = seen & (not doubts)
+        up = best.up
+        if self.up is None and scan.up is None:
+            up = self._standing_up(pose, up)
         if limb_doubts:
             trusted_vertices &= ~self._limb_vertices(limb)
         return RegisteredScan(
@@ -385,8 +390,8 @@ class ScanRegistration:
             matched=matched,
             correspondence=places,
             background=background,
-            up=best.up,
-            transform=_upright_transform(points, pose.local[self._search.root], best.up),
+            up=up,
+            transform=_upright_transform(points, pose.local[self._search.root], up),
             unit=whole.unit,
         )
 
@@ -493,6 +498,18 @@ class ScanRegistration:
         if share > _GUESSED_UP and self.up is None and scan.up is None:
             said += "; which way is up was guessed from the rest: the argument up, or --up, decides"
         return [said]
+
+    def _standing_up(self, pose: Pose, up: np.ndarray) -> np.ndarray:
+        """Return an axis, or the direction up of the feet if they and the trunk lean from it."""
+        names = joint_names(self.model)
+        if not {"left_ankle", "right_ankle", "neck"} <= {*names}:
+            return up
+        posed = pose_body(self._search.samples(1000), pose)
+        left, right = (posed.rotations[names.index(f"{s}_ankle")][:, 1] for s in ("left", "right"))
+        trunk = posed.positions[names.index("neck")] - posed.positions[self._search.root]
+        trunk, feet = (each / np.linalg.norm(each) for each in (trunk, left + right))
+        leans = max(feet @ up, trunk @ up) < _LEANING and left @ right > _FEET_AGREE
+        return feet if leans else up
 
     def _landmark_doubts(self, pose: Pose, landmarks: dict[int, np.ndarray]) -> list[str]:
         body = self._search.samples(1000)

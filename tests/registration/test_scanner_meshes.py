@@ -160,3 +160,11 @@ def test_mesh_objects_are_scans(bodies):
     scan = as_scan(rh.io.to_trimesh(bodies[0], bodies.template.faces))
     np.testing.assert_array_equal(scan.points, bodies[0])
     np.testing.assert_array_equal(scan.faces, bodies.template.faces)
+
+
+def test_bodies_in_leaning_scans_stand_on_their_feet(bodies):
+    scan = simulated_scan(bodies[0], bodies.template.faces, rng=1, n_points=5000, rotate=False)
+    leaning = Rotation.from_euler("xyz", [70.0, 110.0, 25.0], degrees=True).as_matrix()
+    result = ScanRegistration(bodies.model).solve(scan.points @ leaning.T)
+    assert result.trusted, result.message
+    np.testing.assert_allclose(leaning.T @ result.up, [0.0, 1.0, 0.0], atol=0.2)
