@@ -187,8 +187,8 @@ def estimate_normals(points: np.ndarray) -> np.ndarray:
     while np.any(parents != parents[parents]):
         signs, parents = signs * signs[parents], parents[parents]
     normals *= signs[:, np.newaxis]
-    means = np.stack([np.bincount(part, x) for x in points.T], axis=1)
-    means = means / np.bincount(part)[:, np.newaxis]
+    counts = np.bincount(part)
+    means = np.stack([np.bincount(part, x) / counts for x in points.T], axis=1)
     outward = np.bincount(part, np.einsum("nx,nx->n", points - means[part], normals))
     return np.where(outward < 0, -1.0, 1.0)[part][:, np.newaxis] * normals
 
