@@ -16,7 +16,7 @@ from riemhuman.errors import ArgumentError
 if TYPE_CHECKING:
     from numpy import ndarray
 
-    from riemhuman.measurements import MeasuredBodies
+    from riemhuman.measurements import MeasuredBodies, VisitComparison
 
 _MOST_COLUMNS = 5
 
@@ -83,12 +83,23 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
         "pose": "as is" if options.as_is else "seated" if options.seated else "standard",
         "units": units,
         "bodies": {file: dict(zip(names, values, strict=True)) for file, *values in rows},
-        "missing": [
-            {"file": files[number], "measurement": name, "why": reason}
-            for (number, name), reason in measured.why_missing.items()
-        ],
+        "missing": _missing(files, measured),
     }
     return cli.Answer(_measured_table(files, measured), record)
+
+
+def _missing(files: Sequence[Path], result: MeasuredBodies | VisitComparison) -> list[Any]:
+    return [
+        {"file": files[number], "measurement": name, "why": reason}
+        for (number, name), reason in result.why_missing.items()
+    ]
+
+
+def _said_missing(files: Sequence[Path], result: MeasuredBodies | VisitComparison) -> list[str]:
+    return [
+        f"no {each['measurement']} of {each['file'].name}: {each['why']}"
+        for each in _missing(files, result)
+    ]
 
 
 def _trusted_vertices(files: Sequence[Path], n_vertices: int) -> ndarray:
@@ -111,8 +122,7 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> str:
     for number, (name, unit) in enumerate(zip(measured.names, measured.units, strict=True)):
         values = zip(measured.values[: len(shown), number], columns, strict=True)
         said.append(f"{name:{width}}  {' '.join(f'{v:{w}.4f}' for v, w in values)} {unit}")
-    for (number, name), reason in measured.why_missing.items():
-        said.append(f"no {name} of {files[number].name}: {reason}")
+    said += _said_missing(files, measured)
     if len(files) > len(shown):
         said.append(f"and {len(files) - len(shown)} more bodies; -o CSV writes all")
     return "\n".join(said)
@@ -159,6 +169,7 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         "expected_beyond_threshold_by_chance": result.expected_by_chance,
         "names": result.names,
         "units": result.units,
+        "missing": _missing(files, result),
         "outward_millimetres": {"least": outward.min(), "most": outward.max()},
         "share_of_triangles_changed": float(result.areas_significant.mean()),
     }
@@ -168,6 +179,7 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         mark = "  changed" if is_significant else ""
         numbers = f"{before:9.4f} {after:9.4f} {change:+9.4f} {threshold:9.4f}"
         said.append(f"{name:{width}}  {numbers} {unit}{mark}")
+    said += _said_missing(files, result)
     said.append(
         f"{result.is_significant.sum()} of {len(rows)} exceed their thresholds; of measurements "
         f"that did not change, chance marks about {result.expected_by_chance:.1f} of {len(rows)}"

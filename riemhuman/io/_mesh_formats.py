@@ -224,7 +224,8 @@ def _mesh_of_polygons(positions: array[float], corners: array[int], lengths: arr
     vertices = np.array(positions).reshape(-1, 3)
     if not len(vertices) or not len(lengths):
         raise FileFormatError(
-            f"{len(vertices)} vertices and {len(lengths)} faces found; both needed"
+            f"{len(vertices)} vertices and {len(lengths)} faces found; both needed: loose points "
+            "are read from .ply, .xyz and .npy files"
         )
     return vertices, split_polygons(np.array(corners), np.array(lengths))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -44,6 +45,8 @@ class VisitComparison:
         its standard deviation over poses of one person, by part of the body; NaN where unknown.
     displacements : array, shape (V,)
         Outward displacement of each vertex, metres.
+    why_missing : dict of (int, str) to str
+        Why a measurement of the first (0) or second (1) visit is NaN.
 
     Examples
     --------
@@ -60,6 +63,7 @@ class VisitComparison:
     area_changes: ndarray
     area_noise: ndarray
     displacements: ndarray
+    why_missing: Mapping[tuple[int, str], str]
 
     @property
     def changes(self) -> ndarray:
@@ -147,6 +151,7 @@ def compare_visits(
             np.sum((second - first) * vertex_normals(first, description.faces), axis=1),
             np.nan,
         ),
+        why_missing=measured.why_missing,
     )
 
 

@@ -51,6 +51,9 @@ class NearestSurface(Solver):
     alone (a = 0) not the size of triangles. What such an `ElasticMetric` does not see is therefore
     kept near the start by the part that it lacks, ε d_companion(f, start)².
 
+    The surfaces f and -f have the same g and n: the start decides which is found, and should face
+    the same way as the surface that is looked for.
+
     Parameters
     ----------
     companion_weight : float

@@ -88,9 +88,13 @@ def test_visits_without_parts_that_a_scan_does_not_show(run, bodies, tmp_path):
     shown = points[1][:, 1] < points[1][:, 1].max() - 0.3
     save_mesh(tmp_path / "one.ply", points[0], faces)
     save_mesh(tmp_path / "two.ply", points[1], faces, shown)
-    only = ("--only", "head girth", "--only", "calf girth", "--json")
-    record = json.loads(run("compare", tmp_path / "one.ply", tmp_path / "two.ply", *only).out)
+    command = ("compare", tmp_path / "one.ply", tmp_path / "two.ply")
+    command += ("--only", "head girth", "--only", "calf girth")
+    record = json.loads(run(*command, "--json").out)
     assert record["changes"][0] is None
+    (missing,) = record["missing"]
+    assert (missing["measurement"], missing["file"][-7:]) == ("head girth", "two.ply")
+    assert f"no head girth of two.ply: {missing['why']}" in run(*command).out
     assert abs(record["changes"][1]) < 0.02
     assert record["exceeds_threshold"][0] is False
     assert record["expected_beyond_threshold_by_chance"] == pytest.approx(0.0455, rel=1e-3)
