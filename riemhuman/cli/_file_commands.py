@@ -154,8 +154,7 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
     extents = np.ptp(vertices[used], axis=0)
     inward = rh.registration.find_inward_triangles(vertices, faces)
     _, n_directed = np.unique(mesh.edges, axis=0, return_counts=True)
-    parts_oriented = bool((n_directed == 1).all())
-    oriented = parts_oriented and len(np.unique(inward)) == 1
+    oriented = bool((n_directed == 1).all()) and len(np.unique(inward)) == 1
     longest = mesh.edges_unique_length[mesh.faces_unique_edges].max(axis=1)
     units = " or ".join(likely_units(float(extents.max())))
     try:
@@ -172,8 +171,7 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
         "boundary_edges": int((n_triangles == 1).sum()),
         "non_manifold_edges": int((n_triangles > 2).sum()),
         "consistently_oriented": oriented,
-        # Whole parts face inward; of a part that is oriented both ways, no number would be true.
-        "triangles_facing_inward": int(inward.sum()) if parts_oriented else None,
+        "triangles_facing_inward": int(inward.sum()),
         "unused_vertices": len(vertices) - len(used),
         "coincident_vertices": len(vertices) - len(np.unique(vertices, axis=0)),
         # Those whose height is zero up to rounding.

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from riemhuman.checks import UNITS, one_of, real_array
 from riemhuman.errors import ArgumentError, FileFormatError
@@ -15,7 +17,6 @@ from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.meshes import as_arrays, load_points
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.kernels.surface import unit_vectors
-from riemhuman.surfaces.measures import vertex_components
 
 FEWEST_POINTS = 200
 
@@ -127,15 +128,15 @@ def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 def find_inward_triangles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return which triangles face inward; scanners join parts of opposite orientations.
 
-    The triangles of a connected part face outward if they look away from the centre of the part.
-    Parts that are small or nearly flat are oriented like the whole mesh.
+    A part is what consistently oriented neighbours connect. It faces outward if its triangles look
+    away from its centre; parts that are small or nearly flat are oriented like the whole mesh.
 
     Parameters
     ----------
     points : array, shape (V, 3)
         Vertices.
     faces : array of int, shape (F, 3)
-        Triangles; those of a connected part are consistently oriented.
+        Triangles.
 
     Returns
     -------
@@ -163,11 +164,26 @@ def find_inward_triangles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
         most = np.bincount(part, np.linalg.norm(offsets, axis=1) * areas)
         return along / np.maximum(most, np.finfo(float).tiny), area
 
-    part = vertex_components(faces, len(points))[faces[:, 0]]
+    part = _oriented_parts(faces, len(points))
     own, area = outwardness(part)
     together, _ = outwardness(np.zeros(len(faces), dtype=np.int64))
     decided = (np.abs(own) > _LEAST_CURVATURE) & (area > _LEAST_AREA * area.sum())
     return np.where(decided, own < 0, together[0] < 0)[part]
+
+
+def _oriented_parts(faces: np.ndarray, n_vertices: int) -> np.ndarray:
+    """Return the part of each triangle; neighbours of one part pass their edge both ways."""
+    starts, ends = faces.T.ravel(), faces[:, [1, 2, 0]].T.ravel()
+    owners = np.tile(np.arange(len(faces)), 3)
+    keys, reversed_keys = starts * n_vertices + ends, ends * n_vertices + starts
+    order = np.argsort(keys)
+    place = order[np.searchsorted(keys, reversed_keys, sorter=order) % len(keys)]
+    shared = keys[place] == reversed_keys
+    links = sparse.coo_array(
+        (shared[shared], (owners[shared], owners[place[shared]])), shape=(len(faces),) * 2
+    )
+    parts: np.ndarray = connected_components(links, directed=False)[1]
+    return parts
 
 
 def as_scan(scan: Any, unit: str | None = None) -> Scan:

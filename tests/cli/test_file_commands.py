@@ -61,7 +61,6 @@ def test_defects_of_a_mesh():
     faces = np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4], [0, 1, 5]])
     found = mesh_facts(vertices, faces)
     assert found["closed"] is found["consistently_oriented"] is False
-    assert found["triangles_facing_inward"] is None
     assert found["boundary_edges"] == 8
     assert found["non_manifold_edges"] == 1
     assert found["degenerate_triangles"] == 1

@@ -35,6 +35,20 @@ def test_parts_that_face_inward_are_found(inverted_arms):
     assert np.mean(find_inward_triangles(scan.points, faces[:, ::-1]) == ~inward) > 0.99
 
 
+def test_an_arm_of_a_whole_mesh_that_faces_inward_is_found(bodies):
+    faces = bodies.template.faces
+    inward = with_inward_arm(bodies.model, faces)
+    turned = np.where(inward[:, np.newaxis], faces[:, ::-1], faces)
+    for points in bodies.points[:40:7]:
+        np.testing.assert_array_equal(find_inward_triangles(points, turned), inward)
+
+
+def with_inward_arm(model, faces):
+    joints = [model.joint_names.index(f"left_{name}") for name in ("elbow", "wrist")]
+    below = model.weights[:, joints]
+    return (below.sum(axis=1) > 0.5)[faces].all(axis=1)
+
+
 def test_a_scan_with_arms_that_face_inward_is_registered(registration, inverted_arms):
     scan, faces, _ = inverted_arms
     result = registration.solve((scan.points, faces))
