@@ -21,7 +21,8 @@ NEAR_METRES, LEAST_NEAR = 0.05, 0.97
 # A limb that is elsewhere has few matches, and leaves part of the scan far from the body.
 LIMB_ELSEWHERE, LEAST_NEAR_OF_LIMB = 0.3, 0.995
 LARGEST_BETA = 4.0
-LARGEST_OVERLAP = 0.01
+# Exact bodies of the coarse model overlap by up to 1.6 % in deep squats.
+LARGEST_OVERLAP = 0.02
 # A body is wrong if ln(d / d₀) > l − l₀, with its likelihood l and the distance d from the model's
 # surface within which this share of the scan lies. `tests/benchmarks/test_registration.py -k trust`
 # prints how often right bodies are refused and wrong ones are trusted.

@@ -38,18 +38,20 @@ def parameters(model, rng):
         rng.standard_normal(model.n_betas),
         rng.normal(0.0, 0.5, (model.n_joints, 3)),
         rng.standard_normal(3),
+        rng.standard_normal(model.hand_directions.shape[-1]),
     )
 
 
-def as_pose(betas, vectors, trans):
-    return Pose(np.ascontiguousarray(Rotation.from_rotvec(vectors).as_matrix()), betas, trans)
+def as_pose(betas, vectors, trans, hands=()):
+    local = np.ascontiguousarray(Rotation.from_rotvec(vectors).as_matrix())
+    return Pose(local, np.concatenate([betas, hands]), trans)
 
 
 def test_points_are_those_of_the_model(model, body, parameters):
     points, normals, *_ = pose_body(body, as_pose(*parameters))
     skin = body.numbers >= 0
     np.testing.assert_allclose(points[skin], model(*parameters)[body.numbers[skin]], atol=1e-12)
-    np.testing.assert_allclose(points[~skin], model.joints(*parameters), atol=1e-12)
+    np.testing.assert_allclose(points[~skin], model.joints(*parameters[:3]), atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(normals[skin], axis=1), 1.0, atol=1e-12)
 
 
@@ -65,9 +67,9 @@ def test_points_are_those_of_a_model_with_pose_offsets(model, rng, parameters):
         posedirs=offsets,
     )
     body = sample_model(with_offsets, 60)
-    points, *_ = pose_body(body, as_pose(*parameters))
+    points, *_ = pose_body(body, as_pose(*parameters[:3]))
     skin = body.numbers >= 0
-    expected = with_offsets(*parameters)[body.numbers[skin]]
+    expected = with_offsets(*parameters[:3])[body.numbers[skin]]
     np.testing.assert_allclose(points[skin], expected, atol=1e-12)
 
 

@@ -51,7 +51,8 @@ def test_every_way_to_hold_an_arm_is_tried_once(model):
 def test_rotating_a_forearm_moves_no_joint(model):
     search = StartSearch(model)
     body = sample_model(model, 250)
-    pose = Pose(search.poses["hips"], np.zeros(model.n_betas), np.array([0.1, 0.2, 0.3]))
+    betas = np.zeros(model.n_betas + model.hand_directions.shape[-1])
+    pose = Pose(search.poses["hips"], betas, np.array([0.1, 0.2, 0.3]))
     for arm in arms_of(model):
         *_, elbow, wrist = arm
         turned = list(rotate_forearm(pose, arm, body.rest_joints))
