@@ -24,7 +24,12 @@ from riemhuman.progress import ProgressBar
 from riemhuman.registration._dense_fit import DenseFitter, ScanTree, fit_elastic
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._scan_preparation import PreparedScan, prepare_scan
-from riemhuman.registration._start_poses import arms_of, hidden_parts, joint_names, joints_below
+from riemhuman.registration._start_poses import (
+    arms_of,
+    hidden_parts,
+    joint_names,
+    joints_below,
+)
 from riemhuman.registration._start_search import Candidate, StartSearch, Target
 from riemhuman.registration._trust import (
     AREA,
@@ -35,6 +40,7 @@ from riemhuman.registration._trust import (
     Evidence,
     find_doubts,
     find_overlaps,
+    join_reasons,
     near_matched,
 )
 from riemhuman.registration.scans import Scan, as_scan
@@ -375,7 +381,7 @@ class ScanRegistration:
             points=points,
             trusted=not doubts and not limb_doubts,
             trusted_vertices=trusted_vertices,
-            message="; ".join([*doubts, *limb_doubts, *self._unseen_parts(seen, lost, scan)]),
+            message=join_reasons([*doubts, *limb_doubts, *self._unseen_parts(seen, lost, scan)]),
             likelihood=likelihood,
             fit=ModelFit(
                 betas=betas,

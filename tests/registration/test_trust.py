@@ -8,7 +8,7 @@ import pytest
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._trust import Evidence, find_doubts
+from riemhuman.registration._trust import Evidence, find_doubts, join_reasons
 from riemhuman.registration.scans import as_scan
 
 GOOD = Evidence(
@@ -34,7 +34,10 @@ def test_good_evidence_leaves_no_doubt():
         ({"likelihood": 1.0}, "does not look like a body"),
         ({"margin": 0.05}, "faces or stands another way"),
         ({"betas": 4.5}, "far from all people"),
-        ({"far": 0.04}, "5 % of the scan lies more than 4.0 cm from the model's surface"),
+        (
+            {"far": 0.04},
+            "5 % of the scan lies more than 4.0 cm from the model's surface",
+        ),
         ({"overlap": 0.04}, "4.0 % of the body lies where another part of it is"),
     ],
 )
@@ -48,6 +51,18 @@ def test_a_limb_elsewhere_leaves_doubt_about_the_limb_alone():
     of_body, (found,) = find_doubts(replace(GOOD, limb_matched=0.1))
     assert not of_body
     assert "left_wrist matches hardly anything in the scan" in found
+
+
+def test_a_message_says_once_that_landmarks_decide():
+    of_body, of_limb = find_doubts(replace(GOOD, margin=0.05, far=0.04, limb_matched=0.1))
+    message = join_reasons([*of_body, *of_limb, "20 % of the body is not in the scan"])
+    assert len(of_body) == 2
+    assert len(of_limb) == 1
+    assert message.count("landmarks decide") == 1
+    assert message.endswith(
+        "not in the scan; landmarks decide: the argument of ScanRegistration.solve, or --landmarks"
+    )
+    assert join_reasons(find_doubts(GOOD)[0]) == ""
 
 
 def test_a_limb_out_of_sight_leaves_no_doubt():
