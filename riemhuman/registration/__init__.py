@@ -7,12 +7,7 @@ from riemhuman.registration.scan_registration import (
     TemplateRegistration,
     transfer_model,
 )
-from riemhuman.registration.scans import (
-    Scan,
-    find_inward_triangles,
-    load_landmarks,
-    load_scan,
-)
+from riemhuman.registration.scans import Scan, find_inward_triangles, load_landmarks, load_scan
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
 
 __all__ = [

@@ -16,19 +16,9 @@ from riemhuman.bodies import BodyModel
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.kernels.threads import mapped
-from riemhuman.registration._posed_body import (
-    ModelSamples,
-    Pose,
-    Prior,
-    pose_body,
-    take_step,
-)
+from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, take_step
 from riemhuman.registration._scan_preparation import PreparedScan
-from riemhuman.registration._start_poses import (
-    joint_names,
-    joints_below,
-    rotate_forearm,
-)
+from riemhuman.registration._start_poses import joint_names, joints_below, rotate_forearm
 from riemhuman.registration._start_search import N_THREADS, Candidate, StartSearch
 from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
@@ -376,10 +366,7 @@ class DenseFitter:
             if not (arm.hands and len(own)):
                 continue
             now = prior.betas[n_betas:]
-            others = [
-                now,
-                *(np.where(np.isnan(hands), now, hands) for hands in arm.hands),
-            ]
+            others = [now, *(np.where(np.isnan(hands), now, hands) for hands in arm.hands)]
             first, *found = mapped(fit, others, N_THREADS)
             nearest = min(found, key=lambda each: each[0])
             if nearest[0] < (1.0 - _LEAST_GAIN_OF_HANDS) * first[0]:

@@ -206,11 +206,7 @@ def _derivatives(body: ModelSamples, posed: PosedBody) -> np.ndarray:
 
 # The cross-product matrices of the axes: v @ _CROSS is that of v.
 _CROSS = np.array(
-    [
-        [0, 0, 0, 0, 0, -1, 0, 1, 0],
-        [0, 0, 1, 0, 0, 0, -1, 0, 0],
-        [0, -1, 0, 1, 0, 0, 0, 0, 0],
-    ],
+    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]],
     dtype=float,
 )
 

@@ -65,14 +65,8 @@ _ROUNDS = (
     Round(1000, 1500, (0.04, 0.015), 9, 3),
 )
 # The rounds for a body with another arm, and from a known start.
-_ARM_ROUNDS = (
-    Round(250, 400, (0.12, 0.05), 5, 4),
-    Round(1000, 1500, (0.04, 0.015), 5, 1),
-)
-_WARM_ROUNDS = (
-    Round(500, 800, (0.08, 0.04), 5, 1),
-    Round(1000, 1500, (0.03, 0.015), 4, 1),
-)
+_ARM_ROUNDS = (Round(250, 400, (0.12, 0.05), 5, 4), Round(1000, 1500, (0.04, 0.015), 5, 1))
+_WARM_ROUNDS = (Round(500, 800, (0.08, 0.04), 5, 1), Round(1000, 1500, (0.03, 0.015), 4, 1))
 # The round after all others, of the model at nearly full resolution.
 _FINE_ROUND = Round(3000, 5000, (0.015, 0.006), 5, 1)
 
@@ -159,10 +153,7 @@ class StartSearch:
         for arm in self.arms:
             best_body = self._with_likeliest_arm(best_body, arm, target)
         # The others still have the arms of their starts, so likelihoods compare as they were.
-        return [
-            replace(best_body, likelihood=candidates[0].likelihood),
-            *candidates[1:],
-        ]
+        return [replace(best_body, likelihood=candidates[0].likelihood), *candidates[1:]]
 
     def run_from(self, pose: Pose, up: np.ndarray, target: Target) -> Candidate:
         """Return the body from one known start, the body a moment before."""
@@ -213,10 +204,7 @@ class StartSearch:
         for rotations in other_arms(arm, body.prior.local, self.poses):
             local, expected = body.pose.local.copy(), body.prior.local.copy()
             local[arm] = expected[arm] = rotations
-            pose, prior = (
-                body.pose._replace(local=local),
-                body.prior._replace(local=expected),
-            )
+            pose, prior = body.pose._replace(local=local), body.prior._replace(local=expected)
             others.append(replace(body, pose=pose, prior=prior))
         others = self._advance(others, first, target)
         (other,) = self._advance(others, last, target)
@@ -238,14 +226,7 @@ class StartSearch:
 
         def advance(candidate: Candidate) -> Candidate:
             pose, likelihood = anneal(
-                body,
-                candidate.pose,
-                candidate.prior,
-                scan,
-                normals,
-                sigmas,
-                target.signed,
-                known,
+                body, candidate.pose, candidate.prior, scan, normals, sigmas, target.signed, known
             )
             if target.landmarks:
                 joints = pose_body(body, pose).points[n_vertices:]

@@ -32,12 +32,7 @@ FAR_SHARE, FAR_METRES, USUAL_LIKELIHOOD = 0.95, 0.020, 2.75
 _SEEN_METRES = 0.06
 # Vertices overlap if they look the same way, are this far apart in the rest pose, and lie on each
 # other: this near along normals, and as near as neighbours in the mesh, within limits, metres.
-_APART_METRES, _ALONG_METRES, _OVERLAP_METRES, _N_NEIGHBOURS = (
-    0.15,
-    0.012,
-    (0.015, 0.045),
-    30,
-)
+_APART_METRES, _ALONG_METRES, _OVERLAP_METRES, _N_NEIGHBOURS = 0.15, 0.012, (0.015, 0.045), 30
 
 _REMEDY = "landmarks decide: the argument of ScanRegistration.solve, or --landmarks"
 
@@ -65,11 +60,7 @@ def near_matched(template: Template, matched: np.ndarray) -> np.ndarray:
     shape = (template.n_vertices, template.n_vertices)
     graph = sparse.csr_array((lengths, (first, second)), shape=shape)
     distances = csgraph.dijkstra(
-        graph,
-        directed=False,
-        indices=np.flatnonzero(matched),
-        limit=_SEEN_METRES,
-        min_only=True,
+        graph, directed=False, indices=np.flatnonzero(matched), limit=_SEEN_METRES, min_only=True
     )
     near: np.ndarray = np.isfinite(distances)
     return near

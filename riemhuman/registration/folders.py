@@ -270,10 +270,7 @@ def _read_output(folder: Path, names: set[str]) -> dict[tuple[str, str], ScanRec
         complete[record.name, str(saved["key"])] = record
     gone = [each.name for each in complete.values() if each.arrays and each.name not in names]
     if gone:
-        warn(
-            f"{folder} holds bodies whose scans are gone: {', '.join(gone)}",
-            UserWarning,
-        )
+        warn(f"{folder} holds bodies whose scans are gone: {', '.join(gone)}", UserWarning)
     return complete
 
 

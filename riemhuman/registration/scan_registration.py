@@ -24,12 +24,7 @@ from riemhuman.progress import ProgressBar
 from riemhuman.registration._dense_fit import DenseFitter, ScanTree, fit_elastic
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._scan_preparation import PreparedScan, prepare_scan
-from riemhuman.registration._start_poses import (
-    arms_of,
-    hidden_parts,
-    joint_names,
-    joints_below,
-)
+from riemhuman.registration._start_poses import arms_of, hidden_parts, joint_names, joints_below
 from riemhuman.registration._start_search import Candidate, StartSearch, Target
 from riemhuman.registration._trust import (
     AREA,

@@ -180,8 +180,7 @@ def _oriented_parts(faces: np.ndarray, n_vertices: int) -> np.ndarray:
     place = order[np.searchsorted(keys, reversed_keys, sorter=order) % len(keys)]
     shared = keys[place] == reversed_keys
     links = sparse.coo_array(
-        (shared[shared], (owners[shared], owners[place[shared]])),
-        shape=(len(faces),) * 2,
+        (shared[shared], (owners[shared], owners[place[shared]])), shape=(len(faces),) * 2
     )
     parts: np.ndarray = connected_components(links, directed=False)[1]
     return parts

@@ -212,10 +212,7 @@ def _sample(
     sampled = rng.choice(len(faces), n_points, p=areas / areas.sum())
     first, second = rng.random((2, n_points, 1))
     beyond = first + second > 1.0
-    first, second = (
-        np.where(beyond, 1.0 - first, first),
-        np.where(beyond, 1.0 - second, second),
-    )
+    first, second = (np.where(beyond, 1.0 - first, first), np.where(beyond, 1.0 - second, second))
     a, b, c = corners[sampled].transpose(1, 0, 2)
     return a + first * (b - a) + second * (c - a)
 
@@ -267,11 +264,7 @@ def _surroundings(
     centre = 0.5 * (low + high)
     if floor:
         count = int((_FLOOR_METRES / _FLOOR_SPACING) ** 2)
-        places = rng.uniform(-0.5, 0.5, (count, 3)) * [
-            _FLOOR_METRES,
-            0.0,
-            _FLOOR_METRES,
-        ]
+        places = rng.uniform(-0.5, 0.5, (count, 3)) * [_FLOOR_METRES, 0.0, _FLOOR_METRES]
         places += [centre[0], low[1], centre[2]]
         parts.append(places + rng.normal(0.0, 0.002, places.shape))
     if n_strays:

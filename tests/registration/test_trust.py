@@ -34,10 +34,7 @@ def test_good_evidence_leaves_no_doubt():
         ({"likelihood": 1.0}, "does not look like a body"),
         ({"margin": 0.05}, "faces or stands another way"),
         ({"betas": 4.5}, "far from all people"),
-        (
-            {"far": 0.04},
-            "5 % of the scan lies more than 4.0 cm from the model's surface",
-        ),
+        ({"far": 0.04}, "5 % of the scan lies more than 4.0 cm from the model's surface"),
         ({"overlap": 0.04}, "4.0 % of the body lies where another part of it is"),
     ],
 )
