@@ -1,7 +1,7 @@
 """One person's shape in another's pose, measured part by part on the natural bodies."""
 
 from copy import deepcopy
-from dataclasses import dataclass
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -56,52 +56,8 @@ def distance(surface, other):
     return 1000.0 * np.linalg.norm(procrustes(surface, other) - other, axis=-1).mean()
 
 
-@dataclass(frozen=True)
-class Measured:
-    """What was found for a pair of people; distances in millimetres.
-
-    Attributes
-    ----------
-    nearer : dict of bool
-        Whether a part is nearer to A's, in A's own performance of the pose, than to B's.
-    torso : float
-        Distance of the torso from A's own, as a share of that from B's.
-    edges : float
-        Mean relative change of the lengths of A's edges.
-    segments : float
-        Mean distance, bone by bone, from A disentangled toward A's own performance.
-    whole : float
-        The same of whole bodies: B holds the pose otherwise than A.
-    truth : float
-        Mean distance of whole bodies from A's own performance.
-    performed : float
-        The same from A's own body in B's performance, which is what is asked for.
-    nearer_input : float
-        That of the nearer of the two inputs.
-    """
-
-    nearer: dict
-    torso: float
-    edges: float
-    segments: float
-    whole: float
-    truth: float
-    performed: float
-    nearer_input: float
-
-
 class Disentangled:
-    """Measures a solver on natural bodies.
-
-    Parameters
-    ----------
-    bodies : Bodies
-        Ten people in ten poses.
-    perform : callable
-        Gives a person's own body in any pose, see `natural_people`.
-    solver : Disentangling
-        The solver.
-    """
+    """Measures a solver on what `natural_people` returns, ten people in ten poses."""
 
     def __init__(self, bodies, perform, solver=None):
         self.perform = perform
@@ -136,25 +92,27 @@ class Disentangled:
         return similar
 
     def measure(self, a, p, b, q):
-        """Measure person a, known in pose p, in the pose q of person b."""
+        """Measure person a, known in pose p, in the pose q of person b; millimetres."""
         shape, pose, truth = self.points[a, p], self.points[b, q], self.points[a, q]
         performed = self.perform(a, self.poses[b, q])
         found, own = self.surface(shape, pose), self.surface(shape, truth)
         lengths, kept = (edge_lengths(f, self.edges) for f in (found, shape))
-        torso = self.parts["torso"]
-        return Measured(
-            {
+        torso, sizes = self.parts["torso"], [len(bone) for bone in self.bones]
+        gaps = [distance(found[bone], own[bone]) for bone in self.bones]
+        return SimpleNamespace(
+            # Whether a part is nearer to A's, in A's own performance of the pose, than to B's.
+            nearer={
                 part: distance(found[at], truth[at]) < distance(found[at], pose[at])
                 for part, at in self.parts.items()
             },
-            distance(found[torso], truth[torso]) / distance(found[torso], pose[torso]),
-            float(np.mean(np.abs(lengths / kept - 1.0))),
-            np.average(
-                [distance(found[bone], own[bone]) for bone in self.bones],
-                weights=[len(bone) for bone in self.bones],
-            ),
-            distance(found, own),
-            distance(found, truth),
-            distance(found, performed),
-            min(distance(shape, performed), distance(pose, performed)),
+            # From A's own torso, as a share of the distance from B's.
+            torso=distance(found[torso], truth[torso]) / distance(found[torso], pose[torso]),
+            edges=float(np.mean(np.abs(lengths / kept - 1.0))),
+            # From A disentangled toward A's own performance, bone by bone and as a whole.
+            segments=np.average(gaps, weights=sizes),
+            whole=distance(found, own),
+            # From A's own performance, and from A's body in B's performance, which is asked for.
+            truth=distance(found, truth),
+            performed=distance(found, performed),
+            nearer_input=min(distance(shape, performed), distance(pose, performed)),
         )

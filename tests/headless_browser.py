@@ -30,11 +30,6 @@ def opened_browser(*more: str) -> Iterator[Browser]:
 
     Without Chromium and its driver the test is skipped; in continuous integration, where the
     variable CI is set, it fails.
-
-    Parameters
-    ----------
-    *more : str
-        Further arguments of the browser.
     """
     binary = next((path for path in map(shutil.which, _BINARIES) if path), None)
     driver = shutil.which("chromedriver")
@@ -55,13 +50,7 @@ def opened_browser(*more: str) -> Iterator[Browser]:
 
 
 class Browser:
-    """One window.
-
-    Attributes
-    ----------
-    driver : selenium.webdriver.Chrome
-        What Selenium offers.
-    """
+    """One window."""
 
     def __init__(self, driver: Any) -> None:
         self.driver = driver
@@ -132,10 +121,7 @@ class Browser:
         builder.clear_actions()
 
     def touch(self, kind: str, *fingers: tuple[float, float]) -> None:
-        """Put fingers on the screen, move them, or lift them all: touchStart, touchMove, touchEnd.
-
-        Places are pixels of the window.
-        """
+        """Put fingers on the screen, move them, or lift them: touchStart, touchMove, touchEnd."""
         points = [{"x": x, "y": y, "id": index} for index, (x, y) in enumerate(fingers)]
         self.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=points)
 

@@ -1,10 +1,12 @@
 """Body models made up in SMPL's layout, and pickles of them as Python 2 wrote them.
 
-No class of chumpy or of an old SciPy is needed: the opcodes are put together by hand.
+No class of chumpy or of an old SciPy is needed: classes and functions are written by their names.
 """
 
+import io
+import pickle
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
@@ -36,45 +38,15 @@ def smpl_fields(n_joints=24, n_vertices=60, n_betas=10, rng=0):
 
 
 @dataclass
-class Ch:
-    """A chumpy array."""
+class Raw:
+    """Opcodes as they are."""
 
-    x: object
-    name: str = "Ch"
-    module: str = "chumpy.ch"
-
-    def state(self):
-        return {"x": self.x, "_itr": None, "_dirty_vars": Call("__builtin__ set", ([],))}
+    opcodes: bytes
 
 
-@dataclass
-class Select:
-    """A part of a chumpy array."""
-
-    a: object
-    idxs: object
-    preferred_shape: object
-    name: str = "Select"
-    module: str = "chumpy.reordering"
-
-    def state(self):
-        return {"a": self.a, "idxs": self.idxs, "preferred_shape": self.preferred_shape}
-
-
-@dataclass
-class Sparse:
-    """A SciPy matrix, its class under whatever name."""
-
-    matrix: object
-    module: str = "scipy.sparse.csc"
-    name: str = "csc_matrix"
-    changes: dict = field(default_factory=dict)
-
-    def state(self):
-        matrix = self.matrix
-        names = ("indices", "indptr")
-        state = {"_shape": matrix.shape, "format": matrix.format, "data": matrix.data}
-        return state | {name: getattr(matrix, name) for name in names} | self.changes
+def name_of(what):
+    """Return the opcode that looks up "module name"."""
+    return Raw(b"c" + what.replace(" ", "\n").encode() + b"\n")
 
 
 @dataclass
@@ -86,16 +58,97 @@ class Call:
 
 
 @dataclass
-class Raw:
-    """Opcodes as they are."""
+class Instance:
+    """An object of a class by its name."""
 
-    opcodes: bytes
+    cls: str
+    state: dict
+
+
+@dataclass
+class Built:
+    """What a call returns, with a state."""
+
+    call: Call
+    state: tuple
+
+
+def ch(x, cls="chumpy.ch Ch"):
+    """Return a chumpy array."""
+    return Instance(cls, {"x": x, "_itr": None, "_dirty_vars": Call("__builtin__ set", ([],))})
+
+
+def select(a, idxs, preferred_shape):
+    """Return a part of a chumpy array."""
+    state = {"a": a, "idxs": idxs, "preferred_shape": preferred_shape}
+    return Instance("chumpy.reordering Select", state)
+
+
+def old_sparse(matrix, cls="scipy.sparse.csc csc_matrix", **changes):
+    """Return a SciPy matrix, its class under whatever name."""
+    state = {"_shape": matrix.shape, "format": matrix.format, "data": matrix.data}
+    state |= {"indices": matrix.indices, "indptr": matrix.indptr}
+    return Instance(cls, state | changes)
+
+
+class _Python2(pickle._Pickler):
+    """Writes texts as Python 2 did, and arrays as its NumPy did."""
+
+    dispatch = pickle._Pickler.dispatch.copy()
+
+    def save_text(self, value):
+        data = value.encode("latin-1") if isinstance(value, str) else value
+        if self.proto == 0:
+            self.write(b"S" + repr(data)[1:].encode() + b"\n")
+        elif len(data) < 256:
+            self.write(b"U" + bytes([len(data)]) + data)
+        else:
+            self.write(b"T" + struct.pack("<i", len(data)) + data)
+
+    def save_raw(self, value):
+        self.write(value.opcodes)
+
+    def save_call(self, value):
+        self.save(name_of(value.function))
+        self.save(value.arguments)
+        self.write(b"R")
+
+    def save_instance(self, value):
+        if self.proto == 0:
+            arguments = (name_of(value.cls), name_of("__builtin__ object"), None)
+            self.save(Call("copy_reg _reconstructor", arguments))
+        else:
+            self.save(name_of(value.cls))
+            self.write(b")\x81")
+        self.save(value.state)
+        self.write(b"b")
+
+    def save_built(self, value):
+        self.save(value.call)
+        self.save(value.state)
+        self.write(b"b")
+
+    def save_array(self, array):
+        order = "F" if array.flags.f_contiguous and array.ndim > 1 else "C"
+        little = array.astype(array.dtype.newbyteorder("<"))
+        sign = "|" if array.dtype.itemsize == 1 else "<"
+        dtype = Call("numpy dtype", (little.dtype.str[1:], 0, 1))
+        dtype = Built(dtype, (3, sign, None, None, None, -1, -1, 0))
+        empty = (name_of("numpy ndarray"), (0,), "b")
+        state = (1, array.shape, dtype, order == "F", little.tobytes(order))
+        self.save(Built(Call("numpy.core.multiarray _reconstruct", empty), state))
+
+    dispatch |= {str: save_text, bytes: save_text, np.ndarray: save_array, Raw: save_raw}
+    dispatch |= {Call: save_call, Instance: save_instance, Built: save_built}
 
 
 def pickled(value, protocol=2):
-    """Return the pickle that Python 2 would write of a value."""
-    write = _binary if protocol == 2 else _text
-    return (b"\x80\x02" if protocol == 2 else b"") + write(value) + b"."
+    """Return the pickle that Python 2 would write of a value, without memory."""
+    stream = io.BytesIO()
+    pickler = _Python2(stream, protocol)
+    pickler.fast = True
+    pickler.dump(value)
+    return stream.getvalue()
 
 
 def smpl_pickle(fields, protocol=2):
@@ -106,96 +159,12 @@ def smpl_pickle(fields, protocol=2):
     larger = np.zeros(2 * n_entries)
     larger[order] = fields["shapedirs"].ravel()
     changed = fields | {
-        "v_template": Ch(fields["v_template"]),
-        "shapedirs": Select(Ch(larger), order, fields["shapedirs"].shape),
-        "J_regressor": Sparse(sparse.csc_matrix(fields["J_regressor"])),
+        "v_template": ch(fields["v_template"]),
+        "shapedirs": select(ch(larger), order, fields["shapedirs"].shape),
+        "J_regressor": old_sparse(sparse.csc_matrix(fields["J_regressor"])),
         "posedirs": np.asfortranarray(fields["posedirs"]),
         "bs_style": "lbs",
         "bs_type": "lrotmin",
         "vert_sym_idxs": np.arange(len(fields["v_template"])),
     }
     return pickled(changed, protocol)
-
-
-def _reference(name):
-    return b"c" + name.replace(" ", "\n").encode() + b"\n"
-
-
-def _array_parts(array):
-    order = "F" if array.flags.f_contiguous and array.ndim > 1 else "C"
-    little = array.astype(array.dtype.newbyteorder("<"))
-    dtype = Call("numpy dtype", (little.dtype.str[1:], 0, 1))
-    dtype_state = (3, "|" if array.dtype.itemsize == 1 else "<", None, None, None, -1, -1, 0)
-    empty = Call(
-        "numpy.core.multiarray _reconstruct", (Raw(_reference("numpy ndarray")), (0,), "b")
-    )
-    return empty, array.shape, dtype, dtype_state, order == "F", little.tobytes(order)
-
-
-def _binary(value):
-    if isinstance(value, Raw):
-        return value.opcodes
-    if value is None:
-        return b"N"
-    if isinstance(value, bool):
-        return b"\x88" if value else b"\x89"
-    if isinstance(value, int):
-        if -(2**31) <= value < 2**31:
-            return b"J" + struct.pack("<i", value)
-        size = value.bit_length() // 8 + 1
-        return b"\x8a" + bytes([size]) + value.to_bytes(size, "little", signed=True)
-    if isinstance(value, float):
-        return b"G" + struct.pack(">d", value)
-    if isinstance(value, (str, bytes)):
-        data = value.encode("latin-1") if isinstance(value, str) else value
-        short = len(data) < 256
-        return (b"U" + bytes([len(data)]) if short else b"T" + struct.pack("<i", len(data))) + data
-    if isinstance(value, tuple):
-        return b"(" + b"".join(map(_binary, value)) + b"t"
-    if isinstance(value, list):
-        return b"](" + b"".join(map(_binary, value)) + b"e"
-    if isinstance(value, dict):
-        items = b"".join(_binary(key) + _binary(item) for key, item in value.items())
-        return b"}(" + items + b"u"
-    if isinstance(value, Call):
-        return _reference(value.function) + _binary(value.arguments) + b"R"
-    if isinstance(value, np.ndarray):
-        empty, shape, dtype, dtype_state, in_columns, data = _array_parts(value)
-        dtype = Raw(_binary(dtype) + _binary(dtype_state) + b"b")
-        return _binary(empty) + _binary((1, shape, dtype, in_columns, data)) + b"b"
-    made = _reference(f"{value.module} {value.name}") + b")\x81"
-    return made + _binary(value.state()) + b"b"
-
-
-def _text(value):
-    if isinstance(value, Raw):
-        return value.opcodes
-    if value is None:
-        return b"N"
-    if isinstance(value, bool):
-        return b"I01\n" if value else b"I00\n"
-    if isinstance(value, int):
-        return b"I%d\n" % value if value < 2**31 else b"L%dL\n" % value
-    if isinstance(value, float):
-        return b"F%r\n" % value
-    if isinstance(value, (str, bytes)):
-        data = value.encode("latin-1") if isinstance(value, str) else value
-        return b"S" + repr(data)[1:].encode() + b"\n"
-    if isinstance(value, tuple):
-        return b"(" + b"".join(map(_text, value)) + b"t"
-    if isinstance(value, list):
-        return b"(l" + b"".join(_text(item) + b"a" for item in value)
-    if isinstance(value, dict):
-        items = b"".join(_text(key) + _text(item) + b"s" for key, item in value.items())
-        return b"(d" + items
-    if isinstance(value, Call):
-        return _reference(value.function) + _text(value.arguments) + b"R"
-    if isinstance(value, np.ndarray):
-        empty, shape, dtype, dtype_state, in_columns, data = _array_parts(value)
-        dtype = Raw(_text(dtype) + _text(dtype_state) + b"b")
-        return _text(empty) + _text((1, shape, dtype, in_columns, data)) + b"b"
-    cls, base = (
-        Raw(_reference(name)) for name in (f"{value.module} {value.name}", "__builtin__ object")
-    )
-    made = _text(Call("copy_reg _reconstructor", (cls, base, None)))
-    return made + _text(value.state()) + b"b"

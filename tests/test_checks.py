@@ -220,6 +220,3 @@ def test_generators():
     for wrong in (0.5, "seed", np.random.RandomState(0)):
         with pytest.raises(ArgumentTypeError, match="rng must be a whole number; found"):
             checks.generator(wrong)
-
-
-# Triangles.

@@ -7,7 +7,6 @@ import ast
 import base64
 import io
 import re
-from copy import deepcopy
 from functools import cache
 from pathlib import Path
 
@@ -17,7 +16,6 @@ import numpy as np
 import pytest
 from lengths import sample
 from matplotlib import font_manager
-from nbclient.exceptions import CellExecutionError
 from store_outputs import VIEWER, executed, small
 
 import riemhuman
@@ -65,19 +63,6 @@ def pictures_of(notebook):
     """Return the pictures shown."""
     outputs = [output for cell in code_cells(notebook) for output in cell.outputs]
     return [output.data["image/png"] for output in outputs if "image/png" in output.get("data", {})]
-
-
-def pictures_of_cell(cell):
-    """Return the first picture of a cell."""
-    return next(content for kind, content in outputs_of(cell) if kind == "image/png")
-
-
-def written(folder, *cells):
-    """Return the path of a new notebook."""
-    notebook = nbformat.v4.new_notebook()
-    notebook.cells = [nbformat.v4.new_code_cell(source) for source in cells]
-    nbformat.write(notebook, folder / "notebook.ipynb")
-    return folder / "notebook.ipynb"
 
 
 def deep_imports(source):
@@ -221,46 +206,3 @@ def test_is_easy_to_read(path):
     for cell in code_cells(read(path)):
         assert len(cell.source.splitlines()) <= LONGEST_CELL, cell.source
         assert all(len(line) <= 100 for line in cell.source.splitlines()), cell.source
-
-
-# The checks above can fail.
-
-
-def test_an_error_is_seen(tmp_path):
-    with pytest.raises(CellExecutionError, match="ZeroDivisionError"):
-        executed(written(tmp_path, "1 / 0"))
-
-
-def test_warnings_pictures_and_differences_are_seen(tmp_path):
-    fresh = executed(
-        written(
-            tmp_path,
-            "print('about', 1.0)",
-            "print('about', 1.2)",
-            "import matplotlib.pyplot as plt\nplt.imshow([[1, 2], [3, 4]]);",
-            "import warnings; warnings.warn('look out')",
-            "import os; assert 'OPENBLAS_NUM_THREADS' not in os.environ",
-        )
-    )
-    assert "look out" in warnings_of(fresh)
-    assert len(pictures_of(fresh)) == 1
-    first, other, picture, *_ = code_cells(small(fresh))
-    assert differences(first, first) == differences(picture, picture) == []
-    assert differences(first, other) == ["1.0 is stored, 1.2 is shown"]
-    assert differences(first, picture) != []
-    empty = deepcopy(picture)
-    blank = io.BytesIO()
-    shape = matplotlib.image.imread(io.BytesIO(base64.b64decode(pictures_of_cell(picture)))).shape
-    matplotlib.image.imsave(blank, np.ones(shape))
-    empty.outputs[-1].data["image/png"] = base64.b64encode(blank.getvalue()).decode()
-    assert differences(picture, empty) != []
-
-
-def test_private_names_are_seen():
-    assert deep_imports("import riemhuman as rh") == []
-    assert deep_imports("import riemhuman.kernels as rh") == ["riemhuman.kernels"]
-    assert deep_imports("from riemhuman.geometry import metric") == ["riemhuman.geometry"]
-    assert names_used("rh.solvers.BasisPath(rh._x).solve") == {"solvers.BasisPath", "_x", "solvers"}
-    assert missing("_x")
-    assert missing("solvers.NoSuchSolver")
-    assert not missing("solvers.BasisPath")

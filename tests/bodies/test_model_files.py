@@ -5,7 +5,7 @@ import pickletools
 
 import numpy as np
 import pytest
-from model_pickles import Call, Ch, Select, Sparse, pickled, smpl_fields, smpl_pickle
+from model_pickles import Call, ch, old_sparse, pickled, select, smpl_fields, smpl_pickle
 from scipy import sparse
 
 from riemhuman.bodies import BodyModel, convert_model, model_contents
@@ -76,7 +76,7 @@ def test_pickles_of_this_python(tmp_path, protocol):
 @pytest.mark.parametrize("module", ["csc", "_csc"])
 @pytest.mark.parametrize("kind", ["matrix", "array"])
 def test_sparse_regressors(tmp_path, module, kind):
-    changed = Sparse(REGRESSOR, f"scipy.sparse.{module}", f"csc_{kind}")
+    changed = old_sparse(REGRESSOR, f"scipy.sparse.{module} csc_{kind}")
     path = written(tmp_path / "model.pkl", pickled(FIELDS | {"J_regressor": changed}))
     assert_same(BodyModel.from_file(path))
 
@@ -92,7 +92,7 @@ def test_sparse_regressors(tmp_path, module, kind):
 def test_layouts_of_posedirs(tmp_path, change):
     posedirs = change(FIELDS["posedirs"])
     assert_same(BodyModel.from_file(archive(tmp_path / "m.npz", posedirs=posedirs)))
-    path = written(tmp_path / "m.pkl", pickled(FIELDS | {"posedirs": Ch(posedirs)}))
+    path = written(tmp_path / "m.pkl", pickled(FIELDS | {"posedirs": ch(posedirs)}))
     assert_same(BodyModel.from_file(path))
 
 
@@ -154,28 +154,28 @@ def test_missing_fields_are_named(tmp_path, name):
 
 
 def sparse_with(**changes):
-    return {"J_regressor": Sparse(REGRESSOR, changes=changes)}
+    return {"J_regressor": old_sparse(REGRESSOR, **changes)}
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"J_regressor": FIELDS["J_regressor"][:23]}, r"weights must have shape \(60, 23\)"),
-        ({"J_regressor": Sparse(REGRESSOR[:23])}, r"shape of weights, \(60, 24\), transposed"),
+        ({"J_regressor": old_sparse(REGRESSOR[:23])}, r"shape of weights, \(60, 24\), transposed"),
         (sparse_with(_shape=(2**40, 60)), "J_regressor must have the shape of weights"),
         ({"posedirs": FIELDS["posedirs"][..., :198]}, r"posedirs must have shape \(60, 3, 207\)"),
         ({"weights": None}, "holds NoneType in place of an array, in its field weights"),
-        ({"v_template": Ch(None)}, "holds NoneType in place of an array, in its field v_template"),
+        ({"v_template": ch(None)}, "holds NoneType in place of an array, in its field v_template"),
         (
-            {"v_template": Select(Ch(np.zeros(4)), np.array([0, 4]), (2,))},
+            {"v_template": select(ch(np.zeros(4)), np.array([0, 4]), (2,))},
             "a chumpy Select with indices outside its array, in its field v_template",
         ),
         (
-            {"v_template": Select(Ch(np.zeros(4)), np.array([0, 3]), (60, 3))},
+            {"v_template": select(ch(np.zeros(4)), np.array([0, 3]), (60, 3))},
             r"Select of 2 numbers whose preferred_shape is \(60, 3\)",
         ),
         (
-            {"v_template": Ch(FIELDS["v_template"], "MatVecMult", "chumpy.ch")},
+            {"v_template": ch(FIELDS["v_template"], "chumpy.ch MatVecMult")},
             r"asks for chumpy\.ch\.MatVecMult, which is refused",
         ),
         (

@@ -194,24 +194,6 @@ def test_the_chart_is_tight_for_near_surfaces(weights):
     assert 0.99 * exact < bound <= exact
 
 
-def cone_chart(x, y, s, lam):
-    return EbinTerm(lam=lam).chart((x, y, s))
-
-
-def ebin_squared_dist(one, other, lam):
-    return EbinTerm(lam=lam).squared_dist(one, other)
-
-
-def test_a_steeper_chart_is_no_bound():
-    # The frequency √2 κ is the largest that Jensen's inequality allows.
-    first = tuple(np.array([value]) for value in (0.0, 1.0, 1.0))
-    second = tuple(np.array([value]) for value in (0.3, 1.3, 1.0))
-    exact = ebin_squared_dist(first, second, 0.5)
-    # The same radius, and angles 1.1 times as large.
-    charts = [1.1 * cone_chart(*point, 0.5 / 1.1**2) for point in (first, second)]
-    assert np.sum((charts[0] - charts[1]) ** 2) > exact
-
-
 def test_single_precision_keeps_its_bound():
     template = open_template()
     driver = SumOfTerms([ConeTerm(1.0, 1.0, 0.2, 0.7)], template)

@@ -116,8 +116,7 @@ def main():
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--verbose", action="store_true", help="print each case before it runs")
     options = parser.parse_args()
-    names = [name for name in READERS if name != "careless"]
-    names = names if options.readers == ["all"] else options.readers
+    names = list(READERS) if options.readers == ["all"] else options.readers
     warnings.simplefilter("error")
     with tempfile.TemporaryDirectory(prefix="fuzz") as home:
         os.chdir(home)

@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -194,14 +193,6 @@ def read_job(folder):
     return []  # entries may be any numbers
 
 
-def read_without_care(folder):
-    """Run a file and ask for much memory, which must both be noticed."""
-    content = (folder / "model.pkl").read_bytes()
-    with contextlib.suppress(Exception):
-        pickle.loads(content)
-    return [bytes(2**31)] if len(content) % 10 == 0 else []
-
-
 READERS = {
     "ply text": mesh_reader(lambda: ply("ascii")),
     "ply binary": mesh_reader(lambda: ply("binary_little_endian")),
@@ -216,9 +207,4 @@ READERS = {
     "dynamic faust": Reader(hdf5_file, read_hdf5),
     "amass": Reader(amass_file, read_amass, ARCHIVES),
     "job": Reader(job_files, read_job),
-    "careless": Reader(
-        lambda: {"model.pkl": pickle.dumps([1, "two", {"three": 3.0}], 2)},
-        read_without_care,
-        PICKLES,
-    ),
 }

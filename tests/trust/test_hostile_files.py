@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import h5py
 import numpy as np
 import pytest
-from model_pickles import Call, Ch, Raw, Select, Sparse, pickled, smpl_fields
+from model_pickles import Call, Raw, ch, old_sparse, pickled, select, smpl_fields
 from scipy import sparse
 from trust.fuzzed_readers import amass_model, surfaces, template
 from trust.fuzzing import array_file, array_header
@@ -101,7 +101,7 @@ def test_hdf5_data_that_are_not_in_the_file(put, tmp_path):
 
 
 def csc(changes):
-    matrix = Sparse(sparse.csc_matrix(np.eye(3)), changes=changes)
+    matrix = old_sparse(sparse.csc_matrix(np.eye(3)), **changes)
     return pickled({"J_regressor": matrix, "notes": "of old"})
 
 
@@ -129,7 +129,7 @@ def test_damaged_sparse_matrices_are_refused_or_lie_within_their_shapes(tmp_path
         indices = getattr(matrix, name).astype(rng.choice([np.int64, np.uint64, np.int32, np.int8]))
         for place in rng.integers(len(indices), size=int(rng.integers(3))) if len(indices) else ():
             indices[place] = rng.choice(numbers).astype(indices.dtype)
-        hostile = Sparse(matrix, changes={name: indices})
+        hostile = old_sparse(matrix, **{name: indices})
         (tmp_path / "m.pkl").write_bytes(pickled({"J": hostile}))
         try:
             found = load_pickled_arrays(tmp_path / "m.pkl", ["J"])["J"]
@@ -142,7 +142,7 @@ def test_damaged_sparse_matrices_are_refused_or_lie_within_their_shapes(tmp_path
 
 def test_a_sparse_matrix_of_any_shape_stays_sparse(tmp_path):
     huge = {"_shape": (10**6, 10**6), "indptr": np.zeros(10**6 + 1, np.int8)}
-    empty = Sparse(sparse.csc_matrix((3, 3)), changes=huge)
+    empty = old_sparse(sparse.csc_matrix((3, 3)), **huge)
     fields = smpl_fields(n_vertices=20) | {"weights": empty, "J_regressor": empty}
     (tmp_path / "m.pkl").write_bytes(pickled(fields))
     with bounded(), pytest.raises(FileFormatError, match="weights must not be a sparse matrix"):
@@ -159,17 +159,17 @@ def test_selections_of_selections_take_no_memory(tmp_path):
 
 def with_memo(zeros, depth):
     """Return a pickle in which each choice is made by the one before, out of the one before."""
-    content = b"\x80\x02}(U\x09shapedirs" + pickled(Select(Ch(zeros), zeros, None))[2:-1] + b"q\x00"
+    content = b"\x80\x02}(U\x09shapedirs" + pickled(select(ch(zeros), zeros, None))[2:-1] + b"q\x00"
     for number in range(depth):
         before = Raw(b"h" + bytes([number]))
-        chosen = pickled(Select(before, before, None))[2:-1]
+        chosen = pickled(select(before, before, None))[2:-1]
         content += b"U\x09shapedirs" + chosen + b"q" + bytes([number + 1])
     return content + b"u."
 
 
 def test_long_texts_are_not_multiplied(tmp_path):
     long = np.array([b"x" * 4000])
-    chosen = Select(Ch(long), np.zeros(200_000, np.int8), None)
+    chosen = select(ch(long), np.zeros(200_000, np.int8), None)
     scalar = Call("numpy.core.multiarray scalar", (dtype_of("S4000"), b"x" * 4000))
     listed = Raw(b"](" + pickled(scalar)[2:-1] + b"q\x07" + b"h\x07" * 40_000 + b"e")
     for value in (chosen, listed):
