@@ -213,8 +213,8 @@ class BodyModel:
         save_arrays(path, fields, compressed=True)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        # The open model is shared by all its users.
-        if hasattr(self, "_is_complete"):
+        # The open model is shared by all its users. Subclasses may add attributes.
+        if name in vars(self) and "_is_complete" in vars(self):
             raise AttributeError(f"{name} of a body model cannot be changed; construct another")
         super().__setattr__(name, value)
 

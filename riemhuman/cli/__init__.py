@@ -72,6 +72,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _run(given)
         finally:
             sys.stdout.flush()
+    except KeyboardInterrupt:
+        note("interrupted")
+        return _INTERRUPTED
     except BrokenPipeError:
         discard_output()
         return _BROKEN_PIPE
@@ -98,9 +101,6 @@ def _run(given: Sequence[str]) -> int:
             for check in options.checks:
                 check(options)
             answer: Answer = options.run(options)
-    except KeyboardInterrupt:
-        note("interrupted")
-        return _INTERRUPTED
     except Exception as error:
         if getattr(options, "debug", False):
             raise

@@ -430,7 +430,8 @@ def _read_table(table: Path) -> list[tuple[int, list[str]]]:
             )
         for row in reader:
             wanted = [(row[name] or "").strip() for name in _COLUMNS]
-            if not any(row.values()):
+            # Entries beyond the columns are a list.
+            if not "".join("".join(entry or ()) for entry in row.values()).strip():
                 continue
             if not all(wanted):
                 empty = [name for name, text in zip(_COLUMNS, wanted, strict=True) if not text]

@@ -190,6 +190,8 @@ class RiemannianMetric:
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
         """
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        base_point = real_array(base_point, "base_point", self.space.shape)
         shape = np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point))
         # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.
         tangent_vec, base_point = tangent_vec + np.zeros(shape), base_point + np.zeros(shape)

@@ -104,6 +104,8 @@ class Parts:
 
         Features are rotation vectors of parts, in radians, then the upper triangles of S - I.
         """
+        if not len(points):
+            return np.empty((0, 9 * self.n_parts)), np.empty((0, 3, 3))
         blocks = range(_BLOCK, len(points), _BLOCK)
         found = [self._split(some) for some in np.split(points, blocks)]
         features, frames = (np.concatenate(part) for part in zip(*found, strict=True))

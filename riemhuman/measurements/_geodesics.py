@@ -285,12 +285,15 @@ def _reroute(mesh: Any, strip: Any, vertex: int, edge: int, edges: Any) -> Any:
 def _path_in(f: Any, mesh: Any, strip: Any, ends: Any) -> Any:
     """Return the length of the shortest path in a strip, its edges, places on them, and bends."""
     size = len(strip)
-    edges = np.empty((size - 1, 2), np.int64)
+    edges = np.zeros((size - 1, 2), np.int64)
     right, left = np.empty((size + 1, 2)), np.empty((size + 1, 2))
     is_strip = _unfold(f, mesh, strip, ends, edges, (right, left))
+    # Edges without length lead to NaN, with which `_funnel` would never end.
+    if not (is_strip and np.isfinite(right).all() and np.isfinite(left).all()):
+        return np.nan, edges, np.zeros(size - 1), np.empty(0, np.int64), np.empty(0, np.bool_)
     bends, of_left = _funnel(right, left)
     length, places = _cross_edges(right, left, bends, of_left)
-    return length if is_strip else np.nan, edges, places, bends, of_left
+    return length, edges, places, bends, of_left
 
 
 @compiled

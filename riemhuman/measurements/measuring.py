@@ -111,6 +111,8 @@ class Measurements:
                 "model must be a BodyModel, a Template, Bodies or a MeasurementSet; found "
                 f"{type(model).__name__}"
             )
+        elif isinstance(definitions, MeasurementSet):
+            raise ArgumentTypeError("definitions must not be a MeasurementSet: give it as model")
         elif isinstance(definitions, (str, Path)):
             own, definitions = MeasurementSet.load(definitions, model), None
         else:

@@ -34,7 +34,9 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
     if folder.exists() and not folder.is_dir():
         raise FileError(f"{folder} is a file; the report needs a folder of its own")
     with convert_errors(folder, "cannot be read"):
-        is_used = folder.is_dir() and any(folder.iterdir())
+        # A kill may have left a part of the marker.
+        part = f".{Path(_MARKER).stem}."
+        is_used = folder.is_dir() and not all(e.name.startswith(part) for e in folder.iterdir())
     if is_used and not _is_report(folder):
         raise FileError(
             f"{folder} holds other files; the report needs a new or empty folder, or one with an "

@@ -217,6 +217,18 @@ def test_round_trip(model, tmp_path):
     assert os.listdir(tmp_path) == ["body.npz"]
 
 
+def test_subclasses_have_attributes_of_their_own():
+    class Named(BodyModel):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            self.name = "named"
+
+    own = load_open_model("coarse")
+    table = np.stack([own.parents, np.arange(own.n_joints)])
+    arguments = own.template.vertices, own.faces, own.shapedirs, own.joint_regressor, own.weights
+    assert Named(*arguments, table).name == "named"
+
+
 def test_single_precision_is_smaller_and_close(tmp_path):
     model = small_model()
     model.save(tmp_path / "double.npz")

@@ -98,6 +98,15 @@ def test_errors_take_one_line(run, scans, monkeypatch, error, code, message):
                 main([*arguments, str(scans / "body_0.ply")])
 
 
+def test_interruption_while_results_are_written(run, scans, monkeypatch):
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("riemhuman.cli._text", interrupt)
+    finished = run("info", scans / "body_0.ply")
+    assert (finished.code, finished.out, finished.err) == (130, "", "riemhuman: interrupted\n")
+
+
 def test_json_keeps_all_digits_and_has_no_nan():
     record = {"a": 0.1 + 0.2, "b": np.float64(1 / 3), "c": np.array([np.nan, np.inf]), 1: True}
     assert as_json(record) == (

@@ -145,3 +145,10 @@ def test_fields_are_points_of_a_flat_space_unless_there_is_a_weight():
         assert isinstance(metric.target_metric, kind)
         found = metric.target_metric.dist(*metric.map(points))
         np.testing.assert_allclose(found, metric.dist(*points), rtol=1e-12)
+
+
+def test_differentials_refuse_vectors_of_another_shape():
+    metric = ElasticMetric(AlignedSurfaces(sphere_template()))
+    f = metric.space.template.vertices
+    with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
+        metric.differential(f[:5], f)

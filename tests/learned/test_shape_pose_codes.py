@@ -36,6 +36,10 @@ def test_bodies_come_back_and_shape_and_pose_come_apart(codes, bodies):
     np.testing.assert_allclose(codes.inverse_transform(mixed), moved)
 
 
+def test_no_bodies_have_no_codes(codes, bodies):
+    assert codes.transform(bodies.points[:0]).shape == (0, codes.n_shape + codes.n_pose)
+
+
 def test_codes_do_not_know_place_nor_heading(codes, bodies):
     turn = Rotation.from_rotvec([0.3, 2.0, -0.4]).as_matrix()
     moved = bodies.points[:3] @ turn.T + [1.0, 2.0, 3.0]

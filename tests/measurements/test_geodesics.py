@@ -70,3 +70,21 @@ def test_ends_on_different_surfaces():
     own = Measurements(MeasurementSet(template, [PATH], landmarks))
     with pytest.raises(ArgumentError, match="one connected component"):
         own.measure(template.vertices)
+
+
+@pytest.mark.parametrize("defect", ["inverted triangles", "edges without length"])
+def test_paths_across_defects_of_meshes_are_finite_or_missing(defect):
+    rng = np.random.default_rng(1)
+    template = ellipsoid(8)
+    ends = {"start": [0.05, 0.45, 0.03], "end": [-0.05, -0.45, 0.02]}
+    for _ in range(10):
+        faces, points = template.faces.copy(), template.vertices.copy()
+        if defect == "inverted triangles":
+            some = rng.choice(len(faces), len(faces) // 5, replace=False)
+            faces[some] = faces[some, ::-1]
+        else:
+            some = rng.choice(len(points), len(points) // 3, replace=False)
+            points[some] = points[faces[rng.integers(len(faces)), 0]]
+        places = set_at(Template(template.vertices, faces), [PATH], **ends)
+        measured = Measurements(places).measure(points, missing="nan")
+        assert np.isfinite(measured.values[0]) or measured.why_missing

@@ -237,3 +237,10 @@ def test_unseen_parts_are_not_measured(bodies, own):
         assert "does not trust" in measured.why_missing[0, name]
     with pytest.raises(ArgumentError, match="does not trust"):
         own.measure(straight, trusted_vertices=trusted)
+
+
+def test_a_set_is_given_as_the_model():
+    own = Measurements(load_open_model("coarse")).definitions
+    assert Measurements(own).names == own.names
+    with pytest.raises(ArgumentTypeError, match="give it as model"):
+        Measurements(load_open_model("coarse"), own)

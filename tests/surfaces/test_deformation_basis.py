@@ -265,6 +265,7 @@ class TestFiles:
             ({"vectors": 2 * basis.vectors}, r"basis\.npz: vectors must be orthonormal"),
             ({"vectors": np.array(["text"])}, r"basis\.npz: vectors must be an array of real"),
             ({"explained_variance": np.ones(3)}, "explained_variance must have shape"),
+            ({"vertex_weights": np.ones(3)}, r"basis\.npz weighs vertices"),
         ]:
             fields = {k: v for k, v in (good | change).items() if v is not None}
             np.savez(file, **fields)
