@@ -217,14 +217,16 @@ def other_starts(registration, result, rng, n_starts=2):
 
 # Joints with a smaller share of the vertices are no limbs.
 _LIMB = 0.01
+# Vertices this near to a point of the scan, under clothes too, are shown by it.
+_SHOWN_METRES = 0.05
 
 
 def results_to_trust_or_not(registration, points, truth, places, rng):
     """Yield start, mean error, that of the worst limb (metres) and result of one search.
 
     It is followed by results from starts that are deliberately wrong. `places` are those of the
-    true vertices on the model, None if they are its own. Errors are those of the trusted vertices,
-    of all if none is trusted.
+    true vertices on the model, None if they are its own. The mean error is that of the trusted
+    vertices, of all if none is trusted; that of a limb is of what the scan shows, trusted or not.
     """
     scan = as_scan(points)
     prepared, fitter = prepare_scan(scan), registration._fitter
@@ -232,6 +234,8 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
     faces, owners = model.faces, model.weights.argmax(axis=1)
     if places is not None:
         owners = owners[faces[places.triangles, 0]]
+    shown = cKDTree(points).query(truth)[0] < _SHOWN_METRES
+    counts = np.bincount(owners[shown])
 
     def solved(start):
         result = registration._solve(fitter, scan, prepared, {}, start)
@@ -239,12 +243,9 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
         if places is not None:
             own, chosen = points_at(places, own, faces), chosen[faces[places.triangles, 0]]
         errors = np.linalg.norm(own - truth, axis=1)
-        chosen = chosen if chosen.any() else ~chosen
-        errors, limbs = errors[chosen], owners[chosen]
-        counts = np.bincount(limbs)
-        of_limbs = np.bincount(limbs, errors) / np.maximum(counts, 1)
+        of_limbs = np.bincount(owners[shown], errors[shown]) / np.maximum(counts, 1)
         worst = of_limbs[counts > _LIMB * len(owners)].max()
-        return float(errors.mean()), float(worst), result
+        return float(errors[chosen if chosen.any() else ~chosen].mean()), float(worst), result
 
     error, worst, first = solved(None)
     yield "search", error, worst, first

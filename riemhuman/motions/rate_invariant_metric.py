@@ -77,8 +77,9 @@ class RateInvariantMetric(MotionDistance):
     --------
     >>> import riemhuman as rh
     >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
-    >>> space = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template))
-    >>> metric = rh.motions.RateInvariantMetric(space)
+    >>> space = rh.AlignedSurfaces(knees.template)
+    >>> space = space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
+    >>> metric = rh.motions.RateInvariantMetric(rh.motions.MotionSpace(space))
     >>> bool(metric.dist(knees[:40], knees[:40:2]) < metric.dist(knees[:40], other[:40:2]))
     True
     """
