@@ -110,6 +110,12 @@ def _trusted_vertices(files: Sequence[Path], n_vertices: int) -> ndarray:
     for row, file in zip(trusted, files, strict=True):
         known = rh.io.load_trusted(file)
         row[:] = True if known is None else known
+        folders = (file.parent, file.parent.parent)
+        if known is None and any((folder / "registrations").is_dir() for folder in folders):
+            terminal.note(
+                f"warning: {file} does not say which of its vertices register trusted, so that all "
+                "count; an earlier release wrote it: register its scan again"
+            )
     return trusted
 
 
