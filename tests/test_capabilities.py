@@ -27,10 +27,3 @@ def test_no_solver_probes_a_metric_or_a_space():
     assert {file.name: probes(file.read_text(encoding="utf-8")) for file in files} == {
         file.name: [] for file in files
     }
-
-
-def test_probes_are_seen():
-    assert probes("x = 1\nif hasattr(metric, 'metric_matrix'):\n    pass") == [2]
-    assert probes("template = getattr(metric.space, 'template', None)") == [1]
-    assert probes("getattr(next(iter(metrics.values())).space, 'template')") == [1]
-    assert probes("getattr(result, 'energies', None)") == []

@@ -104,17 +104,6 @@ def test_bodies_far_apart_in_scale(weights):
     check_against_definition(metric_of(TEMPLATE, weights), points)
 
 
-@each_metric
-def test_slivers(weights):
-    """Triangles pressed to a hundredth, a millionth and less of their height."""
-    points = surfaces(TEMPLATE, 5, rng=7)
-    for k, height in enumerate([1e-2, 1e-4, 1e-6]):
-        one, two, three = TEMPLATE.faces[40 * k]
-        foot = 0.6 * points[2:, one] + 0.4 * points[2:, two]
-        points[2:, three] = foot + height * (points[2:, three] - foot)
-    check_against_definition(metric_of(TEMPLATE, weights), points)
-
-
 def test_triangles_without_area():
     points = surfaces(TEMPLATE, 4, rng=8)
     points[1, TEMPLATE.faces[3]] = points[1, TEMPLATE.faces[3, 0]]

@@ -40,22 +40,6 @@ def size_of(case):
     return next((size for name, size in NEAR.items() if case.name.startswith(name)), 1.0)
 
 
-@pytest.mark.parametrize("case", cases_that("dist"), ids=name_of)
-def test_segment_energy_is_never_below_squared_dist(case):
-    bound = case.metric.squared_dist(case.points[0], case.points[-1])
-    zigzag = np.concatenate([case.points[:3], case.points])
-    for path in (zigzag, zigzag[[0, 2, 1, -1]], curve(case, 9)):
-        energy = SEGMENT.value(case.metric, path)
-        assert energy >= case.metric.squared_dist(path[0], path[-1]) * (1 - 1e-12)
-    assert SEGMENT.value(case.metric, zigzag) >= bound
-
-
-@pytest.mark.parametrize("case", cases_that("dist"), ids=name_of)
-def test_segment_energy_rises_under_refinement(case):
-    energies = [SEGMENT.value(case.metric, curve(case, n)) for n in (1, 2, 4, 8, 16, 32)]
-    assert np.all(np.diff(energies) >= -1e-12 * energies[-1])
-
-
 def slope_of_difference(energy, case):
     """Return the order at which an energy tends to that of closed-form segments."""
     counts = np.array([32, 64, 128])

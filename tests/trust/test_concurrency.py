@@ -97,19 +97,6 @@ def test_many_threads_ask_one_index():
         np.testing.assert_array_equal(one[1], other[1])
 
 
-def test_bits_do_not_depend_on_how_the_work_is_cut():
-    points = np.concatenate([POINTS, POINTS[:3] * (1 + 1e-9)])
-    for precision in ("single", "double"):
-        metric = fresh("both")
-        expected = metric.dist_pairwise(points, precision=precision)
-        for n_jobs in (2, 3, -1):
-            found = metric.dist_pairwise(points, n_jobs, precision=precision)
-            np.testing.assert_array_equal(found, expected)
-        for memory in (1, 30_000, 10**9):
-            found = metric.dist_pairwise(points, memory=memory, precision=precision)
-            np.testing.assert_array_equal(found, expected)
-
-
 COMPUTE = """
 import hashlib, json
 import numpy as np
