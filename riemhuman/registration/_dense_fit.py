@@ -53,7 +53,7 @@ _N_ROTATED, _LEAST_ROTATED = 1000, 0.06
 # Rotations are different if the forearm and hand are this far apart, metres in the mean.
 _DIFFERENT_METRES = 0.008
 # Another rotation, or pose of the hand, must bring the scan nearer to the arm by this share.
-_LEAST_GAIN, _LEAST_GAIN_OF_HANDS = 0.05, 0.1
+_LEAST_GAIN, _LEAST_GAIN_OF_HANDS = 0.05, 0.3
 # Distances beyond this are of other parts of the scan, metres.
 _ARM_METRES = 0.03
 _ARM_STIFFNESSES = (1e-3, 3e-4, 1e-4, 5e-5)
