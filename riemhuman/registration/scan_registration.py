@@ -29,6 +29,7 @@ from riemhuman.registration._start_search import Candidate, StartSearch, Target
 from riemhuman.registration._trust import (
     AREA,
     FAR_SHARE,
+    LEAST_NEAR,
     LIMB_ELSEWHERE,
     NEAR_METRES,
     RIVAL_METRES,
@@ -145,6 +146,8 @@ _LEANING, _FEET_AGREE = 0.906, 0.866
 _FARTHEST_MISS = 0.12
 # A whole body fitted to half a one is near this share of it.
 _NEAR_OF_HALF = 0.9
+# A view from one side matches nearly half of the legs; legs fitted to the trunk, up to a third.
+_LEAST_MATCHED_HALF = 0.4
 # What the likelihood gains where another search leads to another body.
 _RETRY_GAIN = 0.05
 # A frame whose likelihood falls by more than this below the one before is searched from scratch.
@@ -226,11 +229,10 @@ class ScanRegistration:
         known = self._landmark_positions({} if landmarks is None else landmarks, whole)
         prepared = prepare_scan(whole)
         with single_threaded_libraries():
-            result = self._solve(self._fitter, whole, prepared, known, start)
+            result = self._solve_whole(whole, prepared, known, start)
             if not result.trusted:
-                others = [self._solve(self._fitter, whole, prepared, known, again=start is None)]
-                near = np.mean(result.distances[~result.background] < NEAR_METRES)
-                if not others[0].trusted and near > _NEAR_OF_HALF:
+                others = [self._solve_whole(whole, prepared, known, again=start is None)]
+                if not others[0].trusted and _near_share(result) > _NEAR_OF_HALF:
                     others += [
                         self._solve(fitter, whole, prepared, known)
                         for fitter in self._partial_fitters
@@ -318,6 +320,29 @@ class ScanRegistration:
                 )
             positions[names.index(name)] = position
         return positions
+
+    def _solve_whole(
+        self,
+        whole: Scan,
+        prepared: PreparedScan,
+        landmarks: dict[int, np.ndarray],
+        start: RegisteredScan | None = None,
+        *,
+        again: bool = False,
+    ) -> RegisteredScan:
+        """Return the result for a whole body, or for half a body if the scan shows no more.
+
+        The model has no way to leave out legs: without points of their own, they are fitted to the
+        trunk and pull it out of place. Few of their vertices match then, and a body without legs
+        comes near to all of the scan.
+        """
+        result = self._solve(self._fitter, whole, prepared, landmarks, start, again=again)
+        for fitter in self._partial_fitters if result.trusted else ():
+            if result.matched[~fitter.search.visible].mean() < _LEAST_MATCHED_HALF:
+                half = self._solve(fitter, whole, prepared, landmarks)
+                if _near_share(half) >= LEAST_NEAR:
+                    return half
+        return result
 
     def _solve(
         self,
@@ -532,6 +557,11 @@ class ScanRegistration:
             if np.linalg.norm(pose_body(body, each.pose).points - own, axis=1).mean() > RIVAL_METRES
         ]
         return candidates[0].likelihood - max(others, default=-np.inf)
+
+
+def _near_share(result: RegisteredScan) -> float:
+    """Return the share of a scan, without its background, that is near the body."""
+    return float(np.mean(result.distances[~result.background] < NEAR_METRES))
 
 
 def _other_units(scan: Scan, background: np.ndarray) -> list[str]:

@@ -119,6 +119,18 @@ def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
     assert "is not in the scan and not trusted" in result.message
 
 
+@pytest.mark.sampled(2, "bodies cut at the hip")
+def test_missing_legs_are_not_fitted_to_the_trunk(registration):
+    """The whole body fits this scan with its legs in the trunk, whose vertices are 4 cm off."""
+    bodies = rh.datasets.load_open_bodies("coarse", variant="natural", people=555)
+    scan = simulated_scan(bodies[12], bodies.template.faces, rng=12, n_points=10000)
+    hip = (bodies.model.joint_regressor @ scan.body)[0, 1]
+    result = registration.solve(scan.points[scan.points[:, 1] > hip])
+    errors = np.linalg.norm(result.points - scan.body, axis=1)
+    assert result.trusted, result.message
+    assert errors[result.trusted_vertices].mean() < 0.012
+
+
 def test_a_missing_arm_is_not_trusted(registration):
     """It is fitted to the trunk, where the scan has points."""
     bodies = rh.datasets.load_open_bodies("coarse", variant="natural", people=4711)
