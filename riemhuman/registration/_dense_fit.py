@@ -53,9 +53,10 @@ _N_ROTATED, _LEAST_ROTATED = 1000, 0.06
 # Rotations are different if the forearm and hand are this far apart, metres in the mean.
 _DIFFERENT_METRES = 0.008
 # Another rotation, or pose of the hand, must bring the scan nearer to the arm by this share.
-_LEAST_GAIN, _LEAST_GAIN_OF_HANDS = 0.05, 0.3
-# Distances beyond this are of other parts of the scan, metres.
+_LEAST_GAIN, _LEAST_GAIN_OF_HANDS = 0.05, 0.15
+# Distances beyond these are of other parts of the scan, metres.
 _ARM_METRES = 0.03
+_HAND_METRES = 0.01
 _ARM_STIFFNESSES = (1e-3, 3e-4, 1e-4, 5e-5)
 
 # The elastic step softens to the last stiffness, which grows with the variance of the noise from
@@ -359,7 +360,7 @@ class DenseFitter:
             few = self.search.samples(_N_ROTATED)
             other = fit_closest(few, pose._replace(betas=betas), its_prior, tree)
             surface = self.surface(other)[arm.vertices]
-            return _arm_distance(arm, surface, own), other, its_prior
+            return _arm_distance(arm, surface, own, _HAND_METRES), other, its_prior
 
         for arm in self._arms:
             own = _points_on(arm, self.surface(pose), scan)
@@ -403,7 +404,9 @@ def _points_on(arm: _Arm, surface: np.ndarray, scan: PreparedScan) -> np.ndarray
     return scan.points[np.isin(near, arm.vertices)]
 
 
-def _arm_distance(arm: _Arm, surface: np.ndarray, points: np.ndarray) -> float:
+def _arm_distance(
+    arm: _Arm, surface: np.ndarray, points: np.ndarray, farthest: float = _ARM_METRES
+) -> float:
     """Return the mean distance of points from the surface of an arm, metres."""
     distances = nearest_points(points, surface, arm.metric.space.template.faces)[1]
-    return float(np.minimum(distances, _ARM_METRES).mean())
+    return float(np.minimum(distances, farthest).mean())

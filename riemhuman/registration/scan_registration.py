@@ -146,7 +146,7 @@ _LEANING, _FEET_AGREE = 0.906, 0.866
 _FARTHEST_MISS = 0.12
 # A whole body fitted to half a one is near this share of it.
 _NEAR_OF_HALF = 0.9
-# A view from one side matches nearly half of the legs; legs fitted to the trunk, up to a third.
+# A view from one side matches nearly half of the legs; legs fitted to the trunk, about a third.
 _LEAST_MATCHED_HALF = 0.4
 # What the likelihood gains where another search leads to another body.
 _RETRY_GAIN = 0.05
@@ -337,7 +337,7 @@ class ScanRegistration:
         comes near to all of the scan.
         """
         result = self._solve(self._fitter, whole, prepared, landmarks, start, again=again)
-        for fitter in self._partial_fitters if result.trusted else ():
+        for fitter in self._partial_fitters if result.trusted_vertices.any() else ():
             if result.matched[~fitter.search.visible].mean() < _LEAST_MATCHED_HALF:
                 half = self._solve(fitter, whole, prepared, landmarks)
                 if _near_share(half) >= LEAST_NEAR:
@@ -502,9 +502,10 @@ class ScanRegistration:
         ]
         for k, name in enumerate(names):
             side, _, joint = name.partition("_")
-            if joint in _FOLDING:
+            end = f"{side}_{_FOLDING.get(joint)}"
+            if end in names:
                 above = joints[k] - joints[self.model.parents[k]]
-                below = joints[names.index(f"{side}_{_FOLDING[joint]}")] - joints[k]
+                below = joints[names.index(end)] - joints[k]
                 size = np.linalg.norm(above) * np.linalg.norm(below)
                 if above @ below < _LEAST_BENT * size:
                     lost.append(k)

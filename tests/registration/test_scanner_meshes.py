@@ -119,7 +119,6 @@ def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
     assert "is not in the scan and not trusted" in result.message
 
 
-@pytest.mark.sampled(2, "bodies cut at the hip")
 def test_missing_legs_are_not_fitted_to_the_trunk(registration):
     """The whole body fits this scan with its legs in the trunk, whose vertices are 4 cm off."""
     bodies = rh.datasets.load_open_bodies("coarse", variant="natural", people=555)
