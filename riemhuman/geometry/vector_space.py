@@ -102,6 +102,19 @@ class FlatMetric(RiemannianMetric):
     def _log(self, point: ndarray, start: ndarray) -> ndarray:
         return point - start
 
+    def parallel_transport(
+        self,
+        tangent_vec: ndarray,
+        base_point: ndarray | None = None,
+        direction: ndarray | None = None,
+        end_point: ndarray | None = None,
+    ) -> ndarray:
+        # Vectors stay as they are, wherever they go.
+        start = np.zeros(self.space.shape) if base_point is None else base_point
+        if direction is None and end_point is None:
+            direction = np.zeros(self.space.shape)
+        return super().parallel_transport(tangent_vec, start, direction, end_point)
+
     def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
         return vector + np.zeros_like(point + velocity)
 
