@@ -4,6 +4,8 @@ A body registered to a template mesh T is a map f: T → R³. The library sends 
 field and its normal field, Φ(f) = (g, n), measures distances there in closed form, and finds
 geodesics and means under the metrics pulled back by Φ, after Pierson, Daoudi and Tumpach, "A
 Riemannian Framework for Analysis of Human Body Surface", WACV 2022.
+
+Examples in docstrings assume ``import numpy as np`` and ``import riemhuman as rh``.
 """
 
 from __future__ import annotations

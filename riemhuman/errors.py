@@ -13,7 +13,6 @@ class RiemhumanError(Exception):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> try:
     ...     rh.load_mesh("missing.ply")
     ... except rh.RiemhumanError as error:
@@ -64,7 +63,6 @@ class ConvergenceWarning(UserWarning):
     Examples
     --------
     >>> import warnings
-    >>> import riemhuman as rh
     >>> warnings.simplefilter("error", rh.ConvergenceWarning)  # not converging becomes an error
     """
 

@@ -52,7 +52,6 @@ def register(kind: str, name: str, factory: Callable[..., Any]) -> None:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.extensions.register("metrics", "stretch", lambda s: rh.ElasticMetric(s, 1.0, 1.0, 0.0))
     >>> list(rh.extensions.extensions("metrics"))
     ['stretch']

@@ -81,7 +81,6 @@ class PropertyCheck:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.testing.PropertyCheck("the inner product is symmetric", 0.0, 1e-6).holds
     True
     """
@@ -113,7 +112,6 @@ class PropertyReport(Record):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.testing.check_manifold(rh.VectorSpace((2,))).name
     'VectorSpace'
     """
@@ -202,7 +200,6 @@ def check_metric(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> plane = rh.VectorSpace((2,))
     >>> rh.testing.check_metric(plane.metric, plane.random_point(3, rng=0)).passed
     True
@@ -346,7 +343,6 @@ def check_manifold(space: Manifold, rng: Rng = 0, *, tolerance: float = 1e-9) ->
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.testing.check_manifold(rh.VectorSpace((2,))).passed
     True
     """
@@ -462,7 +458,6 @@ def check_solver(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> plane = rh.VectorSpace((2,))
     >>> rh.testing.check_solver(rh.solvers.LinearPath(), plane.metric, [[0, 0], [1, 2]]).passed
     True
@@ -601,7 +596,6 @@ def check_dataset(dataset: Any) -> PropertyReport:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.testing.check_dataset(bodies).passed
     True

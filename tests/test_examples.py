@@ -8,12 +8,14 @@ import functools
 import inspect
 import warnings
 
+import numpy as np
 import pytest
 from public_names import public_objects
 
 import riemhuman as rh
 
 OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+IMPORTS = {"np": np, "rh": rh}  # which examples leave out, as those of NumPy do
 
 
 OBJECTS = public_objects()
@@ -33,7 +35,7 @@ open_bodies = functools.cache(rh.datasets.load_open_bodies)
 def failures(text, name):
     """Run the examples in a docstring and return what they print wrong."""
     report = []
-    test = doctest.DocTestParser().get_doctest(text, {}, name, None, 0)
+    test = doctest.DocTestParser().get_doctest(text, IMPORTS.copy(), name, None, 0)
     with warnings.catch_warnings():
         doctest.DocTestRunner(optionflags=OPTIONS, verbose=False).run(test, out=report.append)
     return "".join(report)

@@ -113,7 +113,11 @@ def first_sentence(cell: dict[str, Any]) -> str:
 
 def reference() -> str:
     """Return the page that lists every public name, and makes Sphinx write a page for each."""
-    parts = ["# Reference", "Every public name; those of `riemhuman` itself as `rh`."]
+    said = (
+        "Every public name; those of `riemhuman` itself as `rh`. Examples assume "
+        "`import numpy as np` and `import riemhuman as rh`."
+    )
+    parts = ["# Reference", said]
     parts.append(section("riemhuman", rh, [name for name in rh.__all__ if not is_module(rh, name)]))
     listed: set[int] = set()
     for room in sorted(name for name in rh.__all__ if is_module(rh, name)):

@@ -87,8 +87,6 @@ class BodyModel:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> model = rh.datasets.load_open_model("coarse")
     >>> pose = np.zeros((model.n_joints, 3))
     >>> pose[model.joint_names.index("left_elbow")] = [0.0, 0.0, 0.5]
@@ -281,7 +279,6 @@ class BodyModel:
 
         Examples
         --------
-        >>> import riemhuman as rh
         >>> model = rh.datasets.load_open_model("coarse")
         >>> model.hand_pose("relaxed", "fist").tolist()
         [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
@@ -376,7 +373,6 @@ def convert_model(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.datasets.load_open_model("coarse").save("model.npz")
     >>> rh.bodies.convert_model("model.npz", "smaller.npz", n_betas=3).n_betas
     3

@@ -73,7 +73,6 @@ class ModelFit(Record):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> bool(bodies.model.fit(bodies[0]).converged)
     True
@@ -145,7 +144,6 @@ def fit_model(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> bool(rh.bodies.fit_model(bodies.model, bodies[0]).mean_distance < 0.01)
     True
@@ -220,7 +218,6 @@ def convert_fit(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> model = rh.datasets.load_open_model("coarse")
     >>> fit = model.fit(model())
     >>> same = rh.bodies.convert_fit(fit, model, to=model, correspondence=range(1202))
@@ -249,7 +246,6 @@ def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> model = rh.datasets.load_open_model("coarse")
     >>> centres = rh.bodies.correspondence_matrix(model, ([0, 1], [[1 / 3, 1 / 3, 1 / 3]] * 2))
     >>> (centres @ model.template.vertices).shape

@@ -50,7 +50,6 @@ class ModelContents:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.datasets.load_open_model("coarse").save("model.npz")
     >>> rh.bodies.model_contents("model.npz").family
     "SMPL's layout"
@@ -86,7 +85,6 @@ def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> 
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.datasets.load_open_model("coarse").save("model.npz")
     >>> print(rh.bodies.model_contents("model.npz"))
     SMPL's layout: used are 23 joints, 32 shape coefficients, 4 poses of each hand

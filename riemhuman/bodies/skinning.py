@@ -44,8 +44,6 @@ def joint_motions(
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> joints, still = np.array([[0.0, 0, 0], [0, 1, 0]]), np.tile(np.eye(3), (2, 1, 1))
     >>> _, positions = rh.bodies.joint_motions(joints, still, [-1, 0], (0, 1))
     >>> positions[1].tolist()
@@ -87,8 +85,6 @@ def skin_surface(surface: Any, weights: Any, joints: Any, rotations: Any, positi
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> joints, half_turn = np.zeros((1, 3)), np.diag([-1.0, -1.0, 1.0])[np.newaxis]
     >>> surface = np.array([[1.0, 0.0, 0.0]])
     >>> rh.bodies.skin_surface(surface, np.ones((1, 1)), joints, half_turn, joints)[0, 0]
@@ -125,7 +121,6 @@ def joints_between(parents: Any, first: int, last: int) -> list[int]:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.bodies.joints_between([-1, 0, 1, 0], 2, 3)
     [2, 1, 0, 3]
     """

@@ -152,7 +152,6 @@ def load_amass(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.datasets.load_amass("AMASS/CMU")[0][:10].shape  # doctest: +SKIP
     (10, 1202, 3)
     """

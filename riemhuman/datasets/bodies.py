@@ -56,7 +56,6 @@ class Bodies:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> bodies
     <Bodies: 100 surfaces, 10 people in 10 poses, 1,202 vertices, 2,400 triangles, with their

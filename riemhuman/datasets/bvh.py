@@ -52,7 +52,6 @@ class SkeletonMotion(Record):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> motion = rh.datasets.load_bvh("walk.bvh")  # doctest: +SKIP
     >>> motion.positions.shape  # doctest: +SKIP
     (240, 38, 3)
@@ -105,7 +104,6 @@ def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.datasets.load_bvh("walk.bvh").joint_names[0]  # doctest: +SKIP
     'Hips'
     """

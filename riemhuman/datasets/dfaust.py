@@ -108,8 +108,6 @@ def load_dfaust(
     Examples
     --------
     >>> import h5py
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> template = rh.datasets.load_open_model("coarse").template
     >>> with h5py.File("registrations_f.hdf5", "w") as file:
     ...     file["faces"] = template.faces

@@ -47,7 +47,6 @@ class Motion(ABC):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> motion = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
     >>> motion[0].shape, motion[:10:5].shape
     ((1202, 3), (2, 1202, 3))
@@ -149,7 +148,6 @@ class Motions(tuple[M, ...]):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.datasets.load_open_motions("coarse", sequences=["knees", "hips"])
     <Motions: 20 of 10 people, 2 sequences>
     """
@@ -225,7 +223,6 @@ def load_mesh_motions(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
     >>> for k, frame in enumerate(knees[:4]):
     ...     rh.save_mesh(f"frame_{k:04d}.ply", frame, knees.faces)

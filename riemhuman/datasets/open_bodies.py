@@ -55,7 +55,6 @@ def load_open_model(resolution: str = "full") -> BodyModel:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> model = rh.datasets.load_open_model("coarse")
     >>> model.n_betas, model.n_joints
     (32, 23)
@@ -98,7 +97,6 @@ def load_open_bodies(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> bodies.points.shape, bodies.pose_names[bodies.pose[3]]
     ((100, 1202, 3), 'bent_elbows')

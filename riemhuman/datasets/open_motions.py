@@ -97,7 +97,6 @@ def load_open_motions(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> len(rh.datasets.load_open_motions("coarse", sequences=["knees", "punching"]))
     20
     """

@@ -57,7 +57,6 @@ def joint_rotations(angles: Mapping[str, Sequence[Any]], model: BodyModel) -> np
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> model = rh.datasets.load_open_model("coarse")
     >>> rh.datasets.joint_rotations({"shoulder": ("z", 90)}, model).shape
     (23, 3, 3)
@@ -118,7 +117,6 @@ def pose_vectors(rotations: np.ndarray, model: BodyModel) -> np.ndarray:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> model = rh.datasets.load_open_model("coarse")
     >>> t_pose = rh.datasets.pose_vectors(rh.datasets.joint_rotations({}, model), model)
     >>> model(pose=t_pose).shape

@@ -70,7 +70,6 @@ class RegisteredMeshes:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> for name, points in zip("ab", bodies.points):
     ...     rh.save_mesh(f"{name}.ply", points, bodies.template.faces)
@@ -142,7 +141,6 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.save_mesh("body_1.ply", bodies[0], bodies.template.faces)
     >>> [file.name for file in rh.datasets.find_meshes(".")]
@@ -195,7 +193,6 @@ def load_faust(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_faust("MPI-FAUST")  # doctest: +SKIP
     """
     root = existing_folder(folder)
@@ -264,7 +261,6 @@ def load_bodies(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.save_mesh("anna_sits.ply", bodies[0], bodies.template.faces)
     >>> with open("labels.csv", "w") as table:
@@ -313,7 +309,6 @@ def read_labels(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> with open("labels.csv", "w") as table:
     ...     print("file,subject,pose", "a.ply,anna,sits", sep="\n", file=table)
     >>> rh.datasets.read_labels("labels.csv", ["a.ply"])

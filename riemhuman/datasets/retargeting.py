@@ -97,7 +97,6 @@ class RetargetingErrors(Record):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> jump = rh.datasets.retarget(rh.datasets.load_bvh("jump.bvh"))  # doctest: +SKIP
     >>> jump.errors.positions.max()  # doctest: +SKIP
     0.023
@@ -129,7 +128,6 @@ class RetargetedMotion(ModelMotion):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> jump = rh.datasets.retarget(rh.datasets.load_bvh("jump.bvh"))  # doctest: +SKIP
     >>> other = jump.performed_by(-jump.betas)  # doctest: +SKIP
     """
@@ -232,7 +230,6 @@ def retarget(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> recording = rh.datasets.load_bvh("jump.bvh")  # doctest: +SKIP
     >>> jump = rh.datasets.retarget(recording)  # doctest: +SKIP
     >>> other = jump.performed_by(-jump.betas)  # doctest: +SKIP

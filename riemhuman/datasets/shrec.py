@@ -44,7 +44,6 @@ class LabelledMeshes(Record):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> vertices, faces = rh.datasets.load_shrec14("SHREC14/Real")[0]  # doctest: +SKIP
     """
 
@@ -103,7 +102,6 @@ def load_shrec14(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> template = rh.datasets.load_open_model("coarse").template
     >>> rh.save_mesh("0.off", template.vertices, template.faces)
     >>> with open("test.cla", "w") as file:

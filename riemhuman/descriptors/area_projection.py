@@ -52,7 +52,6 @@ class ProjectedAreas(Record):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> transform = rh.descriptors.AreaProjectionTransform()
     >>> transform.transform(bodies[0], bodies.template.faces).values.shape[0]
@@ -97,7 +96,6 @@ class AreaProjectionTransform(Descriptor):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.descriptors.AreaProjectionTransform().describe_all(bodies[:1]).shape
     (1, 168)

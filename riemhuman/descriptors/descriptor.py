@@ -26,8 +26,6 @@ class Descriptor(ABC):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> class Height(rh.descriptors.Descriptor):
     ...     def describe(self, vertices, faces):
     ...         return np.ptp(vertices[:, 1:2], axis=0)

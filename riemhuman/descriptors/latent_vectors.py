@@ -42,8 +42,6 @@ class LatentVectors(Record, Descriptor):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> codes = rh.descriptors.LatentVectors(("a", "b"), np.array([[0.0, 0.0], [3.0, 4.0]]))
     >>> codes.select(["b"]).vectors
     array([[3., 4.]])

@@ -91,7 +91,6 @@ class ModelShapeVectors(_ModelVectors):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.descriptors.ModelShapeVectors(bodies.model).describe_all(bodies[:2]).shape
     (2, 32)
@@ -119,7 +118,6 @@ class ModelPoseVectors(_ModelVectors):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.descriptors.ModelPoseVectors(bodies.model).describe_all(bodies[:2]).shape[0]
     2

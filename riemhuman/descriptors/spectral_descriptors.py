@@ -92,7 +92,6 @@ class ShapeDNA(SpectralDescriptor):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.descriptors.ShapeDNA(10).describe(bodies[0], bodies.template.faces).shape
     (10,)
@@ -173,7 +172,6 @@ class HeatKernelSignature(KernelSignature):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.descriptors.HeatKernelSignature().describe_all(bodies[:1]).shape
     (1, 256)
@@ -230,7 +228,6 @@ class WaveKernelSignature(KernelSignature):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.descriptors.WaveKernelSignature().describe_all(bodies[:1]).shape
     (1, 768)

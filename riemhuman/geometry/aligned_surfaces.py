@@ -42,7 +42,6 @@ class AlignedSurfaces(Manifold):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> space.shape

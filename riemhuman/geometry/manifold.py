@@ -30,8 +30,6 @@ class Manifold(ABC):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> class Positive(rh.Manifold):
     ...     def __init__(self):
     ...         super().__init__(1, (1,))

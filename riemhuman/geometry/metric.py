@@ -75,7 +75,6 @@ class RiemannianMetric:
     Examples
     --------
     >>> import autograd.numpy as np
-    >>> import riemhuman as rh
     >>> class Weighted(rh.RiemannianMetric):
     ...     def inner_product(self, tangent_vec_a, tangent_vec_b, base_point):
     ...         return 4.0 * np.sum(tangent_vec_a * tangent_vec_b, axis=-1)

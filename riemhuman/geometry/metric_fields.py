@@ -32,7 +32,6 @@ class MetricFields(TriangleFields):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> fields = rh.MetricFields(bodies.template)
     >>> fields.shape, fields.dim
@@ -220,7 +219,6 @@ class EbinMetric(ConeMetric):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> fields = rh.MetricFields(bodies.template)
     >>> ebin = rh.EbinMetric(fields, lam=0.5)

@@ -28,7 +28,6 @@ class NormalFields(TriangleFields):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> fields = rh.NormalFields(bodies.template)
     >>> fields.shape, fields.dim
@@ -73,7 +72,6 @@ class NormalFieldMetric(FieldMetric):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> fields = rh.NormalFields(bodies.template)
     >>> metric = rh.NormalFieldMetric(fields)

@@ -32,7 +32,6 @@ class ProductManifold(Manifold):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> factors = [rh.MetricFields(bodies.template), rh.NormalFields(bodies.template)]
     >>> product = rh.ProductManifold(factors)
@@ -150,8 +149,6 @@ class ProductMetric(RiemannianMetric):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> product = rh.ProductManifold([rh.VectorSpace((1,)), rh.VectorSpace((1,))])
     >>> metric = rh.ProductMetric(product, weights=[1.0, 4.0])
     >>> float(metric.squared_dist(np.array([0.0, 0.0]), np.array([1.0, 1.0])))

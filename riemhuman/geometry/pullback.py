@@ -35,7 +35,6 @@ class PullbackMetric(RiemannianMetric):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> heights = rh.VectorSpace((bodies.template.n_vertices,))

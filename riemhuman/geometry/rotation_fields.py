@@ -56,7 +56,6 @@ class RotationFields(TriangleFields):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> fields = rh.RotationFields(bodies.template)
     >>> fields.shape, fields.dim
@@ -99,7 +98,6 @@ class RotationFieldMetric(FieldMetric):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> fields = rh.RotationFields(bodies.template)
     >>> metric = rh.RotationFieldMetric(fields)
@@ -161,7 +159,6 @@ class RotationMetric(PullbackMetric):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> pose = rh.RotationMetric(space)

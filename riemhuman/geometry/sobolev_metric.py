@@ -74,7 +74,6 @@ class SobolevMetric(MidpointMetric):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> metric = rh.SobolevMetric(space, a1=1.0, b1=1.0, c1=1.0, a2=1e-4)
@@ -157,7 +156,6 @@ class GaugeInvariantMetric(MidpointMetric):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> metric = rh.GaugeInvariantMetric(rh.ElasticMetric(space, a=1.0, lam=1.0, c=1.0))

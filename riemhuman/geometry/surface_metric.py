@@ -148,7 +148,6 @@ class SurfaceMetric(MetricOfTerms):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> terms = [rh.terms.EbinTerm(1.0, lam=1.0), rh.terms.NormalTerm(0.1)]
@@ -298,7 +297,6 @@ class ElasticMetric(SurfaceMetric):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
@@ -384,7 +382,6 @@ class GeneralElasticMetric(SurfaceMetric):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> metric = rh.GeneralElasticMetric(space, a=1.0, b=1.0, c=0.1)
@@ -421,7 +418,6 @@ class SRNFMetric(SurfaceMetric):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> metric = rh.SRNFMetric(space)

@@ -24,7 +24,6 @@ class VectorSpace(Manifold):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> space = rh.VectorSpace((2, 3))
     >>> space.random_point(4, rng=0).shape
     (4, 2, 3)
@@ -61,8 +60,6 @@ class FlatMetric(RiemannianMetric):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> metric = rh.FlatMetric(rh.VectorSpace((2,)), weights=np.array([1.0, 4.0]))
     >>> float(metric.squared_dist(np.zeros(2), np.ones(2)))
     5.0

@@ -63,7 +63,6 @@ def save_glb(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.save_glb("path.glb", bodies.points[:3], bodies.template.faces, seconds=1.5)
     """

@@ -42,7 +42,6 @@ def save_arrays(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.io.save_arrays("lengths.npz", {"arms": [0.61, 0.63]})
     >>> rh.io.load_arrays("lengths.npz", ["arms"])["arms"]
     array([0.61, 0.63])
@@ -77,7 +76,6 @@ def load_arrays(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.io.save_arrays("lengths.npz", {"arms": [0.61, 0.63], "legs": [0.9, 0.88]})
     >>> list(rh.io.load_arrays("lengths.npz", ["arms"], optional=[]))
     ['arms']
@@ -166,8 +164,6 @@ def load_array(path: str | os.PathLike[str], *, mode: Any = None) -> np.ndarray:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> np.save("heights.npy", [1.68, 1.81])
     >>> rh.io.load_array("heights.npy")
     array([1.68, 1.81])

@@ -66,7 +66,6 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.save_mesh("body.ply", bodies[0], bodies.template.faces)
     >>> rh.load_mesh("body.ply")[0].shape
@@ -96,7 +95,6 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> with open("scan.xyz", "w") as file:
     ...     _ = file.write("0 0 0\n0 1.7 0\n")
     >>> points, faces, normals = rh.io.load_points("scan.xyz")
@@ -128,7 +126,6 @@ def load_trusted(path: str | os.PathLike[str]) -> ndarray | None:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.save_mesh("body.ply", bodies[0], bodies.template.faces, bodies[0][:, 1] > 0.9)
     >>> bool((rh.io.load_trusted("body.ply") == (bodies[0][:, 1] > 0.9)).all())
@@ -161,7 +158,6 @@ def save_mesh(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.save_mesh("body.obj", bodies[0], bodies.template.faces)
     """
@@ -200,7 +196,6 @@ def as_arrays(mesh: Any) -> tuple[ndarray, ndarray]:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> vertices, faces = rh.io.as_arrays(bodies.template.to_trimesh())
     """
@@ -229,7 +224,6 @@ def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.io.to_trimesh(bodies[0], bodies.template.faces).vertices.shape
     (1202, 3)
@@ -249,7 +243,6 @@ def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> Any:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.io.to_pyvista(bodies[0], bodies.template.faces)  # doctest: +SKIP
     """

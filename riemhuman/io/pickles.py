@@ -60,7 +60,6 @@ def load_pickled_arrays(
     Examples
     --------
     >>> import pickle
-    >>> import riemhuman as rh
     >>> with open("model.pkl", "wb") as file:
     ...     pickle.dump({"weights": [0.5, 0.5], "unit": "m"}, file)
     >>> rh.io.load_pickled_arrays("model.pkl", ["weights"])["weights"]

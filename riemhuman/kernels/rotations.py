@@ -36,8 +36,6 @@ def rotation_matrix(axis_angle: Any) -> Any:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> rh.bodies.rotation_matrix(np.array([0.0, 0.0, np.pi / 2])).round(6).astype(int).tolist()
     [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     """
@@ -67,8 +65,6 @@ def rotation_derivative(axis_angle: Any) -> Any:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> rh.bodies.rotation_derivative(np.zeros(3)).tolist()  # turns about the axes
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """

@@ -53,7 +53,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> codes = rh.learned.IntrinsicExtrinsicCodes.load_pretrained(bodies.template)
     >>> intrinsic, extrinsic = codes.split(codes.transform(bodies.points[:2]))

@@ -54,7 +54,6 @@ class MetricCodes(Estimator):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse", "natural")
     >>> shape = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template), a=1.0, lam=1e-4, c=0.0)
     >>> codes = rh.learned.MetricCodes(shape, n_codes=256).fit(bodies.points[:20])

@@ -49,7 +49,6 @@ class ShapePoseCodes(PairedCodes):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> codes = rh.learned.ShapePoseCodes.load_pretrained(bodies.template)
     >>> found = codes.transform(bodies.points[:2])

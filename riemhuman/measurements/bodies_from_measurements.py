@@ -142,7 +142,6 @@ def model_from_measurements(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> wanted = {"stature": 1.70, "waist girth (omphalion)": 0.85, "hip girth": 1.00}
     >>> person = rh.measurements.model_from_measurements(wanted, sex="woman", resolution="coarse")
     >>> round(person.values["hip girth"], 3)
@@ -474,7 +473,6 @@ def nearest_body(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> own = rh.measurements.Measurements(bodies.model, ["waist girth", "hip girth"])
     >>> metric = rh.SobolevMetric(rh.AlignedSurfaces(bodies.template), a0=1.0, a2=0.01)

@@ -55,7 +55,6 @@ class Measurement:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> isinstance(rh.measurements.Height(name="stature", at="crown"), rh.measurements.Measurement)
     True
     """
@@ -202,7 +201,6 @@ class Girth(_PlaneSection):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.measurements.Girth(name="waist girth", at="waist", parts=["trunk"], hull=True).hull
     True
     """
@@ -232,7 +230,6 @@ class Breadth(_PlaneSection):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.measurements.Breadth(name="hip breadth", at="left_buttock", parts=["trunk"]).parts
     ('trunk',)
     """
@@ -260,7 +257,6 @@ class Depth(Breadth):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.measurements.Depth(name="chest depth", at="under_bust", parts=["trunk"]).parts
     ('trunk',)
     """
@@ -283,7 +279,6 @@ class Height(Measurement):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.measurements.Height(name="stature", at="crown").to_dict()
     {'kind': 'Height', 'name': 'stature', 'at': 'crown'}
     """
@@ -326,7 +321,6 @@ class Length(Measurement):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.measurements.Length(name="leg", along=["left_hip", "left_ankle"], path="joints").along
     ('left_hip', 'left_ankle')
     """
@@ -392,7 +386,6 @@ class Volume(Measurement):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.measurements.Volume(name="volume").units
     'm³'
     """
@@ -417,7 +410,6 @@ class Mass(Volume):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.measurements.Mass(name="mass, estimated", density=1010.0).units
     'kg'
     """
@@ -446,7 +438,6 @@ class Area(Measurement):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.measurements.Area(name="left arm", parts=["left arm"]).units
     'm²'
     """
@@ -481,7 +472,6 @@ def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> record = {"kind": "Height", "name": "stature", "at": "crown"}
     >>> rh.measurements.measurement_from_dict(record).at
     'crown'

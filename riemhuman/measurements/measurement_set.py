@@ -65,7 +65,6 @@ class MeasurementSet:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> model = rh.datasets.load_open_model("coarse")
     >>> rh.measurements.open_measurements(model)
     <MeasurementSet: 85 measurements, 171 landmarks, 1,202 vertices>
@@ -374,7 +373,6 @@ def open_measurements(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.measurements.open_measurements("coarse").names[:2]
     ('stature', 'cervical height')
     """

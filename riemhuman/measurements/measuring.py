@@ -92,7 +92,6 @@ class Measurements:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> measured = rh.measurements.Measurements(bodies.model).measure(bodies.points[:3])
     >>> measured["stature"].round(2)
@@ -302,7 +301,6 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> own = rh.measurements.Measurements(bodies.model)
     >>> straight = rh.measurements.in_standard_pose(own.definitions, bodies[3])

@@ -75,7 +75,6 @@ def regress_shape(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse").select(pose=0)
     >>> waists = rh.measurements.Measurements(bodies.model).measure(bodies.points)["waist girth"]
     >>> space = rh.AlignedSurfaces(bodies.template)

@@ -109,7 +109,6 @@ def compare_visits(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> own = rh.measurements.Measurements(bodies.model)
     >>> result = rh.measurements.compare_visits(own, bodies[0], bodies[3])

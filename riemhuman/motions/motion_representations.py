@@ -121,7 +121,6 @@ def compare_representations(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> distances, labels = rh.motions.compare_representations()  # doctest: +SKIP
     >>> table = rh.retrieval.retrieval_table(distances, labels)  # doctest: +SKIP
     """

@@ -43,7 +43,6 @@ class MotionSearch:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
     >>> pose = rh.ElasticMetric(rh.AlignedSurfaces(knees.template), a=0.0, lam=0.0, c=1.0)
     >>> found = rh.motions.MotionSearch(pose).find(knees[40:60], knees, n_occurrences=1)

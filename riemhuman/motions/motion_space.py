@@ -43,7 +43,6 @@ class MotionSpace(Manifold):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> motion = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
     >>> motions = rh.motions.MotionSpace(rh.AlignedSurfaces(motion.template), n_times=5)
     >>> motions.resample(motion[:40]).shape
@@ -161,7 +160,6 @@ class RateDependentMetric(RiemannianMetric):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
     >>> motions = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template), n_times=4)
     >>> m1, m2 = motions.resample(knees[:30]), motions.resample(knees[:60])

@@ -60,7 +60,6 @@ def align_motions(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
     >>> motions = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template), n_times=4)
     >>> first, second, warp = rh.motions.align_motions(motions, knees[:30:6], other[:30:6])
@@ -105,7 +104,6 @@ class MotionGeodesic:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
     >>> motions = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template), n_times=4)
     >>> result = rh.motions.MotionGeodesic(n_nodes=3).solve(motions, knees[:30:6], other[:30:6])
@@ -171,7 +169,6 @@ class MotionMean(Estimator):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
     >>> motions = rh.motions.MotionSpace(rh.AlignedSurfaces(knees[0].template), n_times=4)
     >>> mean = rh.motions.MotionMean(motions).fit([motion[:40:8] for motion in knees])
@@ -278,7 +275,6 @@ class MotionComponents(Estimator):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[:3]
     >>> motions = rh.motions.MotionSpace(rh.AlignedSurfaces(knees[0].template), n_times=3)
     >>> mean = rh.motions.MotionMean(motions, n_iterations=1)

@@ -75,7 +75,6 @@ class RateInvariantMetric(MotionDistance):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
     >>> space = rh.AlignedSurfaces(knees.template)
     >>> space = space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)

@@ -42,8 +42,6 @@ class Warp:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> warp = rh.motions.Warp(0.0, np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 4.0]))
     >>> warp(np.array([0.5, 1.5])).tolist()
     [0.5, 2.5]
@@ -188,7 +186,6 @@ class DynamicTimeWarping(MotionDistance):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
     >>> pose = rh.ElasticMetric(rh.AlignedSurfaces(knees.template), a=0.0, lam=0.0, c=1.0)
     >>> warping = rh.motions.DynamicTimeWarping(pose)
@@ -310,7 +307,6 @@ class VelocityTimeWarping(MotionDistance):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
     >>> pose = rh.ElasticMetric(rh.AlignedSurfaces(knees.template), a=0.0, lam=0.0, c=1.0)
     >>> warping = rh.motions.VelocityTimeWarping(pose)

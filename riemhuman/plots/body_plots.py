@@ -66,7 +66,6 @@ def plot_body(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> ax = rh.plots.plot_body(bodies[0], bodies.template.faces)
     """
@@ -127,7 +126,6 @@ def plot_path(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> ax = rh.plots.plot_path(bodies.points[:6], bodies.template.faces, n_shown=3)
     """
@@ -188,7 +186,6 @@ def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarra
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.plots.per_area([3.0], [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     array([6.])
     """
@@ -230,7 +227,6 @@ def plot_measurement_lines(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> lines = rh.measurements.Measurements(bodies.model).lines(bodies[0])
     >>> figure = rh.plots.plot_measurement_lines(bodies[0], bodies.template.faces, lines)

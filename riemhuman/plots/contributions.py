@@ -31,7 +31,6 @@ class Contributions(Record):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> float(rh.plots.Contributions([1.0], [0.5]).total[0])
     1.5
     """
@@ -57,7 +56,6 @@ def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> 
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> metric = rh.ElasticMetric(space, 1.0, 1.0, 1.0)

@@ -27,7 +27,6 @@ def figure_style() -> Iterator[None]:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> with rh.plots.figure_style():
     ...     ax = rh.plots.plot_energy([3.0, 2.0, 1.9])
     """

@@ -53,7 +53,6 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.plots.embed([[0, 3, 4], [3, 0, 5], [4, 5, 0]], method="mds").shape
     (3, 2)
     """
@@ -111,8 +110,6 @@ def stress(distances: ndarray, positions: ndarray) -> float:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> rh.plots.stress(np.array([[0.0, 2.0], [2.0, 0.0]]), np.array([[0.0, 0.0], [1.0, 0.0]]))
     0.5
     """
@@ -155,7 +152,6 @@ def plot_embedding(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> ax = rh.plots.plot_embedding([[0, 1], [1, 0], [1, 1]], [0, 0, 1], ["Anna", "Ben"])
     """
     places = real_array(positions, "positions", ("n_items", 2), batched=False)

@@ -47,7 +47,6 @@ class View:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.plots.View(azimuth=90.0)
     View(azimuth=90.0, elevation=8.0)
     """
@@ -137,7 +136,6 @@ def render(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.plots.render(bodies[0], bodies.template.faces, height=100).shape[0]
     100
@@ -298,7 +296,6 @@ def surfaces_html(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.plots.surfaces_html(bodies.points[:2], bodies.template.faces, "Two")[:7]
     '<figure'

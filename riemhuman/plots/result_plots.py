@@ -41,7 +41,6 @@ def plot_energy(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> ax = rh.plots.plot_energy({"basis": [3.0, 2.0, 1.9], "straight": [3.0, 2.5]})
     """
     curves = energies if isinstance(energies, Mapping) else {"": energies}
@@ -90,7 +89,6 @@ def plot_precision_recall(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
     >>> ax = rh.plots.plot_precision_recall({"toy": D}, [0, 0, 1, 1])
     """
@@ -136,7 +134,6 @@ def plot_confusion(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
     >>> ax = rh.plots.plot_confusion(D, [0, 0, 1, 1])
     """
@@ -170,7 +167,6 @@ def plot_sweep(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> ax = rh.plots.plot_sweep([[90, 95], [80, 99]], [1e-4, 1], ["c = 0", "c = 1"])
     """
     cells = real_array(scores, "scores", (len(lams), len(weights)), batched=False)

@@ -98,8 +98,6 @@ class ViewedBody:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> body = rh.plots.ViewedBody("mean", np.zeros((1, 3, 3)), color=(0.93, 0.74, 0.30))
     """
 
@@ -136,7 +134,6 @@ class Viewer:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> viewer = rh.plots.view_bodies(bodies.points[:2], bodies.template.faces)
     >>> viewer.save("bodies.html")
@@ -315,7 +312,6 @@ def view_path(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> viewer = rh.plots.view_path(bodies.points[:4], bodies.template.faces)
     """
@@ -358,7 +354,6 @@ def view_bodies(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> viewer = rh.plots.view_bodies(bodies.points[:2], bodies.template.faces)
     """
@@ -427,7 +422,6 @@ def save_picture(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.plots.save_picture("two.png", bodies[:2], bodies.template.faces, ["Anna", "Ben"])
     'Anna, Ben'
@@ -489,7 +483,6 @@ def view_alignment(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
     >>> space = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template), 5)
     >>> measure = rh.motions.DynamicTimeWarping(space.frames.metric)

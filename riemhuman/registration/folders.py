@@ -65,7 +65,6 @@ class ScanRecord:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> record = rh.registration.read_records("bodies")[0]  # doctest: +SKIP
     >>> record.name, record.trusted  # doctest: +SKIP
     ('anna', True)
@@ -122,7 +121,6 @@ def register_folder(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> registration = rh.registration.ScanRegistration()  # doctest: +SKIP
     >>> rh.registration.register_folder(registration, "scans", "bodies")  # doctest: +SKIP
     """
@@ -183,7 +181,6 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> records = rh.registration.read_records("bodies")  # doctest: +SKIP
     """
     place = existing_folder(folder) / RECORDS

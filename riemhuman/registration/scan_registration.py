@@ -84,7 +84,6 @@ class RegisteredScan:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> registration = rh.registration.TemplateRegistration(bodies.template)
     >>> result = registration.solve((bodies[0], bodies.template.faces), start=bodies[0])
@@ -178,7 +177,6 @@ class ScanRegistration:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, rng=0)
     >>> registration = rh.registration.ScanRegistration(bodies.model, up="y")
@@ -632,7 +630,6 @@ class TemplateRegistration:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> registration = rh.registration.TemplateRegistration(bodies.template)
     >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, 0, rotate=False)
@@ -757,7 +754,6 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> body = rh.Template(bodies[0], bodies.template.faces)
     >>> model = rh.registration.transfer_model(bodies.model, body)  # doctest: +SKIP

@@ -48,7 +48,6 @@ class Scan:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> scan = rh.registration.Scan(rh.datasets.load_open_bodies("coarse")[0])
     >>> len(scan), scan.unit
     (1202, 'metres')
@@ -86,7 +85,6 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.save_mesh("scan.ply", 1000.0 * bodies[0], bodies.template.faces)
     >>> rh.registration.load_scan("scan.ply").unit
@@ -110,7 +108,6 @@ def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> with open("landmarks.csv", "w") as file:
     ...     print("left_wrist,0.62,1.31,0.05", file=file)
     >>> rh.registration.load_landmarks("landmarks.csv")["left_wrist"].tolist()
@@ -144,7 +141,6 @@ def find_inward_triangles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> inward_faces = bodies.template.faces[:, ::-1]
     >>> bool(rh.registration.find_inward_triangles(bodies[0], inward_faces).all())

@@ -36,7 +36,6 @@ class SimulatedScan:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, rng=0)
     >>> scan.body.shape, scan.faces is None
@@ -108,7 +107,6 @@ def simulated_scan(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, n_points=3000)
     >>> scan.points.shape

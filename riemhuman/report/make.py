@@ -100,7 +100,6 @@ def make_report(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> page = rh.report.make_report("report", quick=True)  # doctest: +SKIP
     """
     check_folder(output)

@@ -35,7 +35,6 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> page = rh.report.scan_page("bodies")  # doctest: +SKIP
     """
     records = read_records(folder)

@@ -85,7 +85,6 @@ class BenchmarkRecord:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.report.BenchmarkRecord("height", "shape", None, 0.0, 0.0, "no head").problem
     'no head'
     """
@@ -123,7 +122,6 @@ def benchmark(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> shape = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template))
     >>> [record.task for record in rh.report.benchmark(bodies, {"shape": shape})]
@@ -200,7 +198,6 @@ def representations(bodies: Any) -> dict[str, Any]:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> list(rh.report.representations(rh.datasets.load_open_bodies("coarse")))[2]
     'SRNF'
     """
@@ -293,7 +290,6 @@ def retrieval_tables(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> tables = rh.report.retrieval_tables(rh.datasets.load_open_bodies("coarse"))
     >>> list(tables)
     ['Who is it?', 'How do they stand?']
@@ -401,7 +397,6 @@ def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> failed = rh.report.BenchmarkRecord("height", "shape", None, 0.0, 0.0, "no head")
     >>> print(rh.report.format_benchmark([failed]).splitlines()[1])
     height      failed: no head

@@ -130,7 +130,6 @@ def pairwise_job(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> rh.pairwise_job(space.metric, bodies.points[:6], "distances").shape
@@ -231,7 +230,6 @@ def path_job(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> solver = rh.solvers.PoissonPath(n_nodes=5)

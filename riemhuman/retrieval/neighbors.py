@@ -52,7 +52,6 @@ class NearestNeighbors(Estimator):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> shape = rh.ElasticMetric(space, a=1.0, lam=1e-4, c=0.0)  # who is it?

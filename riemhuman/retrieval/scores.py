@@ -31,7 +31,6 @@ class RetrievalScores:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> print(rh.retrieval.RetrievalScores(100.0, 94.8, 97.1, 96.0, n_queries=100))
     NN 100.0 %, FT 94.8 %, ST 97.1 %, mAP 96.0 % (100 queries)
     """
@@ -89,7 +88,6 @@ def scores(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
     >>> rh.retrieval.scores(D, ["a", "a", "b", "b"]).nn
     100.0
@@ -196,7 +194,6 @@ def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> D = [[0.0, 1.0, 8.0], [1.0, 0.0, 4.0], [8.0, 4.0, 0.0]]
     >>> rh.retrieval.local_scaling(D, n_neighbors=1)[1:, 1:].tolist()
     [[0.0, 2.0], [2.0, 0.0]]
@@ -238,7 +235,6 @@ def precision_recall(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> D = space.metric.dist_pairwise(bodies.points[:30])
@@ -278,7 +274,6 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
     >>> rh.retrieval.confusion(D, ["a", "a", "b", "b"]).tolist()
     [[2, 0], [0, 2]]
@@ -302,7 +297,6 @@ class TableRow:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.retrieval.retrieval_table({"toy": [[0, 1], [1, 0]]}, [0, 0])[0].representation
     'toy'
     """
@@ -330,7 +324,6 @@ def retrieval_table(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
     >>> row = rh.retrieval.retrieval_table({"toy": D}, [0, 0, 1, 1])[0]
     >>> row.representation, row.scores.first_tier
@@ -350,7 +343,6 @@ def format_table(title: str, rows: list[TableRow]) -> str:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
     >>> rows = rh.retrieval.retrieval_table({"toy": D}, [0, 0, 1, 1])
     >>> print(rh.retrieval.format_table("Who is it?", rows))

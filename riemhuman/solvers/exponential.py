@@ -58,7 +58,6 @@ class ExponentialResult(Result):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((2,)).metric
     >>> rh.solvers.DiscreteExponential(n_steps=4).solve(metric, [2.0, 0.0], [0.0, 0.0]).n_steps
     4
@@ -106,7 +105,6 @@ class DiscreteExponential(Solver, ExpSolver):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((2,)).metric
     >>> rh.solvers.DiscreteExponential().solve(metric, [2.0, 0.0], [0.0, 0.0]).end.round(6)
     array([2., 0.])

@@ -49,7 +49,6 @@ class PoissonPath(PathSolver):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> metric = rh.AlignedSurfaces(bodies.template).metric
     >>> rh.solvers.PoissonPath(n_nodes=5).solve(metric, bodies[0], bodies[2]).path.shape
@@ -136,8 +135,6 @@ class ModelParameters(NamedTuple):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> rh.solvers.ModelParameters(np.zeros(10), np.zeros((24, 3)), np.zeros(3)).pose.shape
     (24, 3)
     """
@@ -172,7 +169,6 @@ class ModelPath(PathSolver):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> metric, model = rh.AlignedSurfaces(bodies.template).metric, bodies.model
     >>> def parameters(f):

@@ -53,7 +53,6 @@ class LogarithmResult(Result):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((2,)).metric
     >>> rh.solvers.DiscreteLogarithm(n_steps=4).solve(metric, [2.0, 0.0], [0.0, 0.0]).converged
     True
@@ -95,7 +94,6 @@ class DiscreteLogarithm(Solver, LogSolver):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((2,)).metric
     >>> rh.solvers.DiscreteLogarithm().solve(metric, [2.0, 0.0], [0.0, 0.0]).tangent_vec.round(6)
     array([2., 0.])

@@ -87,7 +87,6 @@ class BasisMean(Solver, MeanSolver):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> metric = rh.AlignedSurfaces(bodies.template).metric
     >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
@@ -255,7 +254,6 @@ class GradientDescentMean(Solver, MeanSolver):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((1,)).metric
     >>> rh.solvers.GradientDescentMean().solve(metric, [[0.0], [1.0]]).point.round(6)
     array([0.5])
@@ -378,7 +376,6 @@ class FrechetMean(Estimator):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> plane = rh.VectorSpace((2,))
     >>> rh.FrechetMean(plane).fit([[0.0, 0.0], [1.0, 3.0]]).estimate_.round(6).tolist()
     [0.5, 1.5]
@@ -442,7 +439,6 @@ class GeometricMedian(FrechetMean):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> points = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [100.0, 100.0]]
     >>> rh.GeometricMedian(rh.VectorSpace((2,))).fit(points).estimate_.round(3).tolist()
     [0.5, 0.5]

@@ -68,7 +68,6 @@ class NearestSurface(Solver):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> metric = rh.AlignedSurfaces(bodies.template).metric
     >>> images = metric.map(bodies.points[:2])
@@ -166,7 +165,6 @@ def inverted_triangles(points: ndarray, reference: ndarray, faces: ndarray) -> n
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.statistics.inverted_triangles(bodies[0], bodies[1], bodies.template.faces).shape
     (2400,)

@@ -37,7 +37,6 @@ class TransportResult(Result):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric, ladder = rh.VectorSpace((1,)).metric, rh.solvers.PoleLadder()
     >>> ladder.solve(metric, [1.0], [0.0], end_point=[2.0]).tangent_vecs.tolist()
     [[1.0], [1.0]]
@@ -73,7 +72,6 @@ class PoleLadder(Solver, TransportSolver):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((1,)).metric
     >>> rh.solvers.PoleLadder().solve(metric, [1.0], [0.0], end_point=[2.0]).tangent_vec
     array([1.])
@@ -199,7 +197,6 @@ class SchildLadder(PoleLadder):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((1,)).metric
     >>> rh.solvers.SchildLadder().solve(metric, [1.0], [0.0], end_point=[2.0]).tangent_vec
     array([1.])

@@ -49,7 +49,6 @@ class PathMeasures(Record):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> metric = rh.AlignedSurfaces(bodies.template).metric
     >>> list(rh.solvers.measure_path({"shape": metric}, bodies.points[:3]).energies)
@@ -81,7 +80,6 @@ class PathComparison(Record):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> metrics = {"elastic": rh.AlignedSurfaces(bodies.template).metric}
     >>> solvers = {"straight": (rh.solvers.LinearPath(n_nodes=5), "elastic")}
@@ -135,7 +133,6 @@ def compare_paths(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> metrics = {"elastic": rh.AlignedSurfaces(bodies.template).metric}
     >>> solvers = {"straight": (rh.solvers.LinearPath(n_nodes=5), "elastic")}
@@ -173,7 +170,6 @@ def measure_path(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> metric = rh.AlignedSurfaces(bodies.template).metric
     >>> list(rh.solvers.measure_path({"shape": metric}, bodies.points[:3]).energies)
@@ -223,7 +219,6 @@ class PathDistances(Result):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((1,)).metric
     >>> rh.solvers.path_distances(rh.solvers.LinearPath(), metric, [[0.0], [4.0]]).excess
     array([0.])
@@ -287,7 +282,6 @@ def path_distances(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((2,)).metric
     >>> rh.solvers.path_distances(rh.solvers.LinearPath(), metric, [[0.0, 0.0], [3.0, 4.0]]).lengths
     array([[0., 5.],

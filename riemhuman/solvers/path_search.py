@@ -246,7 +246,6 @@ class BasisPath(PathSearch):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> metric = rh.AlignedSurfaces(bodies.template).metric
     >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
@@ -303,7 +302,6 @@ class PathStraightening(PathSearch):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((2,)).metric
     >>> result = rh.solvers.PathStraightening(n_nodes=5).solve(metric, [0.0, 0.0], [1.0, 1.0])
     >>> round(result.energy, 6)

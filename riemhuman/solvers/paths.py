@@ -40,7 +40,6 @@ class SegmentEnergy(PathEnergy):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((2,)).metric
     >>> rh.solvers.SegmentEnergy().value(metric, [[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]])
     8.0
@@ -61,7 +60,6 @@ class FiniteDifferenceEnergy(PathEnergy):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((1,)).metric
     >>> rh.solvers.FiniteDifferenceEnergy().value(metric, [[0.0], [1.0], [2.0]])
     4.0
@@ -177,7 +175,6 @@ class LinearPath(PathSolver):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((2,)).metric
     >>> rh.solvers.LinearPath(n_nodes=3).solve(metric, [0.0, 0.0], [2.0, 0.0]).energy
     4.0
@@ -203,7 +200,6 @@ class ClosedFormGeodesic(PathSolver):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((2,)).metric
     >>> rh.solvers.ClosedFormGeodesic(n_nodes=3).solve(metric, [0.0, 0.0], [2.0, 0.0]).energy
     4.0

@@ -33,7 +33,6 @@ class Status(StrEnum):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.solvers.Status.CONVERGED.value
     'converged'
     """
@@ -58,7 +57,6 @@ class Result(Record):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.solvers.Result(status=rh.solvers.Status.MAX_ITER).converged
     False
     """
@@ -167,7 +165,6 @@ class PathResult(Result):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> metric = rh.VectorSpace((1,)).metric
     >>> rh.solvers.LinearPath(n_nodes=3).solve(metric, [0.0], [2.0]).path.tolist()
     [[0.0], [1.0], [2.0]]
@@ -197,7 +194,6 @@ class MeanResult(Result):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> rh.FrechetMean(rh.VectorSpace((1,))).fit([[0.0], [2.0]]).result_.point
     array([1.])
     """
@@ -239,7 +235,6 @@ class Interrupted(KeyboardInterrupt):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> issubclass(rh.solvers.Interrupted, KeyboardInterrupt)
     True
     """

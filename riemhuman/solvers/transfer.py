@@ -81,7 +81,6 @@ class MotionTransfer:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> motion = rh.datasets.load_open_motions("coarse", sequences="knees")[0][:30:10]
@@ -157,7 +156,6 @@ class ShapeTransfer:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> rh.solvers.ShapeTransfer().solve(space, bodies[0], bodies[10], bodies[3]).shape
@@ -206,7 +204,6 @@ class DisentanglingResult(Result):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> build, pose = rh.ElasticMetric(space, 1.0, 1.0, 0.0), rh.ElasticMetric(space, 0.0, 0.0, 1.0)
@@ -253,7 +250,6 @@ class Disentangling(Solver):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> build, pose = rh.ElasticMetric(space, 1.0, 1.0, 0.0), rh.ElasticMetric(space, 0.0, 0.0, 1.0)

@@ -82,8 +82,6 @@ class KMedoids(_Clustering):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
     >>> rh.statistics.KMedoids(2).fit(D).labels_.tolist()
     [0, 0, 1, 1]
@@ -156,8 +154,6 @@ class HierarchicalClustering(_Clustering):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
     >>> rh.statistics.HierarchicalClustering(2).fit(D).labels_.tolist()
     [0, 0, 1, 1]

@@ -74,7 +74,6 @@ class LearnedMetric(Estimator):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse", "natural")
     >>> pose = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template), a=0.0, lam=0.0, c=1.0)
     >>> seen, new = bodies.points[:80], bodies.points[80:]  # eight people, and two others

@@ -96,8 +96,6 @@ def two_sample_test(
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> D = np.abs(np.subtract.outer([0, 1, 2, 3, 90, 91, 92, 93], [0, 1, 2, 3, 90, 91, 92, 93]))
     >>> result = rh.statistics.two_sample_test(D, np.arange(8) < 4)
     >>> result.exact, round(result.p_value, 3)

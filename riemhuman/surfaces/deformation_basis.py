@@ -48,7 +48,6 @@ class DeformationBasis:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
     >>> basis.vectors.shape

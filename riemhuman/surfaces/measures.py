@@ -20,7 +20,6 @@ def triangle_areas(points: ndarray, faces: ndarray) -> ndarray:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> float(rh.surfaces.triangle_areas(bodies[0], bodies.template.faces).sum().round(2))
     1.77
@@ -41,7 +40,6 @@ def edge_lengths(points: ndarray, edges: ndarray) -> ndarray:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.surfaces.edge_lengths(bodies[0], bodies.template.edges).shape
     (3600,)
@@ -62,7 +60,6 @@ def signed_volume(points: ndarray, faces: ndarray) -> ndarray:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> float(rh.surfaces.signed_volume(bodies[0], bodies.template.faces).round(3))
     0.059
@@ -85,7 +82,6 @@ def is_closed(faces: ndarray) -> bool:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.surfaces.is_closed(bodies.template.faces)
     True
@@ -111,8 +107,6 @@ def adjacent_triangles(faces: ndarray) -> tuple[ndarray, ndarray]:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> pairs, edges = rh.surfaces.adjacent_triangles(np.array([[0, 1, 2], [2, 1, 3]]))
     >>> pairs.tolist(), edges.tolist()
     ([[1, 0]], [[1, 2]])

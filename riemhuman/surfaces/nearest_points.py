@@ -29,7 +29,6 @@ class SurfacePoints(NamedTuple):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> points, _ = rh.surfaces.nearest_points(bodies[0][:3], bodies[0], bodies.template.faces)
     >>> points.triangles.shape, points.barycentric.shape
@@ -62,7 +61,6 @@ def nearest_points(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> faces = bodies.template.faces
     >>> points, distances = rh.surfaces.nearest_points(bodies[0] + 0.01, bodies[0], faces)

@@ -48,7 +48,6 @@ def procrustes(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> moved = bodies[0] + [0.0, 0.0, 2.0]
     >>> bool(abs(rh.procrustes(moved, to=bodies[0]) - bodies[0]).max() < 1e-12)
@@ -106,7 +105,6 @@ def generalized_procrustes(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> aligned, mean = rh.generalized_procrustes(bodies.points[::10])
     >>> aligned.shape, mean.shape
@@ -228,8 +226,6 @@ def make_upright(points: ndarray, unit: str | None = None, up: str | None = None
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import riemhuman as rh
     >>> rh.surfaces.make_upright(np.array([[0.0, 0.0, 1700.0]]), "millimetres", up="z").tolist()
     [[0.0, 1.7, 0.0]]
     """

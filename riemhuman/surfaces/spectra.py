@@ -38,7 +38,6 @@ class Spectrum(Record):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> spectrum = rh.surfaces.spectrum(bodies[0], bodies.template.faces, 4)
     >>> spectrum.functions.shape
@@ -92,7 +91,6 @@ def spectrum(
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> spectrum = rh.surfaces.spectrum(bodies[0], bodies.template.faces, 4)
     >>> spectrum.eigenvalues.shape, bool((spectrum.eigenvalues > 0).all())

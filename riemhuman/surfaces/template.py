@@ -59,7 +59,6 @@ class Template:
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> template = rh.Template([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     >>> template.face_areas.tolist()
     [0.5]

@@ -70,7 +70,6 @@ class ConeTerm(Term):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> metric = rh.SurfaceMetric(space, [rh.terms.ConeTerm(1.0, a=1.0, b=1.0, c=0.1)])
@@ -211,7 +210,6 @@ class EbinTerm(ConeTerm):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> metric = rh.SurfaceMetric(space, [rh.terms.EbinTerm(1.0, lam=1.0)])

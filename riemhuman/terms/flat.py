@@ -28,7 +28,6 @@ class FlatTerm(Term):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> class AreaVectors(rh.terms.FlatTerm):
     ...     def field(self, first):
     ...         return first.area_vectors
@@ -173,7 +172,6 @@ class RootNormalTerm(FlatTerm):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> metric = rh.SurfaceMetric(space, [rh.terms.RootNormalTerm(1.0)])

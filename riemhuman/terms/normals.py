@@ -29,7 +29,6 @@ class NormalTerm(Term):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> metric = rh.SurfaceMetric(space, [rh.terms.NormalTerm(1.0)])

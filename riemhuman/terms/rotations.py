@@ -26,7 +26,6 @@ class RotationTerm(Term):
 
     Examples
     --------
-    >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> bool(rh.RotationMetric(space, time=0.0).dist(bodies[0], bodies[1]) > 0)

@@ -54,7 +54,6 @@ class Term(ABC):
     Examples
     --------
     >>> import autograd.numpy as np
-    >>> import riemhuman as rh
     >>> class LogArea(rh.terms.Term):
     ...     needs_area = True
     ...
