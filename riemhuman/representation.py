@@ -1,14 +1,17 @@
-"""One-line texts of objects, by their construction or their content, and of lists of names."""
+"""One-line texts of objects and of lists of names; bases of objects that do not change."""
 
 from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from numbers import Number
 from typing import Any
 
 from numpy import ndarray
+
+from riemhuman.errors import ArgumentError
 
 _LONGEST = 80
 _MISSING = object()
@@ -63,6 +66,36 @@ class Record:
     def __repr__(self) -> str:
         shown = ", ".join(f"{name}={text}" for name, text in field_texts(self).items())
         return f"{type(self).__name__}({shown})"
+
+
+class Unchanging:
+    """Base of classes whose constructor arguments cannot be set again on an object.
+
+    Constructors, with those of subclasses around them, may set them as often as they like.
+    """
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        if "__init__" in vars(cls):
+            cls.__init__ = _completing(cls.__init__)  # type: ignore[method-assign]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if "_is_complete" in vars(self) and self._is_fixed(name):
+            raise ArgumentError(f"{name} of {type(self).__name__} cannot change; make another one")
+        super().__setattr__(name, value)
+
+    def _is_fixed(self, name: str) -> bool:
+        return name in inspect.signature(type(self)).parameters
+
+
+def _completing(constructor: Callable[..., None]) -> Callable[..., None]:
+    @wraps(constructor)
+    def construct(self: Any, *arguments: Any, **keywords: Any) -> None:
+        constructor(self, *arguments, **keywords)
+        if type(self).__init__ is construct:
+            self._is_complete = True
+
+    return construct
 
 
 def _brief(value: object) -> str:

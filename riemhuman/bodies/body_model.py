@@ -20,13 +20,14 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.rotations import rotation_matrix
+from riemhuman.representation import Unchanging
 from riemhuman.surfaces.template import Template
 
 # Weights in single precision, or rounded for storage, sum to one within this tolerance.
 _SUM_TOLERANCE = 1e-3
 
 
-class BodyModel:
+class BodyModel(Unchanging):
     """A parametric body: a surface from shape coefficients, joint rotations and a translation.
 
     The model of Loper, Mahmood, Romero, Pons-Moll and Black, "SMPL: A Skinned Multi-Person
@@ -145,7 +146,6 @@ class BodyModel:
         _check_sums(self.weights, "weights")
         if self.weights.min() < 0:
             raise ArgumentError(f"weights must not be negative; found {self.weights.min():g}")
-        self._is_complete = True
 
     @classmethod
     def from_file(
@@ -210,11 +210,9 @@ class BodyModel:
             fields["hand_poses"] = onp.array(self.hand_poses)
         save_arrays(path, fields, compressed=True)
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        # The open model is shared by all its users. Subclasses may add attributes.
-        if name in vars(self) and "_is_complete" in vars(self):
-            raise AttributeError(f"{name} of a body model cannot be changed; construct another")
-        super().__setattr__(name, value)
+    def _is_fixed(self, name: str) -> bool:
+        # All that is known of a body: the open model is shared by all its users.
+        return name in vars(self)
 
     def __repr__(self) -> str:
         return (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from inspect import signature
 from operator import attrgetter
 from typing import Any, cast
 
@@ -43,7 +42,7 @@ from riemhuman.geometry.strategies import (
     solve_geodesic,
 )
 from riemhuman.kernels.surface import differential, square_root
-from riemhuman.representation import constructor_text
+from riemhuman.representation import Unchanging, constructor_text
 
 
 def _is_overridden(metric: RiemannianMetric, name: str) -> bool:
@@ -55,7 +54,7 @@ def _defines(*names: str, doc: str) -> property:
     return property(lambda self: any(_is_overridden(self, name) for name in names), doc=doc)
 
 
-class RiemannianMetric:
+class RiemannianMetric(Unchanging):
     r"""A Riemannian metric on a manifold.
 
     A subclass defines `inner_product`, or `squared_dist` where there is a closed form, or both;
@@ -114,13 +113,6 @@ class RiemannianMetric:
         self.exp_solver = exp_solver
         self.log_solver = log_solver
         self.transport_solver = transport_solver
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name in vars(self) and name in signature(type(self)).parameters:
-            raise ArgumentError(
-                f"{name} of {type(self).__name__} cannot be changed; make another metric"
-            )
-        super().__setattr__(name, value)
 
     def __repr__(self) -> str:
         return constructor_text(self, leave_out=("space",))

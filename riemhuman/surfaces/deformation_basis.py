@@ -164,10 +164,11 @@ class DeformationBasis:
                 f"{os.fspath(path)} has format version {str(version)[:40]}; "
                 f"this release reads version {_FORMAT_VERSION}"
             )
-        if "vertex_weights" in fields:
-            raise FileFormatError(
-                f"{os.fspath(path)} weighs vertices, which bases no longer do; make it anew"
-            )
+        for old, habit in (("vertex_weights", "weighs vertices"), ("mean", "removes a mean")):
+            if old in fields:
+                raise FileFormatError(
+                    f"{os.fspath(path)} {habit}, which bases no longer do; make it anew"
+                )
         try:
             basis = cls(fields["vectors"])
             basis._set_statistics(*(fields.get(name) for name in _STATISTICS))

@@ -210,7 +210,7 @@ def test_round_trip(model, tmp_path):
         np.testing.assert_array_equal(getattr(found, name), getattr(model, name))
     assert (found.joint_names, found.hand_poses) == (model.joint_names, model.hand_poses)
     assert not found.weights.flags.writeable
-    with pytest.raises(AttributeError, match="weights of a body model cannot be changed"):
+    with pytest.raises(ArgumentError, match="weights of BodyModel cannot change"):
         found.weights = model.weights
     assert (found.posedirs is None) == (model.posedirs is None)
     np.testing.assert_array_equal(found(*parameters(model)), model(*parameters(model)))
@@ -222,11 +222,15 @@ def test_subclasses_have_attributes_of_their_own():
         def __init__(self, *arguments, **options):
             super().__init__(*arguments, **options)
             self.name = "named"
+            self.joint_names = tuple(name.upper() for name in self.joint_names)
 
     own = load_open_model("coarse")
     table = np.stack([own.parents, np.arange(own.n_joints)])
     arguments = own.template.vertices, own.faces, own.shapedirs, own.joint_regressor, own.weights
-    assert Named(*arguments, table).name == "named"
+    named = Named(*arguments, table)
+    assert (named.name, named.joint_names[0]) == ("named", "JOINT_0")
+    with pytest.raises(ArgumentError, match="joint_names of Named cannot change"):
+        named.joint_names = own.joint_names
 
 
 def test_single_precision_is_smaller_and_close(tmp_path):

@@ -3,6 +3,7 @@
 A property is a function that asserts; broken twins of a metric must not pass it.
 """
 
+import copy
 import inspect
 from types import SimpleNamespace
 
@@ -527,8 +528,31 @@ def test_solver_interpolates_along_bends():
 def test_parameters_of_a_metric_cannot_be_changed(case):
     for name in inspect.signature(type(case.metric)).parameters:
         if name in vars(case.metric):
-            with pytest.raises(ArgumentError, match=f"{name} of .*; make another metric"):
+            with pytest.raises(ArgumentError, match=f"{name} of .* cannot change; make another"):
                 setattr(case.metric, name, 1.0)
+
+
+def test_constructors_may_set_a_parameter_twice():
+    """Their own and those of subclasses; afterwards, copies included, it stays."""
+
+    class Scaled(HyperbolicInnerProduct):
+        def __init__(self, space, scale):
+            super().__init__(space)
+            self.scale = scale
+            self.scale = float(scale)
+            self.n_calls = 0
+
+    class Doubled(Scaled):
+        def __init__(self, space, scale):
+            super().__init__(space, scale)
+            self.scale = 2.0 * self.scale
+
+    metric = Doubled(HalfPlane(), 3)
+    assert metric.scale == 6.0
+    metric.n_calls += 1
+    for each in (metric, copy.deepcopy(metric), Scaled(HalfPlane(), 1)):
+        with pytest.raises(ArgumentError, match="scale of .* cannot change"):
+            each.scale = 1.0
 
 
 # Bad input.

@@ -266,6 +266,7 @@ class TestFiles:
             ({"vectors": np.array(["text"])}, r"basis\.npz: vectors must be an array of real"),
             ({"explained_variance": np.ones(3)}, "explained_variance must have shape"),
             ({"vertex_weights": np.ones(3)}, r"basis\.npz weighs vertices"),
+            ({"mean": np.ones((3, 3))}, r"basis\.npz removes a mean"),
         ]:
             fields = {k: v for k, v in (good | change).items() if v is not None}
             np.savez(file, **fields)
