@@ -138,6 +138,31 @@ def path_array(path: Any, space: Any, *, batched: bool = True) -> Any:
     return path
 
 
+def length_of(points: Any, name: str) -> int:
+    """Return the number of points of an array, or of an object that has a length and slices."""
+    if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
+        raise ArgumentTypeError(
+            f"{name} must be an array, or have a length and slices; found {type(points).__name__}"
+        )
+    return len(points)
+
+
+def class_numbers(labels: Any, name: str, count: int) -> np.ndarray:
+    """Return `count` labels of any hashable type as numbers, in the order of their first items."""
+    try:
+        values = list(labels.tolist() if isinstance(labels, np.ndarray) else labels)
+        numbers = {value: number for number, value in enumerate(dict.fromkeys(values))}
+    except TypeError as error:
+        raise ArgumentTypeError(
+            f"{name} must be a sequence of hashable class labels ({error})"
+        ) from error
+    if len(values) != count:
+        raise ArgumentError(
+            f"{name} must hold a label for each of {count} points; found {len(values)}"
+        )
+    return np.array([numbers[value] for value in values], dtype=np.int64)
+
+
 def metric_weight(value: Any, name: str, *, strict: bool = False) -> float:
     """Return a weight of a metric as a float of at least 0, or above it if `strict`."""
     number = real_number(value, name, minimum=0.0, strict=strict)

@@ -12,7 +12,7 @@ from typing import Any
 import autograd.numpy as np
 import numpy as onp
 
-from riemhuman.checks import integer_array
+from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError
 
 # The root's parent, -1, as an unsigned number.
@@ -49,6 +49,10 @@ def joint_motions(
     >>> positions[1].tolist()
     [0.0, 1.0, 0.0]
     """
+    joints, rotations = (
+        array if hasattr(array, "dtype") else real_array(array, name)
+        for array, name in ((joints, "joints"), (rotations, "rotations"))
+    )
     shape = np.broadcast_shapes(np.shape(joints)[:-2], np.shape(rotations)[:-3])
     joints = joints + np.zeros((*shape, 1, 1), dtype=joints.dtype)
     rotations = rotations + np.zeros((*shape, 1, 1, 1), dtype=rotations.dtype)

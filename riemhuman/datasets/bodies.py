@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -241,16 +240,11 @@ class Bodies:
 
 def _labels(wanted: Any, name: str, names: tuple[str, ...]) -> list[int]:
     """Return the indices of people or poses given by name or index."""
-    single = isinstance(wanted, str) or np.ndim(wanted) == 0
-    labels = []
-    for each in [wanted] if single else wanted:
-        if isinstance(each, str) and each in names:
-            labels.append(names.index(each))
-        elif not isinstance(each, str) and 0 <= operator.index(each) < len(names):
-            labels.append(operator.index(each))
-        else:
-            raise ArgumentError(
-                f"{name} must be the name or index of one of {', '.join(names[:20])}; "
-                f"found {each!r}"
-            )
-    return labels
+    known = {label: number for number, text in enumerate(names) for label in (text, number)}
+    try:
+        several = [wanted] if isinstance(wanted, (str, int, np.integer)) else list(wanted)
+        return [known[each] for each in several]
+    except (KeyError, TypeError) as error:
+        raise ArgumentError(
+            f"{name} must be names or indices of {', '.join(names[:20])}; found {wanted!r}"
+        ) from error

@@ -26,6 +26,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
+from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 
 DATA = Path(__file__).parent / "data"
@@ -64,7 +65,13 @@ def joint_rotations(angles: Mapping[str, Sequence[Any]], model: BodyModel) -> np
     rotations = np.tile(np.eye(3), (model.n_joints, 1, 1))
     for name, (axes, *degrees) in with_both_sides(angles, model.joint_names).items():
         degrees = degrees if len(degrees) > 1 else degrees[0]
-        rotation = Rotation.from_euler(axes, degrees, degrees=True)
+        try:
+            rotation = Rotation.from_euler(axes, degrees, degrees=True)
+        except (TypeError, ValueError) as error:
+            raise ArgumentError(
+                f"angles[{name!r}] must be axes and as many degrees, such as ('xz', 30, -70): "
+                f"{error}"
+            ) from error
         rotations[model.joint_names.index(name)] = rotation.as_matrix()
     return rotations
 
@@ -124,7 +131,8 @@ def pose_vectors(rotations: np.ndarray, model: BodyModel) -> np.ndarray:
     """
     straight = _rest_to_t_pose(model)
     parent = np.where(model.parents[:, None, None] < 0, np.eye(3), straight[model.parents])
-    local = np.swapaxes(parent, -1, -2) @ np.asarray(rotations, dtype=np.float64) @ straight
+    rotations = real_array(rotations, "rotations", (model.n_joints, 3, 3))
+    local = np.swapaxes(parent, -1, -2) @ rotations @ straight
     vectors = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_rotvec()
     return vectors.reshape(local.shape[:-1])
 

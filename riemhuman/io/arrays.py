@@ -15,7 +15,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from riemhuman.errors import FileError, FileFormatError
+from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
 from riemhuman.io.files import atomic_file, check_file, file_path, short_message
 
 # Numbers rarely compress further than this factor; zeros do, hence the fixed allowance in bytes.
@@ -46,15 +46,19 @@ def save_arrays(
     >>> rh.io.load_arrays("lengths.npz", ["arms"])["arms"]
     array([0.61, 0.63])
     """
+    plain = {name: np.asanyarray(array) for name, array in arrays.items()}
+    for name, array in plain.items():
+        if array.dtype.hasobject:
+            raise ArgumentTypeError(f"{name} must hold numbers or text; found {arrays[name]!r:.60}")
     compression = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
     # `np.savez` of NumPy 2.0 would leave the archive open when the disk is full.
     with (
         atomic_file(file_path(path)) as temporary,
         zipfile.ZipFile(temporary, "w", compression) as archive,
     ):
-        for name, array in arrays.items():
+        for name, array in plain.items():
             with archive.open(name + _SUFFIX, "w", force_zip64=True) as member:
-                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+                np.lib.format.write_array(member, array, allow_pickle=False)
 
 
 def load_arrays(
@@ -81,7 +85,7 @@ def load_arrays(
     ['arms']
     """
     with open_archive(path) as archive:
-        names = archive.names
+        names, required = archive.names, list(required)
         wanted = names if optional is None else [*required, *optional]
         arrays = archive.arrays([name for name in names if name in wanted])
     missing = [name for name in required if name not in names]

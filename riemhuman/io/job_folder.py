@@ -1,7 +1,7 @@
 """The folder of a job: one process works in it at a time, and a kill leaves it consistent.
 
-Tables are single .npy files, whose disk space is allocated in full, so that a disk that is too
-small is found at once. A file is laid out under a name that ends in ``.part`` and then renamed, so
+Tables are single .npy files, written in full at first, so that a disk that is too small is found at
+once. A file is laid out under a name that ends in ``.part`` and then renamed, so
 that a file without this suffix is complete. Entries of a table are filled in place, and count only
 when the record beside the table marks them; a record is written after its entries have been
 flushed.
@@ -10,6 +10,7 @@ flushed.
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -32,6 +33,7 @@ from riemhuman.io.files import (
 MANIFEST = "manifest.json"
 _LOCK = "job.lock"
 _UNFINISHED = ".part"
+_BLOCK = 2**20  # bytes that are written at a time
 
 
 class JobFolder:
@@ -157,12 +159,15 @@ class JobFolder:
 
 
 def _allocate(file: Path, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-    """Write a table of zeros, all of whose disk space is reserved at once."""
-    np.lib.format.open_memmap(file, "w+", dtype, tuple(shape))
-    with file.open("rb+") as stream:
-        # If the file had holes, a full disk would later kill the process by a signal.
-        if hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(stream.fileno(), 0, file.stat().st_size)
+    """Write a table of zeros."""
+    descr = np.lib.format.dtype_to_descr(dtype)
+    header = {"descr": descr, "fortran_order": False, "shape": tuple(shape)}
+    with file.open("wb") as stream:
+        np.lib.format.write_array_header_1_0(stream, header)
+        # Written out: if the file had holes, a full disk would later kill the process by a signal.
+        n_blocks, rest = divmod(math.prod(shape) * dtype.itemsize, _BLOCK)
+        for size in (*[_BLOCK] * n_blocks, rest):
+            stream.write(bytes(size))
         os.fsync(stream.fileno())
 
 

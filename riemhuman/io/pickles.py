@@ -65,7 +65,7 @@ def load_pickled_arrays(
     >>> rh.io.load_pickled_arrays("model.pkl", ["weights"])["weights"]
     array([0.5, 0.5])
     """
-    file, where = file_path(path), ""
+    file, where, required = file_path(path), "", list(required)
     content = read_bytes(file)
     try:
         with warnings.catch_warnings():

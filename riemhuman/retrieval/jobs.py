@@ -19,10 +19,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import one_of, whole_number
+from riemhuman.checks import length_of, one_of, whole_number
 from riemhuman.errors import (
     ArgumentError,
-    ArgumentTypeError,
     FileError,
     FileFormatError,
     RiemhumanError,
@@ -135,11 +134,7 @@ def pairwise_job(
     >>> rh.pairwise_job(space.metric, bodies.points[:6], "distances").shape
     (6, 6)
     """
-    if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
-        raise ArgumentTypeError(
-            f"points must be an array, or have a length and slices; found {type(points).__name__}"
-        )
-    n_points = len(points)
+    n_points = length_of(points, "points")
     if n_points == 0:
         raise ArgumentError("points must hold at least one point; found none")
     thread_count(n_jobs)
@@ -237,9 +232,9 @@ def path_job(
     (3, 3)
     """
     thread_count(n_jobs)
-    points = metric.check_points(points[:], "points")
-    if len(points) < 2:
+    if length_of(points, "points") < 2:
         raise ArgumentError(f"points must be at least two; found {len(points)}")
+    points = metric.check_points(points[:], "points")
     n_pairs = len(points) * (len(points) - 1) // 2
     described = _described(metric) | {
         "points": digest(points).hex(),

@@ -8,8 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import integer_array, one_of, whole_number
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.checks import integer_array, length_of, one_of, whole_number
+from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.threads import thread_count
@@ -88,7 +88,7 @@ class NearestNeighbors(Estimator):
         """
         whole_number(self.n_neighbors, "n_neighbors", minimum=1)
         thread_count(self.n_jobs)
-        if _length(X) == 0:
+        if length_of(X, "X") == 0:
             raise ArgumentError("X must hold at least one point; found none")
         one_of(self.algorithm, "algorithm", ALGORITHMS)
         whole_number(self.n_components, "n_components", minimum=0)
@@ -137,7 +137,7 @@ class NearestNeighbors(Estimator):
                 f"n_neighbors must be at least 1 and at most {n_others}, the number of other "
                 f"points; found {k}"
             )
-        n_queries = len(index) if X is None else _length(X)
+        n_queries = len(index) if X is None else length_of(X, "X")
         if candidates is not None:
             candidates = integer_array(candidates, "candidates", (n_queries, "m"))
             if candidates.size and not 0 <= candidates.min() <= candidates.max() < len(index):
@@ -153,11 +153,3 @@ class NearestNeighbors(Estimator):
             n_exact += n_compared
         self.exact_share_ = n_exact / max(1, n_queries * len(index))
         return (distances, indices) if return_distance else indices
-
-
-def _length(X: Any) -> int:
-    if not hasattr(X, "__len__") or not hasattr(X, "__getitem__"):
-        raise ArgumentTypeError(
-            f"X must be an array, or have a length and slices; found {type(X).__name__}"
-        )
-    return len(X)

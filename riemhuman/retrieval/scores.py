@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array, whole_number
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.checks import check_shape, class_numbers, real_array, values_of, whole_number
+from riemhuman.errors import ArgumentError
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,11 @@ def scores(
     >>> rh.retrieval.scores(D, ["a", "a", "b", "b"]).nn
     100.0
     """
-    matrix, classes = labelled_distances(distances, labels)
+    matrix = _checked(distances)
+    classes = class_numbers(labels, "labels", len(matrix))
     ranked = ~np.eye(len(matrix), dtype=bool)
     if groups is not None:
-        members = _numbers(groups, "groups", len(matrix))
+        members = class_numbers(groups, "groups", len(matrix))
         ranked = members[:, None] != members
     relevant = ranked & (classes[:, None] == classes)
     queries = np.flatnonzero(relevant.any(axis=1))
@@ -137,10 +138,8 @@ def _expected_hits(distances: np.ndarray, relevant: np.ndarray) -> tuple[np.ndar
     return hits, float(hits @ precision / relevant.sum())
 
 
-def labelled_distances(
-    distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return distances (n, n) with zero diagonal, and the number of each item's class (n,)."""
+def _checked(distances: ArrayLike) -> np.ndarray:
+    """Return distances (n, n) with zero diagonal."""
     matrix = real_array(distances, "distances", ("n", "n"), batched=False, finite=False).copy()
     if matrix.shape[0] != matrix.shape[1]:
         raise ArgumentError(f"distances must be a square matrix; found shape {matrix.shape}")
@@ -152,21 +151,7 @@ def labelled_distances(
             f"distances must be finite and not negative; distances[{row}, {column}] is "
             f"{matrix[row, column]:g}, the first of {len(bad)} wrong entries"
         )
-    return matrix, _numbers(labels, "labels", len(matrix))
-
-
-def _numbers(labels: Sequence[Hashable] | np.ndarray, name: str, count: int) -> np.ndarray:
-    """Number classes in the order of their first items."""
-    try:
-        values = list(labels.tolist() if isinstance(labels, np.ndarray) else labels)
-        numbers = {value: number for number, value in enumerate(dict.fromkeys(values))}
-    except TypeError as error:
-        raise ArgumentTypeError(
-            f"{name} must be a sequence of hashable class labels ({error})"
-        ) from error
-    if len(values) != count:
-        raise ArgumentError(f"{len(values)} {name} found; distances is a matrix of {count} items")
-    return np.array([numbers[value] for value in values], dtype=np.int64)
+    return matrix
 
 
 def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
@@ -198,7 +183,7 @@ def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
     >>> rh.retrieval.local_scaling(D, n_neighbors=1)[1:, 1:].tolist()
     [[0.0, 2.0], [2.0, 0.0]]
     """
-    matrix, _ = labelled_distances(distances, range(len(np.asarray(distances))))
+    matrix = _checked(distances)
     n_neighbors = whole_number(n_neighbors, "n_neighbors", minimum=1)
     if n_neighbors >= len(matrix):
         raise ArgumentError(
@@ -240,8 +225,9 @@ def precision_recall(
     >>> D = space.metric.dist_pairwise(bodies.points[:30])
     >>> recall, precision = rh.retrieval.precision_recall(D, bodies.subject[:30])
     """
-    matrix, classes = labelled_distances(distances, labels)
-    relevant = classes[:, None] == classes[None, :]
+    matrix = _checked(distances)
+    classes = class_numbers(labels, "labels", len(matrix))
+    relevant = classes[:, None] == classes
     n_relevant = relevant.sum(axis=1) - 1
     n_levels = int(n_relevant.max(initial=0))
     if n_levels == 0:
@@ -278,9 +264,10 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
     >>> rh.retrieval.confusion(D, ["a", "a", "b", "b"]).tolist()
     [[2, 0], [0, 2]]
     """
-    matrix, _ = labelled_distances(distances, labels)
+    matrix = _checked(distances)
     np.fill_diagonal(matrix, np.inf)
-    names, classes = np.unique(np.asarray(labels), return_inverse=True)
+    names, classes = np.unique(values_of(labels, "labels"), return_inverse=True)
+    check_shape(classes, "labels", (len(matrix),), batched=False)
     counts = np.zeros((len(names), len(names)), dtype=np.int64)
     np.add.at(counts, (classes, classes[matrix.argmin(axis=1)]), 1)
     return counts
@@ -332,14 +319,14 @@ def retrieval_table(
     return [TableRow(name, scores(matrix, labels, groups)) for name, matrix in distances.items()]
 
 
-def format_table(title: str, rows: list[TableRow]) -> str:
+def format_table(title: str, rows: Iterable[TableRow]) -> str:
     """Return a table as text, one line per representation.
 
     Parameters
     ----------
     title : str
         Title of the first column.
-    rows : list of TableRow
+    rows : iterable of TableRow
 
     Examples
     --------
@@ -349,7 +336,8 @@ def format_table(title: str, rows: list[TableRow]) -> str:
     Who is it?     NN     FT     ST
     toy         100.0  100.0  100.0
     """
-    width = max(len(title), *(len(row.representation) for row in rows))
+    rows = list(rows)
+    width = max([len(title), *(len(row.representation) for row in rows)])
     lines = [f"{title:<{width}}     NN     FT     ST"]
     lines += [
         f"{row.representation:<{width}}  {row.scores.nn:5.1f}  {row.scores.first_tier:5.1f}"

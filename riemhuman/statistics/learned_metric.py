@@ -10,7 +10,7 @@ import autograd.numpy as anp
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import one_of, real_array, real_number, whole_number
+from riemhuman.checks import class_numbers, one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import PullbackMetric, RiemannianMetric, VectorSpace
@@ -117,10 +117,10 @@ class LearnedMetric(Estimator):
             default every point is a group.
         """
         coordinates = self._coordinates(X)
-        classes = _numbers(y, "y", len(coordinates))
+        classes = class_numbers(y, "y", len(coordinates))
         members = np.arange(len(classes))
         if groups is not None:
-            members = _numbers(groups, "groups", len(classes))
+            members = class_numbers(groups, "groups", len(classes))
         shrinkage = self.shrinkage
         if isinstance(shrinkage, str):
             one_of(shrinkage, "shrinkage", (LEDOIT_WOLF, CROSS_VALIDATION))
@@ -166,8 +166,8 @@ class LearnedMetric(Estimator):
             Row i holds the distances from point i to all points; not symmetric.
         """
         coordinates = self._coordinates(X)
-        classes = _numbers(y, "y", len(coordinates))
-        members = _numbers(groups, "groups", len(coordinates))
+        classes = class_numbers(y, "y", len(coordinates))
+        members = class_numbers(groups, "groups", len(coordinates))
         distances = np.empty((len(coordinates), len(coordinates)))
         for held_out in self._folds(members):
             seen, shrinkage = ~held_out, self.shrinkage
@@ -265,14 +265,3 @@ def _share_in_order(distances: ndarray, classes: ndarray, queries: ndarray) -> f
         if same.any() and len(others):
             shares.append(1.0 - np.searchsorted(others, row[same]).mean() / len(others))
     return float(np.mean(shares)) if shares else 0.0
-
-
-def _numbers(labels: Any, name: str, count: int) -> ndarray:
-    """Number labels of any hashable type from 0, in the order of their first points."""
-    names = list(labels.tolist() if isinstance(labels, ndarray) else labels)
-    if len(names) != count:
-        raise ArgumentError(
-            f"{name} must hold a label for each of {count} points; found {len(names)}"
-        )
-    numbers = {label: number for number, label in enumerate(dict.fromkeys(names))}
-    return np.array([numbers[label] for label in names], dtype=np.int64)

@@ -153,7 +153,7 @@ SQUARE = np.ones((4, 4))
         ("text", range(4), ArgumentTypeError, "distances"),
         (np.where(np.eye(4, k=1), np.nan, 1), "aabb", ArgumentError, r"distances\[0, 1\] is nan"),
         (np.where(np.eye(4, k=3), -0.5, 1), "aabb", ArgumentError, r"\[0, 3\] is -0.5"),
-        (SQUARE, "aab", ArgumentError, "3 labels found; .* 4 items"),
+        (SQUARE, "aab", ArgumentError, "labels must hold .* 4 points; found 3"),
         (SQUARE, "abcd", ArgumentError, "found none among 4 items"),
         (SQUARE, None, ArgumentTypeError, "labels"),
         (SQUARE, [[0], [0], [1], [1]], ArgumentTypeError, "labels .*unhashable"),
