@@ -95,7 +95,7 @@ def test_select():
     assert bodies.select(subject=0, pose=["aside", 0]).ids == ("0", "2")
     assert len(bodies.select()) == 6
     for wrong in ({"subject": "Eve"}, {"pose": 3}, {"pose": ["up", -1]}):
-        with pytest.raises(ArgumentError, match="must be the name or index of one of"):
+        with pytest.raises(ArgumentError, match="must be names or indices of"):
             bodies.select(**wrong)
 
 
