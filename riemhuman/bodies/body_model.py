@@ -16,8 +16,9 @@ from riemhuman.bodies.fitting import fit_model
 from riemhuman.bodies.model_files import read_model_fields
 from riemhuman.bodies.skinning import joint_motions, joint_parents, parents_first, skin_surface
 from riemhuman.checks import one_of, real_array
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
+from riemhuman.errors import ArgumentError
 from riemhuman.io.arrays import save_arrays
+from riemhuman.io.files import file_path, format_errors
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.representation import Unchanging
@@ -170,17 +171,11 @@ class BodyModel(Unchanging):
             file that has 300 or more.
         dtype : data type
             Precision of surfaces and joints, as for `BodyModel`.
-
-        Returns
-        -------
-        model : BodyModel
         """
         dtype = _precision(dtype)
         fields = read_model_fields(path, n_betas)
-        try:
+        with format_errors(file_path(path), "a body model"):
             return cls(**fields, dtype=dtype)
-        except (ArgumentError, ArgumentTypeError) as error:
-            raise FileFormatError(f"{path}: {error}") from error
 
     def save(self, path: str | os.PathLike[str], *, single_precision: bool = False) -> None:
         """Write the model as a compressed .npz file in SMPL's layout.
@@ -364,10 +359,6 @@ def convert_model(
         File to write, with its suffix; an existing file is replaced.
     n_betas : int, optional
         Number of shape coefficients to keep, as for `BodyModel.from_file`.
-
-    Returns
-    -------
-    model : BodyModel
 
     Examples
     --------

@@ -22,7 +22,8 @@ from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.registered_meshes import existing_path
 from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.io.arrays import load_arrays, open_archive
+from riemhuman.io.arrays import check_fields, load_arrays, open_archive
+from riemhuman.io.files import convert_errors, format_errors
 from riemhuman.io.mesh_arrays import face_difference
 
 # All models of SMPL's family begin with the joints of its body.
@@ -86,7 +87,7 @@ class AmassMotion(ModelMotion):
     @property
     def betas(self) -> np.ndarray:
         """Shape coefficients of the model, shape (B,); those missing in the file are zero."""
-        betas = _read(self.path, int(self._numbers[-1])).betas[: self.model.n_betas]
+        betas = _read(self.path).betas[: self.model.n_betas]
         return np.pad(betas, (0, self.model.n_betas - len(betas)))
 
     @property
@@ -98,7 +99,7 @@ class AmassMotion(ModelMotion):
         return self._parameters(np.arange(len(self)))[1]
 
     def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        recording = _read(self.path, int(self._numbers[-1]))
+        recording = _read(self.path)
         chosen = self._numbers[numbers]
         pose = _of_model(recording.poses[chosen], self.model.n_joints)
         # Poses rotate the root about itself, but a rotation of space also moves it.
@@ -213,7 +214,7 @@ def _retargeted(path: Path, model: BodyModel, header: _Header, rate: float) -> R
 
 def _skeleton_motion(path: Path, frames: np.ndarray, rate: float) -> SkeletonMotion:
     """Return the joints of SMPL's body in frames of a file, of a person with its legs' length."""
-    recording = _read(path, int(frames[-1]))
+    recording = _read(path)
     vectors = recording.poses[frames, :_BODY]
     rotations = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
     rotations = rotations.reshape(len(frames), _BODY, 3, 3)
@@ -288,10 +289,8 @@ def _read_header(file: Path) -> _Header:
     rate_name = next((name for name in _RATES if name in shapes), " or ".join(_RATES))
     needed = ["trans", "betas", rate_name]
     needed += _NEEDED_POSES if any(name in shapes for name in _NEEDED_POSES) else ["poses"]
-    missing = [name for name in needed if name not in shapes]
-    if missing:
-        present = ", ".join(sorted(shapes)) or "none"
-        raise FileFormatError(f"{file} lacks the fields {', '.join(missing)}; found {present}")
+    with format_errors(file, "a motion"):
+        check_fields(shapes, needed)
     n_frames = (*shapes["trans"], 0)[0]
     widths = {"trans": (3,), "poses": tuple(3 * number for number in _LAYOUTS)}
     widths |= {name: (width,) for name, width in _POSES.items()}
@@ -303,10 +302,8 @@ def _read_header(file: Path) -> _Header:
             raise FileFormatError(
                 f"{file}: {name} must have shape ({length}, {width}); found {shape}"
             )
-    try:
+    with format_errors(file, "a motion"):
         rate = real_number(fields[rate_name], rate_name, minimum=0.0, strict=True)
-    except (ArgumentError, ArgumentTypeError) as error:
-        raise FileFormatError(f"{file}: {error}") from error
     return _Header(_gender(fields.get("gender", np.array("neutral")), file), rate, n_frames)
 
 
@@ -319,22 +316,17 @@ def _gender(value: np.ndarray, file: Path) -> str:
     return text.removeprefix("b'").removesuffix("'").strip().lower()
 
 
-def _read(file: Path, last: int) -> _Recording:
+def _read(file: Path) -> _Recording:
     """Return the arrays of a file, which are cached while the file does not change."""
-    try:
+    with convert_errors(file, "cannot be read"):
         status = file.stat()
-    except OSError as error:
-        raise FileError(f"{file} cannot be read: {error.strerror}") from error
-    recording = _read_unchanged(file, status.st_mtime_ns, status.st_size)
-    if len(recording.translations) <= last:
-        raise FileError(f"{file} has changed: it has fewer frames than it had")
-    return recording
+    return _read_unchanged(file, status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(maxsize=_FILES_KEPT)
 def _read_unchanged(file: Path, _time: int, _size: int) -> _Recording:
     fields = load_arrays(file, ("trans", "betas"), ("poses", *_POSES))
-    try:
+    with format_errors(file, "a motion"):
         for name, array in fields.items():
             fields[name] = real_array(array, name)
             if np.abs(fields[name]).max(initial=0.0) > _LARGEST:
@@ -347,5 +339,3 @@ def _read_unchanged(file: Path, _time: int, _size: int) -> _Recording:
             still = {name: np.zeros((n_frames, width)) for name, width in _POSES.items()}
             poses = np.concatenate([(still | fields)[name] for name in _POSES], axis=1)
         return _Recording(fields["betas"].ravel(), poses.reshape(n_frames, -1, 3), translations)
-    except (ValueError, TypeError) as error:
-        raise FileFormatError(f"{file}: {error}") from error

@@ -12,8 +12,9 @@ import numpy as np
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import integer_array, real_array
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, FrameIndexError
+from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError
 from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.io.files import file_path, format_errors
 from riemhuman.optional import import_optional
 from riemhuman.surfaces.template import Template
 
@@ -190,13 +191,11 @@ class Bodies:
                 f"{path} is of format version {str(version)[:60]}; this release reads version "
                 f"{_FORMAT_VERSION}"
             )
-        try:
+        with format_errors(file_path(path), "a file of bodies"):
             template = Template(arrays["template_vertices"], arrays["template_faces"])
             values: dict[str, Any] = {name: arrays[name] for name in _STORED if name in arrays}
             values |= {name: tuple(arrays[name].tolist()) for name in _NAMES if name in arrays}
             return cls(template=template, **values)
-        except (ArgumentError, ArgumentTypeError, TypeError) as error:
-            raise FileFormatError(f"{path} does not hold bodies: {error}") from error
 
     def to_frame(self) -> Any:
         """Return the labels as a pandas table with one row per surface.

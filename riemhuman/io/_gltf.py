@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.io.files import file_path, read_bytes, short_message, write_bytes
+from riemhuman.io.files import file_path, read_bytes, write_bytes
 from riemhuman.io.mesh_arrays import check_mesh
 
 _FLOAT, _BYTE, _SHORT, _INT = 5126, 5121, 5123, 5125  # component types of glTF
@@ -84,24 +84,19 @@ def read_glb(file: Path) -> tuple[np.ndarray, np.ndarray]:
     Nodes are placed by their transformations; morph targets, skins and materials are ignored.
     """
     content = read_bytes(file)
-    try:
-        document, binary = _chunks(content)
-        scenes = document.get("scenes") or [{"nodes": range(len(document.get("nodes", ())))}]
-        roots = scenes[document.get("scene", 0)].get("nodes", ())
-        vertices, faces, n_vertices, n_corners = [], [], 0, 0
-        for mesh, matrix in _placed_meshes(document, roots, np.eye(4), 0, set()):
-            for positions, triangles in _primitives(document, binary, mesh):
-                vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
-                faces.append(triangles + n_vertices)
-                n_vertices += len(positions)
-                n_corners += triangles.size
-                # Many nodes may show one mesh.
-                if n_vertices > len(content) or n_corners > _MOST_CORNERS * len(content):
-                    raise FileFormatError("its nodes repeat its meshes too often")
-    except FileFormatError:
-        raise
-    except Exception as error:  # a damaged file can make any step fail
-        raise FileFormatError(f"damaged GLB file: {short_message(error)}") from error
+    document, binary = _chunks(content)
+    scenes = document.get("scenes") or [{"nodes": range(len(document.get("nodes", ())))}]
+    roots = scenes[document.get("scene", 0)].get("nodes", ())
+    vertices, faces, n_vertices, n_corners = [], [], 0, 0
+    for mesh, matrix in _placed_meshes(document, roots, np.eye(4), 0, set()):
+        for positions, triangles in _primitives(document, binary, mesh):
+            vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
+            faces.append(triangles + n_vertices)
+            n_vertices += len(positions)
+            n_corners += triangles.size
+            # Many nodes may show one mesh.
+            if n_vertices > len(content) or n_corners > _MOST_CORNERS * len(content):
+                raise FileFormatError("its nodes repeat its meshes too often")
     if not vertices:
         raise FileFormatError("the GLB file holds no triangles")
     return np.concatenate(vertices), np.concatenate(faces)

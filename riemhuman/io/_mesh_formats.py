@@ -20,7 +20,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import FileFormatError
-from riemhuman.io.files import read_bytes, short_message
+from riemhuman.io.files import read_bytes
 from riemhuman.io.mesh_arrays import split_polygons
 
 Mesh = tuple[ndarray, ndarray]
@@ -59,18 +59,15 @@ def _read_ply(file: Path) -> Any:
     header = _check_counts(content)
     # Triangles alone are mapped into memory at once; lists of other lengths are read row by row.
     all_triangles = {"face": dict.fromkeys(_CORNERS, 3)}
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of empty lists
-            try:
-                if not header.isascii():  # comments in other encodings, which plyfile refuses
-                    raise plyfile.PlyElementParseError("not mapped")
-                return plyfile.PlyData.read(str(file), known_list_len=all_triangles)
-            except plyfile.PlyElementParseError:
-                plain = header.decode("ascii", "replace").replace("\ufffd", "?").encode()
-                return plyfile.PlyData.read(io.BytesIO(plain + content[len(header) :]))
-    except Exception as error:  # a damaged file can make the parser raise any error
-        raise FileFormatError(f"damaged PLY file: {short_message(error)}") from error
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of empty lists
+        try:
+            if not header.isascii():  # comments in other encodings, which plyfile refuses
+                raise plyfile.PlyElementParseError("not mapped")
+            return plyfile.PlyData.read(str(file), known_list_len=all_triangles)
+        except plyfile.PlyElementParseError:
+            plain = header.decode("ascii", "replace").replace("\ufffd", "?").encode()
+            return plyfile.PlyData.read(io.BytesIO(plain + content[len(header) :]))
 
 
 def _check_counts(content: bytes) -> bytes:
@@ -202,10 +199,7 @@ def read_stl(file: Path) -> Mesh:
                 "not a whole STL file: neither as many bytes as its header declares nor facets of "
                 "three vertices each"
             )
-        try:
-            corners = np.array(words, dtype=float).reshape(-1, 3)
-        except ValueError as error:
-            raise FileFormatError(f"damaged STL file: {short_message(error)}") from error
+        corners = np.array(words, dtype=float).reshape(-1, 3)
     # Equal corners are one vertex; vertices come in the order in which they appear first.
     _, first, vertex_of_corner = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
@@ -235,21 +229,19 @@ def _shorten(words: list[bytes]) -> str:
 
 
 def write_ply(vertices: ndarray, faces: ndarray, trusted: ndarray | None = None) -> bytes:
-    of_trust = "" if trusted is None else "property uchar trusted\n"
-    header = (
-        "ply\nformat binary_little_endian 1.0\n"
-        f"element vertex {len(vertices)}\n"
-        f"property double x\nproperty double y\nproperty double z\n{of_trust}"
-        f"element face {len(faces)}\n"
-        "property list uchar int vertex_indices\nend_header\n"
-    )
-    points = vertices.astype("<f8")
-    if trusted is not None:
-        points = np.empty(len(vertices), dtype=[("position", "<f8", 3), ("trusted", "u1")])
-        points["position"], points["trusted"] = vertices, trusted
-    rows = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
-    rows["count"], rows["corners"] = 3, faces
-    return header.encode() + points.tobytes() + rows.tobytes()
+    import plyfile
+
+    columns = dict(zip(_POSITION, vertices.T, strict=True))
+    columns |= {} if trusted is None else {"trusted": trusted.astype(np.uint8)}
+    points = np.rec.fromarrays(columns.values(), names=list(columns))
+    triangles = faces.astype(np.int32).view([(_CORNERS[0], np.int32, (3,))])[:, 0]
+    elements = [
+        plyfile.PlyElement.describe(np.asarray(points), "vertex"),
+        plyfile.PlyElement.describe(triangles, "face"),
+    ]
+    stream = io.BytesIO()
+    plyfile.PlyData(elements, byte_order="<").write(stream)
+    return stream.getvalue()
 
 
 def write_obj(vertices: ndarray, faces: ndarray) -> bytes:

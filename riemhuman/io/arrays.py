@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 import os
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import IO, Any
 
 import numpy as np
 
-from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
-from riemhuman.io.files import atomic_file, check_file, file_path, short_message
+from riemhuman.errors import ArgumentTypeError, FileFormatError
+from riemhuman.io.files import atomic_file, check_file, file_path, format_errors
 
 # Numbers rarely compress further than this factor; zeros do, hence the fixed allowance in bytes.
 _LARGEST_COMPRESSION, _ALLOWANCE = 64, 2**27
@@ -74,10 +74,6 @@ def load_arrays(
     optional : sequence of str, optional
         Arrays to read if the file contains them; by default all. Others are left unread.
 
-    Returns
-    -------
-    dict of str to array
-
     Examples
     --------
     >>> rh.io.save_arrays("lengths.npz", {"arms": [0.61, 0.63], "legs": [0.9, 0.88]})
@@ -87,14 +83,16 @@ def load_arrays(
     with open_archive(path) as archive:
         names, required = archive.names, list(required)
         wanted = names if optional is None else [*required, *optional]
-        arrays = archive.arrays([name for name in names if name in wanted])
-    missing = [name for name in required if name not in names]
+        check_fields(names, required)
+        return archive.arrays([name for name in names if name in wanted])
+
+
+def check_fields(found: Iterable[str], required: Iterable[str]) -> None:
+    """Raise an error if a file lacks some fields."""
+    missing = [name for name in required if name not in found]
     if missing:
-        listed = ", ".join(name[:60] for name in sorted(names)[:20])
-        raise FileFormatError(
-            f"{path} lacks the fields {', '.join(missing)}; found {listed or 'none'}"
-        )
-    return arrays
+        listed = ", ".join(name[:60] for name in sorted(found)[:20])
+        raise FileFormatError(f"lacks the fields {', '.join(missing)}; found {listed or 'none'}")
 
 
 class ArrayArchive:
@@ -147,7 +145,7 @@ def open_archive(path: str | os.PathLike[str]) -> Iterator[ArrayArchive]:
     file = file_path(path)
     size = check_file(file)
     with (
-        _format_errors(file, "an .npz archive of plain arrays"),
+        format_errors(file, "an .npz archive of plain arrays"),
         zipfile.ZipFile(file) as archive,
     ):
         yield ArrayArchive(archive, size)
@@ -162,10 +160,6 @@ def load_array(path: str | os.PathLike[str], *, mode: Any = None) -> np.ndarray:
     mode : {"r", "r+"}, optional
         Mode of a memory map; by default the array is read.
 
-    Returns
-    -------
-    array or memmap
-
     Examples
     --------
     >>> np.save("heights.npy", [1.68, 1.81])
@@ -174,22 +168,12 @@ def load_array(path: str | os.PathLike[str], *, mode: Any = None) -> np.ndarray:
     """
     file = file_path(path)
     size = check_file(file)
-    with _format_errors(file, "an .npy file of a plain array"):
+    with format_errors(file, "an .npy file of a plain array"):
         with file.open("rb") as stream:
             _read_header(stream, size)
         array = np.load(file, mmap_mode=mode, allow_pickle=False)
         check_characters(array)
         return array
-
-
-@contextmanager
-def _format_errors(file: Any, kind: str) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise FileError(f"{file} cannot be read: {short_message(error)}") from error
-    except Exception as error:  # a damaged file can make the parser raise any error
-        raise FileFormatError(f"{file} is not {kind}: {short_message(error)}") from error
 
 
 def memory_limit(size: int) -> int:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError, RiemhumanError
 
 # Some errors quote a whole file.
 _LONGEST_MESSAGE = 300
@@ -103,6 +103,21 @@ def convert_errors(path: Path, problem: str = "cannot be written") -> Iterator[N
         raise
     except OSError as error:
         raise FileError(f"{path} {problem}: {short_message(error)}") from error
+
+
+@contextmanager
+def format_errors(file: Path | str, kind: str) -> Iterator[None]:
+    """Raise what goes wrong while a file of a kind is read as an error that names it."""
+    try:
+        yield
+    except (FileError, ImportError):
+        raise
+    except RiemhumanError as error:
+        raise FileFormatError(f"{file}: {error}") from error
+    except Exception as error:  # a damaged file can make a parser raise any error
+        if isinstance(error, OSError) and error.errno:
+            raise FileError(f"{file} cannot be read: {short_message(error)}") from error
+        raise FileFormatError(f"{file}: damaged, or not {kind}: {short_message(error)}") from error
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -15,18 +15,19 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array
-from riemhuman.errors import (
-    ArgumentError,
-    ArgumentTypeError,
-    FileError,
-    FileFormatError,
-    RiemhumanError,
-)
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.io import _mesh_formats as formats
 from riemhuman.io._gltf import read_glb
 from riemhuman.io._mesh_formats import Mesh, read_ply
 from riemhuman.io.arrays import load_array
-from riemhuman.io.files import check_file, file_path, read_bytes, short_message, write_bytes
+from riemhuman.io.files import (
+    check_file,
+    file_path,
+    format_errors,
+    read_bytes,
+    short_message,
+    write_bytes,
+)
 from riemhuman.io.mesh_arrays import check_mesh, split_polygons
 from riemhuman.optional import import_optional
 
@@ -60,9 +61,7 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
     Returns
     -------
     vertices : array, shape (V, 3), float64
-        In the file's unit.
     faces : array, shape (F, 3), int64
-        Vertex indices of each triangle, counted from 0.
 
     Examples
     --------
@@ -72,7 +71,7 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
     (1202, 3)
     """
     file = _existing_file(path, MESH_SUFFIXES)
-    with _errors_of(file):
+    with format_errors(file, "a mesh or a table of points"):
         return check_mesh(*_READERS.get(file.suffix.lower(), _read_with_meshio)(file))
 
 
@@ -89,7 +88,6 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
     Returns
     -------
     points : array, shape (N, 3)
-        In the file's unit.
     faces : array of int, shape (F, 3), or None
     normals : array, shape (N, 3), or None
 
@@ -106,7 +104,7 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
     if suffix not in (".ply", ".xyz", ".npy"):
         return *load_mesh(file), None
     values = load_array(file) if suffix == ".npy" else None
-    with _errors_of(file):
+    with format_errors(file, "a mesh or a table of points"):
         if suffix == ".ply":
             points, faces, normals = read_ply(file)
             if faces is not None:
@@ -132,7 +130,7 @@ def load_trusted(path: str | os.PathLike[str]) -> ndarray | None:
     True
     """
     file = file_path(path)
-    with _errors_of(file):
+    with format_errors(file, "a mesh or a table of points"):
         return formats.read_trusted(file) if file.suffix.lower() == ".ply" else None
 
 
@@ -276,17 +274,6 @@ def _existing_file(path: str | os.PathLike[str], suffixes: Sequence[str]) -> Pat
     return file
 
 
-@contextmanager
-def _errors_of(file: Path) -> Iterator[None]:
-    """Raise errors about the content of a file with its name."""
-    try:
-        yield
-    except (FileError, ImportError):
-        raise
-    except RiemhumanError as error:
-        raise FileFormatError(f"{file}: {error}") from error
-
-
 def _read_ply_mesh(file: Path) -> Mesh:
     vertices, faces, _ = read_ply(file)
     if faces is None:
@@ -332,13 +319,9 @@ def _counted_triangles(faces: ndarray) -> ndarray:
 
 def _read_xyz(file: Path) -> ndarray:
     lines = read_bytes(file).decode("latin-1").replace(",", " ").splitlines()
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a file without points
-            return np.loadtxt(lines, comments=("#", "//"), ndmin=2)
-    except ValueError as error:
-        reason = short_message(error).partition(";")[0]  # without advice on calls of NumPy
-        raise FileFormatError(f"damaged table of points: {reason}") from error
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a file without points
+        return np.loadtxt(lines, comments=("#", "//"), ndmin=2)
 
 
 def _columns(values: ndarray) -> tuple[ndarray, ndarray | None]:

@@ -22,8 +22,8 @@ import numpy as np
 from scipy import sparse
 
 from riemhuman.errors import FileFormatError
-from riemhuman.io.arrays import check_characters
-from riemhuman.io.files import file_path, read_bytes, short_message
+from riemhuman.io.arrays import check_characters, check_fields
+from riemhuman.io.files import file_path, format_errors, read_bytes
 
 # A body model takes some hundreds of operations.
 _MOST_OPERATIONS = 50_000
@@ -31,7 +31,6 @@ _MOST_OPERATIONS = 50_000
 _LARGEST_FACTOR = 16
 _DEEPEST_CHUMPY = 8
 _MOST_AXES = 8
-_NAMES_SHOWN = 40
 # Real numbers and text; not objects ("O") or structures ("V").
 _DTYPES = re.compile(r"f[248]|[iu][1248]|b1|[SU][1-9]\d{0,3}")
 # Every entry of an array of text takes as much memory as the longest.
@@ -65,35 +64,26 @@ def load_pickled_arrays(
     >>> rh.io.load_pickled_arrays("model.pkl", ["weights"])["weights"]
     array([0.5, 0.5])
     """
-    file, where, required = file_path(path), "", list(required)
+    file, required = file_path(path), list(required)
     content = read_bytes(file)
-    try:
+    with format_errors(file, "a whole pickle"):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of escapes in texts of Python 2
             fields = _Unpickler(io.BytesIO(content), encoding="latin1").load()
         if not isinstance(fields, dict):
             raise FileFormatError(f"holds {type(fields).__name__} in place of a dictionary")
-        missing = [name for name in required if name not in fields]
-        if missing:
-            names = sorted(_describe(name) for name in fields)[:_NAMES_SHOWN]
-            raise FileFormatError(
-                f"lacks the fields {', '.join(missing)}; found {', '.join(names) or 'none'}"
-            )
+        check_fields([_describe(name) for name in fields], required)
         limit = _LARGEST_FACTOR * len(content)
         arrays = {}
         for name in (*required, *optional):
             if name not in fields:
                 continue
-            where = f", in its field {name}"
-            arrays[name] = _value(fields[name])
+            with format_errors(f"field {name}", "an array"):
+                arrays[name] = _value(fields[name])
             limit -= arrays[name].nbytes if isinstance(arrays[name], np.ndarray) else 0
             if limit < 0:
                 raise FileFormatError("uses its data more often than its size allows")
         return arrays
-    except FileFormatError as error:
-        raise FileFormatError(f"{file} {error}{where}") from error
-    except Exception as error:  # a damaged file can make any step fail
-        raise FileFormatError(f"{file} is a damaged pickle: {short_message(error)}") from error
 
 
 class _Record:

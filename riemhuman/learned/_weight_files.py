@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.errors import FileFormatError, RiemhumanError
+from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import load_arrays
+from riemhuman.io.files import file_path, format_errors
 from riemhuman.surfaces import Template
 
 VERSION = 1
@@ -35,10 +36,8 @@ class Weights:
                 f"it holds {str(self.fields['kind'].tolist())[:60]!r}; expected {kind!r}"
             )
         self.settings = {name: self._whole_number(name) for name in settings}
-        try:
+        with format_errors(file_path(path), "a trained network"):
             self.template = Template(*(self.fields[name] for name in _TEMPLATE))
-        except RiemhumanError as error:
-            raise self.error(str(error)) from error
 
     def error(self, reason: str) -> FileFormatError:
         """Return an error that names the file."""

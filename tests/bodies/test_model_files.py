@@ -149,7 +149,7 @@ def test_a_refused_conversion_writes_nothing(tmp_path):
 def test_missing_fields_are_named(tmp_path, name):
     fields = {other: value for other, value in FIELDS.items() if other != name}
     path = written(tmp_path / "model.pkl", pickled(fields))
-    with pytest.raises(FileFormatError, match=rf"model\.pkl lacks the fields {name}; found \w+, "):
+    with pytest.raises(FileFormatError, match=rf"model\.pkl: lacks the fields {name}; found \w+, "):
         BodyModel.from_file(path)
 
 
@@ -164,11 +164,11 @@ def sparse_with(**changes):
         ({"J_regressor": old_sparse(REGRESSOR[:23])}, r"shape of weights, \(60, 24\), transposed"),
         (sparse_with(_shape=(2**40, 60)), "J_regressor must have the shape of weights"),
         ({"posedirs": FIELDS["posedirs"][..., :198]}, r"posedirs must have shape \(60, 3, 207\)"),
-        ({"weights": None}, "holds NoneType in place of an array, in its field weights"),
-        ({"v_template": ch(None)}, "holds NoneType in place of an array, in its field v_template"),
+        ({"weights": None}, "field weights: holds NoneType in place of an array"),
+        ({"v_template": ch(None)}, "field v_template: holds NoneType in place of an array"),
         (
             {"v_template": select(ch(np.zeros(4)), np.array([0, 4]), (2,))},
-            "a chumpy Select with indices outside its array, in its field v_template",
+            "field v_template: holds a chumpy Select with indices outside its array",
         ),
         (
             {"v_template": select(ch(np.zeros(4)), np.array([0, 3]), (60, 3))},
@@ -180,7 +180,7 @@ def sparse_with(**changes):
         ),
         (
             sparse_with(indices=REGRESSOR.indices + 3),
-            "entries outside it, in its field J_regressor",
+            "field J_regressor: .*entries outside it",
         ),
         (sparse_with(indptr=REGRESSOR.indptr[::-1].copy()), "csc matrix whose indptr is malformed"),
         (sparse_with(indices=REGRESSOR.indices[:5]), "csc matrix with unequal parts"),

@@ -164,13 +164,10 @@ def test_a_folder_is_all_its_motions(tmp_path, model):
     assert [(m.subject, m.sequence) for m in motions] == [("s1", "x"), ("s1", "y"), ("s2", "x")]
 
 
-def test_a_file_that_changes(tmp_path, model):
+def test_a_file_that_goes(tmp_path, model):
     path = write(tmp_path / "a.npz", smpl_h())
     (motion,) = load_amass(path, model)
     motion[0]
-    write(path, smpl_h(n_frames=10))
-    with pytest.raises(FileError, match=r"a\.npz has changed: it has fewer frames"):
-        motion[0]
     path.unlink()
     with pytest.raises(FileError, match=r"a\.npz cannot be read"):
         motion[0]
@@ -257,7 +254,7 @@ WRONG = {
     "no frames": (smpl_h(0), r"trans must have shape \(n_frames, 3\); found \(0, 3\)"),
     "frame rate a word": (smpl_h(rate="fast"), "mocap_framerate must be a real number"),
     "gender a number": (smpl_h(gender=np.array(3)), "gender must be a word; found int64"),
-    "pickled": (smpl_h(gender=np.array([{}], dtype=object)), "not an .npz archive of plain arrays"),
+    "pickled": (smpl_h(gender=np.array([{}], dtype=object)), "objects of Python"),
 }
 
 

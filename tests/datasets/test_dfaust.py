@@ -149,7 +149,7 @@ def test_wrong_arguments(folder, tmp_path):
 
 def test_damaged_files(folder):
     whole = (folder / MEN).read_bytes()
-    for content, message in ((b"<html>", "is not an HDF5 file"), (whole[:600], "truncated")):
+    for content, message in ((b"<html>", "not an HDF5 file"), (whole[:600], "truncated")):
         (folder / MEN).write_bytes(content)
         with pytest.raises(FileFormatError, match=rf"{MEN}.*{message}"):
             load_dfaust(folder)
@@ -229,7 +229,7 @@ def test_a_file_that_changes_or_goes(folder):
     np.testing.assert_array_equal(motion[3], 2.5)
     with h5py.File(folder / MEN, "r+") as file:
         del file["50009_hips"]
-    with pytest.raises(FileError, match=rf"{MEN} has changed: 50009_hips"):
+    with pytest.raises(FileFormatError, match=rf"{MEN}: .*50009_hips"):
         motion[0]
     (folder / MEN).unlink()
     with pytest.raises(FileError, match=f"{MEN} cannot be read"):

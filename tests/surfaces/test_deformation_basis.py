@@ -259,7 +259,7 @@ class TestFiles:
 
         good = {"format_version": 1, "vectors": basis.vectors}
         for change, message in [
-            ({"vectors": None}, r"basis\.npz lacks the fields vectors"),
+            ({"vectors": None}, r"basis\.npz: lacks the fields vectors"),
             ({"format_version": None}, "lacks the fields format_version"),
             ({"format_version": 2}, "has format version 2; this release reads version 1"),
             ({"vectors": 2 * basis.vectors}, r"basis\.npz: vectors must be orthonormal"),
