@@ -1,4 +1,4 @@
-"""Training with PyTorch, which the everyday tests do without: bash .ci/learned."""
+"""Training with PyTorch, which the everyday tests do without: bash .ci/oracles."""
 
 import numpy as np
 import pytest
