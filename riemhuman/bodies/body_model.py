@@ -236,7 +236,7 @@ class BodyModel(Unchanging):
         return self._translated(surface, trans)
 
     def joints(self, betas: Any = None, pose: Any = None, trans: Any = None) -> Any:
-        """Return the joints with these shapes, poses and translations (Loper et al., equation 10).
+        """Return the joints with these parameters, (..., J, 3), metres (Loper et al., equation 10).
 
         Parameters
         ----------
@@ -246,10 +246,6 @@ class BodyModel(Unchanging):
             Axis-angle rotation of each joint, radians.
         trans : array_like, shape (..., 3), optional
             Translation, metres.
-
-        Returns
-        -------
-        joints : array, shape (..., J, 3), metres
         """
         joints = np.matmul(self._regressor, self._shaped(betas))
         if pose is not None:
@@ -258,17 +254,12 @@ class BodyModel(Unchanging):
         return self._translated(joints, trans)
 
     def hand_pose(self, left: str, right: str | None = None) -> onp.ndarray:
-        """Return the coefficients of named hand poses.
+        """Return the coefficients of named hand poses, shape (2 K,).
 
         Parameters
         ----------
         left, right : str
             "relaxed" or one of `hand_poses`, for each hand; by default for both the same.
-
-        Returns
-        -------
-        hands : array, shape (2 K,)
-            Argument of the model.
 
         Examples
         --------

@@ -138,10 +138,6 @@ def fit_model(
     max_iter : int
         Largest number of steps of each stage of a fit.
 
-    Returns
-    -------
-    fit : ModelFit
-
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
@@ -211,11 +207,6 @@ def convert_fit(
     **options
         Further arguments of `fit_model`.
 
-    Returns
-    -------
-    fit : ModelFit
-        Distances are those of the vertices of `model` from their places on the other.
-
     Examples
     --------
     >>> model = rh.datasets.load_open_model("coarse")
@@ -229,7 +220,7 @@ def convert_fit(
 
 
 def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_array:
-    """Return the points of a correspondence as combinations of a model's vertices.
+    """Return the matrix (n_points, V) from a model's vertices to the points of a correspondence.
 
     Parameters
     ----------
@@ -239,10 +230,6 @@ def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_
         Numbers of vertices, shape (n_points,); or a pair of numbers of triangles, shape
         (n_points,), and barycentric coordinates, shape (n_points, 3); or a matrix, shape
         (n_points, V), whose rows sum to one. By default every vertex is a point.
-
-    Returns
-    -------
-    matrix : scipy.sparse.csr_array, shape (n_points, V)
 
     Examples
     --------

@@ -78,11 +78,6 @@ def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> 
     n_betas : int, optional
         Number of shape coefficients to keep.
 
-    Returns
-    -------
-    contents : ModelContents
-        As text, one sentence.
-
     Examples
     --------
     >>> rh.datasets.load_open_model("coarse").save("model.npz")

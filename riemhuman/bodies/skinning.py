@@ -35,13 +35,6 @@ def joint_motions(
     order : sequence of int
         All joints, parents before children: `BodyModel.joint_order`.
 
-    Returns
-    -------
-    rotations : array, shape (..., J, 3, 3)
-        Rotations in space.
-    positions : array, shape (..., J, 3)
-        Joints in the pose.
-
     Examples
     --------
     >>> joints, still = np.array([[0.0, 0, 0], [0, 1, 0]]), np.tile(np.eye(3), (2, 1, 1))
@@ -82,11 +75,6 @@ def skin_surface(surface: Any, weights: Any, joints: Any, rotations: Any, positi
     rotations, positions : array, shape (..., J, 3, 3) and (..., J, 3)
         Rotations in space and positions of the joints in the pose, from `joint_motions`.
 
-    Returns
-    -------
-    surface : array, shape (..., V, 3)
-        Vertices in the pose.
-
     Examples
     --------
     >>> joints, half_turn = np.zeros((1, 3)), np.diag([-1.0, -1.0, 1.0])[np.newaxis]
@@ -118,10 +106,6 @@ def joints_between(parents: Any, first: int, last: int) -> list[int]:
         Index of each joint's parent, -1 for the root.
     first, last : int
         The ends of the path.
-
-    Returns
-    -------
-    joints : list of int
 
     Examples
     --------

@@ -118,6 +118,7 @@ def load_amass(
     """Load motions of AMASS [1]_ for a body model; frames are computed on access.
 
     The data set is not part of this library and is available from its authors on registration.
+    The subject of a motion is the name of its file's folder; y points up, as z does in the files.
     Files in the layouts of SMPL-H (``poses``) and SMPL-X (``root_orient``, ``pose_body``, …) are
     read. Rotations of the 22 joints of SMPL's body are used, and those of the 30 joints of the
     hands and the 3 of the face if both the model and the file have them; other joints of the model
@@ -139,12 +140,6 @@ def load_amass(
     frames_per_second : float, optional
         Frame rate, at most that of the files: the frames nearest in time are used. By default all
         frames are used.
-
-    Returns
-    -------
-    motions : Motions
-        One for each file, y up, although z points up in the files; its subject is the name of the
-        file's folder.
 
     References
     ----------

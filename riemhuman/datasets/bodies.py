@@ -137,11 +137,6 @@ class Bodies:
             Indices into `subject_names`, or names; by default all people.
         pose : int, str, or sequence of them, optional
             Indices into `pose_names`, or names; by default all poses.
-
-        Returns
-        -------
-        Bodies
-            In the same order, with the names of all people and poses.
         """
         chosen = np.ones(len(self), dtype=bool)
         for name, wanted in (("subject", subject), ("pose", pose)):
@@ -172,16 +167,11 @@ class Bodies:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Bodies:
-        """Read surfaces and labels that `save` has written.
+        """Read surfaces and labels that `save` has written, without a body model.
 
         Parameters
         ----------
         path : path_like
-
-        Returns
-        -------
-        Bodies
-            Without a body model.
         """
         required = ("format_version", "template_vertices", "template_faces", "points")
         arrays = load_arrays(path, required, (*_STORED, *_NAMES))
@@ -198,13 +188,7 @@ class Bodies:
             return cls(template=template, **values)
 
     def to_frame(self) -> Any:
-        """Return the labels as a pandas table with one row per surface.
-
-        Returns
-        -------
-        pandas.DataFrame
-            The index holds `ids`; the columns "subject" and "pose" hold names.
-        """
+        """Return the names of people and poses as a pandas table, one row per surface by `ids`."""
         pandas = import_optional("pandas", "tables")
         columns = {
             name: [getattr(self, f"{name}_names")[label] for label in getattr(self, name)]

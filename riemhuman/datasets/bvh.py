@@ -98,10 +98,6 @@ def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
     ----------
     path : path_like
 
-    Returns
-    -------
-    SkeletonMotion
-
     Examples
     --------
     >>> rh.datasets.load_bvh("walk.bvh").joint_names[0]  # doctest: +SKIP

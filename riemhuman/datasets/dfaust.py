@@ -69,8 +69,9 @@ def load_dfaust(
 ) -> Motions[DynamicFaustMotion]:
     """Load registered sequences of Dynamic FAUST [1]_; frames are read on access.
 
-    The data set is not part of this library and is available from its authors on registration. The
-    reader needs the extra ``data``.
+    All sequences of the first person come first, then those of the second, and so on. The data set
+    is not part of this library and is available from its authors on registration. The reader needs
+    the extra ``data``.
 
     Parameters
     ----------
@@ -84,12 +85,6 @@ def load_dfaust(
         motions are skipped for it.
     frames_per_second : float
         Frame rate: 60, as in the files, or 60 divided by a whole number.
-
-    Returns
-    -------
-    motions : Motions
-        All sequences of the first person, then of the second, and so on. Points are in metres, y
-        up, as in the files.
 
     References
     ----------

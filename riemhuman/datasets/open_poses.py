@@ -40,7 +40,7 @@ def read_table(name: str) -> dict[str, Any]:
 
 
 def joint_rotations(angles: Mapping[str, Sequence[Any]], model: BodyModel) -> np.ndarray:
-    """Return the rotations of all joints from the T-pose.
+    """Return the rotations of all joints from the T-pose, shape (J, 3, 3), in the body's axes.
 
     Parameters
     ----------
@@ -50,11 +50,6 @@ def joint_rotations(angles: Mapping[str, Sequence[Any]], model: BodyModel) -> np
         side stands for both, the right one mirrored. Other joints do not rotate.
     model : BodyModel
         The open model.
-
-    Returns
-    -------
-    rotations : array, shape (J, 3, 3)
-        Rotation of each joint in the body's axes, which its parent rotates.
 
     Examples
     --------
@@ -104,7 +99,7 @@ def mirror_angles(angles: Sequence[Any]) -> tuple[Any, ...]:
 
 
 def pose_vectors(rotations: np.ndarray, model: BodyModel) -> np.ndarray:
-    """Return the model's pose vectors for rotations from the T-pose.
+    """Return the model's pose vectors, shape (..., J, 3), for rotations from the T-pose.
 
     With T_j the rotation of joint j that brings the rest pose to the T-pose, in global axes,
     and p its parent, a rotation Q_j from the T-pose is the rotation T_p⁻¹ Q_j T_j from the rest
@@ -116,11 +111,6 @@ def pose_vectors(rotations: np.ndarray, model: BodyModel) -> np.ndarray:
         As from `joint_rotations`.
     model : BodyModel
         The open model.
-
-    Returns
-    -------
-    pose : array, shape (..., J, 3)
-        Axis-angle vectors in radians, for ``model(pose=pose)``.
 
     Examples
     --------

@@ -134,11 +134,6 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
     ----------
     folder : path_like
 
-    Returns
-    -------
-    files : list of Path
-        At least one.
-
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
@@ -166,6 +161,7 @@ def load_faust(
     """Load the 100 training registrations of MPI FAUST: 10 people in 10 poses [1]_.
 
     The data set is not part of this library and is available from its authors on registration.
+    Registration i shows subject i // 10 in pose i % 10, in metres.
 
     Parameters
     ----------
@@ -179,12 +175,6 @@ def load_faust(
         Whether the registrations are rotated and translated (never scaled) onto the template.
     allow_missing : bool
         Whether to load the other registrations when some of the 100 files are missing.
-
-    Returns
-    -------
-    bodies : Bodies
-        The registrations in metres, in the order of their numbers i, with subject i // 10 and
-        pose i % 10.
 
     References
     ----------
@@ -237,6 +227,8 @@ def load_bodies(
 ) -> Bodies:
     r"""Load the registered meshes of a folder with labels from a table.
 
+    Meshes, subjects and poses are in the natural order of their names (body_2 before body_10).
+
     Parameters
     ----------
     folder : path_like
@@ -252,12 +244,6 @@ def load_bodies(
     allow_missing : bool
         Whether to leave out meshes without a row and rows without a mesh.
     progress : bool
-
-    Returns
-    -------
-    bodies : Bodies
-        The meshes in the natural order of their names (body_2 before body_10), with subjects and
-        poses numbered in the natural order of their names.
 
     Examples
     --------

@@ -224,10 +224,6 @@ def retarget(
     frames_per_second : float, optional
         Frame rate, at most that of the recording: the frames nearest in time are used.
 
-    Returns
-    -------
-    RetargetedMotion
-
     Examples
     --------
     >>> recording = rh.datasets.load_bvh("jump.bvh")  # doctest: +SKIP

@@ -89,11 +89,6 @@ def load_shrec14(
     scale : float
         Factor from the files' unit to metres.
 
-    Returns
-    -------
-    LabelledMeshes
-        In the order of the class file; no mesh file has been read yet.
-
     References
     ----------
     .. [1] Pickup et al., "SHREC'14 Track: Shape Retrieval of Non-Rigid 3D Human Models",

@@ -100,34 +100,24 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         return np.asarray(self._encode(self.parameters_, clouds).mean(axis=0))
 
     def inverse_transform(self, Z: ArrayLike) -> ndarray:
-        """Return points of the bodies with given codes.
+        """Return the vertices `vertices_` of bodies, relative to their mean vertex, metres.
 
         Parameters
         ----------
         Z : array_like, shape (n, n_intrinsic + n_extrinsic)
             Both codes of each body; they may come from different bodies.
-
-        Returns
-        -------
-        array, shape (n, n_points, 3)
-            The vertices `vertices_`, relative to the body's mean vertex, metres.
         """
         codes = self._check_codes(Z)
         points = network(self.parameters_, "points", codes)
         return points.reshape(len(codes), self.n_points, 3) + self._place
 
     def spectra(self, Z: ArrayLike) -> ndarray:
-        """Return the eigenvalues that the network predicts from intrinsic codes.
+        """Return the eigenvalues that the network predicts from intrinsic codes, in 1 / metre².
 
         Parameters
         ----------
         Z : array_like, shape (n, n_intrinsic + n_extrinsic)
             Codes; the extrinsic ones have no effect.
-
-        Returns
-        -------
-        array, shape (n, n_eigenvalues)
-            Without zero, in 1 / metre².
         """
         intrinsic, _ = self.split(Z)
         return np.exp(network(self.parameters_, "spectrum", intrinsic) + self._spectrum)

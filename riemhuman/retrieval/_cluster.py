@@ -6,6 +6,7 @@ import pkgutil
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from itertools import islice
 from typing import Any
 
 from numpy import ndarray
@@ -60,25 +61,20 @@ def _in_turn(
     sent = client.submit(_same, metric, pure=False)
     waiting = iter(tiles)
     running: dict[Any, int] = {}
-
-    def start_next() -> None:
-        for number, tile in waiting:
-            future = client.submit(
-                worker.compute, sent, tile, pure=False, retries=_RETRIES, priority=-number
-            )
-            running[future] = number
-            return
-
     n_running = _TILES_A_THREAD * max(1, sum(client.nthreads().values()))
-    for _ in range(min(n_running, len(tiles))):
-        start_next()
     try:
-        while running:
+        while True:
+            for number, tile in islice(waiting, n_running - len(running)):
+                future = client.submit(
+                    worker.compute, sent, tile, pure=False, retries=_RETRIES, priority=-number
+                )
+                running[future] = number
+            if not running:
+                return
             future = _first_finished(client, distributed, running)
-            distances = future.result()
-            yield running.pop(future), distances
+            values = future.result()
+            yield running.pop(future), values
             future.release()
-            start_next()
     finally:
         # A closed client has nothing left to cancel.
         if client.status == "running":
@@ -97,8 +93,7 @@ def _losses(distributed: Any, client: Any) -> Iterator[None]:
     except Exception as error:
         # Any part of a closed client may be missing, so errors have any type.
         if client.status != "running":
-            said = " ".join(short_message(error).split())
-            raise _lost(f"the client of the cluster was closed during the work ({said})") from error
+            raise _lost("the client of the cluster was closed during the work") from error
         raise
 
 
@@ -125,15 +120,14 @@ def _same(metric: RiemannianMetric) -> RiemannianMetric:
 
 
 def _check_workers(client: Any) -> None:
-    """Refuse workers that cannot import the library."""
+    """Refuse workers that cannot import the library, for which the client would wait."""
     try:
         found = client.run(pkgutil.resolve_name, "riemhuman:__version__", on_error="return")
     except (OSError, TimeoutError) as failure:
         raise _lost(f"the cluster cannot be reached ({short_message(failure)})") from failure
-    missing = {address: error for address, error in found.items() if isinstance(error, Exception)}
-    if missing:
-        address, error = next(iter(missing.items()))
+    errors = [error for error in found.values() if isinstance(error, Exception)]
+    if errors:
         raise MissingDependencyError(
-            f"{len(missing)} of {len(found)} workers cannot import riemhuman, the first at "
-            f"{address} ({error}); install the same version on every worker"
+            f"{len(errors)} of {len(found)} workers cannot import riemhuman ({errors[0]}); install "
+            "the same version on every worker"
         )

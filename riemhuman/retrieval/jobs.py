@@ -83,11 +83,11 @@ def pairwise_job(
 ) -> np.memmap:
     r"""Compute all distances within a set of points into a file, or resume an earlier run.
 
-    The distances are those of `metric.dist_pairwise`, bit for bit, for sets that do not fit in
-    memory. An interrupted or killed job resumes when it is called again with the same arguments;
-    finished tiles are kept. When the job is complete, the folder holds the distances as `D.npy`,
-    and another call only opens them. Whenever it resumes or opens, some distances are computed
-    again, and the folder is refused if they differ.
+    The distances, a read-only memory map of shape (n, n), are those of `metric.dist_pairwise`, bit
+    for bit, for sets that do not fit in memory. An interrupted or killed job resumes when it is
+    called again with the same arguments; finished tiles are kept. When the job is complete, the
+    folder holds the distances as `D.npy`, and another call only opens them. Whenever it resumes or
+    opens, some distances are computed again, and the folder is refused if they differ.
 
     Parameters
     ----------
@@ -112,11 +112,6 @@ def pairwise_job(
         library and to read the folder under the same path. They write nothing.
     progress : bool
         Whether to show progress bars.
-
-    Returns
-    -------
-    memmap, shape (n, n)
-        Symmetric, with zero diagonal; read-only.
 
     Raises
     ------
@@ -212,10 +207,6 @@ def path_job(
         Points.
     folder, n_jobs, client, progress
         As for `pairwise_job`.
-
-    Returns
-    -------
-    PathDistances
 
     Raises
     ------
@@ -507,18 +498,7 @@ class PathFinder:
         try:
             results = solve_pairs(self.solver, metric, pairs, n_jobs=self.n_jobs)
         except RiemhumanError as error:
-            return self._name_points(error, metric, block)
+            number, _, said = str(error).removeprefix("pairs[").partition("]: ")
+            i, j = (some[block][int(number)] for some in np.triu_indices(len(self.points), 1))
+            return type(error)(f"points[{i}] and points[{j}]: {said}")
         return np.array([row_of_path(metric, result) for result in results])
-
-    def _name_points(
-        self, error: RiemhumanError, metric: RiemannianMetric, block: slice
-    ) -> RiemhumanError:
-        """Return an error of some pairs with the numbers of the two points that it is about."""
-        rows, columns = np.triu_indices(len(self.points), 1)
-        for i, j in zip(rows[block], columns[block], strict=True):
-            try:
-                solve_pairs(self.solver, metric, [self.points[[i, j]]])
-            except RiemhumanError as own:
-                said = str(own).removeprefix("pairs[0]: ")
-                return type(own)(f"points[{i}] and points[{j}]: {said}")
-        return error

@@ -76,10 +76,6 @@ def scores(
         Group of each item, such as the person: items of the query's group are then not ranked. With
         poses as labels and people as groups, the scores are those among other people only.
 
-    Returns
-    -------
-    scores : RetrievalScores
-
     References
     ----------
     .. [1] Shilane, Min, Kazhdan, Funkhouser, "The Princeton Shape Benchmark", SMI 2004.
@@ -168,10 +164,6 @@ def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
         Symmetric distances.
     n_neighbors : int
         Number of the neighbour whose distance is the scale.
-
-    Returns
-    -------
-    array, shape (n, n)
 
     References
     ----------
@@ -303,11 +295,6 @@ def retrieval_table(
         Distance matrices by name of representation.
     labels, groups
         As for `scores`.
-
-    Returns
-    -------
-    list of TableRow
-        In the order of `distances`.
 
     Examples
     --------

@@ -152,18 +152,14 @@ class LearnedMetric(Estimator):
     ) -> ndarray:
         r"""Return distances from every point in a metric fitted without the point's group.
 
-        Groups are left out fold by fold. Scores of these distances, see `rh.retrieval.scores`, say
-        how well the metric does on people to whom it was not fitted.
+        Row i holds the distances from point i. Groups are left out fold by fold. Scores of these
+        distances, see `rh.retrieval.scores`, say how well the metric does on people to whom it was
+        not fitted.
 
         Parameters
         ----------
         X, y, groups
             As for `fit`; groups are needed.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Row i holds the distances from point i to all points; not symmetric.
         """
         coordinates = self._coordinates(X)
         classes = class_numbers(y, "y", len(coordinates))
