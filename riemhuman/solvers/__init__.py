@@ -15,9 +15,7 @@ from riemhuman.solvers.parallel_transport import PoleLadder, SchildLadder, Trans
 from riemhuman.solvers.path_comparison import (
     PathComparison,
     PathDistances,
-    PathMeasures,
     compare_paths,
-    measure_path,
     path_distances,
 )
 from riemhuman.solvers.path_search import BasisPath, PathStraightening
@@ -60,7 +58,6 @@ __all__ = [
     "NearestSurface",
     "PathComparison",
     "PathDistances",
-    "PathMeasures",
     "PathResult",
     "PathStraightening",
     "PoissonPath",
@@ -74,7 +71,6 @@ __all__ = [
     "TransportResult",
     "compare_paths",
     "inverted_triangles",
-    "measure_path",
     "path_distances",
 ]
 

@@ -29,14 +29,19 @@ class Distortion(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class PathMeasures(Record):
-    """Energies of a path of surfaces, and how much it distorts them.
+class PathComparison(Record):
+    """One of the paths compared: its energies, and how much it distorts surfaces.
 
     Changes are relative, and beyond those between the ends: for sizes A(τ) with ends A₀, A₁ the
     maximum over τ of A(τ)/max(A₀, A₁) − 1, min(A₀, A₁)/A(τ) − 1 and 0.
 
     Attributes
     ----------
+    name, metric : str
+        Names of the solver and of its metric.
+    result : PathResult
+    seconds : float
+        Wall time, including compilation at first use.
     energies : dict of str to float
         Energy under each metric.
     area_change, edge_change : Distortion
@@ -46,15 +51,12 @@ class PathMeasures(Record):
         Change of the volume; NaN if the mesh is not closed.
     mean_deviation, max_deviation : float
         Distance of the vertices from those of the reference, millimetres; NaN without one.
-
-    Examples
-    --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> metric = rh.AlignedSurfaces(bodies.template).metric
-    >>> list(rh.solvers.measure_path({"shape": metric}, bodies.points[:3]).energies)
-    ['shape']
     """
 
+    name: str
+    metric: str
+    result: PathResult
+    seconds: float
     energies: dict[str, float]
     area_change: Distortion
     edge_change: Distortion
@@ -62,48 +64,16 @@ class PathMeasures(Record):
     mean_deviation: float
     max_deviation: float
 
-
-@dataclass(frozen=True, repr=False)
-class PathComparison(Record):
-    """One of the paths compared.
-
-    Attributes
-    ----------
-    name, metric : str
-        Names of the solver and of its metric.
-    result : PathResult
-        Result of the solver.
-    measures : PathMeasures
-        Measures of its path.
-    seconds : float
-        Wall time, including compilation at first use.
-
-    Examples
-    --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> metrics = {"elastic": rh.AlignedSurfaces(bodies.template).metric}
-    >>> solvers = {"straight": (rh.solvers.LinearPath(n_nodes=5), "elastic")}
-    >>> rh.solvers.compare_paths(metrics, bodies[0], bodies[2], solvers)[0].name
-    'straight'
-    """
-
-    name: str
-    metric: str
-    result: PathResult
-    measures: PathMeasures
-    seconds: float
-
     def as_row(self) -> dict[str, Any]:
         """Return everything but the path, by name, for a table."""
-        measures = self.measures
         row: dict[str, Any] = {"name": self.name, "metric": self.metric}
-        row |= {f"energy_{name}": value for name, value in measures.energies.items()}
-        for label, change in (("area", measures.area_change), ("edge", measures.edge_change)):
+        row |= {f"energy_{name}": value for name, value in self.energies.items()}
+        for label, change in (("area", self.area_change), ("edge", self.edge_change)):
             row |= {f"{label}_change_{key}": value for key, value in change._asdict().items()}
         return row | {
-            "volume_change": measures.volume_change,
-            "mean_deviation": measures.mean_deviation,
-            "max_deviation": measures.max_deviation,
+            "volume_change": self.volume_change,
+            "mean_deviation": self.mean_deviation,
+            "max_deviation": self.max_deviation,
             "n_iterations": self.result.n_iterations,
             "converged": self.result.converged,
             "seconds": self.seconds,
@@ -146,57 +116,34 @@ def compare_paths(
                 f"solvers[{name!r}] names the metric {metric_name!r}; metrics holds "
                 f"{', '.join(map(repr, metrics)) or 'none'}"
             )
+    if not all(metric.space.is_surface_space for metric in metrics.values()):
+        raise ArgumentError("metrics must be metrics on surfaces over a template")
     compared = []
     for name, (solver, metric_name) in solvers.items():
-        began = perf_counter()
-        result = complete(solver.solve(metrics[metric_name], start, end), PathResult)
+        metric, began = metrics[metric_name], perf_counter()
+        result = complete(solver.solve(metric, start, end), PathResult)
         seconds = perf_counter() - began
-        measures = measure_path(metrics, result.path, reference)
-        compared.append(PathComparison(name, metric_name, result, measures, seconds))
+        template = metric.space.template
+        path, faces, edges = template.check_points(result.path), template.faces, template.edges
+        deviations = np.array(np.nan)
+        if reference is not None:
+            reference = real_array(reference, "reference", path.shape, batched=False)
+            deviations = 1000.0 * np.linalg.norm(path - reference, axis=-1)
+        lengths = edge_lengths(template.vertices, edges)
+        row = PathComparison(
+            name,
+            metric_name,
+            result,
+            seconds,
+            {other: float(each.energy(path)) for other, each in metrics.items()},
+            summarize(change_along_path(triangle_areas(path, faces)), template.face_areas),
+            summarize(change_along_path(edge_lengths(path, edges)), lengths),
+            float(change_along_path(signed_volume(path, faces))),
+            float(deviations.mean()),
+            float(deviations.max()),
+        )
+        compared.append(row)
     return compared
-
-
-def measure_path(
-    metrics: Mapping[str, RiemannianMetric], path: ndarray, reference: ndarray | None = None
-) -> PathMeasures:
-    """Measure a path of surfaces.
-
-    Parameters
-    ----------
-    metrics : mapping of str to RiemannianMetric
-        Metrics on the same surfaces.
-    path, reference : array, shape (n_nodes, V, 3)
-        Path, and one to measure deviations from.
-
-    Examples
-    --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> metric = rh.AlignedSurfaces(bodies.template).metric
-    >>> list(rh.solvers.measure_path({"shape": metric}, bodies.points[:3]).energies)
-    ['shape']
-    """
-    if not metrics:
-        raise ArgumentError("metrics is empty; at least one metric on surfaces is needed")
-    space = next(iter(metrics.values())).space
-    if not space.is_surface_space:
-        raise ArgumentError("metrics must be metrics on surfaces over a template")
-    template = space.template
-    path = template.check_points(path, "path")
-    faces, edges = template.faces, template.edges
-    deviations = np.array(np.nan)
-    if reference is not None:
-        reference = real_array(reference, "reference", path.shape, batched=False)
-        deviations = 1000.0 * np.linalg.norm(path - reference, axis=-1)
-    return PathMeasures(
-        {name: float(metric.energy(path)) for name, metric in metrics.items()},
-        summarize(change_along_path(triangle_areas(path, faces)), template.face_areas),
-        summarize(
-            change_along_path(edge_lengths(path, edges)), edge_lengths(template.vertices, edges)
-        ),
-        float(change_along_path(signed_volume(path, faces))),
-        float(deviations.mean()),
-        float(deviations.max()),
-    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -310,7 +257,7 @@ class PairsOfPoints(Sequence[Any]):
 
 
 def change_along_path(sizes: ndarray) -> ndarray:
-    """Return the largest relative change of sizes along a path, see `PathMeasures`.
+    """Return the largest relative change of sizes along a path, see `PathComparison`.
 
     It is infinite where a size vanishes only between the ends, or only at both ends.
     """
