@@ -189,7 +189,6 @@ def check_metric(
     Parameters
     ----------
     metric : RiemannianMetric
-        The metric.
     points : array, shape (n, \*shape)
         Three points or more, all different.
     tangent_vecs : array, shape (n, \*shape), optional

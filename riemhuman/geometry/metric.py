@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from operator import attrgetter
 from typing import Any, cast
 
@@ -38,7 +39,6 @@ from riemhuman.geometry.strategies import (
     LogSolver,
     Solvers,
     TransportSolver,
-    default_strategy,
     solve_geodesic,
 )
 from riemhuman.kernels.surface import differential, square_root
@@ -134,7 +134,10 @@ class RiemannianMetric(Unchanging):
     def _solver(self, name: str) -> Any:
         """Return a strategy that was given, or the default one."""
         given = getattr(self, name)
-        return default_strategy(name, self) if given is None else given
+        if given is None:
+            # Solvers import this subpackage, and not the other way round.
+            given = getattr(import_module("riemhuman.solvers._defaults"), name)(self)
+        return given
 
     has_closed_form_dist = _defines("squared_dist", doc="Whether the class has distances itself.")
     has_inner_product = _defines("inner_product", doc="Whether it has inner products itself.")

@@ -34,7 +34,7 @@ from riemhuman.kernels.surface import (
     refuse_triangles,
 )
 from riemhuman.terms._sum import SumOfTerms
-from riemhuman.terms.rotations import RotationTerm
+from riemhuman.terms.normals import RotationTerm
 from riemhuman.terms.term import Fields
 
 # √(4 time) is then 10 cm on an adult body, whose skin has 1.8 m²: the thickness of a limb.

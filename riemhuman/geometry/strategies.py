@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from typing import Any, Protocol, TypedDict
 
 import numpy as np
@@ -23,25 +22,8 @@ __all__ = [
     "PathEnergy",
     "Solvers",
     "TransportSolver",
-    "default_strategy",
-    "register_defaults",
     "solve_geodesic",
 ]
-
-
-_defaults: dict[str, Callable[[Any], Any]] = {}
-
-
-def register_defaults(**factories: Callable[[Any], Any]) -> None:
-    """Set the strategies, made for a metric, that metrics without their own use."""
-    _defaults.update(factories)
-
-
-def default_strategy(name: str, metric: Any) -> Any:
-    """Return the default strategy of a metric; `riemhuman.solvers` registers them."""
-    if name not in _defaults:
-        import_module("riemhuman.solvers")
-    return _defaults[name](metric)
 
 
 class GeodesicSolver(Protocol):

@@ -4,7 +4,6 @@ A solver that has not converged issues a `ConvergenceWarning`; its result says w
 keyboard, it raises `Interrupted`, which carries the best so far.
 """
 
-from riemhuman.solvers import _defaults  # noqa: F401  (registers them)
 from riemhuman.solvers.exponential import DiscreteExponential, ExponentialResult
 from riemhuman.solvers.geodesic_regression import GeodesicRegression
 from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath, PoissonPath

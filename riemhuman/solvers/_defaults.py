@@ -15,7 +15,7 @@ from warnings import catch_warnings, simplefilter
 from numpy import ndarray
 
 from riemhuman.errors import ConvergenceWarning
-from riemhuman.geometry.strategies import LogSolver, register_defaults
+from riemhuman.geometry.strategies import LogSolver
 from riemhuman.solvers._geodesic_equation import has_long_step
 from riemhuman.solvers.exponential import DiscreteExponential
 from riemhuman.solvers.logarithm import DiscreteLogarithm
@@ -54,12 +54,12 @@ def _harmonics(template: Template) -> DeformationBasis:
     return DeformationBasis.from_laplacian(template, _N_DEFORMATIONS)
 
 
-def _path(metric: Any) -> Any:
+def geodesic_solver(metric: Any) -> Any:
     basis = basis_of(metric)
     return BasisPath(basis) if basis is not None else PathStraightening()
 
 
-def _exponential(metric: Any) -> DiscreteExponential:
+def exp_solver(metric: Any) -> DiscreteExponential:
     return DiscreteExponential(basis_of(metric), _N_STEPS, n_doublings=_N_DOUBLINGS)
 
 
@@ -87,26 +87,18 @@ class _Logarithm(LogSolver):
             with catch_warnings():
                 simplefilter("ignore", ConvergenceWarning)
                 result = solver.solve(metric, point, base_point)
-                forward = _exponential(metric).solve(metric, result.tangent_vec, base_point)
+                forward = exp_solver(metric).solve(metric, result.tangent_vec, base_point)
             if result.converged and forward.n_steps == n_nodes - 1:
                 break
         return finish(solver, result)
 
 
-def _logarithm(metric: Any) -> LogSolver:
+def log_solver(metric: Any) -> LogSolver:
     basis = basis_of(metric)
     if basis is None:
         return DiscreteLogarithm(None, _N_STEPS, n_doublings=_N_DOUBLINGS)
     return _Logarithm(basis)
 
 
-def _transport(metric: Any) -> PoleLadder:
-    return PoleLadder(basis=basis_of(metric), geodesic_solver=_path(metric))
-
-
-register_defaults(
-    geodesic_solver=_path,
-    exp_solver=_exponential,
-    log_solver=_logarithm,
-    transport_solver=_transport,
-)
+def transport_solver(metric: Any) -> PoleLadder:
+    return PoleLadder(basis=basis_of(metric), geodesic_solver=geodesic_solver(metric))

@@ -146,7 +146,6 @@ class DiscreteExponential(Solver, ExpSolver):
         Parameters
         ----------
         metric : RiemannianMetric
-            The metric.
         path : array, shape (n_nodes, \*shape)
             Path over unit time, of at least two points; only the last two matter.
         n_steps : int

@@ -140,7 +140,6 @@ class GeodesicRegression(ImageEstimator):
         Parameters
         ----------
         X : array, shape (n,) or (n, 1)
-            Numbers.
         """
         self._require_fit("velocity_")
         times = _numbers(X) - self.center_
@@ -171,7 +170,6 @@ class GeodesicRegression(ImageEstimator):
         Parameters
         ----------
         y : array, shape (n, \*shape)
-            Points.
         """
         self._require_fit("mean_")
         metric, base = self._image_metric, self._embed(self.mean_[None])[0]

@@ -129,7 +129,6 @@ class DiscreteLogarithm(Solver, LogSolver):
         Parameters
         ----------
         result : LogarithmResult
-            Result of this solver.
         """
         n_steps = len(result.path) - 1
         return DiscreteExponential(

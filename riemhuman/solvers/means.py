@@ -78,7 +78,6 @@ class BasisMean(Solver, MeanSolver):
         preconditioned gradient tells. By default 1e-8 over a basis, and in all coordinates 1e-5
         where moreover the second half of the iterations has gained less than 0.3 %.
     max_iter : int
-        Most iterations.
     sample_size : int
         Where points come in batches, number of evenly spaced points from whose mean the search
         starts and whose differences join the basis.
@@ -122,7 +121,6 @@ class BasisMean(Solver, MeanSolver):
         Parameters
         ----------
         metric : RiemannianMetric
-            The metric.
         points : array, shape (n, \*shape), or iterable of batches, arrays of shape (m, \*shape)
             Every evaluation reads the batches once.
         weights : array, shape (n,), optional
@@ -250,7 +248,6 @@ class GradientDescentMean(Solver, MeanSolver):
         Stop when the norm of the mean of the logarithms is at most this share of the standard
         deviation, for medians of the mean distance.
     max_iter : int
-        Most iterations.
 
     Examples
     --------
@@ -372,7 +369,6 @@ class FrechetMean(Estimator):
     n_iter_ : int
         Iterations of the solver.
     result_ : MeanResult
-        The solver's whole result.
 
     Examples
     --------

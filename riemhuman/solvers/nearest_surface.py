@@ -62,9 +62,7 @@ class NearestSurface(Solver):
         Stop when a Newton step would gain at most this share of the functional, as far as the
         preconditioned gradient tells.
     max_iter : int
-        Most iterations.
     progress : bool
-        Whether to show a progress bar.
 
     Examples
     --------
@@ -96,7 +94,6 @@ class NearestSurface(Solver):
         images : array, shape (n, \*target_shape)
             Targets y_i, points of the space of ``metric.target_metric``.
         start : array, shape (V, 3)
-            Surface to start from.
         weights : array, shape (n,), optional
             Weights of at least 0; by default all are the same.
 
@@ -153,11 +150,9 @@ def inverted_triangles(points: ndarray, reference: ndarray, faces: ndarray) -> n
     Parameters
     ----------
     points : array, shape (..., V, 3)
-        Surfaces.
     reference : array, shape (V, 3)
         A surface without inverted triangles, such as a mean.
     faces : array of int, shape (F, 3)
-        Triangles.
 
     Returns
     -------

@@ -31,7 +31,6 @@ class TransportResult(Result):
     tangent_vecs : array, shape (n_nodes, \*shape)
         The vector at every point of the path.
     path : array, shape (n_nodes, \*shape)
-        The path.
     n_iterations, n_evaluations, status, message
         See `Result`; counts are those of the rungs' equations, 0 for closed forms.
 
@@ -97,7 +96,6 @@ class PoleLadder(Solver, TransportSolver):
         Parameters
         ----------
         metric : RiemannianMetric
-            The metric.
         tangent_vec : array, shape (\*shape,)
             Tangent vector at the base point.
         base_point : array, shape (\*shape,)

@@ -51,6 +51,14 @@ class PathComparison(Record):
         Change of the volume; NaN if the mesh is not closed.
     mean_deviation, max_deviation : float
         Distance of the vertices from those of the reference, millimetres; NaN without one.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> metrics = {"elastic": rh.AlignedSurfaces(bodies.template).metric}
+    >>> solvers = {"straight": (rh.solvers.LinearPath(n_nodes=5), "elastic")}
+    >>> rh.solvers.compare_paths(metrics, bodies[0], bodies[2], solvers)[0].name
+    'straight'
     """
 
     name: str
@@ -94,7 +102,6 @@ def compare_paths(
     metrics : mapping of str to RiemannianMetric
         Metrics on the same surfaces; every path's energy is measured under each.
     start, end : array, shape (V, 3)
-        Surfaces.
     solvers : mapping of str to (solver, str)
         Each solver with the name of its metric, such as ``{"ours": (BasisPath(basis), "elastic"),
         "SRNF": (BasisPath(basis), "srnf")}``.
@@ -219,11 +226,8 @@ def path_distances(
     Parameters
     ----------
     solver : GeodesicSolver
-        Solver for the paths.
     metric : RiemannianMetric
-        The metric.
     points : array or sequence, shape (n, \*shape)
-        Points.
     n_jobs, progress
         As of `LinearPath.solve_many`.
 

@@ -84,9 +84,7 @@ class PathSearch(PathSolver):
         Parameters
         ----------
         metric : RiemannianMetric
-            The metric.
         start, end : array, shape (\*shape,)
-            End points.
         initial_path : array, shape (n_nodes, \*shape), optional
             Path to start from, between the same ends.
         """
@@ -235,14 +233,12 @@ class BasisPath(PathSearch):
         the preconditioned gradient tells, and the second half of its iterations, if they are ten or
         more, has gained at most 0.1 %, or ten times this share.
     max_iter : int
-        Most iterations.
     remove_drift : bool
         Whether to remove motions that leave the energy unchanged from the path found, such as rigid
         motions of interior surfaces where c = 0.
     callback : callable, optional
         Called with (iteration, energy, path) after each iteration.
     progress : bool
-        Whether to show a progress bar.
 
     Examples
     --------

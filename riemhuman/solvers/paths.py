@@ -89,9 +89,7 @@ class PathSolver(Solver, ABC):
         Parameters
         ----------
         metric : RiemannianMetric
-            The metric.
         start, end : array, shape (\*shape,)
-            End points.
         """
 
     def solve_many(
@@ -107,13 +105,11 @@ class PathSolver(Solver, ABC):
         Parameters
         ----------
         metric : RiemannianMetric
-            The metric.
         pairs : array or sequence, shape (n_pairs, 2, \*shape)
             Pairs of end points: an array, or anything with a length whose items are two points.
         n_jobs : int, optional
             Number of threads, -1 for one per core; by default one. Paths do not depend on it.
         progress : bool
-            Whether to show a progress bar.
         """
         return solve_pairs(self, metric, pairs, n_jobs=n_jobs, progress=progress)
 

@@ -95,7 +95,6 @@ class Result(Record):
         Parameters
         ----------
         path : path_like
-            The file.
         """
         required = [field.name for field in fields(cls) if field.default is dataclasses.MISSING]
         arrays = load_arrays(path, [_CLASS, *required], [field.name for field in fields(cls)])
@@ -150,7 +149,6 @@ class PathResult(Result):
     path : array, shape (n_nodes, \*shape)
         Points of the path at equally spaced times, both ends included.
     energy : float
-        Energy of the path.
     energies : array, shape (n_iterations + 1,)
         Energy at the start and after each iteration.
     lower_bound : float
@@ -184,7 +182,6 @@ class MeanResult(Result):
     Attributes
     ----------
     point : array, shape (\*shape,)
-        The mean.
     variance : float
         Weighted mean of the squared distances to it, Σ w_i d²/Σ w_i.
     variances : array, shape (n_iterations + 1,)

@@ -126,7 +126,6 @@ class TangentPCA(ImageEstimator):
         Average of the logarithms; not 0 for surfaces, whose mean is the best surface and not the
         best field.
     n_components_ : int
-        Number of directions.
 
     References
     ----------
@@ -223,7 +222,6 @@ class TangentPCA(ImageEstimator):
         Parameters
         ----------
         X : array, shape (n, \*shape)
-            Points.
         y : object
             Not used.
         """
@@ -275,7 +273,6 @@ class TangentPCA(ImageEstimator):
         Parameters
         ----------
         n_samples : int
-            Number of points.
         rng : int or numpy.random.Generator
             Seed, or the generator to draw from.
         accept : callable, optional

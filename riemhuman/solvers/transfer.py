@@ -111,7 +111,6 @@ class MotionTransfer:
         Parameters
         ----------
         space : AlignedSurfaces
-            Space of the surfaces.
         motion : array, shape (n_frames, V, 3), or iterable of arrays (V, 3)
             Motion of the source.
         target : array, shape (V, 3)
@@ -170,7 +169,6 @@ class ShapeTransfer:
         Parameters
         ----------
         space : AlignedSurfaces
-            Space of the surfaces.
         before, after : array, shape (V, 3)
             The first and the second body in one pose.
         target : array, shape (V, 3)
@@ -190,7 +188,6 @@ class DisentanglingResult(Result):
     Attributes
     ----------
     surface : array, shape (V, 3)
-        The surface.
     posed : array, shape (V, 3)
         Body A in the pose of B, from which the search starts.
     value : float

@@ -19,7 +19,10 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
+from riemhuman.kernels.rotations import log, nearest_rotations
+from riemhuman.kernels.surface import deformation_gradients, triangle_frames
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.surfaces._triangle_rotations import turned_sources, unwrap_turns
 from riemhuman.surfaces.measures import adjacent_triangles, vertex_components
 
 
@@ -65,10 +68,8 @@ class PoissonInterpolator:
 
     def rotations(self, start: ndarray, end: ndarray) -> ndarray:
         """Return the shortest rotations of the triangles between two surfaces, shape (F, 3)."""
-        # Imported here because loading numba takes long.
-        from riemhuman.surfaces._triangle_rotations import triangle_turns
-
-        return triangle_turns(start, end, self._faces)
+        frames = (triangle_frames(f, self._operator) for f in (start, end))
+        return log(np.eye(3), nearest_rotations(deformation_gradients(*frames)))
 
     def has_jumps(self, rotations: ndarray) -> bool:
         """Return whether rotation vectors of some neighbouring triangles differ by more than π."""
@@ -81,8 +82,6 @@ class PoissonInterpolator:
 
         From the triangle that rotates least across the edges where rotations differ least.
         """
-        from riemhuman.surfaces._triangle_rotations import unwrap_turns
-
         angles = np.linalg.norm(rotations, axis=1)
         # sin(angle / 2) / angle, also where the angle is 0.
         shares = 0.5 * np.sinc(angles / (2.0 * np.pi))
@@ -109,8 +108,6 @@ class PoissonInterpolator:
         """Return the surfaces (n, V, 3) between two surfaces at some times (n,) in [0, 1]."""
         if len(times) == 0:
             return np.empty((0, *start.shape))
-        from riemhuman.surfaces._triangle_rotations import turned_sources
-
         if rotations is None:
             rotations = self.rotations(start, end)
         source = turned_sources(

@@ -13,89 +13,10 @@ from numpy import ndarray
 
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.threads import in_chunks, of_one_kind
-from riemhuman.kernels.triangles import derivatives, fill_axes
+from riemhuman.kernels.triangles import derivatives
 
 # Below this many triangles, threads cost more than they bring.
 _WORTH_THREADS = 5_000
-
-
-@compiled(inline="always")
-def _rotation_vector(matrix: ndarray, vector: ndarray) -> float:
-    """Fill the unit axis of a rotation matrix; return its angle in [0, π]."""
-    # Shepperd's method: the quaternion through its largest entry.
-    trace = matrix[0, 0] + matrix[1, 1] + matrix[2, 2]
-    largest, k = trace, -1
-    for i in range(3):
-        if matrix[i, i] > largest:
-            largest, k = matrix[i, i], i
-    if k < 0:
-        vector[0] = matrix[2, 1] - matrix[1, 2]
-        vector[1] = matrix[0, 2] - matrix[2, 0]
-        vector[2] = matrix[1, 0] - matrix[0, 1]
-        real = 1.0 + trace
-    else:
-        i, j = (k + 1) % 3, (k + 2) % 3
-        vector[k] = 1.0 + matrix[k, k] - matrix[i, i] - matrix[j, j]
-        vector[i] = matrix[i, k] + matrix[k, i]
-        vector[j] = matrix[j, k] + matrix[k, j]
-        real = matrix[j, i] - matrix[i, j]
-    if real < 0.0:
-        real = -real
-        for i in range(3):
-            vector[i] = -vector[i]
-    size = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
-    if size == 0.0:
-        vector[0] = 1.0
-        return 0.0
-    for i in range(3):
-        vector[i] /= size
-    return 2.0 * math.atan2(size, real)
-
-
-@compiled
-def _turns(
-    start: ndarray,
-    end: ndarray,
-    faces: ndarray,
-    first: int,
-    last: int,
-    turns: ndarray,
-) -> None:
-    from_axes = np.empty((3, 3))
-    to_axes, rotation = np.empty_like(from_axes), np.empty_like(from_axes)
-    for t in range(first, last):
-        _, over_p, over_r, skew = fill_axes(start, faces[t], 0, from_axes)
-        _, over_u, over_w, end_skew = fill_axes(end, faces[t], 0, to_axes)
-        # The polar decomposition of the map between the frames, [[u r, v p − u q], [0, w p]], with
-        # edges (p, 0), (q, r) at the start and (u, 0), (v, w) at the end, by positive factors.
-        angle = math.atan2(skew * over_w - end_skew * over_r, over_p * over_w + over_u * over_r)
-        cosine, sine = math.cos(angle), math.sin(angle)
-        for k in range(3):
-            turned = cosine * to_axes[0, k] + sine * to_axes[1, k]
-            to_axes[1, k] = cosine * to_axes[1, k] - sine * to_axes[0, k]
-            to_axes[0, k] = turned
-        for i in range(3):
-            for j in range(3):
-                rotation[i, j] = (
-                    to_axes[0, i] * from_axes[0, j]
-                    + to_axes[1, i] * from_axes[1, j]
-                    + to_axes[2, i] * from_axes[2, j]
-                )
-        angle = _rotation_vector(rotation, turns[t])
-        for k in range(3):
-            turns[t, k] *= angle
-
-
-def triangle_turns(start: ndarray, end: ndarray, faces: ndarray) -> ndarray:
-    """Return the rotations of triangles, of the maps from f_u, f_v and n to those at the end."""
-    turns = np.empty((len(faces), 3))
-    ends = of_one_kind(start)[:, None], of_one_kind(end)[:, None]
-
-    def run(first: int, last: int) -> None:
-        _turns(*ends, faces, first, last, turns)
-
-    in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS)
-    return turns
 
 
 @compiled(inline="always")

@@ -155,7 +155,6 @@ class DeformationBasis:
         Parameters
         ----------
         path : path_like
-            The .npz file.
         """
         fields = load_arrays(path, ("format_version", "vectors"))
         version = fields["format_version"].tolist()

@@ -1,10 +1,9 @@
-"""Terms of surface metrics, one a file, and the driver that runs a weighted sum of them."""
+"""Terms of surface metrics, and the driver that runs a weighted sum of them."""
 
 from riemhuman.kernels.compilation import compiled
 from riemhuman.terms.cone import ConeTerm, EbinTerm
 from riemhuman.terms.flat import FlatTerm, RootNormalTerm
-from riemhuman.terms.normals import NormalTerm
-from riemhuman.terms.rotations import RotationTerm
+from riemhuman.terms.normals import NormalTerm, RotationTerm
 from riemhuman.terms.term import Term
 
 __all__ = [

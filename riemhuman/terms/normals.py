@@ -1,26 +1,46 @@
-"""The term of normal fields: angles between normals, squared (equation 3 of the paper)."""
+"""The terms of normals and of rotations: squared angles between unit vectors or quaternions."""
 
 from __future__ import annotations
 
 import math
 
 import autograd.numpy as np
-import numpy as onp
 from autograd.extend import defvjp, primitive
 from numpy import ndarray
 
-from riemhuman.kernels.compilation import SUM, compiled
-from riemhuman.kernels.surface import Derivatives, dot, square_root
-from riemhuman.kernels.threads import CHUNK, UNDERFLOW
+from riemhuman.kernels.compilation import FUSED, SUM, compiled
+from riemhuman.kernels.rotations import quaternions
+from riemhuman.kernels.surface import Derivatives, dot, polar_frames, square_root
+from riemhuman.kernels.threads import CHUNK, UNDERFLOW, of_one_kind
 from riemhuman.terms._polynomial_fits import (
     PRECISION,
     squared_angle,
     squared_angle_and_slope,
+    squared_short_arc,
 )
-from riemhuman.terms.term import LENGTH, Fields, Term
+from riemhuman.terms.term import Fields, Term
 
 
-class NormalTerm(Term):
+class _AngleTerm(Term):
+    """A term of one unit vector a triangle, or one unit quaternion, whose sign has no effect."""
+
+    needs_area = True
+    is_stretch_invariant = True
+    single = True
+    _either_sign: bool | None = None  # None is known when loops are compiled
+
+    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
+        return _pack(of_one_kind(fields[0].T), areas, kept)
+
+    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
+        largest, squared = areas.max(), np.zeros((len(a), len(b)))
+        relative = np.zeros(a.shape[2], dtype=a.dtype)
+        relative[: len(areas)] = areas / largest
+        _tile(a, b, relative, PRECISION[a.dtype], self._either_sign, a is b, squared)
+        return largest * squared
+
+
+class NormalTerm(_AngleTerm):
     r"""w ∫ d_{S²}(n₁, n₂)² dx, the pull-back of a product of spheres by unit normals (Theorem 2).
 
     Parameters
@@ -36,9 +56,6 @@ class NormalTerm(Term):
     True
     """
 
-    needs_area = True
-    is_stretch_invariant = True
-    single = True
     n_features = 3
 
     def fields(self, first: Derivatives) -> Fields:
@@ -57,23 +74,50 @@ class NormalTerm(Term):
     def chart(self, fields: Fields) -> ndarray:
         return fields[0]
 
-    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
-        record = onp.zeros((LENGTH, len(areas)))
-        record[6:9] = fields[0].T
-        return _pack(record, areas, kept)
-
     def pack_record(self, record: ndarray, areas: ndarray, kept: ndarray) -> float:
-        return _pack(record, areas, kept)
-
-    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
-        largest, squared = areas.max(), np.zeros((len(a), len(b)))
-        relative = np.zeros(a.shape[2], dtype=a.dtype)
-        relative[: len(areas)] = areas / largest
-        _tile(a, b, relative, PRECISION[a.dtype], a is b, squared)
-        return largest * squared
+        return _pack(of_one_kind(record[6:9]), areas, kept)
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
         return _segments(records, slopes, areas, self.weight)
+
+
+class RotationTerm(_AngleTerm):
+    r"""w ∫ θ² dx, with θ ∈ [0, π] the angle of the rotation from R₁ to R₂, where df = R √g.
+
+    Rotations are kept as unit quaternions, of either sign: θ is twice the angle between two of
+    them, or one and minus the other.
+
+    Parameters
+    ----------
+    weight : float above 0
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> bool(rh.RotationMetric(space, time=0.0).dist(bodies[0], bodies[1]) > 0)
+    True
+    """
+
+    n_features = 4
+    _either_sign = True
+
+    def fields(self, first: Derivatives) -> Fields:
+        return (quaternions(polar_frames(first.f_u, first.f_v)),)
+
+    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
+        difference, total = fields_a[0] - fields_b[0], fields_a[0] + fields_b[0]
+        p, q = dot(difference, difference), dot(total, total)
+        return 4.0 * squared_arc(np.minimum(p, q), np.maximum(p, q))
+
+    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
+        return 4.0 * dot(changes_a[0], changes_b[0])
+
+    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
+        return 4.0 * super().pack(fields, areas, kept)
+
+    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
+        return 4.0 * super().squared_distances(a, b, areas)
 
 
 @primitive
@@ -164,39 +208,77 @@ def _segment(
 
 
 @compiled(fastmath=SUM)
-def _pack(record: ndarray, areas: ndarray, kept: ndarray) -> float:
-    """Write normals; return the squared distance to what is written."""
+def _pack(vectors: ndarray, areas: ndarray, kept: ndarray) -> float:
+    """Write unit vectors; return the squared distance to what is written."""
     gap = UNDERFLOW * areas.max() * len(areas)
     for t in range(len(areas)):
         chord = 0.0
-        for k in range(3):
-            kept[k, t] = record[6 + k, t]
-            chord += (record[6 + k, t] - kept[k, t]) ** 2
+        for k in range(len(vectors)):
+            kept[k, t] = vectors[k, t]
+            chord += (vectors[k, t] - kept[k, t]) ** 2
         # An angle of at most π/2 changes by at most √2 times the change of its chord.
         gap += 2.0 * areas[t] * chord
     return gap
 
 
+@compiled(forceinline=True, fastmath=FUSED)
+def _squared_half_angle(
+    w1: float,
+    x1: float,
+    y1: float,
+    z1: float,
+    w2: float,
+    x2: float,
+    y2: float,
+    z2: float,
+    single: bool | None,
+) -> float:
+    real = type(x1)
+    near = w1 * w2 + x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)
+    sign = real(1.0) if near else real(-1.0)
+    w, x, y, z = w1 - sign * w2, x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
+    return squared_short_arc(w * w + x * x + y * y + z * z, single)
+
+
 @compiled(forceinline=True, fastmath=SUM)
 def _chunk(
-    a: ndarray, b: ndarray, weights: ndarray, single: bool | None, first: int, last: int
+    a: ndarray,
+    b: ndarray,
+    weights: ndarray,
+    single: bool | None,
+    either_sign: bool | None,
+    first: int,
+    last: int,
 ) -> float:
     x1, y1, z1 = a[0, first:last], a[1, first:last], a[2, first:last]
     x2, y2, z2 = b[0, first:last], b[1, first:last], b[2, first:last]
     w = weights[first:last]
     total = weights.dtype.type(0.0)
-    for t in range(last - first):
-        total += w[t] * squared_angle(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t], single)
+    if either_sign is None:
+        for t in range(last - first):
+            total += w[t] * squared_angle(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t], single)
+    else:
+        u1, u2 = a[3, first:last], b[3, first:last]
+        for t in range(last - first):
+            total += w[t] * _squared_half_angle(
+                x1[t], y1[t], z1[t], u1[t], x2[t], y2[t], z2[t], u2[t], single
+            )
     return total
 
 
 @compiled
 def _tile(
-    a: ndarray, b: ndarray, weights: ndarray, single: bool | None, within: bool, squared: ndarray
+    a: ndarray,
+    b: ndarray,
+    weights: ndarray,
+    single: bool | None,
+    either_sign: bool | None,
+    within: bool,
+    squared: ndarray,
 ) -> None:
     n_values = a.shape[2]
     for first in range(0, n_values, CHUNK):
         last = min(first + CHUNK, n_values)
         for i in range(len(a)):
             for j in range(i + 1 if within else 0, len(b)):
-                squared[i, j] += _chunk(a[i], b[j], weights, single, first, last)
+                squared[i, j] += _chunk(a[i], b[j], weights, single, either_sign, first, last)

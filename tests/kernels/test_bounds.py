@@ -20,7 +20,7 @@ FORMS += np.swapaxes(FORMS, 1, 2)
 def test_loops_over_single_surfaces(monkeypatch):
     start, end = surfaces(TEMPLATE, 2, rng=4, size=0.8)
     times = np.array([0.0, 0.3, 1.0])
-    vectors = _triangle_rotations.triangle_turns(start, end, FACES)
+    vectors = TEMPLATE.interpolator.rotations(start, end)
 
     def blocks():
         added = np.zeros((len(FACES), 9, 9))
@@ -28,7 +28,6 @@ def test_loops_over_single_surfaces(monkeypatch):
         return [added]
 
     calls = [
-        lambda: _triangle_rotations.triangle_turns(start, end, FACES),
         lambda: _triangle_rotations.turned_sources(
             start, end, vectors, times, FACES, FRAMES, AREAS
         ),

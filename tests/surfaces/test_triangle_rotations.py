@@ -34,7 +34,7 @@ def test_sources_by_polar_decomposition(template, size, turned, threaded):
     end = end @ turn.T
     times = np.array([0.0, 0.2, 0.5, 1.0])
     faces, frames = template.faces, template.frame_coefficients
-    turns = kernel.triangle_turns(start, end, faces)
+    turns = template.interpolator.rotations(start, end)
     found = kernel.turned_sources(start, end, turns, times, faces, frames, template.face_areas)
     first, last = with_normals(template, start), with_normals(template, end)
     wanted = np.zeros((len(times), 2, template.n_faces, 3))
@@ -50,32 +50,6 @@ def test_sources_by_polar_decomposition(template, size, turned, threaded):
     for i, derivatives in enumerate(wanted):
         expected = template.differential_operator.T @ (weights * derivatives.reshape(-1, 3))
         np.testing.assert_allclose(found[:, i], expected, atol=1e-12)
-
-
-ROTATIONS = [
-    [0.0, 0.0, 0.0],
-    [1e-9, 0.0, -1e-9],
-    [1e-4, 2e-4, 0.0],
-    [3.0, 0.3, 0.2],
-    [0.2, 3.1, 0.1],
-    [0.1, 0.3, -3.1],
-    [np.pi, 0.0, 0.0],
-    [0.0, np.pi * (1 - 1e-12), 0.0],
-    [-1.0, 1.4, 2.5],
-]
-
-
-@pytest.mark.parametrize("vector", ROTATIONS, ids=str)
-def test_angle_and_axis(vector):
-    matrix = Rotation.from_rotvec(vector).as_matrix()
-    axis = np.empty(3)
-    angle = kernel._rotation_vector.py_func(matrix, axis)
-    assert np.linalg.norm(axis) == pytest.approx(1.0, abs=1e-14)
-    assert 0.0 <= angle <= np.pi
-    if angle > 0.0:
-        back = Rotation.from_rotvec(angle * axis).as_matrix()
-        np.testing.assert_allclose(back, matrix, atol=1e-14)
-    np.testing.assert_allclose(angle, np.linalg.norm(vector), atol=1e-14, rtol=1e-12)
 
 
 def unwrapped_along_the_tree(turns, differences, roots):

@@ -21,7 +21,6 @@ from riemhuman.terms import (
     cone,
     flat,
     normals,
-    rotations,
 )
 from riemhuman.terms._sum import SumOfTerms
 
@@ -81,7 +80,7 @@ LOOPS = [
     (cone, EbinTerm(lam=1e-3)),
     (cone, ConeTerm()),
     (normals, NormalTerm()),
-    (rotations, RotationTerm()),
+    (normals, RotationTerm()),
 ]
 
 
