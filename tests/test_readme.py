@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+from lengths import FULL
 
 import riemhuman
 
@@ -11,6 +12,7 @@ ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "tutorials").glob("*.md"))]
 LONGEST_README = 166
+SLOW = {"bring_your_data"}  # registers a model to a mesh, in seconds
 
 every = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
 
@@ -40,7 +42,9 @@ def broken_links(page):
     return [link for link in local if not (page.parent / link).is_file()]
 
 
-@every
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if FULL or page.stem not in SLOW], ids=lambda path: path.stem
+)
 def test_python_blocks_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run(python_blocks(text_of(page)), str(page))

@@ -1,6 +1,7 @@
 """Tutorials run unedited in fresh processes, show what is stored, and use public names.
 
-Every day the first runs, and all where the documentation is built, in `.ci/docs`.
+Every day the first runs, in the process of the tests; what all show is compared with what is stored
+where the documentation is built, in `.ci/docs`, and in the long job.
 """
 
 import ast
@@ -14,14 +15,13 @@ import matplotlib.image
 import nbformat
 import numpy as np
 import pytest
-from lengths import sample
+from lengths import FULL
 from matplotlib import font_manager
 from store_outputs import VIEWER, executed, small
 
 import riemhuman
 
 FOLDER = Path(__file__).parents[1] / "tutorials"
-NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 LARGEST = 800 * 2**10
 LONGEST_CELL = 12
 
@@ -29,6 +29,8 @@ LONGEST_CELL = 12
 def number(path):
     return int(path.stem.split("_")[0])
 
+
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"), key=number)
 
 every = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
@@ -102,14 +104,18 @@ def missing(dotted):
 
 
 def test_they_are_numbered():
-    numbers = sorted(map(number, NOTEBOOKS))
+    numbers = list(map(number, NOTEBOOKS))
     assert numbers[:8] == list(range(1, 9))
     assert len(set(numbers)) == len(numbers)
 
 
-@pytest.mark.parametrize(
-    "path", sample(sorted(NOTEBOOKS, key=number), len(NOTEBOOKS)), ids=lambda path: path.stem
-)
+def test_the_first_runs():
+    namespace = {}
+    for cell in code_cells(read(NOTEBOOKS[0])):
+        exec(python(cell), namespace)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS if FULL else [], ids=lambda path: path.stem)
 def test_shows_what_is_stored(path):
     fresh = small(executed(path))
     assert warnings_of(fresh) == ""

@@ -16,13 +16,10 @@ from riemhuman.errors import ArgumentError
 if TYPE_CHECKING:
     from numpy import ndarray
 
-_ALIGNED_PAGE = "aligned.html"
-_IS_ALIGNED = cli.names_matching(r"aligned\.html|(?is:.+\.(ply|obj|off))")
-_COMPONENTS_PAGE = "components.html"
 _COMPONENTS_METRIC = (1.0, 1.0, 0.0)  # with a much smaller λ, triangles have no logarithm
 _DEVIATIONS = 2.0
 _SIDES = {"minus": -_DEVIATIONS, "plus": _DEVIATIONS}
-_IS_OF_COMPONENTS = cli.names_matching(
+_COMPONENT_FILES = (
     r"(mean|component_\d+_(minus|plus)|sample_\d{4,})\.ply|components\.html|summary\.json"
 )
 
@@ -129,7 +126,7 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     "  riemhuman components scans/ -o components/ -n 5 --samples 20 --seed 7\n"
     "  riemhuman components standing/*.ply -o how_they_stand/ --pose --align --json\n",
     cli.FILES,
-    cli.output("FOLDER", is_ours=_IS_OF_COMPONENTS),
+    cli.output("FOLDER", names=_COMPONENT_FILES),
     cli.option("-n --n-components", "components", default=3, metavar="K"),
     cli.option("--samples", "number of random bodies", default=0, metavar="N"),
     cli.option("--seed", "seed of the random bodies", default=0, metavar="S"),
@@ -139,7 +136,6 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
 )
 def _components(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.checks import whole_number
-    from riemhuman.io.outputs import atomic_folder
 
     if options.metric == "shape":
         raise ArgumentError(
@@ -173,15 +169,12 @@ def _components(options: argparse.Namespace) -> cli.Answer:
         "samples": options.samples,
         "seed": options.seed,
     }
-    faces = surfaces.faces
+    meshes = {f"{name}.ply": surface for name, surface in bodies.items()}
     names = [name.replace("_", " ") for name in bodies]
-    title = "Mean, components and samples"
-    with atomic_folder(options.output, _IS_OF_COMPONENTS) as folder:
-        for name, surface in bodies.items():
-            rh.save_mesh(folder / f"{name}.ply", surface, faces)
-        page = folder / _COMPONENTS_PAGE
-        rh.plots.save_picture(page, list(bodies.values()), faces, names, title=title)
-        (folder / inputs.SUMMARY).write_text(terminal.as_json(record) + "\n", encoding="utf-8")
+    with inputs.mesh_folder(options, meshes, surfaces.faces, record) as folder:
+        page, shown = folder / "components.html", [*bodies.values()]
+        title = "Mean, components and samples"
+        rh.plots.save_picture(page, shown, surfaces.faces, names, title=title)
     said = [
         f"component {k + 1}  {100 * share:.1f} % of the variance"
         for k, share in enumerate(pca.explained_variance_ratio_)
@@ -297,13 +290,11 @@ def _disentangle(options: argparse.Namespace) -> cli.Answer:
     "  riemhuman align scans/ -o aligned/ --template anna.ply\n"
     "  riemhuman align scans/ -o aligned/ --unit millimetres --up z\n",
     cli.FILES,
-    cli.output("FOLDER", is_ours=_IS_ALIGNED),
+    cli.output("FOLDER", names=r"aligned\.html|(?is:.+\.(ply|obj|off))"),
     cli.template("the first mesh", "to align with"),
 )
 def _align(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
-
-    from riemhuman.io.outputs import atomic_folder
 
     options.align = True
     surfaces = inputs.read_surfaces(options, options.meshes)
@@ -317,10 +308,9 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     gaps = np.linalg.norm(points - surfaces.template.vertices, axis=-1)
     distances = np.sqrt((gaps**2).mean(axis=-1))
     faces, titles = surfaces.faces, [file.stem for file in surfaces.files]
-    with atomic_folder(options.output, _IS_ALIGNED) as folder:
-        for name, surface in zip(names, points, strict=True):
-            rh.save_mesh(folder / name, surface, faces)
-        rh.plots.save_picture(folder / _ALIGNED_PAGE, points, faces, titles, title="Aligned meshes")
+    with inputs.mesh_folder(options, dict(zip(names, points, strict=True)), faces) as folder:
+        page = folder / "aligned.html"
+        rh.plots.save_picture(page, points, faces, titles, title="Aligned meshes")
     said = ["root mean square distances from the template, in metres:"]
     said += [f"{distance:.6f}  {name}" for name, distance in zip(names, distances, strict=True)]
     return cli.Answer("\n".join(said), {"files": surfaces.files, "root_mean_square": distances})

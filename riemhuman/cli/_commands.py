@@ -131,25 +131,23 @@ def path_option(flags: str, metavar: str, text: str = "mesh file", **settings: A
     return option(flags, text, type=path, metavar=metavar, **settings)
 
 
-def names_matching(pattern: str) -> Callable[[str], bool]:
-    """Return a function that tells whether a command writes files of a name into its folder."""
-    return lambda name: re.fullmatch(pattern, name) is not None
-
-
 def output(
     metavar: str,
     *endings: str,
     text: str | None = None,
-    is_ours: Callable[[str], bool] | None = None,
+    names: str | None = None,
     flags: str = "-o --output",
     required: bool = True,
 ) -> Argument:
-    """Return the declaration of an output: a file or, with names of its files, a folder.
+    """Return the declaration of an output: a file or, with a pattern of names in it, a folder.
 
     Its check makes it a path and adds it to `options.written`; `options.ending` is that of the
-    file, or empty.
+    file, or empty, and `options.is_ours` tells whether the command writes files of a name.
     """
     dest = flags.split()[-1].strip("-")
+
+    def is_ours(name: str) -> bool:
+        return names is not None and re.fullmatch(names, name) is not None
 
     def check(options: argparse.Namespace) -> None:
         from riemhuman.io.outputs import check_output_file, check_output_folder
@@ -159,17 +157,17 @@ def output(
             return
         place = path(given)
         may_be_folder = not endings or given.endswith("/") or place.is_dir() or not place.suffix
-        if is_ours is not None and may_be_folder:
-            options.ending = ""
+        if names is not None and may_be_folder:
+            options.ending, options.is_ours = "", is_ours
             check_output_folder(place, is_ours, force=options.force)
         else:
             options.ending = place.suffix.lower()
-            known = [*endings, *["/ (a folder)"] * (is_ours is not None)]
+            known = [*endings, *["/ (a folder)"] * (names is not None)]
             check_output_file(place, known, force=options.force)
         setattr(options, dest, place)
         options.written.append(place)
 
-    kinds = ["folder"] * (is_ours is not None) + ["file"] * bool(endings)
+    kinds = ["folder"] * (names is not None) + ["file"] * bool(endings)
     text = text or f"{' or '.join(kinds)} to write"
     own = option(flags, text, metavar=metavar, required=required)
     return several(own, *[FORCE] * (dest == "output"), check=check)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import riemhuman as rh
 from riemhuman.cli._commands import (
     Argument,
-    names_matching,
     option,
     output,
     path_option,
@@ -35,7 +35,7 @@ _N_HARMONICS = 60
 _RECORDED_RATE = 30.0
 # Smallest and largest lengths of bodies, metres.
 _SIZES = (0.3, 4.0)
-SUMMARY = "summary.json"
+_SUMMARY = "summary.json"
 _PATH_ENDINGS = (".glb", ".png", ".html", ".npz")
 _MOST_IN_STRIP = 12
 
@@ -212,15 +212,15 @@ def chosen_basis(options: argparse.Namespace, template: Template) -> Deformation
 
 def path_output(mesh: str, *pages: str) -> Argument:
     """Return the declaration of a path to write: a file, or a folder of meshes and of pages."""
-    written = "|".join(map(re.escape, (*pages, SUMMARY)))
-    is_ours = names_matching(rf"{mesh}_\d{{4,}}\.ply|{written}")
+    written = "|".join(map(re.escape, (*pages, _SUMMARY)))
+    names = rf"{mesh}_\d{{4,}}\.ply|{written}"
 
     def check(options: argparse.Namespace) -> None:
-        options.mesh, options.pages, options.is_ours = mesh, pages, is_ours
+        options.mesh, options.pages = mesh, pages
         if any(name.endswith(".png") for name in ([options.ending] if options.ending else pages)):
             import_optional("matplotlib", "plot")  # before the work, not after it
 
-    return several(output("PATH", *_PATH_ENDINGS, is_ours=is_ours), check=check)
+    return several(output("PATH", *_PATH_ENDINGS, names=names), check=check)
 
 
 MOTION_OUTPUT = path_output("frame", "motion.html")
@@ -237,7 +237,6 @@ def write_path(
     **arrays: ndarray,
 ) -> None:
     """Write an animation, a film strip, a page or arrays, or a folder of meshes with such files."""
-    from riemhuman.io.outputs import atomic_folder
 
     def write(file: Path) -> None:
         ending = file.suffix.lower()
@@ -254,13 +253,25 @@ def write_path(
         if options.ending:
             write(options.output)
             return
-        with atomic_folder(options.output, options.is_ours) as folder:
-            for number, surface in enumerate(path):
-                rh.save_mesh(folder / f"{options.mesh}_{number:04d}.ply", surface, faces)
+        meshes = {f"{options.mesh}_{number:04d}.ply": f for number, f in enumerate(path)}
+        with mesh_folder(options, meshes, faces, summary) as folder:
             for name in options.pages:
                 write(folder / name)
-            if summary is not None:
-                (folder / SUMMARY).write_text(as_json(summary) + "\n", encoding="utf-8")
+
+
+@contextmanager
+def mesh_folder(
+    options: argparse.Namespace, meshes: Mapping[str, ndarray], faces: ndarray, summary: Any = None
+) -> Iterator[Path]:
+    """Write meshes by the names of their files, and a record, into a folder that takes more."""
+    from riemhuman.io.outputs import atomic_folder
+
+    with atomic_folder(options.output, options.is_ours) as folder:
+        for name, surface in meshes.items():
+            rh.save_mesh(folder / name, surface, faces)
+        if summary is not None:
+            (folder / _SUMMARY).write_text(as_json(summary) + "\n", encoding="utf-8")
+        yield folder
 
 
 @dataclass(frozen=True, eq=False)

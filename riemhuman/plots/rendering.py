@@ -146,8 +146,8 @@ def render(
     view = View() if view is None else view
     window = window_around(vertices, view) if window is None else window
 
-    scale = height * _SAMPLES / window.height
-    shape = (height * _SAMPLES, max(1, round(height * window.width / window.height)) * _SAMPLES)
+    width = max(1, round(height * window.width / window.height))
+    scale, shape = height * _SAMPLES / window.height, (height * _SAMPLES, width * _SAMPLES)
     rotated = view.rotate(vertices)
     normals = vertex_normals(rotated, faces)
     columns = (rotated[:, 0] - window.centre[0]) * scale + shape[1] / 2
@@ -155,13 +155,16 @@ def render(
     corners = np.stack([columns, rows, rotated[:, 2]], axis=1)[faces]
     owner, shares = np.full(shape, -1), np.empty((*shape, 3))
     _draw_triangles(corners, np.full(shape, -np.inf), owner, shares)
-    covered = owner >= 0
+    covered = np.nonzero(owner >= 0)
     front = owner[covered]
-    picture = np.zeros((*shape, 4))
     light = _shade(np.einsum("pc,pcx->px", shares[covered], normals[faces[front]]))[:, None]
-    picture[covered, :3] = np.clip(colors[front] * light, 0, 1)
-    picture[covered, 3] = 1.0
-    return _averaged(picture)
+    samples = np.clip(colors[front] * light, 0, 1)
+    # A pixel is the mean of its covered samples, and as opaque as they are many.
+    pixel = covered[0] // _SAMPLES * width + covered[1] // _SAMPLES
+    count = np.bincount(pixel, minlength=height * width)
+    sums = [np.bincount(pixel, channel, height * width) for channel in samples.T]
+    means = [*(sums / np.maximum(count, 1)), count / _SAMPLES**2]
+    return np.round(255 * np.stack(means, axis=1)).astype(np.uint8).reshape(height, width, 4)
 
 
 def _face_colors(color: ArrayLike, n_faces: int) -> ndarray:
@@ -214,15 +217,6 @@ def _draw_triangles(corners: ndarray, nearest: ndarray, owner: ndarray, shares: 
                     shares[row, column, 0] = a
                     shares[row, column, 1] = b
                     shares[row, column, 2] = c
-
-
-def _averaged(picture: ndarray) -> ndarray:
-    """Return the mean of the samples of every pixel; colours are those of the covered ones."""
-    height, width = picture.shape[0] // _SAMPLES, picture.shape[1] // _SAMPLES
-    sums = picture.reshape(height, _SAMPLES, width, _SAMPLES, 4).sum(axis=(1, 3))
-    sums[..., :3] /= np.maximum(sums[..., 3:], 1.0)
-    sums[..., 3] /= _SAMPLES**2
-    return np.round(255 * sums).astype(np.uint8)
 
 
 def points_picture(

@@ -65,8 +65,9 @@ def plot_energy(
     ax.xaxis.get_major_locator().set_params(integer=True)
     ax.set_xlim(-0.04 * max(highest, 1), 1.04 * max(highest, 1))
     _hide_frame(ax)
-    if any(curves):
-        ax.legend(frameon=False, fontsize="small")
+    if any(curves):  # above the axes, where it covers no line
+        above = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
+        ax.legend(frameon=False, fontsize="small", **above)
     return ax
 
 

@@ -22,6 +22,8 @@ from riemhuman.plots.figures import figure_files, new_figure
 from riemhuman.plots.viewer import page_scripts, page_styles
 from riemhuman.report._storage import Computed, ResultStore
 
+_UNSAFE = re.compile(r"[^\w/+=:;, ().-]+", re.ASCII)  # in the address of an image
+
 
 @cache
 def web_file(name: str) -> str:
@@ -164,17 +166,19 @@ class Output:
                 figure = new_figure(*size)
                 draw(*arguments, **settings, ax=figure.subplots())
             svg, png = figure_files(figure)
-            return {"png": np.frombuffer(png, dtype=np.uint8)}, {"svg": svg}
+            files = {"svg": svg.encode(), "png": png}
+            return {kind: np.frombuffer(data, np.uint8) for kind, data in files.items()}, {}
 
         given = [None if hasattr(argument, "points") else argument for argument in arguments]
         inputs = {"draw": draw.__name__, "bodies": self.digest, "arguments": given, "size": size}
         step = self.figures.step(name, inputs | settings, compute, f"Figure {name}")
-        svg = step.record["svg"]
-        write_text(self.folder / "figures" / f"{name}.svg", svg)
-        write_bytes(self.folder / "figures" / f"{name}.png", step.arrays["png"].tobytes())
+        for kind, data in step.arrays.items():
+            write_bytes(self.folder / "figures" / f"{name}.{kind}", data.tobytes())
+        svg = step.arrays["svg"].tobytes().decode()
         *_, width, height = re.findall(r"[\d.]+", svg.split('viewBox="')[1].split('"')[0])
         # Pictures of bodies within the SVG are base64 already; twice would add a third.
-        source = f"data:image/svg+xml,{quote(svg, safe='/+=:;, ()')}"
+        quoted = _UNSAFE.sub(lambda characters: quote(characters[0]), svg)
+        source = f"data:image/svg+xml,{quoted}"
         return Image(source, round(float(width)), round(float(height)), name)
 
     def table(self, name: str, rows: Sequence[Mapping[str, Any]]) -> Table:

@@ -322,7 +322,7 @@ def _draw_differences(bodies: Bodies, step: Step) -> Figure:
 
 def _draw_geodesic(bodies: Bodies, step: Step) -> Figure:
     """Draw a geodesic as a film strip, with its energy beside it (figure 4 of the paper)."""
-    figure = new_figure(10.0, 2.1)
+    figure = new_figure(10.0, 2.4)
     strip, curve = figure.subplots(1, 2, width_ratios=[0.77, 0.23])
     plot_path(step.arrays["path"], bodies.template.faces, n_shown=6, ax=strip)
     strip.set_anchor("W")

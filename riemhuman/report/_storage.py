@@ -108,7 +108,7 @@ class ResultStore:
                 seconds = time.perf_counter() - start
             header = {"fingerprint": key, "seconds": seconds, "record": record}
             header["arrays"] = sorted(arrays)
-            save_arrays(file, {**arrays, "about": np.array(json.dumps(header))}, compressed=True)
+            save_arrays(file, {**arrays, "about": np.array(json.dumps(header))})
             step = Step(name, dict(arrays), dict(record), key, seconds, title, is_reused=False)
         self.steps.append(step)
         return step

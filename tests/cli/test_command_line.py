@@ -17,6 +17,7 @@ from riemhuman.cli._terminal import Reporter, as_json, note
 from riemhuman.progress import ProgressBar
 
 NAMES = tuple(command.name for command in COMMANDS)
+PARSER = make_parser("", "", "")
 COMMAND = (sys.executable, "-m", "riemhuman")
 
 
@@ -35,7 +36,7 @@ def test_without_a_command_the_help_and_three_examples_appear(capsys):
     examples = re.findall(r"^  (riemhuman \w.*?)(?:  +#.*)?$", printed, re.MULTILINE)
     assert len(examples) == 3
     for example in examples:
-        assert make_parser("", "", "").parse_args(example.split()[1:]).run
+        assert PARSER.parse_args(example.split()[1:]).run
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -48,7 +49,7 @@ def test_help_of_every_command_has_examples_that_parse(capsys, name):
     assert len(commands) >= 2
     for command in commands:
         assert command[: 1 + len(name.split())] == ["riemhuman", *name.split()]
-        assert make_parser("", "", "").parse_args(command[1:]).run
+        assert PARSER.parse_args(command[1:]).run
 
 
 def test_help_loads_nothing_heavy():
@@ -124,11 +125,11 @@ def test_quiet_says_results_alone(run, scans):
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_a_reader_that_leaves(scans, unbuffered):
-    """As in `riemhuman matrix ... | head -1`: no traceback, and the code that shells give."""
+    """As in `riemhuman info ... | head -1`: no traceback, and the code that shells give."""
     reads, writes = os.pipe()
     os.close(reads)
     finished = subprocess.run(
-        [*COMMAND, "matrix", str(scans), "--csv", "-", "--quiet"],
+        [*COMMAND, "info", str(scans / "labels.csv")],
         stdout=writes,
         stderr=subprocess.PIPE,
         text=True,

@@ -15,7 +15,10 @@ def test_energy_is_drawn_as_it_is():
     assert ax.lines[1].get_ydata()[0] == 1.2
     assert ax.texts[0].get_text() == "bound"
     several = plot_energy({"a": [1.0], "b": [2.0, 1.0]})
-    assert [text.get_text() for text in several.get_legend().get_texts()] == ["a", "b"]
+    legend = several.get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["a", "b"]
+    several.figure.draw_without_rendering()
+    assert not legend.get_window_extent().overlaps(several.bbox)  # it hides no line
 
 
 def contrast(one, other):

@@ -1,6 +1,9 @@
 """The report on a small set of bodies."""
 
+import os
+
 import pytest
+from filelock import FileLock
 from third_party import Extents, VertexOffsets
 
 from riemhuman import extensions
@@ -10,8 +13,12 @@ from riemhuman.surfaces import DeformationBasis
 
 @pytest.fixture(scope="session")
 def make_small_report(tmp_path_factory, nine_bodies):
-    """Return a function that makes one report, also by what another package registers."""
-    output = tmp_path_factory.mktemp("reports") / "report"
+    """Return a function that makes one report, also by what another package registers.
+
+    The workers of a session share it.
+    """
+    root = tmp_path_factory.getbasetemp()
+    output = (root.parent if "PYTEST_XDIST_WORKER" in os.environ else root) / "report"
     basis = DeformationBasis.from_laplacian(nine_bodies.template, 10)
     added = (("metrics", "offsets", VertexOffsets), ("descriptors", "extents", Extents))
 
@@ -19,7 +26,8 @@ def make_small_report(tmp_path_factory, nine_bodies):
         for one in added:
             extensions.register(*one)
         try:
-            return make_report(output, bodies=nine_bodies, basis=basis, quick=True)
+            with FileLock(output.with_name("report.lock")):
+                return make_report(output, bodies=nine_bodies, basis=basis, quick=True)
         finally:
             for kind, name, _ in added:
                 extensions.unregister(kind, name)
