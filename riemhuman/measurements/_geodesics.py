@@ -4,14 +4,16 @@ A path runs through a strip of triangles. Laid flat, the strip contains one shor
 the funnel algorithm finds (Lee and Preparata, "Euclidean shortest paths in the presence of
 rectilinear barriers", Networks 14, 1984). Where the path bends at a vertex, the strip is rerouted
 around the other side of the vertex if that makes the path shorter. When no rerouting helps, the
-path is a geodesic: no path near it is shorter. The search starts from the template's strip on all
-bodies, so their paths correspond. The length is stationary in the crossings, so its derivatives
-are those with the crossings fixed on their edges.
+path is a geodesic: no path near it is shorter. The search starts on all bodies from one strip, so
+their paths correspond: that of the template's shortest path through points on its edges. The length
+is stationary in the crossings, so its derivatives are those with the crossings fixed on their
+edges.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,9 +30,12 @@ SurfacePoint = tuple[int, ndarray]
 
 # The strip changes if the path gets shorter by more than this share of its length.
 _GAIN = 1e-12
-_MOST_ROUNDS = 200
 # Number of triangles at a vertex around which a strip may be rerouted.
 _MOST_AROUND = 200
+# Barycentric coordinate below which the end of a path lies on an edge.
+_ON_EDGE = 1e-12
+# Number of points on an edge through which the first path may run.
+_PER_EDGE = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,41 +46,78 @@ class Mesh:
     faces: ndarray
     neighbours: ndarray
     cutters: dict[Any, Any] = field(default_factory=dict)
-    _strips: dict[tuple[int, int], ndarray] = field(default_factory=dict)
+    _strips: dict[Any, ndarray] = field(default_factory=dict)
 
-    def strip(self, first: int, last: int) -> ndarray:
-        """Return the triangles on the shortest path of centroids from one triangle to another."""
-        if (first, last) in self._strips:
-            return self._strips[first, last]
+    @cached_property
+    def _points(self) -> tuple[ndarray, ndarray, Any, Any]:
+        """Points on edges, the two triangles of each, those in a triangle, and their distances."""
         face, corner = np.nonzero(self.neighbours >= 0)
-        beyond = self.neighbours[face, corner]
-        centroids = self.vertices[self.faces].mean(axis=1)
-        lengths = np.linalg.norm(centroids[face] - centroids[beyond], axis=1)
-        graph = sparse.csr_array((lengths, (face, beyond)), shape=(len(self.faces),) * 2)
-        _, before = dijkstra(graph, indices=last, return_predecessors=True)
-        strip = [first]
-        while strip[-1] != last:
-            if before[strip[-1]] < 0:
-                raise ArgumentError(
-                    "a path along the surface must begin and end on one connected component"
-                )
-            strip.append(int(before[strip[-1]]))
-        self._strips[first, last] = np.array(strip)
-        return self._strips[first, last]
+        sides = np.stack([self.faces[face, corner], self.faces[face, (corner + 1) % 3]], axis=1)
+        edges, numbers = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+        faces = np.repeat(face[np.argsort(numbers.ravel())].reshape(-1, 2), _PER_EDGE, axis=0)
+        along = np.arange(1, _PER_EDGE + 1)[:, np.newaxis] / (_PER_EDGE + 1)
+        starts, ends = (self.vertices[edges[:, [k]]] for k in range(2))
+        points = (starts + along * (ends - starts)).reshape(-1, 3)
+        incidence = faces.ravel(), np.repeat(np.arange(len(points)), 2)
+        shape = len(self.faces), len(points)
+        inside = sparse.csr_array((np.ones(len(incidence[0])), incidence), shape=shape)
+        one, other = sparse.triu(inside.T @ inside, 1).nonzero()
+        ways = np.linalg.norm(points[one] - points[other], axis=1), one, other
+        return points, faces, inside, ways
+
+    def strip(self, start: SurfacePoint, end: SurfacePoint) -> ndarray:
+        """Return the triangles on the shortest path through points on edges of the template."""
+        key = tuple((face, *weights) for face, weights in (start, end))
+        if key in self._strips:
+            return self._strips[key]
+        points, faces, inside, ways = self._points
+        parts, of_ends = [ways], []
+        for face, weights in (start, end):
+            # A point on an edge or a vertex lies in several triangles.
+            corners = self.faces[face][weights > _ON_EDGE]
+            around = np.flatnonzero(np.isin(self.faces, corners).sum(axis=1) == len(corners))
+            near = np.unique(inside[around].indices)
+            lengths = np.linalg.norm(
+                points[near] - weights @ self.vertices[self.faces[face]], axis=1
+            )
+            parts.append((lengths, near, np.full(len(near), len(points) + len(of_ends))))
+            of_ends.append(around)
+        common = np.intersect1d(*of_ends)
+        if len(common):
+            return common[:1]
+        lengths, one, other = (np.concatenate(part) for part in zip(*parts, strict=True))
+        graph = sparse.csr_array((lengths, (one, other)), shape=(len(points) + 2,) * 2)
+        _, before = dijkstra(graph, False, len(points), return_predecessors=True)
+        step, strip, there = before[-1], [], of_ends[1]
+        while step >= 0:
+            here = faces[step] if step < len(points) else of_ends[0]
+            strip.insert(0, np.intersect1d(here, there)[0])
+            step, there = before[step], here
+        if not strip:
+            raise ArgumentError(
+                "a path along the surface must begin and end on one connected component"
+            )
+        strip = np.array(strip)
+        self._strips[key] = strip[np.append(True, np.diff(strip) != 0)]
+        return self._strips[key]
 
 
 @primitive
 def geodesic_lengths(surfaces: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> Any:
     """Return the lengths of geodesics, shape (n,); autograd can differentiate by the surfaces."""
-    strip = mesh.strip(start[0], end[0])
+    strip = mesh.strip(start, end)
     return np.array([_shortest(surface, start, end, mesh, strip)[0] for surface in surfaces])
 
 
 def _pull_back(
-    lengths: ndarray, surfaces: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh
+    lengths: ndarray,
+    surfaces: ndarray,
+    start: SurfacePoint,
+    end: SurfacePoint,
+    mesh: Mesh,
 ) -> Any:
     def pull_back(upstream: ndarray) -> ndarray:
-        slopes, strip = np.zeros_like(surfaces), mesh.strip(start[0], end[0])
+        slopes, strip = np.zeros_like(surfaces), mesh.strip(start, end)
         for slope, surface, scale in zip(slopes, surfaces, upstream, strict=True):
             if scale == 0.0:
                 continue
@@ -98,7 +140,7 @@ defvjp(geodesic_lengths, _pull_back, argnums=(0,))
 
 def geodesic_path(surface: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> ndarray:
     """Return the two ends of a geodesic and, between them, its crossings with edges."""
-    strip = mesh.strip(start[0], end[0])
+    strip = mesh.strip(start, end)
     _, vertices, weights = _shortest(surface, start, end, mesh, strip)
     return np.einsum("kc,kcx->kx", weights, surface[vertices])
 
@@ -107,8 +149,12 @@ def _shortest(
     surface: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh, first: ndarray
 ) -> tuple[float, ndarray, ndarray]:
     """Return the length of a path, and three vertices with weights for each of its points."""
-    f, *ends = (np.require(array, np.float64, ["C", "W"]) for array in (surface, start[1], end[1]))
-    length, edges, t, _, _ = _straighten(f, (mesh.faces, mesh.neighbours), first, tuple(ends))
+    f = np.require(surface, np.float64, ["C", "W"])
+    ends = np.zeros((2, 3), np.int64), np.zeros((2, 3))
+    for k, (face, coordinates) in enumerate((start, end)):
+        ends[0][k] = mesh.faces[face]
+        ends[1][k] = np.where(coordinates > _ON_EDGE, coordinates, 0.0)
+    length, edges, t, _, _ = _straighten(f, (mesh.faces, mesh.neighbours), first, ends)
     crossed = np.concatenate([edges, edges[:, :1]], axis=1)
     vertices = np.concatenate([mesh.faces[[start[0]]], crossed, mesh.faces[[end[0]]]])
     inner = np.stack([1.0 - t, t, np.zeros_like(t)], axis=1)
@@ -133,6 +179,40 @@ def _product(f: Any, origin: int, a: int, b: int) -> float:
     return total
 
 
+@compiled
+def _in_triangle(corners: Any, vertices: Any, weights: Any) -> Any:
+    """Return the coordinates in a triangle of a point of the surface; empty if it lies elsewhere.
+
+    The point is given by the corners of another triangle and their weights.
+    """
+    coordinates = np.zeros(3)
+    for k in range(3):
+        if weights[k] > 0.0:
+            found = False
+            for j in range(3):
+                if corners[j] == vertices[k]:
+                    coordinates[j], found = weights[k], True
+            if not found:
+                return coordinates[:0]
+    return coordinates
+
+
+@compiled
+def _trimmed(faces: Any, strip: Any, ends: Any) -> Any:
+    """Return a strip without the triangles that it leaves, or enters, where the path ends.
+
+    An end on an edge or a vertex lies in several triangles. From within the edge by which the path
+    leaves a triangle, the funnel would have no direction.
+    """
+    vertices, weights = ends
+    first, last = 0, len(strip) - 1
+    while first < last and len(_in_triangle(faces[strip[first + 1]], vertices[0], weights[0])):
+        first += 1
+    while last > first and len(_in_triangle(faces[strip[last - 1]], vertices[1], weights[1])):
+        last -= 1
+    return strip[first : last + 1]
+
+
 # Written in loops: numba takes seconds to compile assignments of arrays to parts of arrays.
 @compiled
 def _unfold(f: Any, mesh: Any, strip: Any, ends: Any, edges: Any, sides: Any) -> bool:
@@ -140,8 +220,10 @@ def _unfold(f: Any, mesh: Any, strip: Any, ends: Any, edges: Any, sides: Any) ->
 
     The first row of `right` and `left` is the start of the path, the last its end.
     """
-    (faces, neighbours), (start, end), (right, left) = mesh, ends, sides
+    (faces, neighbours), (vertices, weights), (right, left) = mesh, ends, sides
     face, size = strip[0], len(strip)
+    start = _in_triangle(faces[face], vertices[0], weights[0])
+    end = _in_triangle(faces[strip[-1]], vertices[1], weights[1])
     a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
     along = np.sqrt(_product(f, a, b, b))
     x = _product(f, a, b, c) / along
@@ -170,7 +252,10 @@ def _unfold(f: Any, mesh: Any, strip: Any, ends: Any, edges: Any, sides: Any) ->
         along = np.sqrt(_product(f, p, q, q))
         x = _product(f, p, apex, q) / along
         height = np.sqrt(max(_product(f, p, apex, apex) - x * x, 0.0))
-        e0, e1 = (left[step, 0] - right[step, 0]) / along, (left[step, 1] - right[step, 1]) / along
+        e0, e1 = (
+            (left[step, 0] - right[step, 0]) / along,
+            (left[step, 1] - right[step, 1]) / along,
+        )
         for k in range(2):
             flat[corner, k], flat[(corner + 1) % 3, k] = left[step, k], right[step, k]
         flat[(corner + 2) % 3, 0] = right[step, 0] + x * e0 + height * e1
@@ -290,7 +375,13 @@ def _path_in(f: Any, mesh: Any, strip: Any, ends: Any) -> Any:
     is_strip = _unfold(f, mesh, strip, ends, edges, (right, left))
     # Edges without length lead to NaN, with which `_funnel` would never end.
     if not (is_strip and np.isfinite(right).all() and np.isfinite(left).all()):
-        return np.nan, edges, np.zeros(size - 1), np.empty(0, np.int64), np.empty(0, np.bool_)
+        return (
+            np.nan,
+            edges,
+            np.zeros(size - 1),
+            np.empty(0, np.int64),
+            np.empty(0, np.bool_),
+        )
     bends, of_left = _funnel(right, left)
     length, places = _cross_edges(right, left, bends, of_left)
     return length, edges, places, bends, of_left
@@ -299,8 +390,10 @@ def _path_in(f: Any, mesh: Any, strip: Any, ends: Any) -> Any:
 @compiled
 def _straighten(f: Any, mesh: Any, strip: Any, ends: Any) -> Any:
     """Shorten the path in a strip until no rerouting helps."""
+    strip = _trimmed(mesh[0], strip, ends)
     path = _path_in(f, mesh, strip, ends)
-    for _ in range(_MOST_ROUNDS):
+    shorter = True
+    while shorter:  # ends: no strip comes twice
         shorter = False
         length, edges, _, bends, of_left = path
         for number in range(len(bends)):
@@ -311,10 +404,9 @@ def _straighten(f: Any, mesh: Any, strip: Any, ends: Any) -> Any:
             other = _reroute(mesh, strip, vertex, edge, edges)
             if len(other) == 0:
                 continue
+            other = _trimmed(mesh[0], other, ends)
             moved = _path_in(f, mesh, other, ends)
             if moved[0] < length * (1.0 - _GAIN):
                 strip, path, shorter = other, moved, True
                 break
-        if not shorter:
-            break
     return path

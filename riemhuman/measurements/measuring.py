@@ -32,6 +32,9 @@ _VERTICES = 20_000
 _THREADED = 64
 # Largest share of a measurement, by its derivatives, that may depend on vertices no scan shows.
 _MOST_UNSEEN = 0.05
+# Weight in square metres of the coefficients of hand poses, which do not tell people apart: where
+# hands were relaxed in the fit, fists would rotate the wrists.
+_HANDS_PRIOR = 1e-6
 # Number of vertices from which the size of a body is estimated.
 _N_SAMPLES = 256
 
@@ -99,7 +102,9 @@ class Measurements:
     """
 
     def __init__(
-        self, model: BodyModel | Template | Bodies | MeasurementSet, definitions: Any = None
+        self,
+        model: BodyModel | Template | Bodies | MeasurementSet,
+        definitions: Any = None,
     ) -> None:
         if isinstance(model, Bodies):
             model = model.template if model.model is None else model.model
@@ -183,6 +188,15 @@ class Measurements:
                 raise DegenerateSurfaceError(
                     f"{measurement.name!r} needs a closed surface; the template has boundaries"
                 )
+        if self.definitions.is_closed:
+            both = np.concatenate([self.definitions.vertices[np.newaxis], surfaces])
+            own, *volumes = LandmarkedBodies(self.definitions, both, "space").volumes
+            for number, volume in enumerate(volumes):
+                if not volume * own > 0.0:
+                    raise DegenerateSurfaceError(
+                        f"points[{number}] encloses {volume:.3g} m³ and the template {own:.3g} m³: "
+                        "the body is inside out, as after a reflection, or has no extent"
+                    )
         if pose == "standard":
             if gradient:
                 raise ArgumentError('gradient requires pose="as is"; found pose="standard"')
@@ -288,9 +302,9 @@ class Measurements:
 def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
     """Return bodies in the standard pose, along the axes of the body model, shape (..., V, 3).
 
-    The body model is fitted to each body. `riemhuman.solvers.ShapeTransfer` then transfers the
-    difference between the body and its fit to the fitted person in the standard pose: triangles
-    stretch by the same amounts, along axes that rotate with them.
+    The body model is fitted to each body, hands included. `riemhuman.solvers.ShapeTransfer` then
+    transfers the difference between the body and its fit to the fitted person in the standard pose,
+    with relaxed hands: triangles stretch by the same amounts, along axes that rotate with them.
 
     Parameters
     ----------
@@ -312,12 +326,14 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
         raise ArgumentError(
             'pose="standard" needs a body model, whose fit removes the pose; found a surface'
         )
-    fit = model.fit(points, weights=model.template.vertex_areas)
+    hands_prior = _HANDS_PRIOR if model.hand_directions.shape[-1] else None
+    fit = model.fit(points, weights=model.template.vertex_areas, hands_prior=hands_prior)
     space = AlignedSurfaces(model.template, equip=False, scale=None)
     transfer, pose = ShapeTransfer(), description.standard_pose_vector
     straight = np.empty_like(points)
     for index in np.ndindex(points.shape[:-2]):
-        fitted = model(fit.betas[index], fit.pose[index], fit.trans[index])
+        hands = None if fit.hands is None else fit.hands[index]
+        fitted = model(fit.betas[index], fit.pose[index], fit.trans[index], hands)
         target = model(fit.betas[index], pose)
         straight[index] = transfer.solve(space, fitted, points[index], target)
     return straight

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from measured_shapes import ellipsoid, set_at, tube
-from scipy import sparse
+from scipy import sparse, special
 from scipy.sparse.csgraph import dijkstra
 
+from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements import Length, Measurements, MeasurementSet
 from riemhuman.surfaces.template import Template
@@ -30,10 +31,55 @@ def test_great_circles_to_second_order():
 
 
 def test_helices():
-    angle = 2.0
-    end = [0.15 * np.cos(angle), 0.6, 0.15 * np.sin(angle)]
-    found = _length(tube(60, 40), [0.15, 0.2, 0.0], end)
-    np.testing.assert_allclose(found, np.hypot(0.15 * angle, 0.4), rtol=1e-3)
+    """From a point on an edge, whichever of its two triangles comes first."""
+    start, end = [0.15, 0.2, 0.0], [0.15 * np.cos(2.0), 0.6, 0.15 * np.sin(2.0)]
+    template = tube(60, 40)
+    for faces in (
+        template.faces,
+        np.roll(template.faces, template.n_faces // 2, axis=0),
+    ):
+        length = _length(Template(template.vertices, faces), start, end)
+        np.testing.assert_allclose(length, np.hypot(0.15 * 2.0, 0.4), rtol=1e-3)
+
+
+def _renumbered(template, rng):
+    """The same surface: other numbers of vertices and triangles, and other first corners."""
+    numbers = rng.permutation(template.n_vertices)
+    vertices = np.empty_like(template.vertices)
+    vertices[numbers] = template.vertices
+    faces = numbers[rng.permutation(template.faces)]
+    return Template(vertices, [np.roll(face, rng.integers(3)) for face in faces])
+
+
+def test_any_order_of_triangles_and_vertices(open_body):
+    """Between vertices, points on edges and middles of triangles."""
+    rng = np.random.default_rng(0)
+    kinds = np.array([[1, 0, 0], [0.4, 0.6, 0], [1 / 3, 1 / 3, 1 / 3]])
+    for template in (tube(60, 40), ellipsoid(8, (0.3, 0.3, 0.3)), open_body):
+        corners = template.vertices[template.faces[rng.integers(template.n_faces, size=6)]]
+        places = dict(zip("abcdef", np.tile(kinds, (2, 1))[:, None] @ corners, strict=True))
+        places = {name: place[0] for name, place in places.items()}
+        paths = [Length(name=a + b, along=(a, b), path="surface") for a in "abc" for b in "def"]
+        one, other = (
+            Measurements(set_at(surface, paths, **places)).measure(surface.vertices).values
+            for surface in (template, _renumbered(template, rng))
+        )
+        np.testing.assert_allclose(other, one, rtol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def open_body():
+    bodies = load_open_bodies("coarse", people=1)
+    return Template(bodies.points[3], bodies.template.faces)
+
+
+@pytest.mark.parametrize(("n_around", "n_along"), [(100, 20), (400, 20), (100, 100)])
+def test_paths_that_are_rerouted_many_times(n_around, n_along):
+    """From the bottom of an elliptic cylinder to the opposite point of its top."""
+    template = tube(n_around, n_along, radius=1.0, length=1.0)
+    template = Template(template.vertices * [0.2, 1.0, 0.1], template.faces)
+    length = _length(template, [0.2, 0.0, 0.0], [-0.2, 1.0, 0.0])
+    np.testing.assert_allclose(length, np.hypot(1.0, 0.2 * special.ellipe(0.75) * 2), rtol=3e-3)
 
 
 def test_no_longer_than_ways_along_edges_of_bumpy_surfaces():
@@ -49,7 +95,8 @@ def test_no_longer_than_ways_along_edges_of_bumpy_surfaces():
         assert length >= np.linalg.norm(ends[0] - ends[1])
         a, b = template.edges.T
         graph = sparse.csr_array(
-            (np.linalg.norm(points[a] - points[b], axis=1), (a, b)), shape=(len(points),) * 2
+            (np.linalg.norm(points[a] - points[b], axis=1), (a, b)),
+            shape=(len(points),) * 2,
         )
         one, other = (places.landmarks[name][0] for name in ("start", "end"))
         around = dijkstra(graph, directed=False, indices=one)[:, other]

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
 from riemhuman.datasets import load_open_bodies, load_open_model
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.measurements import Girth, Measurements, in_standard_pose
 from riemhuman.measurements._landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements._sections import HULL, section_sizes
@@ -66,7 +66,10 @@ def test_lines_of_the_coarse_model_lie_where_those_of_the_full_one_do(own):
     full, coarse = (load_open_model(resolution) for resolution in ("full", "coarse"))
     fine = Measurements(full)
     surfaces, simpler = full(betas, pose), coarse(betas, pose)
-    truth, values = fine.measure(surfaces, axes="space"), own.measure(simpler, axes="space")
+    truth, values = (
+        fine.measure(surfaces, axes="space"),
+        own.measure(simpler, axes="space"),
+    )
     gaps = (values.values - truth.values)[:, [unit == "m" for unit in own.units]]
     assert np.median(np.abs(gaps)) < 0.005
     assert gaps.max() < 0.03
@@ -184,6 +187,18 @@ def test_bodies_of_the_model_come_back_to_the_standard_pose(bodies, own):
     np.testing.assert_allclose(straight, expected, atol=2e-5)
 
 
+def test_fists_measure_as_relaxed_hands(bodies, own):
+    model = bodies.model
+    which = np.array([0, 13, 27])
+    shapes = bodies.betas[which], bodies.pose_vectors[which], bodies.translations[which]
+    fists = model(*shapes, hands=np.tile(model.hand_pose("fist"), (3, 1)))
+    relaxed, found = (own.measure(f, pose="standard") for f in (model(*shapes), fists))
+    for name in ("hand length", "arm span"):
+        assert np.abs(found[name] - relaxed[name]).max() < 0.008
+    for name in ("wrist girth", "forearm girth", "forearm length", "arm length"):
+        assert np.abs(found[name] - relaxed[name]).max() < 0.0005
+
+
 @pytest.mark.sampled(3, "scans that are trusted")
 @pytest.mark.slow
 def test_noisy_scans_measure_like_the_body():
@@ -204,20 +219,39 @@ def test_noisy_scans_measure_like_the_body():
         assert np.abs(registered - truth).max() < 0.010
 
 
+def test_reflected_and_flat_bodies_are_refused(bodies, own):
+    for wrong in (bodies.points[0] * [-1, 1, 1], 0.0 * bodies.points[0]):
+        for pose in ("as is", "standard"):
+            with pytest.raises(DegenerateSurfaceError, match="encloses"):
+                own.measure(wrong, pose=pose)
+
+
 def test_wrong_arguments(bodies, own):
     point = bodies.points[0]
     other = Template(point, bodies.template.faces[:-1])
     for wrong, message in (
         (lambda: own.measure(1000.0 * point), "a body in millimetres"),
-        (lambda: Measurements(bodies.model, ["waist grith"]), "did you mean 'waist girth'"),
-        (lambda: Measurements(bodies.model, [Girth(name="g", at="nose tip")]), "'nose tip'"),
+        (
+            lambda: Measurements(bodies.model, ["waist grith"]),
+            "did you mean 'waist girth'",
+        ),
+        (
+            lambda: Measurements(bodies.model, [Girth(name="g", at="nose tip")]),
+            "'nose tip'",
+        ),
         (lambda: own.measure(point[:-1]), "shape"),
         (lambda: own.measure(point, pose="t"), "pose must be one of"),
-        (lambda: own.measure(point, pose="standard", gradient=True), "gradient requires pose"),
+        (
+            lambda: own.measure(point, pose="standard", gradient=True),
+            "gradient requires pose",
+        ),
         (lambda: Measurements(other), "there are no measurements for"),
         (lambda: own.measure(point)["statur"], "did you mean 'stature'"),
         (lambda: Measurements(point), "model must be a BodyModel"),
-        (lambda: own.measure(point, trusted_vertices=np.arange(5)), "trusted_vertices must be"),
+        (
+            lambda: own.measure(point, trusted_vertices=np.arange(5)),
+            "trusted_vertices must be",
+        ),
     ):
         with pytest.raises((ArgumentError, ArgumentTypeError), match=message):
             wrong()
