@@ -21,6 +21,10 @@ _LONGEST = 200
 _LARGEST_WEIGHT = _LONGEST_LENGTH = 1e60
 _SHORTEST_LENGTH = 1e-60
 
+# Sums of squares of larger distances overflow; d(i, j) and d(j, i) differ by rounding, relative to
+# the largest distance.
+_LARGEST_DISTANCE, _ASYMMETRY = 1e150, 1e-6
+
 # Units in a metre.
 UNITS = {"metres": 1.0, "centimetres": 100.0, "millimetres": 1000.0, "inches": 39.37}
 
@@ -136,6 +140,27 @@ def path_array(path: Any, space: Any, *, batched: bool = True) -> Any:
     if n_times < 2:
         raise ArgumentError(f"path must have at least two times; found {n_times}")
     return path
+
+
+def distance_matrix(distances: Any, name: str, *, symmetric: bool = True) -> np.ndarray:
+    """Return distances, shape (n, n), with zero diagonal, exactly symmetric if they must be."""
+    matrix = real_array(distances, name, ("n", "n"), batched=False, finite=False).copy()
+    if matrix.shape[0] != matrix.shape[1] or not len(matrix):
+        raise ArgumentError(f"{name} must be a square matrix; found shape {matrix.shape}")
+    np.fill_diagonal(matrix, 0.0)
+    bad = np.argwhere(~((matrix >= 0) & (matrix <= _LARGEST_DISTANCE)))
+    if len(bad):
+        row, column = bad[0].tolist()
+        raise ArgumentError(
+            f"{name} must be from 0 to {_LARGEST_DISTANCE:g}; {name}[{row}, {column}] is "
+            f"{matrix[row, column]:g}, the first of {len(bad)} wrong entries"
+        )
+    if not symmetric:
+        return matrix
+    gap = np.abs(matrix - matrix.T).max()
+    if gap > _ASYMMETRY * matrix.max():
+        raise ArgumentError(f"{name} must be symmetric; it differs from its transpose by {gap:.3g}")
+    return 0.5 * (matrix + matrix.T)
 
 
 def length_of(points: Any, name: str) -> int:

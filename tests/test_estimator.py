@@ -28,7 +28,7 @@ ESTIMATORS = [
     TangentPCA(VectorSpace((2,)), 1, mean=GradientDescentMean(), nearest=NearestSurface()),
     GeodesicRegression(VectorSpace((2,)), max_iter=3),
     KMedoids(3, rng=np.random.default_rng(2)),
-    HierarchicalClustering(None, distance_threshold=0.5),
+    HierarchicalClustering(3, linkage="single"),
     LearnedMetric(VectorSpace((2,)).metric, shrinkage=0.1, n_folds=3),
     FrechetMean(VectorSpace((2,)), GradientDescentMean()),
     NearestNeighbors(VectorSpace((2,)).metric, 3, n_components=2),

@@ -61,10 +61,7 @@ class Parameters:
 
 
 class Skeleton:
-    """The joints of a body model: their tree, and their positions as functions of the betas.
-
-    With hands, the coefficients of the hand poses are further betas, which move no joint.
-    """
+    """The joints of a body model; coefficients of hand poses are betas that move no joint."""
 
     def __init__(self, model: Any, with_hands: bool = False) -> None:
         self.model, self.parents, self.order = model, model.parents, model.joint_order
@@ -231,10 +228,7 @@ class Equations:
         return float(self._shares[self._numbers] @ losses + self._prior @ parameters.vector**2)
 
     def normal(self, parameters: Parameters, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the normal equations for changes of pose, betas and trans: (P, P) and (P,).
-
-        The right-hand side is half the negative gradient of the cost.
-        """
+        """Return the normal equations: the matrix, and half the negative gradient of the cost."""
         motions = JointMotions(self._skeleton, parameters)
         n_angles, n_betas = 3 * self._skeleton.n_joints, self._skeleton.n_betas
         n_columns = n_angles + n_betas + 3
@@ -255,11 +249,7 @@ class Equations:
         return matrix + np.diag(self._prior), right - self._prior * parameters.vector
 
     def closed_form_rotations(self, target: np.ndarray, betas: np.ndarray) -> np.ndarray:
-        """Return rotations in space that bring the joints' points near their targets, (J, 3, 3).
-
-        For each joint separately, this is the rotation of Kabsch's solution with the skinning
-        weights, or the rotation of the parent where the points do not determine it.
-        """
+        """Return each joint's rotation in space by Kabsch's solution with the skinning weights."""
         shaped = [patch.combined(patch.rest + patch.shapedirs @ betas) for patch in self._patches]
         points, goal = np.concatenate(shaped), target[self._numbers]
         weights = self._weights * self._shares[self._numbers, np.newaxis]
@@ -272,6 +262,7 @@ class Equations:
         rotations = np.empty_like(spread)
         for joint in self._skeleton.order:
             parent = self._skeleton.parents[joint]
+            # The rotation of the parent, where the points do not determine the joint's own.
             known = rotations[parent] if parent >= 0 else np.eye(3)
             pull = _PULL * max(size[joint], 0.0) + np.finfo(float).eps
             left, _, right = np.linalg.svd(spread[joint] + pull * known)

@@ -34,16 +34,11 @@ class BodyModel(Unchanging):
     The model of Loper, Mahmood, Romero, Pons-Moll and Black, "SMPL: A Skinned Multi-Person
     Linear Model", ACM Trans. Graphics 34(6), 2015, equations 2 to 10: the shaped surface is
     v_template + shapedirs β, the joints are J(β) = J_regressor (v_template + shapedirs β),
-    and every vertex moves with the weighted mean of the rigid motions of the joints.
+    and every vertex moves with the weighted mean of the rigid motions of the joints. Hand poses,
+    which the open model has, are added to the surface before skinning.
 
     The rotation of a joint is an axis-angle vector in the axes of the model's rest pose, which the
-    parent joint rotates. In the open model, x points to the body's left, y up and z forward. So at
-    rest, a positive rotation about x bends the trunk forward and swings a hanging limb backward,
-    one about y turns the front to the body's left, and one about z raises the left arm sideways
-    and lowers the right arm.
-
-    Hand poses are added to the surface before skinning; joints do not depend on them. The open
-    model has them, models in the files of others have none.
+    parent joint rotates. In the open model, x points to the body's left, y up and z forward.
 
     Parameters
     ----------
@@ -76,22 +71,18 @@ class BodyModel(Unchanging):
     ----------
     template : Template
         The mean body in the rest pose.
-    faces, shapedirs, joint_regressor, weights, posedirs, joint_names, dtype
+    faces, shapedirs, joint_regressor, weights, posedirs, hand_directions, joint_names, hand_poses
         As given; arrays are read-only.
-    hand_directions, hand_poses
-        As given; of shape (V, 3, 0) and empty where there are none.
     parents : array of int, shape (J,)
         Number of each joint's parent, -1 for the root.
     joint_order : tuple of int
         All joints, parents before children.
     n_vertices, n_joints, n_betas : int
-        Numbers of vertices V, joints J and shape coefficients B.
 
     Examples
     --------
     >>> model = rh.datasets.load_open_model("coarse")
     >>> pose = np.zeros((model.n_joints, 3))
-    >>> pose[model.joint_names.index("left_elbow")] = [0.0, 0.0, 0.5]
     >>> model(np.zeros(model.n_betas), pose, hands=model.hand_pose("fist")).shape
     (1202, 3)
     """

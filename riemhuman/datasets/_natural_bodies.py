@@ -70,10 +70,7 @@ def natural_surfaces(
     poses: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the surfaces of one person in some poses, with individual detail and soft tissue.
-
-    Soft tissue moves around `joints`, those of the mean body in the rest pose.
-    """
+    """Return the surfaces of one person in some poses, with individual detail and soft tissue."""
     points = model.template.vertices
     detail = surface_noise(points, _DETAIL_METRES, _DETAIL_WAVELENGTHS, rng)
     centres = joints + rng.normal(0.0, _BULGE_SHIFT, joints.shape)
@@ -154,10 +151,7 @@ def _touched(
 def surface_noise(
     points: np.ndarray, size: float, wavelengths: tuple[float, float], rng: np.random.Generator
 ) -> np.ndarray:
-    """Return a sum of random plane waves at every point, of root mean square length `size`, metres.
-
-    The two sides of a thin fold (lips, ears, nostrils) move alike, so that they do not intersect.
-    """
+    """Return random plane waves at every point, of root mean square length `size`, metres."""
     directions, displacements = rng.standard_normal((2, _N_WAVES, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     displacements /= np.linalg.norm(displacements, axis=1, keepdims=True)

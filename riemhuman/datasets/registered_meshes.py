@@ -166,9 +166,8 @@ def load_faust(
     Parameters
     ----------
     folder : path_like
-        The folder ``registrations`` with the files ``tr_reg_000.ply`` to ``tr_reg_099.ply``, or
-        a folder above it: ``training``, ``MPI-FAUST`` or the folder that contains it. Files may
-        have another suffix of meshes; of several formats, PLY is read.
+        The folder with the files ``tr_reg_000.ply`` to ``tr_reg_099.ply`` (or .obj, .off), or one
+        of those above it.
     template : Template or path_like, optional
         The template, or a mesh file with it; by default the first registration.
     align : bool

@@ -117,14 +117,8 @@ class RetargetedMotion(ModelMotion):
     Parameters
     ----------
     recording : SkeletonMotion, or function that returns it
-    model : BodyModel
-        Model with named joints.
-    names : pair of str
-        Names of the person and of the motion.
-    frames_per_second, n_frames
-        As of the recording.
-    betas, joints, up
-        As for `retarget`.
+    model, names, frames_per_second, n_frames, betas, joints, up
+        As for `retarget`; the names are those of the person and of the motion.
 
     Examples
     --------
@@ -226,9 +220,7 @@ def retarget(
 
     Examples
     --------
-    >>> recording = rh.datasets.load_bvh("jump.bvh")  # doctest: +SKIP
-    >>> jump = rh.datasets.retarget(recording)  # doctest: +SKIP
-    >>> other = jump.performed_by(-jump.betas)  # doctest: +SKIP
+    >>> jump = rh.datasets.retarget(rh.datasets.load_bvh("jump.bvh"))  # doctest: +SKIP
     """
     if not isinstance(recording, SkeletonMotion):
         raise ArgumentTypeError(

@@ -79,8 +79,7 @@ def load_shrec14(
     Parameters
     ----------
     folder : path_like
-        The folder of the mesh files, or one above it. Of a mesh in several formats, PLY, OBJ or OFF
-        is read, in this order.
+        The folder of the mesh files, or one above it.
     classes : path_like, optional
         The class file, in the format of the Princeton Shape Benchmark [2]_. By default the only
         file in the folder, or below it, that ends in ``.cla``. Its ids are names of mesh files,
@@ -135,12 +134,7 @@ def load_shrec14(
 
 
 def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
-    """Return the ids of meshes by class, from a class file of the Princeton Shape Benchmark.
-
-    Its first words are ``PSB 1`` and the numbers of classes and of meshes. The classes follow, each
-    with its name, the name of its parent class or 0, the number of its meshes, and their ids. Line
-    breaks have no meaning. Classes without meshes are left out.
-    """
+    """Return the ids of meshes by class, from a class file of the Princeton Shape Benchmark."""
     file = file_path(path, "classes")
     words = iter(re.findall(r"[^ \t\v\f\r\n]+", read_text(file)))
     members: dict[str, tuple[str, ...]] = {}

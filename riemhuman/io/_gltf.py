@@ -79,10 +79,7 @@ def save_glb(
 
 
 def read_glb(file: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return the vertices (V, 3) and triangles (F, 3) of the meshes in a file's scene.
-
-    Nodes are placed by their transformations; morph targets, skins and materials are ignored.
-    """
+    """Return the vertices and triangles of the meshes in a file's scene, placed by its nodes."""
     content = read_bytes(file)
     document, binary = _chunks(content)
     scenes = document.get("scenes") or [{"nodes": range(len(document.get("nodes", ())))}]

@@ -34,11 +34,7 @@ _STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare",
 
 
 def read_ply(file: Path) -> tuple[ndarray, ndarray | None, ndarray | None]:
-    """Return vertices (V, 3), triangles (F, 3) or None, and normals (V, 3) or None, in order.
-
-    Text and binary files of either byte order, with lists of any lengths and with any other
-    elements and properties, which are ignored.
-    """
+    """Return vertices, triangles or None, and normals or None, of any kind of PLY file."""
     data = _read_ply(file)
     vertices = _columns(data, _POSITION)
     if vertices is None or len(vertices) == 0:

@@ -133,11 +133,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
 
 @contextmanager
 def lock_file(file: Path, message: str) -> Iterator[None]:
-    """Lock a file against other processes, and remove it in the end.
-
-    The system releases the lock when the process ends. Raises `FileError` with the message if
-    another process has the lock.
-    """
+    """Lock a file until the process ends, or raise `FileError` if another process has the lock."""
     from filelock import FileLock, Timeout  # takes 60 ms
 
     lock = FileLock(file, timeout=0)

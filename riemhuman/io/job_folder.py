@@ -91,11 +91,7 @@ class JobFolder:
         return (self.path / name).exists()
 
     def make_tables(self, tables: Mapping[str, tuple[tuple[int, ...], Any]]) -> None:
-        """Make the tables that do not exist yet, of the given shapes and types, filled with zeros.
-
-        Disk space for all entries is reserved at once, so that a disk that is too small is found
-        before anything is computed.
-        """
+        """Make the tables that do not exist yet, of these shapes and types, filled with zeros."""
         missing = {}
         for name, (shape, dtype) in tables.items():
             if not self.exists(name):

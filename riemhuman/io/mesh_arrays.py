@@ -15,11 +15,7 @@ _LARGEST_COORDINATE = 1e50
 def check_mesh(
     vertices: ArrayLike, faces: ArrayLike, *, names: tuple[str, str] = ("vertices", "faces")
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices (V, 3), float64, and faces (F, 3), int64; raise unless they form a mesh.
-
-    Open and non-manifold meshes, triangles without area and vertices that no triangle uses are
-    accepted.
-    """
+    """Return vertices (V, 3), float64, and faces (F, 3), int64; raise unless they form a mesh."""
     vertices_name, faces_name = names
     points = np.asarray(
         real_array(vertices, vertices_name, ("n_vertices", 3), batched=False), dtype=np.float64

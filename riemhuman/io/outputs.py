@@ -13,10 +13,7 @@ from riemhuman.io.files import convert_errors, lock_file, neighbour
 
 
 def check_output_file(path: Path, endings: Sequence[str], *, force: bool) -> None:
-    """Raise an error if a file could not be written after the work.
-
-    `endings` are the suffixes that it may have; `force` allows that it exists.
-    """
+    """Raise an error if a file cannot be written after the work; with `force`, it may exist."""
     if path.suffix.lower() not in endings:
         suffix = f"found {path.suffix!r}" if path.suffix else "found none"
         raise FileFormatError(f"{path}: the ending must be {' or '.join(endings)}; {suffix}")
@@ -30,11 +27,7 @@ def check_output_file(path: Path, endings: Sequence[str], *, force: bool) -> Non
 
 
 def check_output_folder(path: Path, is_ours: Callable[[str], bool], *, force: bool) -> None:
-    """Raise an error if a folder could not be written after the work.
-
-    `is_ours` returns whether the command writes files of a given name; `force` allows that the
-    folder holds such files.
-    """
+    """Raise an error if a folder could not be written after the work, see `atomic_folder`."""
     if path.is_symlink():
         raise FileError(f"{path} is a link; name a folder that does not exist yet")
     if path.exists():
@@ -57,11 +50,7 @@ def lock_output(path: Path) -> Iterator[None]:
 
 @contextmanager
 def atomic_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
-    """Yield a temporary folder to write files into, which then replaces a folder.
-
-    If an error occurs, it is removed with its content. A folder that holds files for which
-    `is_ours` is false is not replaced.
-    """
+    """Yield a temporary folder, which then replaces a folder that holds only our files."""
     path = Path(os.path.abspath(path))
     temporary, replaced = neighbour(path), neighbour(path)
     with convert_errors(path):

@@ -16,10 +16,7 @@ _FORMULA = ("=", "+", "-", "@")
 
 
 def read_named_rows(file: Path, title: str) -> dict[str, np.ndarray]:
-    """Return the rows of a .csv file with one name a line, and equally many numbers behind it.
-
-    A first line that begins with the title of the names is a header.
-    """
+    """Return the rows of a .csv file with a name and equally many numbers in each line."""
     table: dict[str, np.ndarray] = {}
     length = 0
     rows = csv.reader(io.StringIO(read_text(file), newline=""), strict=True)
@@ -54,11 +51,7 @@ def _number(field: str, where: str) -> float:
 
 
 def csv_cell(text: str) -> str:
-    """Return a text as a cell that no spreadsheet runs as a formula.
-
-    Control characters and line ends become spaces, bytes that are not text become escapes, and an
-    apostrophe precedes what a spreadsheet would compute.
-    """
+    """Return a text as one line that no spreadsheet runs as a formula."""
     known = text.encode("utf-8", "backslashreplace").decode("utf-8")
     line = "".join(" " if unicodedata.category(c) in ("Cc", "Zl", "Zp") else c for c in known)
     return f"'{line}" if line.lstrip().startswith(_FORMULA) else line

@@ -125,10 +125,7 @@ def _vertex_average(areas: ndarray, mesh: Template) -> sparse.csr_array:
 def _neighbors(
     vertices: ndarray, normals: ndarray, places: ndarray, directions: ndarray
 ) -> sparse.csr_array:
-    """Return continuous weights of the vertices near some places (Franke and Little).
-
-    A vertex at the same place has all the weight.
-    """
+    """Return continuous weights of the vertices near some places (Franke and Little)."""
     tree = cKDTree(np.concatenate([vertices, _NORMALS * normals], axis=1))
     gaps, near = tree.query(np.concatenate([places, _NORMALS * directions], axis=1), _CARRIERS)
     # Several vertices may lie at one place; where all do, they share the weight.

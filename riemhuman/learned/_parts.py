@@ -100,10 +100,7 @@ class Parts:
         return np.concatenate(columns, axis=1)
 
     def split(self, points: ndarray) -> tuple[ndarray, ndarray]:
-        """Return features (n, 9 K) and rotations (n, 3, 3) of bodies (n, V, 3).
-
-        Features are rotation vectors of parts, in radians, then the upper triangles of S - I.
-        """
+        """Return features (n, 9 K) and rotations (n, 3, 3) of bodies (n, V, 3)."""
         if not len(points):
             return np.empty((0, 9 * self.n_parts)), np.empty((0, 3, 3))
         blocks = range(_BLOCK, len(points), _BLOCK)
@@ -138,11 +135,7 @@ class Parts:
         return np.swapaxes(means, 0, 1)
 
     def surfaces(self, features: Any, backend: ModuleType = np, operator: Any = None) -> Any:
-        """Return the surfaces (n, V, 3) with given features (n, 9 K), not rotated, at the origin.
-
-        `operator` may hold the rows of `operator` for some vertices. The backend is NumPy or
-        PyTorch.
-        """
+        """Return the surfaces (n, V, 3) with given features (n, 9 K), by NumPy or PyTorch."""
         count = self.n_parts
         n_bodies = features.shape[0]
         vectors = features[:, : 3 * count].reshape(n_bodies, count, 3)

@@ -145,10 +145,7 @@ class IntrinsicExtrinsicCodes(PairedCodes):
 def surface_points(
     vertices: ndarray, faces: ndarray, n_points: int, rng: np.random.Generator
 ) -> ndarray:
-    """Return random points (n_points, 3) spread evenly over a surface, relative to their mean.
-
-    The sequence of triangles is cut into stretches of equal area; each contains one point.
-    """
+    """Return random points spread evenly over a surface, one in each stretch of equal area."""
     corners = vertices[faces]
     sides = corners[:, 1:] - corners[:, :1]
     areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)

@@ -40,10 +40,8 @@ class MetricCodes(Estimator):
 
     Attributes
     ----------
-    mean_ : array, shape (m,)
-        Mean coordinates of the fitted bodies.
-    components_ : array, shape (k, m)
-        Principal directions.
+    mean_, components_ : array, shape (m,) and (k, m)
+        Mean coordinates of the fitted bodies, and principal directions.
     scale_ : float
         The factor of all codes.
 
@@ -119,7 +117,6 @@ class MetricCodes(Estimator):
         Parameters
         ----------
         X : array, shape (n, V, 3)
-            Bodies.
         """
         self._require_fit("scale_")
         return self._encode(self._coordinates(X))

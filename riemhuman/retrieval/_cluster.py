@@ -30,11 +30,7 @@ def compute_parts(
     tiles: Sequence[tuple[int, Any]],
     client: Any | None = None,
 ) -> Iterator[tuple[int, ndarray]]:
-    """Compute numbered parts of a job by `worker.compute(metric, part)`, here or on a cluster.
-
-    Yields the number of a part and its values; a cluster returns parts in the order in which they
-    are finished, and repeats those of a lost worker.
-    """
+    """Yield the number and the values of each part of a job, as they are finished."""
     if client is None:
         yield from ((number, worker.compute(metric, tile)) for number, tile in tiles)
         return

@@ -40,10 +40,7 @@ _FEW, _LEAST_EXCLUDED, _TRIALS = 1000, 0.5, 8
 
 
 class NeighborIndex:
-    """Points, their features in single precision, and coordinates that bound their distances.
-
-    Without a projection, queries are compared with all points.
-    """
+    """Points, their features in single precision, and coordinates that bound their distances."""
 
     def __init__(self, metric: RiemannianMetric, X: Any, n_jobs: int | None) -> None:
         self.metric, self.n_jobs = metric, n_jobs
@@ -98,11 +95,7 @@ class NeighborIndex:
     def nearest(
         self, X: Any | None, k: int, candidates: ndarray | None
     ) -> Iterator[tuple[ndarray, ndarray, int]]:
-        """Yield, for each query, k distances, the numbers of the points, and the comparisons.
-
-        Queries are X, or the points of the index. Each is compared first with its `candidates`
-        (n_queries, m), by default the points with the least bounds.
-        """
+        """Yield, for each query, k distances, the numbers of the points, and the comparisons."""
         n_threads = thread_count(self.n_jobs)
         size = max(1, min(_BLOCK, _BOUNDS // len(self)))
         for part in slices(len(self) if X is None else len(X), size):

@@ -92,14 +92,11 @@ def pairwise_job(
     Parameters
     ----------
     metric : RiemannianMetric
-        The metric. The job records its class, its parameters and arrays.
     points : array or sequence, shape (n, \*shape)
         Points: an array, a memory map, or any object that has a length and whose slices are arrays
-        of points, which it may compute on demand. Every call reads each point once, and a few
-        twice.
+        of points. Every call reads each point once, and a few twice.
     folder : path_like
-        Folder of the job, made if need be. It holds features of the points until the job is
-        complete.
+        Folder of the job, made if need be.
     precision : {"single", "double"}
         See `RiemannianMetric.dist_pairwise`.
     memory : int
@@ -111,7 +108,6 @@ def pairwise_job(
         Client of a Dask cluster that computes the tiles. Its workers must be able to import the
         library and to read the folder under the same path. They write nothing.
     progress : bool
-        Whether to show progress bars.
 
     Raises
     ------
@@ -200,19 +196,11 @@ def path_job(
     Parameters
     ----------
     solver : GeodesicSolver
-        Finds the paths, such as `BasisPath`. The job records its class, its parameters and arrays.
+        Finds the paths, such as `BasisPath`.
     metric : RiemannianMetric
-        The metric, recorded likewise.
     points : array or sequence, shape (n, \*shape)
-        Points.
     folder, n_jobs, client, progress
         As for `pairwise_job`.
-
-    Raises
-    ------
-    RiemhumanError
-        As for `pairwise_job`, where the solver is part of the job like the metric; and if the
-        solver refuses a pair, which the error names.
 
     Examples
     --------
@@ -329,10 +317,7 @@ def _try_distances(
     precision: str,
     n_jobs: int | None,
 ) -> None:
-    """Compute some features and distances again, and raise an error if they differ.
-
-    Blocks are those whose features were computed, and tiles those that were finished.
-    """
+    """Compute some features and distances again, and raise an error if they differ."""
     if not blocks:
         return
     complete = job.exists(_RESULT)

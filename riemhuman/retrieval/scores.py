@@ -8,7 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import check_shape, class_numbers, real_array, values_of, whole_number
+from riemhuman.checks import (
+    check_shape,
+    class_numbers,
+    distance_matrix,
+    values_of,
+    whole_number,
+)
 from riemhuman.errors import ArgumentError
 
 
@@ -88,7 +94,7 @@ def scores(
     >>> rh.retrieval.scores(D, ["a", "a", "b", "b"]).nn
     100.0
     """
-    matrix = _checked(distances)
+    matrix = distance_matrix(distances, "distances", symmetric=False)
     classes = class_numbers(labels, "labels", len(matrix))
     ranked = ~np.eye(len(matrix), dtype=bool)
     if groups is not None:
@@ -134,22 +140,6 @@ def _expected_hits(distances: np.ndarray, relevant: np.ndarray) -> tuple[np.ndar
     return hits, float(hits @ precision / relevant.sum())
 
 
-def _checked(distances: ArrayLike) -> np.ndarray:
-    """Return distances (n, n) with zero diagonal."""
-    matrix = real_array(distances, "distances", ("n", "n"), batched=False, finite=False).copy()
-    if matrix.shape[0] != matrix.shape[1]:
-        raise ArgumentError(f"distances must be a square matrix; found shape {matrix.shape}")
-    np.fill_diagonal(matrix, 0.0)
-    bad = np.argwhere(~(np.isfinite(matrix) & (matrix >= 0)))
-    if len(bad):
-        row, column = bad[0].tolist()
-        raise ArgumentError(
-            f"distances must be finite and not negative; distances[{row}, {column}] is "
-            f"{matrix[row, column]:g}, the first of {len(bad)} wrong entries"
-        )
-    return matrix
-
-
 def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
     r"""Return distances relative to the distances around both items.
 
@@ -175,7 +165,7 @@ def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
     >>> rh.retrieval.local_scaling(D, n_neighbors=1)[1:, 1:].tolist()
     [[0.0, 2.0], [2.0, 0.0]]
     """
-    matrix = _checked(distances)
+    matrix = distance_matrix(distances, "distances", symmetric=False)
     n_neighbors = whole_number(n_neighbors, "n_neighbors", minimum=1)
     if n_neighbors >= len(matrix):
         raise ArgumentError(
@@ -217,7 +207,7 @@ def precision_recall(
     >>> D = space.metric.dist_pairwise(bodies.points[:30])
     >>> recall, precision = rh.retrieval.precision_recall(D, bodies.subject[:30])
     """
-    matrix = _checked(distances)
+    matrix = distance_matrix(distances, "distances", symmetric=False)
     classes = class_numbers(labels, "labels", len(matrix))
     relevant = classes[:, None] == classes
     n_relevant = relevant.sum(axis=1) - 1
@@ -256,7 +246,7 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
     >>> rh.retrieval.confusion(D, ["a", "a", "b", "b"]).tolist()
     [[2, 0], [0, 2]]
     """
-    matrix = _checked(distances)
+    matrix = distance_matrix(distances, "distances", symmetric=False)
     np.fill_diagonal(matrix, np.inf)
     names, classes = np.unique(values_of(labels, "labels"), return_inverse=True)
     check_shape(classes, "labels", (len(matrix),), batched=False)

@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike
 from scipy.cluster import hierarchy
 from scipy.spatial.distance import squareform
 
-from riemhuman.checks import Rng, generator, one_of, real_array, whole_number
+from riemhuman.checks import Rng, distance_matrix, generator, one_of, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
-from riemhuman.statistics._distance_matrix import distance_matrix
 
 LINKAGES = ("ward", "average", "complete", "single", "weighted")
 
@@ -135,14 +134,11 @@ class HierarchicalClustering(_Clustering):
 
     Parameters
     ----------
-    n_clusters : int, optional
-        Number of clusters; None if a threshold is given.
+    n_clusters : int
     linkage : {"ward", "average", "complete", "single", "weighted"}
         Distance of clusters, see `scipy.cluster.hierarchy.linkage`. "ward" joins the two clusters
         that increase the sum of squares least; its recursion needs distances alone, not Euclidean
         ones, and it does not lump far points together as "average" does.
-    distance_threshold : float, optional
-        Distance from which clusters are not joined.
 
     Attributes
     ----------
@@ -161,34 +157,18 @@ class HierarchicalClustering(_Clustering):
 
     linkage_matrix_: ndarray
 
-    def __init__(
-        self,
-        n_clusters: int | None = 2,
-        *,
-        linkage: str = "ward",
-        distance_threshold: float | None = None,
-    ) -> None:
+    def __init__(self, n_clusters: int = 2, *, linkage: str = "ward") -> None:
         self.n_clusters = n_clusters
         self.linkage = linkage
-        self.distance_threshold = distance_threshold
 
     def fit(self, X: ArrayLike, y: object = None) -> Self:
         distances = distance_matrix(X, "X")
         one_of(self.linkage, "linkage", LINKAGES)
-        if (self.n_clusters is None) == (self.distance_threshold is None):
-            raise ArgumentError("exactly one of n_clusters and distance_threshold must be given")
-        if self.n_clusters is not None:
-            whole_number(self.n_clusters, "n_clusters", minimum=1)
-        if len(distances) < max(2, self.n_clusters or 0):
-            raise ArgumentError(
-                f"X holds {len(distances)} points; at least {max(2, self.n_clusters or 0)} needed"
-            )
+        needed = max(2, whole_number(self.n_clusters, "n_clusters", minimum=1))
+        if len(distances) < needed:
+            raise ArgumentError(f"X holds {len(distances)} points; at least {needed} needed")
         tree = hierarchy.linkage(squareform(distances, checks=False), self.linkage)
-        if self.n_clusters is not None:
-            flat = hierarchy.cut_tree(tree, self.n_clusters)[:, 0]
-        else:
-            threshold = np.nextafter(float(self.distance_threshold or 0.0), -np.inf)
-            flat = hierarchy.fcluster(tree, threshold, "distance")
+        flat = hierarchy.cut_tree(tree, self.n_clusters)[:, 0]
         _, first, labels = np.unique(flat, return_index=True, return_inverse=True)
         self.labels_ = np.argsort(np.argsort(first))[labels]
         self.linkage_matrix_ = tree

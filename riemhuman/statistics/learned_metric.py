@@ -37,8 +37,7 @@ class LearnedMetric(Estimator):
     on the span of the fitted points: directions in which bodies of one class differ count little,
     as in linear discriminant analysis [1]_. Fitted to poses of several people, it ignores how
     people differ; fitted to people in several poses, how poses differ. It also compares points of
-    other classes. The shrinkage s is chosen by the formula of Ledoit and Wolf [2]_, or by
-    cross-validation.
+    other classes.
 
     Parameters
     ----------
@@ -47,19 +46,17 @@ class LearnedMetric(Estimator):
         ``ElasticMetric(space, 0, 0, 1)`` or ``RotationMetric(space)``; for people,
         ``ElasticMetric(space, 1, 1, 0)``.
     shrinkage : {"ledoit-wolf", "cross-validation"} or float
-        The shrinkage s, from 0 (not included) to 1, or how to choose it. Cross-validation leaves
-        out groups, and chooses the s for which most triplets (a left-out point, one of its class,
-        one of another class) are in the right order.
+        The shrinkage s, from 0 (not included) to 1, or how to choose it: by a formula [2]_, or so
+        that of left-out groups most triplets (a point, one of its class, one of another) are in
+        the right order.
     n_folds : int
         Number of folds of the groups, for cross-validation and `held_out_distances`.
 
     Attributes
     ----------
     metric_ : PullbackMetric
-        The learned metric, with `dist`, `dist_pairwise` and all that metrics have;
-        `NearestNeighbors` accepts it.
+        The learned metric.
     shrinkage_ : float
-        The shrinkage s.
     mean_ : array, shape (m,)
         Mean of the coordinates.
     components_ : array, shape (k, m)
@@ -159,7 +156,7 @@ class LearnedMetric(Estimator):
         Parameters
         ----------
         X, y, groups
-            As for `fit`; groups are needed.
+            As for `fit`.
         """
         coordinates = self._coordinates(X)
         classes = class_numbers(y, "y", len(coordinates))

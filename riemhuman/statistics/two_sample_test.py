@@ -11,10 +11,9 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import Rng, generator, values_of, whole_number
+from riemhuman.checks import Rng, distance_matrix, generator, values_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.representation import Record
-from riemhuman.statistics._distance_matrix import distance_matrix
 
 # Splits whose statistics are computed at once.
 _BLOCK = 256
@@ -101,7 +100,7 @@ def two_sample_test(
     >>> result.exact, round(result.p_value, 3)
     (True, 0.029)
     """
-    matrix = distance_matrix(distances)
+    matrix = distance_matrix(distances, "distances")
     n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
     first = values_of(in_first, "in_first")
     if first.dtype != bool or first.shape != (len(matrix),):

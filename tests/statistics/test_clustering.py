@@ -71,8 +71,6 @@ def test_hierarchy(linkage):
     nearest = distances[~np.eye(17, dtype=bool)].min()
     np.testing.assert_allclose(tree[0, 2], nearest, rtol=1e-12)
     assert np.all(np.diff(tree[:, 2]) >= 0)
-    cut = HierarchicalClustering(None, distance_threshold=tree[-2, 2], linkage=linkage)
-    np.testing.assert_array_equal(cut.fit_predict(distances), found.labels_)
 
 
 def test_both_find_people_by_default():
@@ -90,11 +88,11 @@ def test_refusals():
             estimator.fit(distances[:-1])
         with pytest.raises(ArgumentError, match="symmetric.*by 1"):
             estimator.fit(distances + np.eye(17, k=1))
-        with pytest.raises(ArgumentError, match="smallest is -1"):
+        with pytest.raises(ArgumentError, match="is -1, the first"):
             estimator.fit(distances - np.eye(17)[::-1] * (distances + 1.0) * (1 - np.eye(17)))
-        with pytest.raises(ArgumentError, match="NaN"):
+        with pytest.raises(ArgumentError, match="is nan"):
             estimator.fit(distances * np.nan)
-        with pytest.raises(ArgumentError, match="do not overflow; the largest is 1e\\+308"):
+        with pytest.raises(ArgumentError, match=r"is 1e\+308"):
             estimator.fit(np.where(np.eye(4), 0.0, 1e308))
     with pytest.raises(ArgumentError, match="n_clusters=18 exceeds the 17 points"):
         KMedoids(18).fit(distances)
@@ -106,7 +104,5 @@ def test_refusals():
         KMedoids(2).fit(distances).predict(distances[:, :1])
     with pytest.raises(ArgumentError, match="17 points; at least 20"):
         HierarchicalClustering(20).fit(distances)
-    with pytest.raises(ArgumentError, match="exactly one"):
-        HierarchicalClustering(2, distance_threshold=1.0).fit(distances)
     with pytest.raises(ArgumentError, match="linkage must be one of"):
         HierarchicalClustering(2, linkage="centroid").fit(distances)
