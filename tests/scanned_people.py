@@ -1,6 +1,7 @@
 """People who are in no data set, in moments of motions that are no start poses, and their scans."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -222,14 +223,16 @@ _SHOWN_METRES = 0.05
 
 
 def results_to_trust_or_not(registration, points, truth, places, rng):
-    """Yield start, mean error, that of the worst limb (metres) and result of one search.
+    """Yield start, mean error, that of the worst limb (metres) and result of a registration.
 
-    It is followed by results from starts that are deliberately wrong. `places` are those of the
-    true vertices on the model, None if they are its own. The mean error is that of the trusted
-    vertices, of all if none is trusted; that of a limb is of what the scan shows, trusted or not.
+    It is followed by results from starts that are deliberately wrong, before `solve` would try
+    others. `places` are those of the true vertices on the model, None if they are its own. The mean
+    error is that of the trusted vertices, of all if none is trusted; that of a limb is of what the
+    scan shows, trusted or not.
     """
     scan = as_scan(points)
-    prepared, fitter = prepare_scan(scan), registration._fitter
+    prepared, fitters = prepare_scan(scan), registration._partial_fitters
+    half = cache(lambda number: registration._solve(fitters[number], scan, prepared, {}))
     model = registration.model
     faces, owners = model.faces, model.weights.argmax(axis=1)
     if places is not None:
@@ -238,7 +241,10 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
     counts = np.bincount(owners[shown])
 
     def solved(start):
-        result = registration._solve(fitter, scan, prepared, {}, start)
+        if start is None:
+            result = registration.solve(points)
+        else:
+            result = registration._solve_whole(half, scan, prepared, {}, start)
         own, chosen = result.points, result.trusted_vertices
         if places is not None:
             own, chosen = points_at(places, own, faces), chosen[faces[places.triangles, 0]]

@@ -256,7 +256,7 @@ class DenseFitter:
         names = joint_names(self.model)
         joints = [names.index(name) for name in _HEAD_JOINTS if name in names]
         owned: np.ndarray = np.isin(self.model.weights.argmax(axis=1), joints)
-        return owned & self.search.visible
+        return owned
 
     def find_hair(self, surface: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return which points of a scan lie so far outside the head that they are hair or a hat."""
@@ -281,9 +281,10 @@ class DenseFitter:
             betas_precisions=np.minimum(best.prior.betas_precisions, _HANDS_PRECISION)
         )
         tree = ScanTree(scan.points, scan.normals)
-        dense = self.search.samples(_N_DENSE)
         # Where surfaces curve, soft assignment moves them inward; closest points do not.
-        pose = self.search.anneal_finely(best.pose, best.prior, scan.points, scan.normals)
+        pose = self.search.anneal_finely(best, scan.points, scan.normals)
+        visible = self.search.find_visible(self.surface(pose), scan.points, best.up)
+        dense = self._samples(_N_DENSE, visible)
         pose = fit_closest(dense, pose, prior, tree)
         hair = self.find_hair(self.surface(pose), scan.points)
         if hair.any():
@@ -291,12 +292,11 @@ class DenseFitter:
             tree = ScanTree(scan.points, scan.normals)
             pose = fit_closest(dense, pose, prior, tree)
         if not best.known:  # its arms are as a moment before
-            pose = self._rotate_forearms(prior, pose, scan, tree)
-            pose, prior = self._pose_hands(prior, pose, scan, tree)
+            pose = self._rotate_forearms(best, prior, pose, scan, tree, visible)
+            pose, prior = self._pose_hands(prior, pose, scan, tree, visible)
         model_points = self.surface(pose)
         last = _LAST_STIFFNESS * max(1.0, tree.noise / _NOISE_METRES) ** 2
         softer = np.geomspace(_FIRST_STIFFNESS, min(last, _FIRST_STIFFNESS), _N_STEPS)
-        visible = self.search.visible
         points, matches = fit_elastic(
             self.metric, model_points, model_points, tree, softer, visible=visible
         )
@@ -310,17 +310,31 @@ class DenseFitter:
             )
         return DenseFit(pose, model_points, points, matches)
 
+    def _samples(self, n_samples: int, visible: np.ndarray) -> ModelSamples:
+        samples = self.search.samples(n_samples)
+        areas = samples.areas * visible[samples.numbers]
+        return samples._replace(areas=areas / areas.sum())
+
     def _rotate_forearms(
-        self, prior: Prior, pose: Pose, scan: PreparedScan, tree: ScanTree
+        self,
+        best: Candidate,
+        prior: Prior,
+        pose: Pose,
+        scan: PreparedScan,
+        tree: ScanTree,
+        visible: np.ndarray,
     ) -> Pose:
         """Return a fit with each forearm rotated so that its surface comes nearest to the scan."""
-        few = self.search.samples(_N_ROTATED)
+        few = self._samples(_N_ROTATED, visible)
 
         def fit(pose: Pose) -> tuple[float, Pose]:
             pose = fit_closest(few, pose, prior, tree)
-            return self.search.likelihood(pose, scan.points, scan.normals), pose
+            return self.search.likelihood(pose, scan.points, scan.normals, best.up), pose
 
         for arm in self._arms:
+            own = _points_on(arm, self.surface(pose), scan)
+            if not len(own):
+                continue
             found = list(mapped(fit, rotate_forearm(pose, arm.joints, few.rest_joints), N_THREADS))
             found.sort(key=lambda each: -each[0])
             likely = [each for each in found if each[0] > found[0][0] - _LEAST_ROTATED]
@@ -331,8 +345,7 @@ class DenseFitter:
                 if all(_gap(surface, each, arm) > _DIFFERENT_METRES for each in surfaces):
                     surfaces.append(surface)
                     others.append(other)
-            own = _points_on(arm, surfaces[0], scan)
-            if not (others and len(own)):
+            if not others:
                 continue
             distances = []
             for surface in surfaces:
@@ -341,12 +354,12 @@ class DenseFitter:
                 distances.append(_arm_distance(arm, fitted, own))
             nearest = int(np.argmin(distances))
             if nearest and distances[nearest] < (1.0 - _LEAST_GAIN) * distances[0]:
-                dense = self.search.samples(_N_DENSE)
+                dense = self._samples(_N_DENSE, visible)
                 pose = fit_closest(dense, others[nearest - 1], prior, tree)
         return pose
 
     def _pose_hands(
-        self, prior: Prior, pose: Pose, scan: PreparedScan, tree: ScanTree
+        self, prior: Prior, pose: Pose, scan: PreparedScan, tree: ScanTree, visible: np.ndarray
     ) -> tuple[Pose, Prior]:
         """Return a fit with each hand in the pose that comes nearest to the scan, and its prior.
 
@@ -357,7 +370,7 @@ class DenseFitter:
         def fit(around: np.ndarray) -> tuple[float, Pose, Prior]:
             betas = np.append(pose.betas[:n_betas], around)
             its_prior = prior._replace(betas=np.append(prior.betas[:n_betas], around))
-            few = self.search.samples(_N_ROTATED)
+            few = self._samples(_N_ROTATED, visible)
             other = fit_closest(few, pose._replace(betas=betas), its_prior, tree)
             surface = self.surface(other)[arm.vertices]
             return _arm_distance(arm, surface, own, _HAND_METRES), other, its_prior
@@ -372,7 +385,7 @@ class DenseFitter:
             nearest = min(found, key=lambda each: each[0])
             if nearest[0] < (1.0 - _LEAST_GAIN_OF_HANDS) * first[0]:
                 _, pose, prior = nearest
-                pose = fit_closest(self.search.samples(_N_DENSE), pose, prior, tree)
+                pose = fit_closest(self._samples(_N_DENSE, visible), pose, prior, tree)
         return pose, prior
 
 

@@ -36,6 +36,8 @@ OUTLIERS = 0.05
 _WORTH = 300.0
 # Largest rotation of a joint in a step, radians.
 _LONGEST = 0.6
+# A scan shows at least this share of the body.
+_LEAST_SHOWN = 0.1
 # Weight of a landmark, as a share of all scan points.
 LANDMARK = 0.03
 
@@ -279,6 +281,18 @@ def take_step(
     return Pose(local, pose.betas + step[n_angles:-3], pose.trans + step[-3:])
 
 
+class End(NamedTuple):
+    """A plane beyond which a scan shows nothing of a body."""
+
+    direction: np.ndarray  # (3,) away from the scan
+    height: float  # along the direction, metres
+
+    def shows(self, points: np.ndarray, distance: float = 0.0) -> np.ndarray:
+        """Return which points are at least so far before the plane, metres."""
+        shown: np.ndarray = points @ self.direction <= self.height - distance
+        return shown
+
+
 @compiled(fastmath=SUM)
 def assign(
     points: np.ndarray,
@@ -355,12 +369,13 @@ def anneal(
     sigmas: np.ndarray,
     signed: bool,
     landmarks: np.ndarray,
+    end: End | None = None,
 ) -> tuple[Pose, float]:
     """Fit a body to a scan, and return it with the mean log-likelihood before the last step.
 
     There is a step for each standard deviation, metres. Landmarks are known positions of points of
     the body, shape (n, 3), NaN for all others. `signed` is whether the signs of the scan's normals
-    are known.
+    are known. Points of the body beyond the end of the scan have no area.
     """
     n = len(body.areas)
     areas = body.areas.astype(np.float32)
@@ -369,6 +384,9 @@ def anneal(
     pose, likelihood = start, -np.inf
     for sigma in sigmas:
         posed = pose_body(body, pose)
+        if end is not None:
+            shown = body.areas * end.shows(posed.points)
+            areas = (shown / max(shown.sum(), _LEAST_SHOWN)).astype(np.float32)
         likelihood = assign(
             np.ascontiguousarray(posed.points.T, np.float32),
             np.ascontiguousarray(posed.normals.T, np.float32),
@@ -384,6 +402,9 @@ def anneal(
         means = targets.T / np.maximum(masses, np.finfo(np.float32).tiny)[:, np.newaxis]
         gaps = np.where(known[:, np.newaxis], landmarks, means) - posed.points
         shares = np.where(known, LANDMARK, masses / len(scan))
+        if end is not None:
+            # Near the end, the points that belong to a point of the body are on one side of it.
+            shares = np.where(known | end.shows(posed.points, sigma), shares, 0.0)
         weight = sigma * sigma / _WORTH
         pose = take_step(body, posed, prior, weight, shares, gaps, posed.normals, 1.0, _LONGEST)
     return pose, likelihood

@@ -13,6 +13,7 @@ from riemhuman.bodies import BodyModel, rotation_matrix
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._posed_body import (
     LANDMARK,
+    End,
     ModelSamples,
     Pose,
     Prior,
@@ -32,6 +33,8 @@ from riemhuman.registration._start_poses import (
 _AXES = np.concatenate([np.eye(3), -np.eye(3)])
 _UP = np.array([0.0, 1.0, 0.0])
 _N_HEADINGS = 6
+# Steps by which the visible part of a start comes to the centre of the scan.
+_N_SHIFTS = 8
 # A direction up is tried fully if its likelihood is at most this much below the best.
 _UP_MARGIN = 0.15
 # Candidates nearer to a better one, in root mean square distance, are dropped.
@@ -92,22 +95,36 @@ class Candidate:
 
 
 class StartSearch:
-    """The search over starts for one body model, of which some joints' vertices may be hidden."""
+    """The search over starts for one body model.
 
-    def __init__(self, model: BodyModel, hidden: Iterable[int] = ()) -> None:
-        self.model = model
+    A scan may end above (`cut` is 1) or below (-1) where the body goes on, and the vertices of some
+    joints may be hidden.
+    """
+
+    def __init__(self, model: BodyModel, cut: int = 0, hidden: Iterable[int] = ()) -> None:
+        self.model, self.cut = model, cut
         self.root = int(np.flatnonzero(model.parents < 0)[0])
-        self.visible = ~np.isin(model.weights.argmax(axis=1), list(hidden))
-        self.arms = [arm for arm in arms_of(model) if not {*arm.tolist()} & {*hidden}]
+        self.arms = arms_of(model)
+        self._shown = ~np.isin(model.weights.argmax(axis=1), list(hidden))
         self._samples: dict[int | None, ModelSamples] = {}
 
     def samples(self, n_samples: int | None) -> ModelSamples:
         """Return about this number of points of the model, all by None; computed once."""
         if n_samples not in self._samples:
             samples = sample_model(self.model, n_samples)
-            areas = samples.areas * self.visible[samples.numbers]
+            areas = samples.areas * self._shown[samples.numbers]
             self._samples[n_samples] = samples._replace(areas=areas / areas.sum())
         return self._samples[n_samples]
+
+    def end_of(self, scan: np.ndarray, up: np.ndarray) -> End | None:
+        """Return where a scan of a part of a body ends."""
+        direction = self.cut * up
+        return End(direction, float((scan @ direction).max())) if self.cut else None
+
+    def find_visible(self, surface: np.ndarray, scan: np.ndarray, up: np.ndarray) -> np.ndarray:
+        """Return which vertices a scan can show."""
+        end = self.end_of(scan, up)
+        return self._shown if end is None else self._shown & end.shows(surface)
 
     @cached_property
     def poses(self) -> dict[str, np.ndarray]:
@@ -131,13 +148,12 @@ class StartSearch:
         Each arm of the best has been tried in the positions of all start poses. A search that is
         done again starts from the headings between, and follows more starts.
         """
-        centre = target.points.mean(axis=0)
         offset, more = (0.5, 2) if again else (0.0, 1)
         first, *others = [replace(each, n_best=more * each.n_best) for each in _ROUNDS]
         ups = _AXES if up is None else up[np.newaxis]
         if up is None:
             few = [name for name in UP_POSES if name in self.poses] or list(self.poses)
-            starts = [each for axis in ups for each in self._starts(few, axis, centre, offset)]
+            starts = [each for axis in ups for each in self._starts(few, axis, target, offset)]
             best: dict[tuple[float, ...], float] = {}
             for candidate in self._advance(starts, first, target):
                 best.setdefault(tuple(candidate.up), candidate.likelihood)
@@ -145,7 +161,7 @@ class StartSearch:
             axes = sorted(best, key=lambda axis: -best[axis])[:2]
             ups = np.array([axis for axis in axes if best[axis] > likeliest - _UP_MARGIN])
         names = list(self.poses)
-        starts = [each for axis in ups for each in self._starts(names, axis, centre, offset)]
+        starts = [each for axis in ups for each in self._starts(names, axis, target, offset)]
         candidates = self._advance(starts, first, target)
         for each in others:
             candidates = self._advance(candidates, each, target)
@@ -164,27 +180,27 @@ class StartSearch:
             candidates = self._advance(candidates, each, target)
         return candidates[0]
 
-    def likelihood(self, pose: Pose, points: np.ndarray, normals: np.ndarray) -> float:
+    def likelihood(
+        self, pose: Pose, points: np.ndarray, normals: np.ndarray, up: np.ndarray
+    ) -> float:
         """Return the mean log-likelihood of a scan with the last deviation of the last round."""
         last = _ROUNDS[-1]
         prior = Prior(pose.local, self.precisions, pose.betas, self.betas_precisions)
         each = Round(last.n_model, last.n_scan, (last.sigmas[1], last.sigmas[1]), 0, 1)
-        candidate = Candidate(pose, prior, -np.inf, np.zeros(3))
+        candidate = Candidate(pose, prior, -np.inf, up)
         return self._advance([candidate], each, Target(points, normals, True, {}))[0].likelihood
 
-    def anneal_finely(
-        self, pose: Pose, prior: Prior, points: np.ndarray, normals: np.ndarray
-    ) -> Pose:
+    def anneal_finely(self, best: Candidate, points: np.ndarray, normals: np.ndarray) -> Pose:
         """Return a body after soft assignment with smaller deviations than in the search."""
-        candidate = Candidate(pose, prior, -np.inf, _UP)
-        return self._advance([candidate], _FINE_ROUND, Target(points, normals, True, {}))[0].pose
+        return self._advance([best], _FINE_ROUND, Target(points, normals, True, {}))[0].pose
 
     def _starts(
-        self, names: list[str], up: np.ndarray, centre: np.ndarray, offset: float
+        self, names: list[str], up: np.ndarray, target: Target, offset: float
     ) -> list[Candidate]:
         """Return starts with headings that differ by sixths of 360°, from an offset in sixths."""
         body = self.samples(_ROUNDS[0].n_model)
         upright = _rotation_between(_UP, up)
+        centre, end = target.points.mean(axis=0), self.end_of(target.points, up)
         betas = np.zeros(len(self.betas_precisions))
         starts = []
         for name in names:
@@ -192,7 +208,12 @@ class StartSearch:
                 local = self.poses[name].copy()
                 local[self.root] = upright @ rotation_matrix(angle * _UP) @ local[self.root]
                 pose = Pose(local, betas, np.zeros(3))
-                shift = centre - body.areas @ pose_body(body, pose).points
+                points = pose_body(body, pose).points
+                shift = centre - body.areas @ points
+                if end is not None:
+                    for _ in range(_N_SHIFTS):
+                        shown = body.areas * end.shows(points + shift)
+                        shift = centre - shown @ points / shown.sum()
                 prior = Prior(self.poses[name], self.precisions, betas, self.betas_precisions)
                 starts.append(Candidate(Pose(local, betas, shift), prior, -np.inf, up))
         return starts
@@ -226,7 +247,15 @@ class StartSearch:
 
         def advance(candidate: Candidate) -> Candidate:
             pose, likelihood = anneal(
-                body, candidate.pose, candidate.prior, scan, normals, sigmas, target.signed, known
+                body,
+                candidate.pose,
+                candidate.prior,
+                scan,
+                normals,
+                sigmas,
+                target.signed,
+                known,
+                self.end_of(target.points, candidate.up),
             )
             if target.landmarks:
                 joints = pose_body(body, pose).points[n_vertices:]

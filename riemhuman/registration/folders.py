@@ -35,7 +35,14 @@ UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
 _VERSION = 6
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
-_FIELDS = ("trusted", "message", "likelihood", "median_distance", "matched_share")
+# Fields of a record with the kinds of their arrays: Boolean, text or floating point.
+_FIELDS = {
+    "trusted": "b",
+    "message": "U",
+    "likelihood": "f",
+    "median_distance": "f",
+    "matched_share": "f",
+}
 _OF_RESULT = ("points", "up", "transform", "matched", "trusted_vertices")
 _OF_FIT = ("betas", "pose", "trans", "hands")
 _ARRAYS = (*_OF_RESULT, "faces", "shown", "shown_distances", *_OF_FIT)
@@ -292,9 +299,9 @@ def _write(folder: Path, record: ScanRecord, key: str, transform: np.ndarray | N
 
 
 def _read(file: Path) -> ScanRecord:
-    fields = load_arrays(file, _FIELDS, _ARRAYS)
-    for name in _FIELDS:
-        if fields[name].shape or (fields[name].dtype.kind == "U") != (name == "message"):
+    fields = load_arrays(file, [*_FIELDS], _ARRAYS)
+    for name, kind in _FIELDS.items():
+        if fields[name].shape or fields[name].dtype.kind != kind:
             raise FileFormatError(f"{file}: {name} must be a single value, not {fields[name]!r}")
     for name in ("points", "shown"):
         try:

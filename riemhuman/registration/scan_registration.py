@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -227,14 +227,16 @@ class ScanRegistration:
         known = self._landmark_positions({} if landmarks is None else landmarks, whole)
         prepared = prepare_scan(whole)
         with single_threaded_libraries():
-            result = self._solve_whole(whole, prepared, known, start)
+
+            @cache
+            def half(number: int) -> RegisteredScan:
+                return self._solve(self._partial_fitters[number], whole, prepared, known)
+
+            result = self._solve_whole(half, whole, prepared, known, start)
             if not result.trusted:
-                others = [self._solve_whole(whole, prepared, known, again=start is None)]
+                others = [self._solve_whole(half, whole, prepared, known, again=start is None)]
                 if not others[0].trusted and _near_share(result) > _NEAR_OF_HALF:
-                    others += [
-                        self._solve(fitter, whole, prepared, known)
-                        for fitter in self._partial_fitters
-                    ]
+                    others += map(half, range(len(self._halves)))
                 likeliest = max(others, key=lambda each: (each.trusted, each.likelihood))
                 if likeliest.trusted or likeliest.likelihood > result.likelihood + _RETRY_GAIN:
                     return likeliest
@@ -272,8 +274,16 @@ class ScanRegistration:
 
     @cached_property
     def _partial_fitters(self) -> list[DenseFitter]:
-        """Fitters of bodies without legs, and without all above the waist."""
-        return [DenseFitter(StartSearch(self.model, part)) for part in hidden_parts(self.model)]
+        """Fitters of bodies without legs, and without what is above some height."""
+        return [
+            DenseFitter(StartSearch(self.model, cut, part if cut < 0 else ()))
+            for cut, part in zip((-1, 1), hidden_parts(self.model), strict=False)
+        ]
+
+    @cached_property
+    def _halves(self) -> list[np.ndarray]:
+        """Which vertices belong to the legs, and which to what is above the waist."""
+        return [np.isin(self._owners, part) for part in hidden_parts(self.model)]
 
     @cached_property
     def _owners(self) -> np.ndarray:
@@ -321,6 +331,7 @@ class ScanRegistration:
 
     def _solve_whole(
         self,
+        half: Callable[[int], RegisteredScan],
         whole: Scan,
         prepared: PreparedScan,
         landmarks: dict[int, np.ndarray],
@@ -335,11 +346,10 @@ class ScanRegistration:
         comes near to all of the scan.
         """
         result = self._solve(self._fitter, whole, prepared, landmarks, start, again=again)
-        for fitter in self._partial_fitters if result.trusted_vertices.any() else ():
-            if result.matched[~fitter.search.visible].mean() < _LEAST_MATCHED_HALF:
-                half = self._solve(fitter, whole, prepared, landmarks)
-                if _near_share(half) >= LEAST_NEAR:
-                    return half
+        for number, missing in enumerate(self._halves if result.trusted_vertices.any() else ()):
+            few = result.matched[missing].mean() < _LEAST_MATCHED_HALF
+            if few and _near_share(half(number)) >= LEAST_NEAR:
+                return half(number)
         return result
 
     def _solve(
@@ -360,10 +370,11 @@ class ScanRegistration:
         betas, hands = np.split(pose.betas, [self.model.n_betas])
         places, distances = nearest_points(whole.points, points, self.model.faces)
         background = scan.background | fitter.find_hair(model_points, whole.points)
-        likelihood = self._likelihood(fitter.search, pose, scan)
+        visible = bodies.find_visible(model_points, scan.points, best.up)
+        likelihood = self._likelihood(bodies, pose, scan, best.up, visible)
         moved = np.linalg.norm(points - model_points, axis=1)
         gaps = np.linalg.norm(matches.gaps, axis=1)
-        matched = (gaps < _MATCHED_METRES) & (matches.weights > 0.1)
+        matched = visible & (gaps < _MATCHED_METRES) & (matches.weights > 0.1)
         some = scan.points[:: max(len(scan.points) // _N_DENSE, 1)]
         some = some[~fitter.find_hair(model_points, some)]
         _, model_distances = nearest_points(some, model_points, self.model.faces)
@@ -377,7 +388,7 @@ class ScanRegistration:
         doubts, limb_doubts = find_doubts(
             Evidence(
                 likelihood=likelihood,
-                margin=self._margin(candidates),
+                margin=self._margin(bodies, candidates, scan),
                 near=float(np.mean(distances[~background] < NEAR_METRES)),
                 betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
                 far=float(np.quantile(model_distances, FAR_SHARE)),
@@ -434,7 +445,8 @@ class ScanRegistration:
             target = Target(scan.points, scan.normals, signed, landmarks)
             if start is not None and start.fit is not None:
                 warm = bodies.run_from(_pose(start.fit), start.up, target)
-                if self._likelihood(bodies, warm.pose, scan) > start.likelihood - _WARM_LOSS:
+                likelihood = self._likelihood(bodies, warm.pose, scan, start.up)
+                if likelihood > start.likelihood - _WARM_LOSS:
                     return [warm]
             return bodies.run(target, up, again=again)
 
@@ -461,11 +473,18 @@ class ScanRegistration:
         signs = np.where(cosines < 0, -1.0, 1.0)
         return signs[:, np.newaxis] * scan.normals, float(np.mean(cosines >= 0))
 
-    def _likelihood(self, bodies: StartSearch, pose: Pose, scan: PreparedScan) -> float:
+    def _likelihood(
+        self,
+        bodies: StartSearch,
+        pose: Pose,
+        scan: PreparedScan,
+        up: np.ndarray,
+        visible: np.ndarray | None = None,
+    ) -> float:
         """Return the log-likelihood for a body of the standard area."""
         areas = triangle_areas(self.model(pose.betas[: self.model.n_betas]), self.model.faces)
-        area = areas @ bodies.visible[self.model.faces[:, 0]]
-        likelihood = bodies.likelihood(pose, scan.points, scan.normals)
+        area = areas.sum() if visible is None else areas @ visible[self.model.faces[:, 0]]
+        likelihood = bodies.likelihood(pose, scan.points, scan.normals, up)
         return likelihood + float(np.log(area / AREA))
 
     def _shares(self, chosen: np.ndarray) -> np.ndarray:
@@ -546,14 +565,19 @@ class ScanRegistration:
             if miss > _FARTHEST_MISS
         ]
 
-    def _margin(self, candidates: list[Candidate]) -> float:
-        """Return how much likelier the best body is than all that are elsewhere."""
-        body = self._search.samples(1000)
+    def _margin(
+        self, bodies: StartSearch, candidates: list[Candidate], scan: PreparedScan
+    ) -> float:
+        """Return how much likelier the best body is than all whose visible part is elsewhere."""
+        body = bodies.samples(1000)
         own = pose_body(body, candidates[0].pose).points
+        end = bodies.end_of(scan.points, candidates[0].up)
+        shown = np.ones(len(own), bool) if end is None else (body.areas > 0) & end.shows(own)
         others = [
             each.likelihood
             for each in candidates[1:]
-            if np.linalg.norm(pose_body(body, each.pose).points - own, axis=1).mean() > RIVAL_METRES
+            if np.linalg.norm((pose_body(body, each.pose).points - own)[shown], axis=1).mean()
+            > RIVAL_METRES
         ]
         return candidates[0].likelihood - max(others, default=-np.inf)
 

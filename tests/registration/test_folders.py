@@ -120,7 +120,8 @@ def test_changed_bodies_and_bodies_without_a_scan_are_noticed(registered, regist
 
 
 @pytest.mark.parametrize(
-    "change", [{"trusted": [True, False]}, {"message": 1.0}, {"points": np.full((3, 3), np.nan)}]
+    "change",
+    [{"trusted": [True, False]}, {"likelihood": b"3"}, {"points": np.full((3, 3), np.nan)}],
 )
 def test_damaged_records_are_refused(registered, folders, change):
     file = folders[1] / "registrations" / "anna.npz"

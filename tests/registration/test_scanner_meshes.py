@@ -108,9 +108,6 @@ def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
     points = scan.points[(scan.points[:, 1] > hip) == upper]
     result = registration.solve(points)
     above = (scan.body[:, 1] - hip) * (1.0 if upper else -1.0)
-    if not (upper or result.trusted):  # legs alone may be ambiguous; then nothing is trusted
-        assert not result.trusted_vertices.any()
-        return
     assert result.trusted, result.message
     assert result.trusted_vertices[above < -0.15].mean() < 0.05
     assert result.trusted_vertices[above > 0.0].mean() > 0.9
@@ -119,12 +116,12 @@ def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
     assert "is not in the scan and not trusted" in result.message
 
 
-def test_missing_legs_are_not_fitted_to_the_trunk(registration):
+def test_a_body_that_is_cut_at_the_waist_is_not_stretched(registration):
     """The whole body fits this scan with its legs in the trunk, whose vertices are 4 cm off."""
-    bodies = rh.datasets.load_open_bodies("coarse", variant="natural", people=555)
-    scan = simulated_scan(bodies[12], bodies.template.faces, rng=12, n_points=10000)
+    bodies = rh.datasets.load_open_bodies("coarse", variant="natural", people=71)
+    scan = simulated_scan(bodies[30], bodies.template.faces, rng=0, n_points=10000)
     hip = (bodies.model.joint_regressor @ scan.body)[0, 1]
-    result = registration.solve(scan.points[scan.points[:, 1] > hip])
+    result = registration.solve(scan.points[scan.points[:, 1] > hip + 0.15])
     errors = np.linalg.norm(result.points - scan.body, axis=1)
     assert result.trusted, result.message
     assert errors[result.trusted_vertices].mean() < 0.012
