@@ -35,8 +35,8 @@ _COMPONENT_FILES = (
     "  riemhuman geodesic sit.ply stand.ply -o path/\n"
     "  riemhuman geodesic sit.ply stand.ply -o path.glb --n-nodes 21\n"
     "  riemhuman geodesic a.ply b.ply -o path/ --basis basis.npz -a 1 -l 1 -c 0 --json\n",
-    cli.path_option("a_file", "A", "mesh to start from"),
-    cli.path_option("b_file", "B", "mesh to end at"),
+    cli.mesh_option("a_file", "A", "mesh to start from"),
+    cli.mesh_option("b_file", "B", "mesh to end at"),
     inputs.path_output("time", "path.glb", "path.png", "path.html"),
     cli.option("--n-nodes", "surfaces of the path", default=11, metavar="N"),
     inputs.BASIS,
@@ -210,7 +210,7 @@ def _bodies_of_components(pca: Any, options: argparse.Namespace) -> dict[str, nd
     "  riemhuman transfer run_*.obj --onto ben.ply --axes body -o run_of_ben.npz\n"
     "  riemhuman transfer hands_on_head/ --onto ben.ply --transfer pose -o ben_too/\n",
     cli.FILES,
-    cli.path_option("--onto", "MESH", "body to move", required=True),
+    cli.mesh_option("--onto", "MESH", "body to move", required=True),
     inputs.MOTION_OUTPUT,
     cli.option(
         "--axes",
@@ -249,8 +249,8 @@ def _transfer(options: argparse.Namespace) -> cli.Answer:
     "  riemhuman disentangle anna_standing.ply ben_sitting.ply -o anna_sitting.ply\n"
     "  riemhuman disentangle a.ply b.ply -o both.obj --pose-weight 50 --json\n"
     "  riemhuman disentangle a.ply b.ply -o both.ply --basis basis.npz\n",
-    cli.path_option("shape", "SHAPE", "mesh of the person"),
-    cli.path_option("pose", "POSE", "mesh of the pose"),
+    cli.mesh_option("shape", "SHAPE", "mesh of the person"),
+    cli.mesh_option("pose", "POSE", "mesh of the pose"),
     cli.output("MESH", *cli.MESH_ENDINGS),
     cli.option("--pose-weight", "weight of the squared pose distance", default=1000.0, metavar="W"),
     cli.path_option("--basis", "NPZ", "deformations that the body may have (default: any)"),

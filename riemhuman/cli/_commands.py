@@ -57,8 +57,8 @@ GROUPS = {
     "motions": (
         "compare, align, average and search motions",
         """A motion is a folder of registered meshes, one per frame (frame_0001.ply,
-...), a recording of a skeleton (walk.bvh), or an .npz file with an array path,
-as `riemhuman transfer` writes it.""",
+...), a recording of a skeleton (walk.bvh, or an .npz file of AMASS), or an .npz
+file with an array path, as `riemhuman transfer` writes it.""",
     )
 }
 
@@ -127,8 +127,22 @@ def path(text: str) -> Path:
     return file_path(text)
 
 
-def path_option(flags: str, metavar: str, text: str = "mesh file", **settings: Any) -> Argument:
+def path_option(flags: str, metavar: str, text: str, **settings: Any) -> Argument:
     return option(flags, text, type=path, metavar=metavar, **settings)
+
+
+def mesh_option(flags: str, metavar: str, text: str = "mesh file", **settings: Any) -> Argument:
+    """Return the declaration of an argument that is one mesh, not a folder of meshes."""
+
+    def check(options: argparse.Namespace) -> None:
+        place = getattr(options, flags.strip("-"))
+        if place.is_dir():
+            raise ArgumentError(
+                f"{metavar} must be one mesh, but {place} is a folder; `riemhuman retrieve` and "
+                "`riemhuman matrix` compare folders"
+            )
+
+    return several(path_option(flags, metavar, text, **settings), check=check)
 
 
 def output(

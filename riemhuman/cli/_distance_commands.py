@@ -161,8 +161,8 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
     "  riemhuman dist anna_1.ply ben_1.ply             # who it is\n"
     "  riemhuman dist anna_1.ply anna_2.ply --pose     # how they stand\n"
     "  riemhuman dist a.obj b.obj -a 1 -l 0.01 -c 0.5 --align --json\n",
-    cli.path_option("a_file", "A"),
-    cli.path_option("b_file", "B"),
+    cli.mesh_option("a_file", "A"),
+    cli.mesh_option("b_file", "B"),
     cli.template("A"),
     cli.ALIGN,
     inputs.metric_options(),
@@ -351,7 +351,7 @@ def _excess(paths: PathDistances) -> str:
     "  riemhuman retrieve anna_1.ply scans/            # the same person\n"
     "  riemhuman retrieve anna_1.ply scans/ --pose -k 10\n"
     "  riemhuman retrieve anna_1.ply scans/ -k 1 --json\n",
-    cli.path_option("query", "QUERY"),
+    cli.mesh_option("query", "QUERY"),
     cli.FOLDER,
     cli.option("-k", "number of meshes to print", default=5, metavar="K"),
     cli.template("QUERY"),

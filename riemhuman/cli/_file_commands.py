@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     "an interactive page of bodies or of a path",
     "Writes a page for any browser, without a network connection: registered meshes side by\n"
     "side, or one after the other with --motion; the path in an .npz file; or a motion capture\n"
-    "recording (.bvh), performed by a body of its proportions.",
+    "recording (.bvh, or .npz of AMASS), performed by a body of its proportions.",
     "  riemhuman view anna.ply ben.ply -o both.html\n"
     "  riemhuman view walk/ --motion -o walk.html\n"
     "  riemhuman view path.npz -o path.html --open\n"
@@ -40,14 +40,9 @@ def _view(options: argparse.Namespace) -> cli.Answer:
         ending = first.suffix.lower()
         if ending in (".npz", ".bvh") and len(options.meshes) > 1:
             raise ArgumentError(f"give either one {ending} file with a path, or meshes")
-        if ending == ".bvh":
-            motion = inputs.read_recording(first)
-            seconds = len(motion) / motion.frames_per_second
-            viewer = rh.plots.view_path(motion[:], motion.faces, title=first.name, seconds=seconds)
-        elif ending == ".npz":
-            arrays = rh.io.load_arrays(first, ["path", "faces"])
-            title = f"Path in {first.name}"
-            viewer = rh.plots.view_path(arrays["path"], arrays["faces"], title=title)
+        if ending in (".npz", ".bvh"):
+            motion, faces, seconds = inputs.read_motion(first)
+            viewer = rh.plots.view_path(motion[:], faces, title=first.name, seconds=seconds)
         else:
             surfaces = inputs.read_surfaces(options, options.meshes)
             names = [file.stem for file in surfaces.files]

@@ -40,15 +40,24 @@ _PATH_ENDINGS = (".glb", ".png", ".html", ".npz")
 _MOST_IN_STRIP = 12
 
 
-def read_recording(file: Path, *, is_mean: bool = False) -> Any:
-    """Return a recording (BVH) at most 30 times a second, performed by a body of the open model.
+def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, float | None]:
+    """Return the frames in a file, their triangles, and their seconds where it is a recording.
 
-    Its person has the recorded proportions, or is the mean one, for comparisons of movements.
+    A recording (BVH, AMASS) is performed at most 30 times a second by a body of the open model of
+    its proportions, or by the mean one, for comparisons of movements.
     """
-    recording = rh.datasets.load_bvh(file)
-    rate = min(recording.frames_per_second, _RECORDED_RATE)
-    motion = rh.datasets.retarget(recording, frames_per_second=rate)
-    return motion.performed_by([0.0] * motion.model.n_betas) if is_mean else motion
+    if file.suffix.lower() == ".bvh":
+        recording = rh.datasets.load_bvh(file)
+        rate = min(recording.frames_per_second, _RECORDED_RATE)
+        motion = rh.datasets.retarget(recording, frames_per_second=rate)
+    elif any(name.startswith("mocap_frame") for name in rh.io.load_arrays(file, ())):
+        (motion,) = rh.datasets.load_amass(file, frames_per_second=_RECORDED_RATE)
+    else:
+        arrays = rh.io.load_arrays(file, ("path", "faces"))
+        return arrays["path"], arrays["faces"], None
+    if is_mean:
+        motion = motion.performed_by([0.0] * motion.model.n_betas)
+    return motion, motion.faces, len(motion) / motion.frames_per_second
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,12 +307,8 @@ def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> M
         is_hdf5 = ending in (".hdf5", ".h5") or bool(list(place.glob("*.hdf5")))
         if any(chosen.values()) and not is_hdf5:
             raise ArgumentError(f"--subjects and --sequences choose from HDF5 files; found {place}")
-        if ending == ".npz":
-            arrays = rh.io.load_arrays(place, ("path", "faces"))
-            found.append((place.stem, arrays["path"], arrays["faces"]))
-        elif ending == ".bvh":
-            motion = read_recording(place, is_mean=True)
-            found.append((place.stem, motion, motion.faces))
+        if ending in (".npz", ".bvh"):
+            found.append((place.stem, *read_motion(place, is_mean=True)[:2]))
         else:
             units = {"unit": options.unit, "up": options.up}
             load = rh.datasets.load_dfaust if is_hdf5 else rh.datasets.load_mesh_motions

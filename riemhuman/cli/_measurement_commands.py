@@ -142,8 +142,8 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> str:
     "deviations of a difference over poses of one person. What a scan did not show is nan.",
     "  riemhuman compare visit1.ply visit2.ply\n"
     "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
-    cli.path_option("before", "BEFORE", "the first visit"),
-    cli.path_option("after", "AFTER", "the second visit"),
+    cli.mesh_option("before", "BEFORE", "the first visit"),
+    cli.mesh_option("after", "AFTER", "the second visit"),
     cli.output("CSV", ".csv", text="table to write", required=False),
     _DEFINITIONS,
 )

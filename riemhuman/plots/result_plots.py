@@ -66,8 +66,7 @@ def plot_energy(
     ax.set_xlim(-0.04 * max(highest, 1), 1.04 * max(highest, 1))
     _hide_frame(ax)
     if any(curves):  # above the axes, where it covers no line
-        above = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
-        ax.legend(frameon=False, fontsize="small", **above)
+        ax.legend(frameon=False, fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return ax
 
 

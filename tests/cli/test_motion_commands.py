@@ -116,3 +116,13 @@ def test_recordings(run, tmp_path):
     page = tmp_path / "part.html"
     assert run("view", tmp_path / "part.bvh", "-o", page, "-q").code == 0
     assert "part.bvh" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.filterwarnings("ignore:betas in the files")
+def test_recordings_of_amass(run, tmp_path):
+    fields = {"poses": np.zeros((8, 156)), "trans": np.zeros((8, 3)), "betas": np.zeros(16)}
+    np.savez(tmp_path / "a.npz", **fields, gender="neutral", mocap_framerate=60.0)
+    still = run("motions", "dist", tmp_path / "a.npz", tmp_path / "a.npz")
+    assert (still.code, float(still.out)) == (0, 0.0)
+    assert run("view", tmp_path / "a.npz", "-o", tmp_path / "a.html").code == 0
+    assert '"n_frames":4' in (tmp_path / "a.html").read_text(encoding="utf-8")

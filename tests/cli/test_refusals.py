@@ -11,6 +11,8 @@ from riemhuman.surfaces import DeformationBasis
 # Command lines with the files of the fixture, and what the message says.
 REFUSALS = """
 dist body_0.ply other.ply                                   | other.ply is not registered to
+dist body_0.ply alone                                       | B must be one mesh, but alone is a
+compare body_0.ply alone                                    | AFTER must be one mesh
 dist body_0.ply body_1.ply --pose -a 1                      | leave it out
 dist body_0.ply body_1.ply -a 0 -c 0                        | must not both be 0
 matrix .                                                    | nothing to write
