@@ -12,7 +12,6 @@ from scipy import sparse
 from scipy.sparse.linalg import cg
 from scipy.spatial import cKDTree
 
-from riemhuman.bodies import BodyModel
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.kernels.threads import mapped
@@ -40,6 +39,8 @@ _PRIOR_METRES = 0.02
 _LONGEST = 0.3
 # Inverse variance of the coefficients of hands, of which 1 is a pose of a hand.
 _HANDS_PRECISION = 300.0
+# Inverse variance of what does not move while an arm is fitted.
+_FIXED = 1e15
 
 _N_SURFACE_STEPS = 3
 _FREE_ALONG = 0.05
@@ -47,7 +48,7 @@ _FREE_SCALE = 0.01
 _CONJUGATE_STEPS, _CONJUGATE_TOLERANCE = 60, 3e-2
 
 _N_DENSE = 3000
-# Rotations of a forearm are compared on so many points of the body; those whose likelihood is much
+# Arms are fitted by their share of so many points of the body. Rotations whose likelihood is much
 # below the best are left out.
 _N_ROTATED, _LEAST_ROTATED = 1000, 0.06
 # Rotations are different if the forearm and hand are this far apart, metres in the mean.
@@ -229,6 +230,8 @@ class _Arm(NamedTuple):
 
     joints: np.ndarray  # from the collar to the wrist
     vertices: np.ndarray  # numbers in the model
+    skin: ModelSamples  # these vertices
+    samples: ModelSamples  # a few points of the whole arm
     metric: ElasticMetric
     hands: list[np.ndarray]  # coefficients of poses of this hand; NaN for the other
 
@@ -245,7 +248,7 @@ class DenseFitter:
 
     @cached_property
     def _arms(self) -> list[_Arm]:
-        return [_arm_surface(self.model, joints) for joints in self.search.arms]
+        return [_arm_surface(self.search, joints) for joints in self.search.arms]
 
     def surface(self, pose: Pose) -> np.ndarray:
         return pose_body(self.search.samples(None), pose).points[: self.model.n_vertices]
@@ -266,6 +269,8 @@ class DenseFitter:
             return hair
         low, high = head.min(axis=0) - _FARTHEST_HAIR, head.max(axis=0) + _FARTHEST_HAIR
         around = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+        # Points near a vertex are near the surface.
+        around = around[cKDTree(surface).query(points[around])[0] > _HAIR_METRES]
         if not len(around):
             return hair
         places, gaps = nearest_points(points[around], surface, self.model.faces)
@@ -325,32 +330,31 @@ class DenseFitter:
         visible: np.ndarray,
     ) -> Pose:
         """Return a fit with each forearm rotated so that its surface comes nearest to the scan."""
-        few = self._samples(_N_ROTATED, visible)
 
-        def fit(pose: Pose) -> tuple[float, Pose]:
-            pose = fit_closest(few, pose, prior, tree)
-            return self.search.likelihood(pose, scan.points, scan.normals, best.up), pose
+        def fit(other: Pose) -> tuple[float, Pose]:
+            other = self._fit_arm(arm, other, prior, tree, visible)
+            return self.search.likelihood(other, scan.points, scan.normals, best.up), other
 
         for arm in self._arms:
             own = _points_on(arm, self.surface(pose), scan)
             if not len(own):
                 continue
-            found = list(mapped(fit, rotate_forearm(pose, arm.joints, few.rest_joints), N_THREADS))
+            rotated = rotate_forearm(pose, arm.joints, arm.samples.rest_joints)
+            found = list(mapped(fit, rotated, N_THREADS))
             found.sort(key=lambda each: -each[0])
             likely = [each for each in found if each[0] > found[0][0] - _LEAST_ROTATED]
-            surfaces = [self.surface(pose)]
+            surfaces = [pose_body(arm.skin, pose).points]
             others: list[Pose] = []
             for _, other in likely:
-                surface = self.surface(other)
-                if all(_gap(surface, each, arm) > _DIFFERENT_METRES for each in surfaces):
+                surface = pose_body(arm.skin, other).points
+                if all(_gap(surface, each) > _DIFFERENT_METRES for each in surfaces):
                     surfaces.append(surface)
                     others.append(other)
             if not others:
                 continue
             distances = []
             for surface in surfaces:
-                rest = surface[arm.vertices]
-                fitted, _ = fit_elastic(arm.metric, rest, rest, tree, _ARM_STIFFNESSES)
+                fitted, _ = fit_elastic(arm.metric, surface, surface, tree, _ARM_STIFFNESSES)
                 distances.append(_arm_distance(arm, fitted, own))
             nearest = int(np.argmin(distances))
             if nearest and distances[nearest] < (1.0 - _LEAST_GAIN) * distances[0]:
@@ -370,9 +374,8 @@ class DenseFitter:
         def fit(around: np.ndarray) -> tuple[float, Pose, Prior]:
             betas = np.append(pose.betas[:n_betas], around)
             its_prior = prior._replace(betas=np.append(prior.betas[:n_betas], around))
-            few = self._samples(_N_ROTATED, visible)
-            other = fit_closest(few, pose._replace(betas=betas), its_prior, tree)
-            surface = self.surface(other)[arm.vertices]
+            other = self._fit_arm(arm, pose._replace(betas=betas), its_prior, tree, visible)
+            surface = pose_body(arm.skin, other).points
             return _arm_distance(arm, surface, own, _HAND_METRES), other, its_prior
 
         for arm in self._arms:
@@ -388,10 +391,28 @@ class DenseFitter:
                 pose = fit_closest(self._samples(_N_DENSE, visible), pose, prior, tree)
         return pose, prior
 
+    def _fit_arm(
+        self, arm: _Arm, start: Pose, prior: Prior, tree: ScanTree, visible: np.ndarray
+    ) -> Pose:
+        """Fit one arm and its hand; all else stays as it starts."""
+        moving = np.isin(np.arange(self.model.n_joints), arm.joints[1:])
+        of_hands = np.arange(len(start.betas)) >= self.model.n_betas
+        of_arm = Prior(
+            np.where(moving[:, np.newaxis, np.newaxis], prior.local, start.local),
+            np.where(moving, prior.precisions, _FIXED),
+            np.where(of_hands, prior.betas, start.betas),
+            np.where(of_hands, prior.betas_precisions, _FIXED),
+        )
+        samples = arm.samples
+        samples = samples._replace(areas=samples.areas * visible[samples.numbers])
+        return fit_closest(samples, start, of_arm, tree)
 
-def _arm_surface(model: BodyModel, joints: np.ndarray) -> _Arm:
+
+def _arm_surface(search: StartSearch, joints: np.ndarray) -> _Arm:
+    model = search.model
+    owners = model.weights.argmax(axis=1)
     below = joints_below(model, joints[-2:].tolist())
-    inside = np.isin(model.weights.argmax(axis=1), below)
+    inside = np.isin(owners, below)
     faces = model.faces[inside[model.faces].all(axis=1)]
     used, corners = np.unique(faces, return_inverse=True)
     template = Template(model.template.vertices[used], corners.reshape(-1, 3))
@@ -402,13 +423,15 @@ def _arm_surface(model: BodyModel, joints: np.ndarray) -> _Arm:
         both = model.hand_pose(pose).reshape(2, -1)
         both[1 - side] = np.nan
         hands.append(both.ravel())
-    return _Arm(joints, used, metric, hands)
+    few = search.samples(_N_ROTATED)
+    on_arm = np.isin(owners, joints_below(model, joints[1:].tolist()))
+    samples = few.only(on_arm[few.numbers] & (few.numbers >= 0))
+    return _Arm(joints, used, search.samples(None).only(used), samples, metric, hands)
 
 
-def _gap(first: np.ndarray, second: np.ndarray, arm: _Arm) -> float:
-    """Return the mean distance between the vertices of an arm on two surfaces, metres."""
-    own = arm.vertices
-    return float(np.linalg.norm(first[own] - second[own], axis=1).mean())
+def _gap(first: np.ndarray, second: np.ndarray) -> float:
+    """Return the mean distance between two surfaces, metres."""
+    return float(np.linalg.norm(first - second, axis=1).mean())
 
 
 def _points_on(arm: _Arm, surface: np.ndarray, scan: PreparedScan) -> np.ndarray:

@@ -64,6 +64,24 @@ class ModelSamples(NamedTuple):
     single_below: np.ndarray
     weights_below: np.ndarray  # (n, J) weights of each joint and of those that it moves
 
+    def only(self, chosen: np.ndarray) -> ModelSamples:
+        """Return some of the points."""
+        return self._replace(**{name: getattr(self, name)[chosen] for name in _OF_POINTS})
+
+
+_OF_POINTS = (
+    "numbers",
+    "rest",
+    "normals",
+    "areas",
+    "shapedirs",
+    "posedirs",
+    "weights",
+    "single_shapedirs",
+    "single_weights",
+    "weights_below",
+)
+
 
 def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
     """Return points of the model's skin, followed by its joints."""
@@ -171,7 +189,8 @@ class Prior(NamedTuple):
     """A normal prior of pose and shape."""
 
     local: np.ndarray  # (J, 3, 3) mean rotations of the joints
-    precisions: np.ndarray  # (J,) inverse variances, inverse squared radians; 0 for the root
+    # (J,) inverse variances, inverse squared radians; 0 for the root, as for the translation
+    precisions: np.ndarray
     betas: np.ndarray  # (B,) mean
     betas_precisions: np.ndarray  # (B,) inverse variances
 
@@ -263,11 +282,11 @@ def take_step(
     matrix = (rows.T @ rows).astype(float)
     right = (rows.T @ sides.ravel().astype(np.float32)).astype(float)
 
-    rest = np.zeros(3)
-    precisions = np.concatenate([np.tile(prior.precisions, 3), prior.betas_precisions, rest])
+    of_place = np.full(3, prior.precisions[body.order[0]])
+    precisions = np.concatenate([np.tile(prior.precisions, 3), prior.betas_precisions, of_place])
     away = _rotation_vectors(pose.local @ prior.local.transpose(0, 2, 1))
     in_space = np.einsum("jxy,jy->xj", posed.axes, away)
-    offsets = np.concatenate([in_space.ravel(), pose.betas - prior.betas, rest])
+    offsets = np.concatenate([in_space.ravel(), pose.betas - prior.betas, np.zeros(3)])
     right -= prior_weight * precisions * offsets
     diagonal = np.diag(matrix) + prior_weight * precisions
     np.fill_diagonal(matrix, 1.0001 * diagonal + 1e-9)
@@ -371,18 +390,18 @@ def anneal(
     landmarks: np.ndarray,
     end: End | None = None,
 ) -> tuple[Pose, float]:
-    """Fit a body to a scan, and return it with the mean log-likelihood before the last step.
+    """Fit a body to a scan, and return it with its mean log-likelihood.
 
-    There is a step for each standard deviation, metres. Landmarks are known positions of points of
-    the body, shape (n, 3), NaN for all others. `signed` is whether the signs of the scan's normals
-    are known. Points of the body beyond the end of the scan have no area.
+    There is a step for each standard deviation, metres, and a likelihood for the last. Landmarks
+    are known positions of points of the body, shape (n, 3), NaN for all others. `signed` is whether
+    the signs of the scan's normals are known. Points beyond the end of the scan have no area.
     """
     n = len(body.areas)
     areas = body.areas.astype(np.float32)
     masses, targets = np.empty(n, np.float32), np.empty((3, n), np.float32)
     known = ~np.isnan(landmarks[:, 0])
     pose, likelihood = start, -np.inf
-    for sigma in sigmas:
+    for number, sigma in enumerate(sigmas):
         posed = pose_body(body, pose)
         if end is not None:
             shown = body.areas * end.shows(posed.points)
@@ -398,6 +417,8 @@ def anneal(
             masses,
             targets,
         )
+        if number == len(sigmas) - 1:
+            break
         # The smallest positive number stands for a mass of 0, whose share is 0.
         means = targets.T / np.maximum(masses, np.finfo(np.float32).tiny)[:, np.newaxis]
         gaps = np.where(known[:, np.newaxis], landmarks, means) - posed.points

@@ -242,7 +242,6 @@ class StartSearch:
         n_vertices = len(body.areas) - self.model.n_joints
         for joint, position in target.landmarks.items():
             known[n_vertices + joint] = position
-        # The likelihood is that before the last step, so one more step is needed.
         sigmas = np.append(np.geomspace(*each.sigmas, each.n_steps), each.sigmas[1])
 
         def advance(candidate: Candidate) -> Candidate:

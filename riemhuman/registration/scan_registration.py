@@ -381,7 +381,8 @@ class ScanRegistration:
         # Hands that lie on the body are thin enough to be where it is, though they are right.
         overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands)
         lost = self._lost_limbs(points, matched, overlaps)
-        overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands & ~lost)
+        if lost.any():
+            overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands & ~lost)
         seen = near_matched(self.model.template, matched) & ~lost
         shares = self._shares(matched)
         limb = int(np.argmin(shares))
