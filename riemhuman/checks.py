@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -172,11 +173,16 @@ def length_of(points: Any, name: str) -> int:
     return len(points)
 
 
-def class_numbers(labels: Any, name: str, count: int) -> np.ndarray:
-    """Return `count` labels of any hashable type as numbers, in the order of their first items."""
+def class_numbers(
+    labels: Any, name: str, count: int, *, ascending: bool = False
+) -> tuple[np.ndarray, list[Any]]:
+    """Return `count` labels of any hashable type as numbers, and the classes that these number.
+
+    Classes are in the order of their first items or ascending, where labels can be compared.
+    """
     try:
         values = list(labels.tolist() if isinstance(labels, np.ndarray) else labels)
-        numbers = {value: number for number, value in enumerate(dict.fromkeys(values))}
+        classes = list(dict.fromkeys(values))
     except TypeError as error:
         raise ArgumentTypeError(
             f"{name} must be a sequence of hashable class labels ({error})"
@@ -185,7 +191,11 @@ def class_numbers(labels: Any, name: str, count: int) -> np.ndarray:
         raise ArgumentError(
             f"{name} must hold a label for each of {count} points; found {len(values)}"
         )
-    return np.array([numbers[value] for value in values], dtype=np.int64)
+    if ascending:
+        with suppress(TypeError):
+            classes = sorted(classes)
+    numbers = {value: number for number, value in enumerate(classes)}
+    return np.array([numbers[value] for value in values], dtype=np.int64), classes
 
 
 def metric_weight(value: Any, name: str, *, strict: bool = False) -> float:

@@ -140,8 +140,7 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
     natural = options.open == "natural"
     found = rh.report.retrieval_tables(bodies, learned=natural, task=options.task)
     record = {
-        title: {row.representation: asdict(row.scores) for row in rows}
-        for title, rows in found.items()
+        title: {name: asdict(row) for name, row in rows.items()} for title, rows in found.items()
     }
     end = (
         "Per cent, each body against all others: NN nearest neighbour, FT and ST first and second "

@@ -205,5 +205,5 @@ def _table(options: argparse.Namespace) -> cli.Answer:
     task = options.task
     compared = rh.motions.compare_representations(options.seed, task=task)
     rows = rh.retrieval.retrieval_table(*compared)
-    record = {row.representation: asdict(row.scores) for row in rows}
+    record = {name: asdict(row) for name, row in rows.items()}
     return cli.Answer(rh.retrieval.format_table("Which motion is it?", rows), record)

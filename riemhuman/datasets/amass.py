@@ -279,13 +279,16 @@ def _of_model(poses: np.ndarray, n_joints: int) -> np.ndarray:
 def _read_header(file: Path) -> _Header:
     """Read gender, frame rate and number of frames of a file."""
     with open_archive(file) as archive:
-        shapes = {name: archive.shape(name) for name in archive.names}
-        fields = archive.arrays([name for name in (*_RATES, "gender") if name in shapes])
-    rate_name = next((name for name in _RATES if name in shapes), " or ".join(_RATES))
-    needed = ["trans", "betas", rate_name]
-    needed += _NEEDED_POSES if any(name in shapes for name in _NEEDED_POSES) else ["poses"]
-    with format_errors(file, "a motion"):
-        check_fields(shapes, needed)
+        names = archive.names
+        rate_name = next((name for name in _RATES if name in names), " or ".join(_RATES))
+        needed = ["trans", "betas", rate_name]
+        needed += _NEEDED_POSES if any(name in names for name in _NEEDED_POSES) else ["poses"]
+        check_fields(names, needed)
+        # Others may hold objects of Python, as the markers of SMPL-X do.
+        shapes = {
+            name: archive.shape(name) for name in ("trans", "poses", *_POSES) if name in names
+        }
+        fields = archive.arrays([name for name in (rate_name, "gender") if name in names])
     n_frames = (*shapes["trans"], 0)[0]
     widths = {"trans": (3,), "poses": tuple(3 * number for number in _LAYOUTS)}
     widths |= {name: (width,) for name, width in _POSES.items()}
@@ -298,7 +301,9 @@ def _read_header(file: Path) -> _Header:
                 f"{file}: {name} must have shape ({length}, {width}); found {shape}"
             )
     with format_errors(file, "a motion"):
-        rate = real_number(fields[rate_name], rate_name, minimum=0.0, strict=True)
+        rate = fields[rate_name]
+        rate = rate.item() if rate.size == 1 else rate
+        rate = real_number(rate, rate_name, minimum=0.0, strict=True)
     return _Header(_gender(fields.get("gender", np.array("neutral")), file), rate, n_frames)
 
 
@@ -326,6 +331,9 @@ def _read_unchanged(file: Path, _time: int, _size: int) -> _Recording:
             fields[name] = real_array(array, name)
             if np.abs(fields[name]).max(initial=0.0) > _LARGEST:
                 raise ArgumentError(f"{name} holds numbers beyond {_LARGEST:g}")
+        betas = np.atleast_2d(fields["betas"])
+        if betas.ndim > 2 or (betas != betas[:1]).any():
+            raise ArgumentError(f"betas must be those of one person; found shape {betas.shape}")
         translations = real_array(fields["trans"], "trans", ("n_frames", 3), batched=False)
         n_frames = len(translations)
         if "poses" in fields:
@@ -333,4 +341,4 @@ def _read_unchanged(file: Path, _time: int, _size: int) -> _Recording:
         else:
             still = {name: np.zeros((n_frames, width)) for name, width in _POSES.items()}
             poses = np.concatenate([(still | fields)[name] for name in _POSES], axis=1)
-        return _Recording(fields["betas"].ravel(), poses.reshape(n_frames, -1, 3), translations)
+        return _Recording(betas[0], poses.reshape(n_frames, -1, 3), translations)

@@ -40,7 +40,7 @@ from riemhuman.geometry import (
 from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
 from riemhuman.learned.shape_pose_codes import ShapePoseCodes
 from riemhuman.progress import ProgressBar
-from riemhuman.retrieval import RetrievalScores, TableRow, retrieval_table, scores
+from riemhuman.retrieval import RetrievalScores, retrieval_table, scores
 from riemhuman.solvers.paths import LinearPath
 from riemhuman.statistics import LearnedMetric
 from riemhuman.surfaces.template import Template
@@ -275,7 +275,7 @@ def retrieval_tables(
     *,
     learned: bool = False,
     task: Callable[[str], AbstractContextManager[Any]] = nullcontext,
-) -> dict[str, list[TableRow]]:
+) -> dict[str, dict[str, RetrievalScores]]:
     """Score metrics by leave-one-out retrieval of people and of poses.
 
     Parameters

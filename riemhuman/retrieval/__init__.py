@@ -4,7 +4,6 @@ from riemhuman.retrieval.jobs import pairwise_job, path_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.retrieval.scores import (
     RetrievalScores,
-    TableRow,
     confusion,
     format_table,
     local_scaling,
@@ -16,7 +15,6 @@ from riemhuman.retrieval.scores import (
 __all__ = [
     "NearestNeighbors",
     "RetrievalScores",
-    "TableRow",
     "confusion",
     "format_table",
     "local_scaling",

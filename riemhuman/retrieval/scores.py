@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import (
-    check_shape,
-    class_numbers,
-    distance_matrix,
-    values_of,
-    whole_number,
-)
+from riemhuman.checks import class_numbers, distance_matrix, whole_number
 from riemhuman.errors import ArgumentError
 
 
@@ -95,10 +89,10 @@ def scores(
     100.0
     """
     matrix = distance_matrix(distances, "distances", symmetric=False)
-    classes = class_numbers(labels, "labels", len(matrix))
+    classes, _ = class_numbers(labels, "labels", len(matrix))
     ranked = ~np.eye(len(matrix), dtype=bool)
     if groups is not None:
-        members = class_numbers(groups, "groups", len(matrix))
+        members, _ = class_numbers(groups, "groups", len(matrix))
         ranked = members[:, None] != members
     relevant = ranked & (classes[:, None] == classes)
     queries = np.flatnonzero(relevant.any(axis=1))
@@ -208,7 +202,7 @@ def precision_recall(
     >>> recall, precision = rh.retrieval.precision_recall(D, bodies.subject[:30])
     """
     matrix = distance_matrix(distances, "distances", symmetric=False)
-    classes = class_numbers(labels, "labels", len(matrix))
+    classes, _ = class_numbers(labels, "labels", len(matrix))
     relevant = classes[:, None] == classes
     n_relevant = relevant.sum(axis=1) - 1
     n_levels = int(n_relevant.max(initial=0))
@@ -238,7 +232,7 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
     -------
     array of int, shape (n_classes, n_classes)
         Number of queries by their class (row) and the class of their nearest neighbour (column),
-        in the order of `numpy.unique`.
+        ascending, or in the order of first items where labels cannot be compared.
 
     Examples
     --------
@@ -248,36 +242,16 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
     """
     matrix = distance_matrix(distances, "distances", symmetric=False)
     np.fill_diagonal(matrix, np.inf)
-    names, classes = np.unique(values_of(labels, "labels"), return_inverse=True)
-    check_shape(classes, "labels", (len(matrix),), batched=False)
+    classes, names = class_numbers(labels, "labels", len(matrix), ascending=True)
     counts = np.zeros((len(names), len(names)), dtype=np.int64)
     np.add.at(counts, (classes, classes[matrix.argmin(axis=1)]), 1)
     return counts
 
 
-@dataclass(frozen=True)
-class TableRow:
-    """Scores of one representation on one task.
-
-    Attributes
-    ----------
-    representation : str
-    scores : RetrievalScores
-
-    Examples
-    --------
-    >>> rh.retrieval.retrieval_table({"toy": [[0, 1], [1, 0]]}, [0, 0])[0].representation
-    'toy'
-    """
-
-    representation: str
-    scores: RetrievalScores
-
-
 def retrieval_table(
     distances: Mapping[str, np.ndarray], labels: np.ndarray, groups: np.ndarray | None = None
-) -> list[TableRow]:
-    """Return the scores of several distance matrices for the same labels.
+) -> dict[str, RetrievalScores]:
+    """Return the scores of several distance matrices for the same labels, by name.
 
     Parameters
     ----------
@@ -289,21 +263,20 @@ def retrieval_table(
     Examples
     --------
     >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
-    >>> row = rh.retrieval.retrieval_table({"toy": D}, [0, 0, 1, 1])[0]
-    >>> row.representation, row.scores.first_tier
-    ('toy', 100.0)
+    >>> rh.retrieval.retrieval_table({"toy": D}, [0, 0, 1, 1])["toy"].first_tier
+    100.0
     """
-    return [TableRow(name, scores(matrix, labels, groups)) for name, matrix in distances.items()]
+    return {name: scores(matrix, labels, groups) for name, matrix in distances.items()}
 
 
-def format_table(title: str, rows: Iterable[TableRow]) -> str:
+def format_table(title: str, rows: Mapping[str, RetrievalScores]) -> str:
     """Return a table as text, one line per representation.
 
     Parameters
     ----------
     title : str
         Title of the first column.
-    rows : iterable of TableRow
+    rows : mapping of str to RetrievalScores
 
     Examples
     --------
@@ -313,12 +286,9 @@ def format_table(title: str, rows: Iterable[TableRow]) -> str:
     Who is it?     NN     FT     ST
     toy         100.0  100.0  100.0
     """
-    rows = list(rows)
-    width = max([len(title), *(len(row.representation) for row in rows)])
+    width = max(map(len, [title, *rows]))
     lines = [f"{title:<{width}}     NN     FT     ST"]
-    lines += [
-        f"{row.representation:<{width}}  {row.scores.nn:5.1f}  {row.scores.first_tier:5.1f}"
-        f"  {row.scores.second_tier:5.1f}"
-        for row in rows
-    ]
+    for name, row in rows.items():
+        cells = (row.nn, row.first_tier, row.second_tier)
+        lines.append(f"{name:<{width}}" + "".join(f"  {cell:5.1f}" for cell in cells))
     return "\n".join(lines)

@@ -114,10 +114,10 @@ class LearnedMetric(Estimator):
             default every point is a group.
         """
         coordinates = self._coordinates(X)
-        classes = class_numbers(y, "y", len(coordinates))
+        classes = class_numbers(y, "y", len(coordinates))[0]
         members = np.arange(len(classes))
         if groups is not None:
-            members = class_numbers(groups, "groups", len(classes))
+            members = class_numbers(groups, "groups", len(classes))[0]
         shrinkage = self.shrinkage
         if isinstance(shrinkage, str):
             one_of(shrinkage, "shrinkage", (LEDOIT_WOLF, CROSS_VALIDATION))
@@ -159,8 +159,8 @@ class LearnedMetric(Estimator):
             As for `fit`.
         """
         coordinates = self._coordinates(X)
-        classes = class_numbers(y, "y", len(coordinates))
-        members = class_numbers(groups, "groups", len(coordinates))
+        classes = class_numbers(y, "y", len(coordinates))[0]
+        members = class_numbers(groups, "groups", len(coordinates))[0]
         distances = np.empty((len(coordinates), len(coordinates)))
         for held_out in self._folds(members):
             seen, shrinkage = ~held_out, self.shrinkage

@@ -11,7 +11,14 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import Rng, distance_matrix, generator, values_of, whole_number
+from riemhuman.checks import (
+    Rng,
+    class_numbers,
+    distance_matrix,
+    generator,
+    values_of,
+    whole_number,
+)
 from riemhuman.errors import ArgumentError
 from riemhuman.representation import Record
 
@@ -131,12 +138,7 @@ def _units(units: ArrayLike | None, first: ndarray) -> tuple[ndarray, ndarray]:
     """Return the unit of every point, and which units are in the first group."""
     if units is None:
         return np.arange(len(first)), first
-    names, members = np.unique(values_of(units, "units"), return_inverse=True)
-    if members.shape != first.shape:
-        raise ArgumentError(
-            f"units must hold one name for each of {len(first)} points; found shape "
-            f"{np.shape(units)}"
-        )
+    members, names = class_numbers(units, "units", len(first), ascending=True)
     share = np.bincount(members, weights=first) / np.bincount(members)
     mixed = np.flatnonzero((share > 0) & (share < 1))
     if len(mixed):

@@ -240,6 +240,21 @@ def test_models_of_other_trees(tmp_path, model):
         load_amass(path, {})
 
 
+def test_what_files_hold_besides(tmp_path, model):
+    """Real files of SMPL-X hold a dictionary; rates and betas may have axes of length one."""
+    markers = np.array({"LFHD": 3}, dtype=object)
+    plain = smpl_x()
+    path = tmp_path / "a_stageii.npz"
+    fields = plain | {"markers_latent_vids": markers, "mocap_frame_rate": np.array([30.0])}
+    np.savez(path, **fields | {"betas": np.tile(plain["betas"], (20, 1))})
+    (motion,) = load_amass(path, model)
+    (expected,) = load_amass(write(tmp_path / "b.npz", plain), model)
+    np.testing.assert_array_equal(motion[3], expected[3])
+    write(tmp_path / "c.npz", plain | {"betas": np.arange(40.0).reshape(20, 2)})
+    with pytest.raises(FileFormatError, match=r"betas must be those of one person; .*\(20, 2\)"):
+        load_amass(tmp_path / "c.npz", model)[0][0]
+
+
 WRONG = {
     "no poses": (smpl_h(poses=None), "lacks the fields poses; found betas, dmpls, gender"),
     "no frame rate": (

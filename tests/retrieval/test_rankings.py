@@ -54,6 +54,13 @@ def test_confusion_counts_nearest_neighbours(distances):
     assert counts[0, 1] == sum(LABELS[nearest[i]] == "b" for i in range(12) if LABELS[i] == "a")
 
 
+def test_confusion_of_labels_of_any_hashable_kind(distances):
+    mixed = [None, "1", 1] * 4  # which cannot be sorted
+    expected = confusion(distances, [0, 1, 2] * 4)
+    for labels in (mixed, "abc" * 4, [("a", 1), ("a", 2), ("b", 1)] * 4):
+        np.testing.assert_array_equal(confusion(distances, labels), expected)
+
+
 @pytest.mark.parametrize("function", [precision_recall, confusion])
 def test_arguments_are_checked_as_for_scores(function, distances):
     with pytest.raises(ArgumentError, match="labels must .*12.*found .*11"):

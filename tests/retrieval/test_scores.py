@@ -176,6 +176,6 @@ def test_bodies_of_the_group_of_a_query_are_left_out():
         totals.append(recount(order, labels, query))
     among_others = scores(distances, labels, groups=people)
     np.testing.assert_allclose(as_array(among_others), 100 * np.mean(totals, axis=0))
-    row = retrieval_table({"toy": distances}, labels, groups=people)[0]
-    assert row.scores == among_others
+    table = retrieval_table({"toy": distances}, labels, groups=people)
+    assert table == {"toy": among_others}
     assert among_others != scores(distances, labels)

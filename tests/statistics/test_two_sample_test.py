@@ -96,8 +96,10 @@ def test_refusals():
         two_sample_test(distances, np.ones(6, dtype=bool))
     with pytest.raises(ArgumentError, match="units: 1 has points in both"):
         two_sample_test(distances, first, units=[0, 1, 1, 1, 2, 2])
-    with pytest.raises(ArgumentError, match="units must hold one name"):
+    with pytest.raises(ArgumentError, match="units must hold a label for each of 6"):
         two_sample_test(distances, first, units=[0, 1])
+    mixed = two_sample_test(distances, first, units=["b", None, "b", 1, 1, 2])
+    assert mixed.n_permutations == 6  # two units of four
     with pytest.raises(ArgumentError, match="n_permutations"):
         two_sample_test(distances, first, n_permutations=0)
     with pytest.raises(ArgumentError, match="distances must be a square"):
