@@ -230,7 +230,7 @@ def write_ply(vertices: ndarray, faces: ndarray, trusted: ndarray | None = None)
     columns = dict(zip(_POSITION, vertices.T, strict=True))
     columns |= {} if trusted is None else {"trusted": trusted.astype(np.uint8)}
     points = np.rec.fromarrays(columns.values(), names=list(columns))
-    triangles = faces.astype(np.int32).view([(_CORNERS[0], np.int32, (3,))])[:, 0]
+    triangles = faces.astype(np.int32, order="C").view([(_CORNERS[0], np.int32, (3,))])[:, 0]
     elements = [
         plyfile.PlyElement.describe(np.asarray(points), "vertex"),
         plyfile.PlyElement.describe(triangles, "face"),
