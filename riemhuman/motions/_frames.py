@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import values_of
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.checks import length_of, values_of
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, Manifold, RiemannianMetric
 from riemhuman.kernels.projections import Projection
 
@@ -22,6 +22,9 @@ _RUN = 16
 # Principal components are computed from about so many frames: their covariance changes little
 # with more, and the cost grows with the cube of the number.
 MOST_SAMPLED = 600
+
+# Squared distances of frames below this share of their squared norms are rounding.
+_ROUNDING = 1e-13
 
 
 def frame_runs(
@@ -71,13 +74,10 @@ def read_motion(space: Manifold, motion: Motion, name: str = "motion") -> ndarra
 
 def frame_count(motion: Motion, name: str = "motion", minimum: int = 1) -> int:
     """Return the number of frames; raise an error if there are fewer than `minimum`."""
-    if not hasattr(motion, "__len__") or not hasattr(motion, "__getitem__"):
-        raise ArgumentTypeError(
-            f"{name} must have a length and slices, as arrays; found {type(motion).__name__}"
-        )
-    if len(motion) < minimum:
-        raise ArgumentError(f"{name} must have at least {minimum} frames; found {len(motion)}")
-    return len(motion)
+    n_frames = length_of(motion, name)
+    if n_frames < minimum:
+        raise ArgumentError(f"{name} must have at least {minimum} frames; found {n_frames}")
+    return n_frames
 
 
 def check_motions(motions: Any, name: str = "motions") -> None:
@@ -87,7 +87,7 @@ def check_motions(motions: Any, name: str = "motions") -> None:
             f"{name} must contain several motions; found a single one, of shape {motions.shape}: "
             "give it in a list, [motion]"
         )
-    if len(motions) == 0:
+    if length_of(motions, name) == 0:
         raise ArgumentError(f"{name} must contain at least one motion; found none")
 
 
@@ -128,11 +128,12 @@ class FrameDistances:
         self._projection = None
         if n_components is None:
             return
-        step = -(-sum(len(motion) for motion in motions) // MOST_SAMPLED)
+        counts = [frame_count(motion, f"motions[{k}]") for k, motion in enumerate(motions)]
+        step = -(-sum(counts) // MOST_SAMPLED)
         sample = [
             self._metric.lower_bound_coordinates(run)
             for k, motion in enumerate(motions)
-            for j in range(0, frame_count(motion, f"motions[{k}]"), step)
+            for j in range(0, counts[k], step)
             for run in self._runs(motion[j : j + 1], f"motions[{k}][{j}:{j + 1}]")
         ]
         self._projection = Projection.fit(np.concatenate(sample), n_components)
@@ -154,5 +155,6 @@ class FrameDistances:
         if not self._flat:
             return np.asarray(self._metric.bulk.squared_distances(a, b))
         x, y = a[0], b[0]
-        squares = np.einsum("ij,ij->i", x, x)[:, None] + np.einsum("ij,ij->i", y, y)
-        return np.maximum(squares - 2.0 * x @ y.T, 0.0)
+        sums = np.einsum("ij,ij->i", x, x)[:, None] + np.einsum("ij,ij->i", y, y)
+        squares = sums - 2.0 * x @ y.T
+        return np.where(squares > _ROUNDING * sums, squares, 0.0)

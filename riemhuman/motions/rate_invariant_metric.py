@@ -131,12 +131,13 @@ class RateInvariantMetric(MotionDistance):
         """Return the projection to principal components of a sample of velocities."""
         if self.n_components is None:
             return None
-        step = -(-sum(len(motion) for motion in motions) // MOST_SAMPLED)
+        counts = [frame_count(motion, f"motions[{k}]", 2) for k, motion in enumerate(motions)]
+        step = -(-sum(counts) // MOST_SAMPLED)
         sample = np.concatenate(
             [
                 self._velocities.segments(motion[k : k + 2], f"motions[{i}][{k}:{k + 2}]")
                 for i, motion in enumerate(motions)
-                for k in range(0, len(motion) - 1, step)
+                for k in range(0, counts[i] - 1, step)
             ]
         )
         # With its mirror image the sample has mean 0: the projection is linear.

@@ -104,16 +104,23 @@ def test_wrong_motions_are_named(distance, motions):
         ((motions[0], motions[0][:1]), "m2 must have at least 2 frames; found 1"),
         ((damaged, motions[0]), "frame 17 of m1 holds NaN"),
         ((motions[0], motions[0][:, :-1]), "frames 0 to 9 of m2 must have shape"),
+        ((motions[0], iter(motions[0])), "m2 must be an array, or have a length and slices"),
     ):
         with pytest.raises(rh.RiemhumanError, match=message):
             distance.dist(*wrong)
     for several, message in (
         ([motions[0], motions[0][:0]], r"motions\[1\] must have at least"),
         ([motions[0], damaged], r"frame 17 of motions\[1\] holds NaN"),
+        ([motions[0], iter(motions[0])], r"motions\[1\] must be an array, or have a length"),
+        (iter(motions), "motions must be an array, or have a length"),
+        (None, "motions must be an array, or have a length"),
         (motions[0], "give it in a list"),
     ):
         with pytest.raises(rh.RiemhumanError, match=message):
             distance.dist_pairwise(several)
+    distance.n_components = 3
+    with pytest.raises(rh.RiemhumanError, match=r"motions\[1\] must be an array, or have"):
+        distance.dist_pairwise([motions[0], iter(motions[0])])
 
 
 @pytest.mark.parametrize(

@@ -142,7 +142,9 @@ class TestVelocityTimeWarping:
         assert flat.dist(a, moved) == pytest.approx(flat.dist(a, b), rel=1e-9)
         assert flat.dist(a, b) == flat.dist(b, a) > 0.2
 
-    def test_standing_still_is_at_one_from_motion(self, flat):
+    def test_standing_still_is_at_one_from_motion(self, flat, pose, motions):
+        body = np.repeat(motions[0][:1], 5, axis=0)
+        assert rh.motions.VelocityTimeWarping(pose).dist(body, body) == 0.0
         still = np.zeros((4, 1, 3))
         assert flat.dist(still, still[:2]) == 0.0
         assert flat.dist(still, knot(FEW)) == pytest.approx(1.0)
