@@ -10,7 +10,6 @@ from oracles import taylor_slope
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
-from riemhuman.bodies.skinning import joint_parents, parents_first
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 
@@ -317,29 +316,3 @@ def test_wrong_arguments(method):
     for name in ("betas", "pose", "trans"):
         with pytest.raises(ArgumentTypeError, match=f"{name} must be an array of real numbers"):
             evaluate(**{name: "tall"})
-
-
-@pytest.fixture(params=range(20))
-def tree(request):
-    """Return the parents of a random tree whose joints are shuffled."""
-    rng = np.random.default_rng(request.param)
-    n_joints = 1 + request.param % 12
-    order = rng.permutation(n_joints)
-    parents = np.full(n_joints, -1)
-    for joint in range(1, n_joints):
-        parents[order[joint]] = order[rng.integers(joint)]
-    return parents
-
-
-def test_parents_come_before_children(tree):
-    order = parents_first(tree)
-    assert sorted(order) == list(range(len(tree)))
-    place = {joint: number for number, joint in enumerate(order)}
-    assert all(place[parent] < place[joint] for joint, parent in enumerate(tree) if parent >= 0)
-
-
-@pytest.mark.parametrize("root", [-1, 2**32 - 1])
-def test_tables_in_any_numbering(tree, root):
-    numbers = 7 + 3 * np.arange(len(tree))
-    table = [[numbers[parent] if parent >= 0 else root for parent in tree], numbers]
-    np.testing.assert_array_equal(joint_parents(table, len(tree)), tree)

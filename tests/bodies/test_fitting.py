@@ -63,9 +63,9 @@ def test_bodies_are_recovered(model):
 
 
 def test_any_heading_and_place(model):
-    betas, pose, _ = parameters(model, 12, rng=1)
-    pose[:, 0] = Rotation.random(12, random_state=2).as_rotvec()
-    trans = 1e3 * np.random.default_rng(3).normal(size=(12, 3))
+    betas, pose, _ = parameters(model, 4, rng=1)
+    pose[:, 0] = Rotation.random(4, random_state=2).as_rotvec()
+    trans = 1e3 * np.random.default_rng(3).normal(size=(4, 3))
     points = model(betas, pose, trans)
     fit = model.fit(points)
     assert fit.converged.all()
@@ -194,7 +194,7 @@ def test_weights_leave_points_out(model):
 
 
 def test_huber_loss(model):
-    betas, pose, trans = parameters(model, 6, rng=19)
+    betas, pose, trans = parameters(model, 3, rng=19)
     points = model(betas, pose, trans)
     rng = np.random.default_rng(20)
     spoilt = rng.uniform(size=points.shape[:2]) < 0.1
@@ -274,7 +274,7 @@ def test_a_flat_point_cloud_is_fitted_as_well_as_can_be(model):
 
 
 def test_from_coarse_to_full_and_back(model):
-    full, fit = load_open_model("full"), model.fit(load_open_bodies("coarse").points[[3, 9]])
+    full, fit = load_open_model("full"), model.fit(load_open_bodies("coarse").points[9:10])
     there = open_measurements(model).correspondence_to(full)
     converted = convert_fit(fit, model, to=full, correspondence=there)
     assert converted.betas.shape == fit.betas.shape
@@ -323,16 +323,13 @@ def test_bad_arguments(model, case):
         model.fit(**({"points": model()} | arguments))
 
 
-@pytest.mark.parametrize("numbers", [[3, 7], [5, 5, 0, 1201], (9,), np.array([1, 0], np.uint16)])
-def test_vertices(model, numbers):
-    matrix = correspondence_matrix(model, numbers)
-    np.testing.assert_array_equal(matrix @ model(), model()[np.asarray(numbers)])
-
-
-@pytest.mark.parametrize("layout", ["csr", "csc", "coo", "dok"])
-def test_matrices(model, layout):
+def test_correspondences(model):
+    for numbers in ([3, 7], [5, 5, 0, 1201], (9,), np.array([1, 0], np.uint16)):
+        matrix = correspondence_matrix(model, numbers)
+        np.testing.assert_array_equal(matrix @ model(), model()[np.asarray(numbers)])
     rows, columns = [0, 0, 1, 1], [4, 9, 2, 2]
     matrix = sparse.coo_array(([0.25, 0.75, 0.5, 0.5], (rows, columns)), shape=(2, 1202))
-    found = correspondence_matrix(model, matrix.asformat(layout)) @ model()
     expected = [0.25 * model()[4] + 0.75 * model()[9], model()[2]]
-    np.testing.assert_allclose(found, expected, atol=1e-15)
+    for layout in ("csr", "dok"):
+        found = correspondence_matrix(model, matrix.asformat(layout)) @ model()
+        np.testing.assert_allclose(found, expected, atol=1e-15)

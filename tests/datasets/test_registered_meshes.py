@@ -228,13 +228,6 @@ def test_labels_with_any_line_end_and_lines_within_quotes(folder, line_end):
     assert bodies.pose_names == ("pose 10", "run\x0cfast")
 
 
-@pytest.mark.parametrize("row", ["\n", " , ,\n", ",,,,\n"])
-def test_empty_rows_of_tables_are_skipped(folder, row):
-    expected = load_bodies(folder)
-    (folder / "labels.csv").write_text(TABLE + row)
-    assert load_bodies(folder).ids == expected.ids
-
-
 BAD_TABLES = {
     "b10.obj renamed": (
         TABLE.replace("b10.obj", "b99.obj"),

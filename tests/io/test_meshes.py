@@ -129,7 +129,6 @@ VERTEX, FACE = elements_of(VERTICES, FACES, "float")
 RAGGED = [[[1, 2]], [[]], [[3, 4, 5]], [[6]]]
 RAGGED_LIST = ("uchar", "short", "neighbours")
 LAYOUTS = {
-    "lists before the vertices": [("strip", [RAGGED_LIST], RAGGED), VERTEX, FACE],
     "lists per vertex": [
         ("vertex", [RAGGED_LIST, *VERTEX[1]], [
             [*extra, *row] for extra, row in zip(RAGGED, VERTICES, strict=True)
@@ -140,8 +139,6 @@ LAYOUTS = {
         VERTEX,
         ("face", [*FACE[1], RAGGED_LIST], [[FACES[0], [1, 2, 3, 4]], [FACES[1], [7]]]),
     ],
-    "faces first": [FACE, VERTEX],
-    "long lengths": [VERTEX, ("face", [("int", "uint", "vertex_indices")], FACE[2])],
     "numbers between": [
         ("vertex", [VERTEX[1][2], ("uchar", "red"), *VERTEX[1][:2]], [
             [z, 255, x, y] for x, y, z in VERTICES
@@ -150,7 +147,6 @@ LAYOUTS = {
     ],
     "something behind": [VERTEX, FACE, ("edge", [("int", "vertex1")], [[0]])],
     "elements without rows": [("camera", VERTEX[1], []), VERTEX, FACE, ("s", [RAGGED_LIST], [])],
-    "like a line end": [("strip", [("uchar", "a")], [[10], [13]]), VERTEX, FACE],
 }  # fmt: skip
 
 
