@@ -15,7 +15,7 @@ from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.descriptors.descriptor import Descriptor, meshes_of, pairwise
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.progress import ProgressBar
-from riemhuman.surfaces.spectra import LAPLACIANS, Spectrum, spectrum
+from riemhuman.surfaces.spectra import Spectrum, spectrum
 
 _TIMES = tuple(np.geomspace(0.02, 2.0, 16).tolist())
 # Range of log₁₀(4πt h), which is 0 where the surface is flat within a distance of √t.
@@ -31,14 +31,13 @@ class SpectralDescriptor(Descriptor):
     _in_threads = False
 
     n_eigenvalues: int
-    laplacian: str
 
     @abstractmethod
     def of_spectrum(self, modes: Spectrum) -> np.ndarray:
         """Return the vector of a surface from at least `n_eigenvalues` of its eigenvalues."""
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        return self.of_spectrum(spectrum(vertices, faces, self.n_eigenvalues, self.laplacian))
+        return self.of_spectrum(spectrum(vertices, faces, self.n_eigenvalues))
 
     @staticmethod
     def describe_together(
@@ -46,25 +45,20 @@ class SpectralDescriptor(Descriptor):
     ) -> tuple[list[np.ndarray], list[float]]:
         """Return vectors and seconds of several descriptors; spectra are computed once."""
         count, mesh = meshes_of(bodies)
-        needed: dict[str, int] = {}
-        for descriptor in descriptors:
-            known = needed.get(descriptor.laplacian, 0)
-            needed[descriptor.laplacian] = max(descriptor.n_eigenvalues, known)
+        n_eigenvalues = max(descriptor.n_eigenvalues for descriptor in descriptors)
         vectors: list[list[np.ndarray]] = [[] for _ in descriptors]
         seconds = np.zeros(len(descriptors))
         for index in ProgressBar(range(count), disable=not progress, unit="spectrum"):
-            for laplacian, n_eigenvalues in needed.items():
+            began = time.perf_counter()
+            try:
+                modes = spectrum(*mesh(index), n_eigenvalues)
+            except RiemhumanError as error:
+                raise type(error)(f"body {index}: {error}") from error
+            seconds += time.perf_counter() - began
+            for k, descriptor in enumerate(descriptors):
                 began = time.perf_counter()
-                try:
-                    modes = spectrum(*mesh(index), n_eigenvalues, laplacian)
-                except RiemhumanError as error:
-                    raise type(error)(f"body {index}: {error}") from error
-                shared = time.perf_counter() - began
-                for k, descriptor in enumerate(descriptors):
-                    if descriptor.laplacian == laplacian:
-                        began = time.perf_counter()
-                        vectors[k].append(descriptor.of_spectrum(modes))
-                        seconds[k] += shared + time.perf_counter() - began
+                vectors[k].append(descriptor.of_spectrum(modes))
+                seconds[k] += time.perf_counter() - began
         return [np.stack(rows) for rows in vectors], seconds.tolist()
 
 
@@ -73,17 +67,13 @@ class ShapeDNA(SpectralDescriptor):
     r"""The first eigenvalues of the Laplace–Beltrami operator, without zero [1]_.
 
     Bending does not change them. By Weyl's law they grow like :math:`\mu_k \approx 4\pi k / A`;
-    divided by k, as here, they have similar sizes. The distance is Euclidean.
+    divided by k, as here, they have similar sizes. The distance is Euclidean. Divided by the first
+    of its numbers, a vector does not depend on the size of the surface.
 
     Parameters
     ----------
     n_eigenvalues : int
         Number of eigenvalues.
-    normalization : {"none", "area", "first"}
-        Whether eigenvalues, in 1 / metre², are multiplied by the area of the surface or divided by
-        the first one, which removes the size.
-    laplacian : {"cotangent", "robust"}
-        Discretisation, see `riemhuman.surfaces.spectrum`.
 
     References
     ----------
@@ -98,20 +88,12 @@ class ShapeDNA(SpectralDescriptor):
     """
 
     n_eigenvalues: int = 50
-    normalization: str = "none"
-    laplacian: str = "cotangent"
 
     def __post_init__(self) -> None:
         whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
-        one_of(self.normalization, "normalization", ("none", "area", "first"))
-        one_of(self.laplacian, "laplacian", LAPLACIANS)
 
     def of_spectrum(self, modes: Spectrum) -> np.ndarray:
         values = modes.eigenvalues[: self.n_eigenvalues]
-        if self.normalization == "area":
-            values = values * modes.areas.sum()
-        elif self.normalization == "first":
-            values = values / values[0]
         return values / np.arange(1, len(values) + 1)
 
 
@@ -128,7 +110,7 @@ class KernelSignature(SpectralDescriptor):
         vertices : array_like, shape (V, 3)
         faces : array_like, shape (F, 3)
         """
-        return self._of(spectrum(vertices, faces, self.n_eigenvalues, self.laplacian))
+        return self._of(spectrum(vertices, faces, self.n_eigenvalues))
 
     def distances(self, vectors: ArrayLike) -> np.ndarray:
         return pairwise(vectors, "cityblock")
@@ -140,7 +122,6 @@ class KernelSignature(SpectralDescriptor):
     def _check_choices(self) -> None:
         whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
         whole_number(self.n_bins, "n_bins", minimum=2)
-        one_of(self.laplacian, "laplacian", LAPLACIANS)
 
 
 @dataclass(frozen=True)
@@ -160,8 +141,6 @@ class HeatKernelSignature(KernelSignature):
         Number of eigenvalues in the sum, not counting zero.
     n_bins : int
         Number of bins of a histogram.
-    laplacian
-        As for `ShapeDNA`.
 
     References
     ----------
@@ -180,7 +159,6 @@ class HeatKernelSignature(KernelSignature):
     times: tuple[float, ...] = _TIMES
     n_eigenvalues: int = 60
     n_bins: int = 16
-    laplacian: str = "cotangent"
 
     def __post_init__(self) -> None:
         times = real_array(self.times, "times", ("n_times",), batched=False)
@@ -218,7 +196,7 @@ class WaveKernelSignature(KernelSignature):
         paper.
     pooling : {"histogram", "vertex mean"}
         "vertex mean" is the mean over vertices, for registered surfaces.
-    n_eigenvalues, n_bins, laplacian
+    n_eigenvalues, n_bins
         As for `HeatKernelSignature`.
 
     References
@@ -238,7 +216,6 @@ class WaveKernelSignature(KernelSignature):
     pooling: str = "histogram"
     n_eigenvalues: int = 60
     n_bins: int = 32
-    laplacian: str = "cotangent"
 
     def __post_init__(self) -> None:
         energies = real_array(self.energies, "energies", ("n_energies",), batched=False)

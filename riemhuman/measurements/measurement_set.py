@@ -248,17 +248,13 @@ class MeasurementSet:
             template, self.measurements, landmarks, parts, self.frame, self.axes, standard_pose
         )
 
-    def correspondence_to(
-        self, template: Template | BodyModel, registered: ndarray | None = None
-    ) -> tuple[ndarray, ndarray]:
+    def correspondence_to(self, template: Template | BodyModel) -> tuple[ndarray, ndarray]:
         """Return the points of another template nearest to the vertices of this one.
 
         Parameters
         ----------
         template : Template or BodyModel
-            The other template.
-        registered : array, shape (V, 3), optional
-            This template registered to the other one; by default the template as it is.
+            The other template, which lies where this one does.
 
         Returns
         -------
@@ -267,8 +263,7 @@ class MeasurementSet:
             Barycentric coordinates.
         """
         surface = _surface_of(template)
-        points = self.vertices if registered is None else np.asarray(registered, dtype=np.float64)
-        places, _ = nearest_points(points, surface.vertices, surface.faces)
+        places, _ = nearest_points(self.vertices, surface.vertices, surface.faces)
         return places.triangles, places.barycentric
 
     def save(self, path: str | os.PathLike[str]) -> None:

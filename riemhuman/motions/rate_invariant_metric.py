@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import metric_weight, real_number
 from riemhuman.kernels.projections import Projection
 from riemhuman.motions._frames import MOST_SAMPLED, Motion, frame_count, frame_runs
 from riemhuman.motions._velocity_curves import (
@@ -24,6 +23,8 @@ from riemhuman.motions.time_warping import MotionDistance, Warp
 
 # Number of chords that represent a motion, and of steps of the re-timing within a pair of them.
 _N_CHORDS, _N_STEPS = 60, 8
+# Standard deviation of the Gaussian mean along a curve, as a share of its length.
+_SMOOTHING = 0.03
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class _Curve:
 class RateInvariantMetric(MotionDistance):
     r"""The distance of transported square root velocities after the best re-timing.
 
-    .. math:: \begin{split} d(m_1, m_2)^2 = &\ w\, d(m_1(0), m_2(0))^2 \\
+    .. math:: \begin{split} d(m_1, m_2)^2 = &\ d(m_1(0), m_2(0))^2 \\
               & + \min_\gamma \int_0^1 |q_1 - (q_2 \circ \gamma)\sqrt{\dot\gamma}|^2\, dt, \\
               q = &\ v / \sqrt{|v|} \end{split}
 
@@ -49,7 +50,9 @@ class RateInvariantMetric(MotionDistance):
     template (Su, Kurtek, Klassen and Srivastava, Annals of Applied Statistics 8, 2014). All q lie
     in one Euclidean space, where re-timing acts by isometries: d is a metric on motions modulo
     re-timing. The transported velocities add up to a curve, a cubic spline of the frames, of which
-    60 chords of equal arcs are compared. Between frames that are far apart a spline is far from the
+    60 chords of equal arcs are compared, after a Gaussian mean along it that removes movements
+    shorter than a thirtieth of its length, such as noise and triangles that flip in the crease of a
+    joint. Between frames that are far apart a spline is far from the
     motion: motions of few frames are better compared by `VelocityTimeWarping`.
 
     Parameters
@@ -59,11 +62,6 @@ class RateInvariantMetric(MotionDistance):
     metric : RiemannianMetric, optional
         Metric on frames, such as `ElasticMetric`, `RotationMetric` or `SRNFMetric`; by default that
         of their space.
-    start_weight : float
-        The weight w of the pose in which a motion begins.
-    smoothing : float
-        Standard deviation of the Gaussian mean along the curve, as a share of its length. It
-        removes shorter movements, such as noise and triangles that flip in the crease of a joint.
     heading : bool
         As for `DynamicTimeWarping`.
     n_components : int, optional
@@ -88,8 +86,6 @@ class RateInvariantMetric(MotionDistance):
         space: MotionSpace,
         metric: Any = None,
         *,
-        start_weight: float = 1.0,
-        smoothing: float = 0.03,
         heading: bool = False,
         n_components: int | None = None,
         n_jobs: int | None = None,
@@ -97,8 +93,6 @@ class RateInvariantMetric(MotionDistance):
         metric = space.frames.metric if metric is None else metric
         super().__init__(metric, heading=heading, n_components=n_components, n_jobs=n_jobs)
         self.space = space
-        self.start_weight = metric_weight(start_weight, "start_weight")
-        self.smoothing = real_number(smoothing, "smoothing", minimum=0.0)
         self._velocities = TransportedVelocities(
             self.metric, space.frames.template.vertices, heading=heading
         )
@@ -115,14 +109,14 @@ class RateInvariantMetric(MotionDistance):
         )
         starts = [self._start(m1, "m1"), self._start(m2, "m2")]
         squared = max(a.length + b.length - 2.0 * gain, 0.0)
-        squared += self.start_weight * float(self.metric.squared_dist(*starts))
+        squared += float(self.metric.squared_dist(*starts))
         return Warp(math.sqrt(squared), first, second)
 
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
         retimed = super().dist_pairwise(motions, progress=progress)
         starts = np.stack([self._start(m, f"motions[{k}]") for k, m in enumerate(motions)])
         apart = self.metric.dist_pairwise(starts, self.n_jobs, precision="double")
-        return np.sqrt(retimed**2 + self.start_weight * apart**2)
+        return np.hypot(retimed, apart)
 
     def _start(self, motion: Motion, name: str) -> ndarray:
         return next(frame_runs(self.space.frames, motion[:1], name, self.heading))[0]
@@ -146,7 +140,7 @@ class RateInvariantMetric(MotionDistance):
     def _prepare(self, basis: Projection | None, motion: Motion, name: str) -> _Curve:
         frame_count(motion, name, 2)
         sides = self._velocities.segments(motion, name)
-        segments, places = even_segments(sides, _N_CHORDS, self.smoothing)
+        segments, places = even_segments(sides, _N_CHORDS, _SMOOTHING)
         lengths = np.sqrt(np.einsum("ij,ij->i", segments, segments))
         directions = segments / np.sqrt(np.where(lengths > 0.0, lengths, 1.0))[:, None]
         if basis is not None:

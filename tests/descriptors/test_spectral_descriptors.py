@@ -35,8 +35,6 @@ def name_of(descriptor):
 def descriptors(n=20):
     return [
         ShapeDNA(n),
-        ShapeDNA(n, "area"),
-        ShapeDNA(n, "first"),
         HeatKernelSignature(n_eigenvalues=n),
         WaveKernelSignature(ENERGIES, n_eigenvalues=n),
         WaveKernelSignature(ENERGIES, n_eigenvalues=n, pooling="vertex mean"),
@@ -49,10 +47,6 @@ def test_shape_dna_of_sphere_and_torus():
     dna = numbers * ShapeDNA(24).describe(*sphere(4, radius=0.5))
     np.testing.assert_allclose(dna, 4 * exact, rtol=0.02)
     assert (np.diff(dna) >= -1e-9).all()
-    by_area = numbers * ShapeDNA(24, "area").describe(*sphere(4, radius=0.5))
-    np.testing.assert_allclose(by_area, 4 * np.pi * exact, rtol=0.02)
-    by_first = ShapeDNA(24, "first").describe(*sphere(4, radius=0.5))
-    np.testing.assert_allclose(by_first, exact / 2 / numbers, rtol=0.02)
     torus = numbers[:12] * ShapeDNA(12).describe(*flat_torus(60, 36, 1.0, 0.6))
     np.testing.assert_allclose(torus, torus_spectrum(1.0, 0.6, 12), rtol=0.02)
 
@@ -115,7 +109,7 @@ def test_folding_changes_nothing_and_stretching_does(descriptor):
     np.testing.assert_array_equal(np.diagonal(distances), 0.0)
 
 
-@pytest.mark.parametrize("descriptor", descriptors()[:5], ids=name_of)
+@pytest.mark.parametrize("descriptor", descriptors()[:3], ids=name_of)
 def test_rolling_up_matters_less_and_less_as_triangles_shrink(descriptor):
     def change(n):
         meshes = [
@@ -190,7 +184,6 @@ def test_descriptors_that_share_spectra_are_those_that_do_not(monkeypatch, capsy
     ("make", "message"),
     [
         (lambda: ShapeDNA(0), "n_eigenvalues must be a whole number of at least 1"),
-        (lambda: ShapeDNA(normalization="volume"), "normalization must be one of 'none', 'area'"),
         (
             lambda: HeatKernelSignature((1.0, 0.0)),
             r"times must be positive numbers; found \[1.0, 0",

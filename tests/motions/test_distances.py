@@ -128,7 +128,6 @@ def test_wrong_motions_are_named(distance, motions):
     [
         ("frames", {"n_components": 0}),
         ("velocities", {"n_jobs": 0}),
-        ("rate-invariant", {"smoothing": -0.1}),
     ],
 )
 def test_parameters_out_of_range(space, name, options):
