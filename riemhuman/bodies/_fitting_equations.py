@@ -195,11 +195,7 @@ class _Patch:
 
 
 class Equations:
-    """Least-squares equations for chosen points of a model's surface.
-
-    The points are rows `numbers` of the matrix `combine` times the model's vertices, with the
-    weights `shares`; `prior` holds the weight of the square of each parameter.
-    """
+    """Least-squares equations for the points `combine[numbers]` of a model's surface."""
 
     def __init__(
         self,

@@ -115,7 +115,6 @@ def fit_model(
     Parameters
     ----------
     model : BodyModel
-        The model.
     points : array_like, shape (..., n_points, 3)
         Surfaces, metres.
     correspondence : array_like of int, pair, or sparse matrix, optional

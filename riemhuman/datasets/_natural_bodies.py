@@ -42,11 +42,7 @@ def natural_performances(
     betas: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the poses of people with these betas, pose vectors (n_people, n_poses, J, 3).
-
-    Every person deviates from every pose by a few degrees per joint, in part by the same habit in
-    all poses. Where hands touch the body, arms are moved until they do.
-    """
+    """Return pose vectors (n_people, n_poses, J, 3), with habits, and hands on what they touch."""
     rotations = np.stack([joint_rotations(each, model) for each in angles.values()])
     degrees = [_DEGREES[name.split("_")[-1]] for name in model.joint_names]
     shape = (len(betas), len(rotations), model.n_joints, 3)

@@ -44,7 +44,6 @@ class Bodies:
     template : Template
         The template to which all surfaces are registered.
     model : BodyModel, optional
-        The body model of the surfaces.
     subject_names, pose_names : tuple of str
     betas : array_like, shape (n, B), optional
     pose_vectors : array_like, shape (n, J, 3), optional

@@ -52,8 +52,7 @@ class SkeletonMotion(Record):
 
     Examples
     --------
-    >>> motion = rh.datasets.load_bvh("walk.bvh")  # doctest: +SKIP
-    >>> motion.positions.shape  # doctest: +SKIP
+    >>> rh.datasets.load_bvh("walk.bvh").positions.shape  # doctest: +SKIP
     (240, 38, 3)
     """
 

@@ -101,12 +101,7 @@ class ModelMotion(Motion):
     """A motion whose frame i is ``model(betas, pose_vectors[i], translations[i])``."""
 
     def __init__(
-        self,
-        subject: str,
-        sequence: str,
-        frames_per_second: float,
-        n_frames: int,
-        model: BodyModel,
+        self, subject: str, sequence: str, frames_per_second: float, n_frames: int, model: BodyModel
     ) -> None:
         super().__init__(subject, sequence, frames_per_second, n_frames, model.faces)
         self.model = model

@@ -104,12 +104,7 @@ def load_open_motions(
 
 
 class _Performance:
-    """A motion performed by one person, with individual tempo, start, amplitudes and habits.
-
-    An angle that changes is written as the list of its values at evenly spaced times of a cycle:
-    [0, 40] swings from 0 to 40 and back. The right joints of an alternating motion follow half a
-    cycle later.
-    """
+    """A motion performed by one person, with individual tempo, start, amplitudes and habits."""
 
     def __init__(
         self, written: Mapping[str, Any], joint_names: Sequence[str], rng: np.random.Generator
@@ -122,6 +117,7 @@ class _Performance:
         self.seconds = self._cycle * written["cycles"]
         self._joints = {}
         for joint, (axes, *curves) in with_both_sides(written["angles"], joint_names).items():
+            # The right joints of an alternating motion follow half a cycle later.
             follows = joint.startswith("right_") and joint not in written["angles"]
             delay = 0.5 if written["alternating"] and follows else 0.0
             self._joints[joint] = _JointRotation(axes, curves, rng, delay)

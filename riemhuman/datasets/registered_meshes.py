@@ -275,22 +275,16 @@ def load_bodies(
 def read_labels(
     table: str | os.PathLike[str], names: Sequence[str], *, allow_missing: bool = False
 ) -> tuple[list[int], dict[str, list[str]]]:
-    r"""Read the subjects and poses of files from a table, as for `load_bodies`.
+    r"""Return the indices of files that have labels in a table, and their columns by name.
 
     Parameters
     ----------
     table : path_like
+        As for `load_bodies`.
     names : sequence of str
         Names of the files.
     allow_missing : bool
         Whether to leave out names without a row and rows without a name.
-
-    Returns
-    -------
-    numbers : list of int
-        Indices of the names that have labels, ascending.
-    labels : dict of str to list of str
-        The columns "subject" and "pose" for these names.
 
     Examples
     --------

@@ -97,9 +97,7 @@ class RetargetingErrors(Record):
 
     Examples
     --------
-    >>> jump = rh.datasets.retarget(rh.datasets.load_bvh("jump.bvh"))  # doctest: +SKIP
-    >>> jump.errors.positions.max()  # doctest: +SKIP
-    0.023
+    >>> rh.datasets.retarget(recording).errors.positions.max()  # doctest: +SKIP
     """
 
     bones: tuple[tuple[str, str], ...]
@@ -442,10 +440,7 @@ class _Performer(Skeleton):
         return heights.min(axis=1), ball
 
     def _footholds(self, ankles: ndarray, lows: ndarray, balls: ndarray) -> ndarray:
-        """Return positions of the ankles at which still feet stay in place, and none is below 0.
-
-        `lows` are the heights of soles, and `balls` positions, relative to the ankles.
-        """
+        """Return where ankles must be for still feet to stay in place, and no sole below 0."""
         heights = ankles[..., 1] + lows
         grounded = self.source.grounded
         floor = np.median(heights[grounded]) if grounded.any() else self._lowest_point()

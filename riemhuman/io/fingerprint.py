@@ -24,12 +24,7 @@ def digest(array: np.ndarray) -> bytes:
 
 
 def describe(value: Any, _depth: int = 0) -> Any:
-    """Return the class, the parameters and the arrays of an object, as values that JSON keeps.
-
-    Parameters are the arguments of the constructor that the object keeps as attributes; arrays are
-    represented by their digests, functions and classes by their names. The description does not
-    see code: a job also computes some of its results again.
-    """
+    """Return the class, the parameters and the arrays of an object, as values that JSON keeps."""
     if value is None or type(value) in (bool, int, str):
         return value
     if isinstance(value, float):

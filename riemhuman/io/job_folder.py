@@ -62,12 +62,7 @@ class JobFolder:
             yield
 
     def claim(self, described: Mapping[str, Any], layout: Mapping[str, Any]) -> dict[str, Any]:
-        """Write the manifest of a new job, or compare the job with the manifest of an earlier run.
-
-        `described` says which job it is, in values that JSON keeps exactly, and `layout` how the
-        tables of a new job are divided. Returns the layout to use: that of the earlier run, if
-        there was one.
-        """
+        """Write the manifest of a new job, or check that of an earlier run; return its layout."""
         file = self.path / MANIFEST
         if not file.exists():
             write_text(file, json.dumps({**described, "layout": dict(layout)}, indent=1))

@@ -76,12 +76,7 @@ def read_only(array: np.ndarray) -> np.ndarray:
 
 
 def split_polygons(corners: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Return the triangles of polygons, each split from its first corner, shape (n - 2 F, 3).
-
-    `corners`, shape (n,), lists the vertices polygon after polygon, and `lengths`, shape (F,), the
-    number of corners of each. The split (1, 2, 3), (1, 3, 4), … depends only on the order of the
-    corners, so that surfaces with the same polygons get the same triangles.
-    """
+    """Return the triangles (1, 2, 3), (1, 3, 4), … of polygons of `lengths` among `corners`."""
     short = np.flatnonzero(lengths < 3)
     if len(short):
         raise ArgumentError(

@@ -40,7 +40,7 @@ _LONGEST_TEXT = 200
 def load_pickled_arrays(
     path: str | os.PathLike[str], required: Sequence[str], optional: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Read the named arrays of a pickled dictionary without running anything in it.
+    """Read the named arrays of a pickled dictionary, of chumpy too, without running anything.
 
     Parameters
     ----------
@@ -50,11 +50,6 @@ def load_pickled_arrays(
         Fields that the file must contain.
     optional : sequence of str
         Fields to read if the file contains them. Others are ignored.
-
-    Returns
-    -------
-    dict of str to array or scipy.sparse.coo_array
-        The fields, which cannot be written to; chumpy objects are returned as arrays.
 
     Examples
     --------

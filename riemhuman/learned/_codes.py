@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import check_same_scale, real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.io.arrays import save_arrays
+from riemhuman.io.files import file_path, format_errors
 from riemhuman.learned._correspondence import Correspondence
 from riemhuman.learned._networks import network_shapes
 from riemhuman.learned._weight_files import Weights
@@ -38,13 +39,14 @@ class PairedCodes(ABC):
     _WIDTH: ClassVar[int] = 1
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        weights = Weights(path, type(self).__name__, self._SETTINGS)
-        self._fields = weights.fields
-        for name, value in weights.settings.items():
-            setattr(self, name, value)
-        self._home = self._template = weights.template
-        self._carried: Correspondence | None = None
-        self._read(weights)
+        with format_errors(file_path(path), "a trained network"):
+            weights = Weights(path, type(self).__name__, self._SETTINGS)
+            self._fields = weights.fields
+            for name, value in weights.settings.items():
+                setattr(self, name, value)
+            self._home = self._template = weights.template
+            self._carried: Correspondence | None = None
+            self._read(weights)
 
     @classmethod
     def load_pretrained(cls, template: Template | None = None, correspondence: Any = None) -> Self:
@@ -52,10 +54,8 @@ class PairedCodes(ABC):
 
         Parameters
         ----------
-        template : Template, optional
-            Template of the bodies; by default that of the coarse open model.
-        correspondence : array_like of int, pair, or sparse matrix, optional
-            Where the vertices of the coarse open template lie on `template`, see `on`.
+        template, correspondence
+            As for `on`; by default the template of the coarse open model.
         """
         codes = cls(FOLDER / cls._SHIPPED)
         return codes if template is None else codes.on(template, correspondence)

@@ -40,11 +40,7 @@ def network_shapes(name: str, n_in: int, n_hidden: int, n_out: int) -> dict[str,
 
 
 def cloud_features(parameters: Mapping[str, Any], x: Any, backend: ModuleType = np) -> Any:
-    """Return the largest value of each feature over points, for clouds of shape (n, n_points, 3).
-
-    After Qi, Su, Mo and Guibas, "PointNet: deep learning on point sets for 3D classification and
-    segmentation", CVPR 2017: three layers that are the same for all points.
-    """
+    """Return the largest value of each feature over the points of clouds (n, n_points, 3)."""
     for layer in range(3):
         x = x @ parameters[f"cloud.W{layer}"] + parameters[f"cloud.b{layer}"]
         if layer < 2:

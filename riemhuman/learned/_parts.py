@@ -20,6 +20,7 @@ import numpy as np
 from numpy import ndarray
 from scipy import sparse
 
+from riemhuman.errors import FileFormatError
 from riemhuman.kernels.rotations import log, nearest_rotations
 from riemhuman.kernels.surface import (
     deformation_gradients,
@@ -61,13 +62,13 @@ class Parts:
         template = weights.template
         part_of = weights.indices("part_of", (template.n_faces,), 0, n_parts)
         if len(np.unique(part_of)) < n_parts:
-            raise weights.error("part_of must name every part")
+            raise FileFormatError("part_of must name every part")
         parents = weights.indices("part_parents", (n_parts,), -1, n_parts)
         blend = weights.numbers("part_weights", (template.n_faces, n_parts))
         parts = cls(template, part_of, blend, parents)
         n_reached = sum(len(level) for level, _ in parts.levels)
         if np.count_nonzero(parents < 0) != 1 or n_reached < n_parts:
-            raise weights.error("part_parents must be a tree: one root, and no circle")
+            raise FileFormatError("part_parents must be a tree: one root, and no circle")
         return parts
 
     @property

@@ -10,7 +10,6 @@ from numpy import ndarray
 
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import load_arrays
-from riemhuman.io.files import file_path, format_errors
 from riemhuman.surfaces import Template
 
 VERSION = 1
@@ -24,39 +23,33 @@ class Weights:
     """The content of a network's file; each array is checked when it is requested."""
 
     def __init__(self, path: str | os.PathLike[str], kind: str, settings: Sequence[str]) -> None:
-        self._path = os.fspath(path)
         self.fields = load_arrays(path, ["format_version", "kind", *settings, *_TEMPLATE])
         if self.fields["format_version"].tolist() != VERSION:
-            raise self.error(
+            raise FileFormatError(
                 f"its format version is {str(self.fields['format_version'].tolist())[:40]}; this "
                 f"release reads version {VERSION}"
             )
         if self.fields["kind"].tolist() != kind:
-            raise self.error(
+            raise FileFormatError(
                 f"it holds {str(self.fields['kind'].tolist())[:60]!r}; expected {kind!r}"
             )
         self.settings = {name: self._whole_number(name) for name in settings}
-        with format_errors(file_path(path), "a trained network"):
-            self.template = Template(*(self.fields[name] for name in _TEMPLATE))
-
-    def error(self, reason: str) -> FileFormatError:
-        """Return an error that names the file."""
-        return FileFormatError(f"{self._path}: {reason}")
+        self.template = Template(*(self.fields[name] for name in _TEMPLATE))
 
     def numbers(self, name: str, shape: Sequence[int], *, positive: bool = False) -> ndarray:
         """Return finite real numbers in double precision."""
         array = self._array(name, shape, "f").astype(np.float64)
         if not np.isfinite(array).all():
-            raise self.error(f"{name} holds numbers that are not finite")
+            raise FileFormatError(f"{name} holds numbers that are not finite")
         if positive and (array <= 0).any():
-            raise self.error(f"{name} must be positive; found {array.min():.3g}")
+            raise FileFormatError(f"{name} must be positive; found {array.min():.3g}")
         return array
 
     def indices(self, name: str, shape: Sequence[int], least: int, end: int) -> ndarray:
         """Return whole numbers from `least` to `end` - 1."""
         array = self._array(name, shape, "iu").astype(np.int64)
         if array.size and (array.min() < least or array.max() >= end):
-            raise self.error(
+            raise FileFormatError(
                 f"{name} must hold whole numbers from {least} to {end - 1}; found "
                 f"{array.min()} to {array.max()}"
             )
@@ -64,11 +57,11 @@ class Weights:
 
     def _array(self, name: str, shape: Sequence[int], kinds: str) -> ndarray:
         if name not in self.fields:
-            raise self.error(f"it lacks the field {name}")
+            raise FileFormatError(f"it lacks the field {name}")
         array = self.fields[name]
         if array.shape != tuple(shape) or array.dtype.kind not in kinds:
             expected = {"f": "real numbers", "iu": "whole numbers"}[kinds]
-            raise self.error(
+            raise FileFormatError(
                 f"{name} must be {expected} of shape {tuple(shape)}; found {array.dtype} "
                 f"of shape {array.shape}"
             )
@@ -77,5 +70,7 @@ class Weights:
     def _whole_number(self, name: str) -> int:
         value = self._array(name, (), "iu").item()
         if not 1 <= value <= _LARGEST:
-            raise self.error(f"{name} must be at least 1 and at most {_LARGEST}; found {value}")
+            raise FileFormatError(
+                f"{name} must be at least 1 and at most {_LARGEST}; found {value}"
+            )
         return int(value)

@@ -25,8 +25,8 @@ class NearestNeighbors(Estimator):
     compared with them in the order of lower bounds of their distances, until no other point can be
     as near as those found. The bounds are Euclidean distances of the metric's
     `lower_bound_coordinates`, projected to the principal components of a sample, with the norm of
-    the residual as one more coordinate. Under the shape metric, where all people are far from each
-    other, bounds exclude too little, and points are compared with each query there, too.
+    the residual as one more coordinate. Where bounds exclude too little, as under the shape metric,
+    all points are compared.
 
     Parameters
     ----------

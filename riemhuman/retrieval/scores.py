@@ -106,14 +106,8 @@ def scores(
         hits, average_precision = _expected_hits(matrix[query, items], relevant[query, items])
         n = np.count_nonzero(relevant[query])
         rows.append([hits[0], hits[:n].sum() / n, hits[: 2 * n].sum() / n, average_precision])
-    nn, first_tier, second_tier, mean_average_precision = 100.0 * np.mean(rows, axis=0)
-    return RetrievalScores(
-        nn=float(nn),
-        first_tier=float(first_tier),
-        second_tier=float(second_tier),
-        mean_average_precision=float(mean_average_precision),
-        n_queries=len(queries),
-    )
+    means = (100.0 * np.mean(rows, axis=0)).tolist()
+    return RetrievalScores(*means, n_queries=len(queries))
 
 
 def _expected_hits(distances: np.ndarray, relevant: np.ndarray) -> tuple[np.ndarray, float]:
@@ -180,8 +174,7 @@ def precision_recall(
     """Return the mean precision of leave-one-out retrieval at every level of recall.
 
     For a query with n other items in its class, the precision at recall k/n is k over the rank of
-    the k-th of them. Items at equal distances keep their order. Queries alone in their class are
-    left out. If all classes have one size, the mean over levels is the mean average precision.
+    the k-th of them. Items at equal distances keep their order.
 
     Parameters
     ----------
@@ -191,15 +184,12 @@ def precision_recall(
     Returns
     -------
     recall, precision : array, shape (n_levels,)
-        Levels 1/n to 1, with n one less than the size of the largest class, and the mean precision
-        at each level.
+        Levels 1/n to 1, with n + 1 the size of the largest class, and the mean precision at each.
 
     Examples
     --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> D = space.metric.dist_pairwise(bodies.points[:30])
-    >>> recall, precision = rh.retrieval.precision_recall(D, bodies.subject[:30])
+    >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
+    >>> recall, precision = rh.retrieval.precision_recall(D, ["a", "a", "b", "b"])
     """
     matrix = distance_matrix(distances, "distances", symmetric=False)
     classes, _ = class_numbers(labels, "labels", len(matrix))

@@ -34,15 +34,7 @@ class _Clustering(Estimator):
         """
 
     def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
-        """Fit, and return the labels.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, n)
-            Symmetric distances.
-        y : object
-            Not used.
-        """
+        """Fit, and return the labels."""
         return self.fit(X).labels_
 
 
