@@ -1,4 +1,4 @@
-"""README.md and the pages of the site: their Python runs unedited, names and links exist."""
+"""README.md, pages and tutorials: the Python of pages runs unedited, names and links exist."""
 
 import re
 from pathlib import Path
@@ -11,6 +11,7 @@ import riemhuman
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "tutorials").glob("*.md"))]
+TUTORIALS = sorted((ROOT / "tutorials").glob("*.ipynb"))
 LONGEST_README = 166
 SLOW = {"bring_your_data"}  # registers a model to a mesh, in seconds
 
@@ -57,11 +58,12 @@ def test_the_first_block_prints_what_is_shown(capsys):
     assert capsys.readouterr().out == shown[1]
 
 
-@every
+@pytest.mark.parametrize("page", [*PAGES, *TUTORIALS], ids=lambda path: path.stem)
 def test_public_names_exist(page):
     for dotted in set(re.findall(r"\brh\.([A-Za-z_][\w.]*\w)", text_of(page))):
         found = riemhuman
         for name in dotted.split("."):
+            assert not name.startswith("_"), f"{page.name} speaks of rh.{dotted}, which is private"
             assert hasattr(found, name), f"{page.name} speaks of rh.{dotted}, which does not exist"
             found = getattr(found, name)
 

@@ -282,9 +282,7 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
         raise
 
     names = [file.name for file in surfaces.files]
-    text = terminal.csv_text(
-        terminal.matrix_rows(names, matrices["lengths" if options.paths else "distances"])
-    )
+    text = terminal.matrix_text(names, matrices["lengths" if options.paths else "distances"])
     if options.output is not None:
         arrays = {**matrices, "names": np.array(names), "metric": np.array(name)}
         rh.io.save_arrays(options.output, arrays)

@@ -285,11 +285,15 @@ def mesh_folder(
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """Motions of one triangulation, whose frames are read when needed, and their names."""
+    """Motions of one triangulation, whose frames are read when needed, with a template's vertices.
+
+    The template is the given one, else the first frame.
+    """
 
     names: list[str]
     motions: list[Any]
     faces: ndarray
+    body: ndarray
 
 
 def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> Motions:
@@ -301,7 +305,11 @@ def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> M
 
     if (options.unit or options.up) and not any(place.is_dir() for place in places):
         raise ArgumentError("--unit and --up are for folders of meshes; other files are in metres")
+    units = {"unit": options.unit, "up": options.up}
     found: list[tuple[str, Any, ndarray]] = []
+    if options.template is not None:
+        meshes = rh.datasets.RegisteredMeshes([options.template], **units)
+        found.append((options.template.name, meshes, meshes.faces))
     for place in places:
         ending = place.suffix.lower()
         is_hdf5 = ending in (".hdf5", ".h5") or bool(list(place.glob("*.hdf5")))
@@ -310,7 +318,6 @@ def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> M
         if ending in (".npz", ".bvh"):
             found.append((place.stem, *read_motion(place, is_mean=True)[:2]))
         else:
-            units = {"unit": options.unit, "up": options.up}
             load = rh.datasets.load_dfaust if is_hdf5 else rh.datasets.load_mesh_motions
             motions = load(place, **(chosen if is_hdf5 else units))
             found += [(motion.sequence, motion, motion.faces) for motion in motions]
@@ -321,7 +328,8 @@ def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> M
                 f"all motions must share one triangulation; {name} and {names[0]} do not: "
                 f"{difference}"
             )
-    return Motions(names, read, triangles[0])
+    first = options.template is not None
+    return Motions(names[first:], read[first:], triangles[0], read[0][0])
 
 
 def save_figure(figure: Any, file: Path) -> None:

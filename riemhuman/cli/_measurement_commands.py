@@ -225,5 +225,6 @@ def _read(
 
 def _write_table(file: Path, rows: Sequence[Sequence[object]]) -> None:
     from riemhuman.io.files import write_text
+    from riemhuman.io.text_tables import csv_text
 
-    write_text(file, terminal.csv_text(rows))
+    write_text(file, csv_text(rows))

@@ -44,21 +44,9 @@ def _read_pair(options: argparse.Namespace) -> inputs.Motions:
     return read
 
 
-def _space(options: argparse.Namespace, read: inputs.Motions, n_times: int = 40) -> Any:
-    """Return the space of motions with the pose metric; by default, a first frame is template."""
-    import numpy as np
-
-    body = read.motions[0][0]
-    if options.template is not None:
-        given = {"unit": options.unit, "up": options.up}
-        meshes = rh.datasets.RegisteredMeshes([options.template], **given)
-        if not np.array_equal(meshes.faces, read.faces):
-            raise ArgumentError(
-                f"all motions must share one triangulation; --template {options.template} has "
-                "another"
-            )
-        body = meshes[0]
-    space = rh.AlignedSurfaces(rh.Template(body, read.faces), equip=False)
+def _space(read: inputs.Motions, n_times: int = 40) -> Any:
+    """Return the space of motions with the pose metric."""
+    space = rh.AlignedSurfaces(rh.Template(read.body, read.faces), equip=False)
     space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
     return rh.motions.MotionSpace(space, n_times)
 
@@ -85,7 +73,7 @@ def _measure(options: argparse.Namespace, space: Any, n_components: int | None =
 )
 def _dist(options: argparse.Namespace) -> cli.Answer:
     read = _read_pair(options)
-    dist = float(_measure(options, _space(options, read)).dist(*read.motions))
+    dist = float(_measure(options, _space(read)).dist(*read.motions))
     record = {"a": read.names[0], "b": read.names[1], "by": options.by, "distance": dist}
     return cli.Answer(f"{dist:.8g}", record)
 
@@ -107,13 +95,13 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.io.files import write_text
 
     read = inputs.read_motions(options, *options.motions)
-    names, measure = read.names, _measure(options, _space(options, read), options.components)
+    names, measure = read.names, _measure(options, _space(read), options.components)
     with options.task(f"Distances of {len(names)} motions"):
         distances = measure.dist_pairwise(read.motions, progress=options.bars)
     if options.ending == ".npz":
         rh.io.save_arrays(options.output, {"distances": distances, "names": np.array(names)})
     else:
-        write_text(options.output, terminal.csv_text(terminal.matrix_rows(names, distances, "")))
+        write_text(options.output, terminal.matrix_text(names, distances, ""))
     return cli.Answer({"motions": len(names)}, {"names": names, "by": options.by})
 
 
@@ -132,7 +120,7 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
 )
 def _align(options: argparse.Namespace) -> cli.Answer:
     read = _read_pair(options)
-    space, names = _space(options, read, options.n_times), tuple(read.names)
+    space, names = _space(read, options.n_times), tuple(read.names)
     with options.task("Alignment"):
         measure = _measure(options, space)
         first, second, warp = rh.motions.align_motions(space, *read.motions, measure, names)
@@ -161,7 +149,7 @@ def _align(options: argparse.Namespace) -> cli.Answer:
 )
 def _mean(options: argparse.Namespace) -> cli.Answer:
     read = inputs.read_motions(options, *options.motions)
-    space = _space(options, read, options.n_times)
+    space = _space(read, options.n_times)
     alignment, bars = _measure(options, space), options.bars
     estimator = rh.motions.MotionMean(space, alignment=alignment, progress=bars)
     with options.task(f"Mean of {len(read.names)} motions"):
@@ -186,7 +174,7 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
 )
 def _find(options: argparse.Namespace) -> cli.Answer:
     read = _read_pair(options)
-    search = rh.motions.MotionSearch(_space(options, read).frames.metric, options.bars)
+    search = rh.motions.MotionSearch(_space(read).frames.metric, options.bars)
     parts = search.find(*read.motions, options.k)
     record = [{"distance": p.dist, "first": p.start, "last": p.stop - 1} for p in parts]
     rows = [f"{p.dist:10.6g}  {p.start:6d}  {p.stop - 1:6d}" for p in parts]

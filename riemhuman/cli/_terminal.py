@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import os
 import sys
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
@@ -38,20 +37,12 @@ def _plain(value: Any) -> Any:
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
-def csv_text(rows: Iterable[Sequence[object]]) -> str:
-    """Return rows as comma-separated text with all digits, which spreadsheets do not run."""
-    from riemhuman.io.text_tables import csv_cell
+def matrix_text(names: Sequence[str], matrix: Any, corner: str = "file") -> str:
+    """Return a square matrix with names as comma-separated text."""
+    from riemhuman.io.text_tables import csv_text
 
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerows([csv_cell(x) if isinstance(x, str) else x for x in row] for row in rows)
-    return stream.getvalue()
-
-
-def matrix_rows(names: Sequence[str], matrix: Any, corner: str = "file") -> list[list[object]]:
-    """Return the rows of a table of a square matrix with names."""
     rows = zip(names, matrix.tolist(), strict=True)
-    return [[corner, *names], *([name, *row] for name, row in rows)]
+    return csv_text([[corner, *names], *([name, *row] for name, row in rows)])
 
 
 def lines(values: Mapping[str, object]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import unicodedata
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,14 @@ def _number(field: str, where: str) -> float:
         return float(field.replace("_", "x").encode("ascii"))
     except ValueError as error:
         raise FileFormatError(f"{where}: {field[:60]!r} is not a number") from error
+
+
+def csv_text(rows: Iterable[Sequence[object]]) -> str:
+    """Return rows as comma-separated text: numbers with all digits, nothing for None."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerows([csv_cell(x) if isinstance(x, str) else x for x in row] for row in rows)
+    return stream.getvalue()
 
 
 def csv_cell(text: str) -> str:

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
-from riemhuman.plots._colors import SKIN, colour_limit, value_colors
-from riemhuman.plots.figures import new_axes, new_figure
+from riemhuman.plots.figures import SKIN, colour_limit, new_axes, new_figure, value_colors
 from riemhuman.plots.rendering import View, as_surfaces, render, window_around
 from riemhuman.surfaces.measures import triangle_areas
 

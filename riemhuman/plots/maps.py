@@ -10,12 +10,11 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import Rng, generator, integer_array, one_of, real_array
+from riemhuman.checks import Rng, distance_matrix, generator, integer_array, one_of, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.optional import import_optional
-from riemhuman.plots._colors import class_colors
-from riemhuman.plots.figures import new_axes
+from riemhuman.plots.figures import class_colors, new_axes
 from riemhuman.plots.rendering import render
 
 if TYPE_CHECKING:
@@ -56,15 +55,10 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
     >>> rh.plots.embed([[0, 3, 4], [3, 0, 5], [4, 5, 0]], method="mds").shape
     (3, 2)
     """
-    matrix = real_array(distances, "distances", ("n", "n"), batched=False)
+    matrix = distance_matrix(distances, "distances")
     one_of(method, "method", METHODS)
-    n_items = len(matrix)
-    if matrix.shape != (n_items, n_items) or n_items < 3:
-        raise ArgumentError(
-            f"distances must be a square matrix of at least 3 items; found shape {matrix.shape}"
-        )
-    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0) or matrix.min() < 0:
-        raise ArgumentError("distances must be symmetric and not negative")
+    if len(matrix) < 3:
+        raise ArgumentError(f"distances must be of at least 3 items; found {len(matrix)}")
     start = _classical_scaling(matrix)
     if method == "mds":
         return start
@@ -75,7 +69,7 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
     estimator = manifold.TSNE(
         metric="precomputed",
         init=start,
-        perplexity=min(_PERPLEXITY, (n_items - 1) / 3),
+        perplexity=min(_PERPLEXITY, (len(matrix) - 1) / 3),
         learning_rate="auto",
         random_state=seed,
     )

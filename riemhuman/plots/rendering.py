@@ -23,7 +23,7 @@ from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
-from riemhuman.plots._colors import SKIN
+from riemhuman.plots.figures import SKIN
 
 # Directions to the lights in the viewer's frame (right, up, towards the eye), and their strengths.
 _LIGHTS = ((np.array([-0.45, 0.65, 0.61]), 0.70), (np.array([0.80, 0.10, 0.59]), 0.26))

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import integer_array, real_array
 from riemhuman.optional import import_optional
-from riemhuman.plots._colors import class_colors
-from riemhuman.plots.figures import new_axes
+from riemhuman.plots.figures import class_colors, new_axes
 from riemhuman.retrieval import confusion, precision_recall
 
 if TYPE_CHECKING:

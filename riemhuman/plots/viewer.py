@@ -27,8 +27,7 @@ from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.plots._colors import MEAN, SKIN, VALUE_COLORS, colour_limit, value_colors
-from riemhuman.plots.figures import new_figure
+from riemhuman.plots.figures import MEAN, SKIN, VALUE_COLORS, colour_limit, new_figure, value_colors
 from riemhuman.plots.rendering import View, as_surfaces, image_source, png_bytes, strip_picture
 
 if TYPE_CHECKING:
@@ -489,16 +488,8 @@ def view_alignment(
     >>> aligned = rh.motions.align_motions(space, knees[:20:4], other[:20:4], measure)
     >>> page = rh.plots.view_alignment(*aligned[:2], knees.faces, aligned[2], ["Anna", "Ben"])
     """
-    shape = ("n_times", "n_vertices", 3)
-    motions = [
-        real_array(first, "first", shape, batched=False),
-        real_array(second, "second", shape, batched=False),
-    ]
-    if len(motions[0]) != len(motions[1]):
-        raise ArgumentError(
-            f"first and second must have the same times; found {len(motions[0])} and "
-            f"{len(motions[1])}"
-        )
+    one = real_array(first, "first", ("n_times", "n_vertices", 3), batched=False)
+    motions = [one, real_array(second, "second", one.shape, batched=False)]
     # Both first frames stand at the same place.
     motions = [m - m[0].mean(axis=0) * [1.0, 0.0, 1.0] for m in motions]
     # The re-timing as a line in a square of side 100.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +15,7 @@ import jinja2
 import numpy as np
 
 from riemhuman.io.files import write_bytes, write_text
-from riemhuman.io.text_tables import csv_cell
+from riemhuman.io.text_tables import csv_text
 from riemhuman.plots.figures import figure_files, new_figure
 from riemhuman.plots.viewer import page_scripts, page_styles
 from riemhuman.report._storage import Computed, ResultStore
@@ -95,13 +93,8 @@ class Table:
 
     def csv(self) -> str:
         """Return the CSV file: a line of keys, and a line per row, numbers with all digits."""
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(self.rows[0])
-        for row in self.rows:
-            values = [row[key] for key in self.rows[0]]
-            writer.writerow(csv_cell(v) if isinstance(v, str) else written(v) for v in values)
-        return stream.getvalue()
+        keys = [*self.rows[0]]
+        return csv_text([keys, *([written(row[key]) for key in keys] for row in self.rows)])
 
     def values(self, key: str) -> list[Any]:
         return [row[key] for row in self.rows if not is_missing(row.get(key))]
@@ -124,13 +117,13 @@ def _shown(value: Any, form: str) -> str:
     return format(value, form).replace("-", "−") if form else str(value)
 
 
-def written(value: Any) -> str:
-    """Return a value as written in files: numbers with all their digits, nothing if missing."""
+def written(value: Any) -> Any:
+    """Return a value whose text has all digits; None if it is missing."""
     if is_missing(value):
-        return ""
+        return None
     if isinstance(value, (bool, np.bool_)):
         return "yes" if value else "no"
-    return repr(float(value)) if isinstance(value, (float, np.floating)) else str(value)
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def is_missing(value: Any) -> bool:

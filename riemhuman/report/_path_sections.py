@@ -22,8 +22,7 @@ from riemhuman.plots import (
     plot_path,
     view_path,
 )
-from riemhuman.plots._colors import MEAN, SKIN
-from riemhuman.plots.figures import new_figure
+from riemhuman.plots.figures import MEAN, SKIN, new_figure
 from riemhuman.report._page import Section, fill
 from riemhuman.report._report import (
     PATH_WEIGHTS,

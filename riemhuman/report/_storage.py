@@ -34,9 +34,7 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
     if folder.exists() and not folder.is_dir():
         raise FileError(f"{folder} is a file; the report needs a folder of its own")
     with convert_errors(folder, "cannot be read"):
-        # A kill may have left a part of the marker.
-        part = f".{Path(_MARKER).stem}."
-        is_used = folder.is_dir() and not all(e.name.startswith(part) for e in folder.iterdir())
+        is_used = folder.is_dir() and any(folder.iterdir())
     if is_used and not _is_report(folder):
         raise FileError(
             f"{folder} holds other files; the report needs a new or empty folder, or one with an "
@@ -107,7 +105,6 @@ class ResultStore:
                 arrays, record = compute()
                 seconds = time.perf_counter() - start
             header = {"fingerprint": key, "seconds": seconds, "record": record}
-            header["arrays"] = sorted(arrays)
             save_arrays(file, {**arrays, "about": np.array(json.dumps(header))})
             step = Step(name, dict(arrays), dict(record), key, seconds, title, is_reused=False)
         self.steps.append(step)
@@ -138,7 +135,7 @@ def _read(file: Path, name: str, key: str, title: str) -> Step | None:
         about = str(arrays.pop("about"))
         # Parsed JSON takes far more memory than its text, which itself was compressed.
         header = json.loads(about[:_LONGEST_RECORD])
-        if header["fingerprint"] == key and sorted(arrays) == header["arrays"]:
+        if header["fingerprint"] == key:
             seconds = header["seconds"]
             return Step(name, arrays, header["record"], key, seconds, title, is_reused=True)
     except (FileError, FileFormatError, ValueError, KeyError, TypeError, RecursionError):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.io.files import write_text
-from riemhuman.plots._colors import VALUE_COLORS, value_colors
+from riemhuman.plots.figures import VALUE_COLORS, value_colors
 from riemhuman.plots.rendering import View, image_source, points_picture, render, window_around
 from riemhuman.registration import ScanRecord, read_records
 from riemhuman.report._page import Image, Section, fill, page, web_file

@@ -156,14 +156,14 @@ def benchmark(
                 representation, bodies, described.get(name)
             )
             found = {task: scores(distances, classes) for task, classes in labels.items()}
-            records += [
-                BenchmarkRecord(name, task, found[task], per_body, per_pair) for task in found
-            ]
+            problem = None
         except RiemhumanError as error:
+            found, per_body, per_pair = {}, np.nan, np.nan
             problem = f"{type(error).__name__}: {error}"
-            records += [
-                BenchmarkRecord(name, task, None, np.nan, np.nan, problem) for task in labels
-            ]
+        records += [
+            BenchmarkRecord(name, task, found.get(task), per_body, per_pair, problem)
+            for task in labels
+        ]
     return records
 
 

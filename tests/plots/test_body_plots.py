@@ -8,8 +8,8 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.io import to_trimesh
 from riemhuman.measurements import Measurements
 from riemhuman.plots import view_bodies
-from riemhuman.plots._colors import colour_limit
 from riemhuman.plots.body_plots import per_area, plot_body, plot_measurement_lines, plot_path
+from riemhuman.plots.figures import colour_limit
 from riemhuman.surfaces import Template
 
 TEMPLATE = sphere_template()

@@ -7,8 +7,14 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from riemhuman.plots._colors import class_colors, rgb, value_colors
-from riemhuman.plots.figures import figure_files, figure_style, new_figure
+from riemhuman.plots.figures import (
+    class_colors,
+    figure_files,
+    figure_style,
+    new_figure,
+    rgb,
+    value_colors,
+)
 
 
 def small_figure():

@@ -36,9 +36,8 @@ def test_t_sne_is_seeded_and_keeps_groups_together():
 @pytest.mark.parametrize(
     ("distances", "message"),
     [
-        (DISTANCES[:3], "square matrix of at least 3 items"),
+        (DISTANCES[:2, :2], "at least 3 items"),
         (np.triu(DISTANCES), "symmetric"),
-        (-DISTANCES, "not negative"),
     ],
 )
 def test_bad_matrices(distances, message):

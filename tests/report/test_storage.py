@@ -18,11 +18,6 @@ def test_new_folders_and_earlier_reports_are_taken(tmp_path):
     assert json.loads((folder / "provenance.json").read_text())["status"] == "begun"
 
 
-def test_a_folder_of_a_report_that_was_killed_at_its_start_is_taken(tmp_path):
-    (tmp_path / ".provenance.1a2b3c").write_text("{")
-    assert open_folder(tmp_path) == tmp_path
-
-
 @pytest.mark.parametrize("marker", [None, "[]", "not json", '{"made_by": "others"}'])
 def test_a_folder_with_something_else_is_left_alone(tmp_path, marker):
     (tmp_path / "thesis.tex").write_text("years of work")
