@@ -87,7 +87,7 @@ class AmassMotion(ModelMotion):
     @property
     def betas(self) -> np.ndarray:
         """Shape coefficients of the model, shape (B,); those missing in the file are zero."""
-        betas = _read(self.path).betas[: self.model.n_betas]
+        betas = _read(self.path, int(self._numbers[-1])).betas[: self.model.n_betas]
         return np.pad(betas, (0, self.model.n_betas - len(betas)))
 
     @property
@@ -99,7 +99,7 @@ class AmassMotion(ModelMotion):
         return self._parameters(np.arange(len(self)))[1]
 
     def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        recording = _read(self.path)
+        recording = _read(self.path, int(self._numbers[-1]))
         chosen = self._numbers[numbers]
         pose = _of_model(recording.poses[chosen], self.model.n_joints)
         # Poses rotate the root about itself, but a rotation of space also moves it.
@@ -209,7 +209,7 @@ def _retargeted(path: Path, model: BodyModel, header: _Header, rate: float) -> R
 
 def _skeleton_motion(path: Path, frames: np.ndarray, rate: float) -> SkeletonMotion:
     """Return the joints of SMPL's body in frames of a file, of a person with its legs' length."""
-    recording = _read(path)
+    recording = _read(path, int(frames[-1]))
     vectors = recording.poses[frames, :_BODY]
     rotations = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
     rotations = rotations.reshape(len(frames), _BODY, 3, 3)
@@ -316,11 +316,14 @@ def _gender(value: np.ndarray, file: Path) -> str:
     return text.removeprefix("b'").removesuffix("'").strip().lower()
 
 
-def _read(file: Path) -> _Recording:
+def _read(file: Path, last: int) -> _Recording:
     """Return the arrays of a file, which are cached while the file does not change."""
     with convert_errors(file, "cannot be read"):
         status = file.stat()
-    return _read_unchanged(file, status.st_mtime_ns, status.st_size)
+    recording = _read_unchanged(file, status.st_mtime_ns, status.st_size)
+    if len(recording.translations) <= last:
+        raise FileError(f"{file} has changed: it has fewer frames than it had")
+    return recording
 
 
 @lru_cache(maxsize=_FILES_KEPT)

@@ -164,10 +164,13 @@ def test_a_folder_is_all_its_motions(tmp_path, model):
     assert [(m.subject, m.sequence) for m in motions] == [("s1", "x"), ("s1", "y"), ("s2", "x")]
 
 
-def test_a_file_that_goes(tmp_path, model):
+def test_a_file_that_changes(tmp_path, model):
     path = write(tmp_path / "a.npz", smpl_h())
     (motion,) = load_amass(path, model)
     motion[0]
+    write(path, smpl_h(n_frames=10))
+    with pytest.raises(FileError, match=r"a\.npz has changed: it has fewer frames"):
+        motion[0]
     path.unlink()
     with pytest.raises(FileError, match=r"a\.npz cannot be read"):
         motion[0]
