@@ -58,6 +58,8 @@ _LEAST_GAIN, _LEAST_GAIN_OF_HANDS = 0.05, 0.15
 # Distances beyond these are of other parts of the scan, metres.
 _ARM_METRES = 0.03
 _HAND_METRES = 0.01
+# Vertices that a pose of a hand moves by more are compared, metres.
+_HAND_MOVES = 0.005
 _ARM_STIFFNESSES = (1e-3, 3e-4, 1e-4, 5e-5)
 
 # The elastic step softens to the last stiffness, which grows with the variance of the noise from
@@ -230,6 +232,7 @@ class _Arm(NamedTuple):
 
     joints: np.ndarray  # from the collar to the wrist
     vertices: np.ndarray  # numbers in the model
+    on_hand: np.ndarray  # those of them that poses of the hand move
     skin: ModelSamples  # these vertices
     samples: ModelSamples  # a few points of the whole arm
     metric: ElasticMetric
@@ -336,7 +339,7 @@ class DenseFitter:
             return self.search.likelihood(other, scan.points, scan.normals, best.up), other
 
         for arm in self._arms:
-            own = _points_on(arm, self.surface(pose), scan)
+            own = _points_on(arm.vertices, self.surface(pose), scan)
             if not len(own):
                 continue
             rotated = rotate_forearm(pose, arm.joints, arm.samples.rest_joints)
@@ -367,7 +370,8 @@ class DenseFitter:
     ) -> tuple[Pose, Prior]:
         """Return a fit with each hand in the pose that comes nearest to the scan, and its prior.
 
-        The elastic step would hide a wrong one: it presses fingers into a fist.
+        The elastic step would hide a wrong one: it presses fingers into a fist. Only points on the
+        hand count, because those on the forearm lie as near in all poses.
         """
         n_betas = self.model.n_betas
 
@@ -379,8 +383,8 @@ class DenseFitter:
             return _arm_distance(arm, surface, own, _HAND_METRES), other, its_prior
 
         for arm in self._arms:
-            own = _points_on(arm, self.surface(pose), scan)
-            if not (arm.hands and len(own)):
+            own = _points_on(arm.on_hand, self.surface(pose), scan)
+            if not len(own):
                 continue
             now = prior.betas[n_betas:]
             others = [now, *(np.where(np.isnan(hands), now, hands) for hands in arm.hands)]
@@ -423,10 +427,12 @@ def _arm_surface(search: StartSearch, joints: np.ndarray) -> _Arm:
         both = model.hand_pose(pose).reshape(2, -1)
         both[1 - side] = np.nan
         hands.append(both.ravel())
+    moves = np.abs(model.hand_directions[used]).max(axis=(1, 2), initial=0.0)
     few = search.samples(_N_ROTATED)
     on_arm = np.isin(owners, joints_below(model, joints[1:].tolist()))
     samples = few.only(on_arm[few.numbers] & (few.numbers >= 0))
-    return _Arm(joints, used, search.samples(None).only(used), samples, metric, hands)
+    skin = search.samples(None).only(used)
+    return _Arm(joints, used, used[moves > _HAND_MOVES], skin, samples, metric, hands)
 
 
 def _gap(first: np.ndarray, second: np.ndarray) -> float:
@@ -434,10 +440,10 @@ def _gap(first: np.ndarray, second: np.ndarray) -> float:
     return float(np.linalg.norm(first - second, axis=1).mean())
 
 
-def _points_on(arm: _Arm, surface: np.ndarray, scan: PreparedScan) -> np.ndarray:
-    """Return the points of a scan that lie near an arm of a surface."""
+def _points_on(vertices: np.ndarray, surface: np.ndarray, scan: PreparedScan) -> np.ndarray:
+    """Return the points of a scan that lie near some vertices of a surface."""
     near = cKDTree(surface).query(scan.points, distance_upper_bound=0.1)[1]
-    return scan.points[np.isin(near, arm.vertices)]
+    return scan.points[np.isin(near, vertices)]
 
 
 def _arm_distance(

@@ -59,10 +59,10 @@ def test_turned_hands_come_back(model):
     assert error(found.points) < error(right.points) + 0.005
 
 
-def test_fists_come_out_as_fists(model):
-    """Of a scan with one fist, from a start with relaxed hands."""
+def test_hands_come_out_as_they_are(model):
+    """Of a scan with a fist and an open hand, from a start with relaxed hands."""
     fitter = DenseFitter(StartSearch(model))
-    search, hands = fitter.search, model.hand_pose("fist", "relaxed")
+    search, hands = fitter.search, model.hand_pose("fist", "open")
     local = search.poses["a"]
     body = model(pose=Rotation.from_matrix(local).as_rotvec(), hands=hands)
     scan = simulated_scan(body, model.faces, 0, n_points=8000, rotate=False)
