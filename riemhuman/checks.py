@@ -206,6 +206,22 @@ def metric_weight(value: Any, name: str, *, strict: bool = False) -> float:
     return number
 
 
+def weight_shares(weights: Any, n: int) -> np.ndarray:
+    """Return n weights of at least 0 as shares that sum to one; by default all the same."""
+    if weights is None:
+        return np.full(n, 1.0 / max(n, 1))
+    weights = real_array(weights, "weights", (n,), batched=False)
+    smallest, largest = weights.min(), weights.max()
+    if smallest < 0 or largest <= 0:
+        raise ArgumentError(
+            f"weights must be at least 0 and not all 0; the smallest is {smallest:g}, the largest "
+            f"{largest:g}"
+        )
+    # Their sum might overflow.
+    weights = weights / largest
+    return weights / weights.sum()
+
+
 def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarray:
     """Return `array` as int64 of exactly this shape; whole-numbered floats are accepted."""
     values = values_of(array, name)

@@ -39,17 +39,11 @@ def rotation_matrix(axis_angle: Any) -> Any:
     >>> rh.bodies.rotation_matrix(np.array([0.0, 0.0, np.pi / 2])).round(6).astype(int).tolist()
     [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     """
-    vector = real_array(axis_angle, "axis_angle", (3,))
-    squared_angle = np.sum(vector * vector, axis=-1)[..., None, None]
-    small = squared_angle < _SERIES_BELOW
-    x = np.where(small, squared_angle, 0.0)
-    angle = np.sqrt(np.where(small, 1.0, squared_angle))
+    cross, small, x, angle, cosine_quotient = _parts(axis_angle)
     sine_quotient = np.where(
         small, 1.0 - x / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0)), np.sin(angle) / angle
     )
-    cross = cross_product_matrix(vector)
-    second = _cosine_quotient(x, angle, small) * np.matmul(cross, cross)
-    return np.eye(3) + sine_quotient * cross + second
+    return np.eye(3) + sine_quotient * cross + cosine_quotient * np.matmul(cross, cross)
 
 
 def rotation_derivative(axis_angle: Any) -> Any:
@@ -68,31 +62,28 @@ def rotation_derivative(axis_angle: Any) -> Any:
     >>> rh.bodies.rotation_derivative(np.zeros(3)).tolist()  # turns about the axes
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """
-    vector = real_array(axis_angle, "axis_angle", (3,))
-    squared_angle = np.sum(vector * vector, axis=-1)[..., None, None]
-    small = squared_angle < _SERIES_BELOW
-    x = np.where(small, squared_angle, 0.0)
-    angle = np.sqrt(np.where(small, 1.0, squared_angle))
+    cross, small, x, angle, cosine_quotient = _parts(axis_angle)
     third_quotient = np.where(
         small,
         1.0 / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0))),
         (angle - np.sin(angle)) / angle**3,
     )
-    cross = cross_product_matrix(vector)
-    return (
-        np.eye(3)
-        + _cosine_quotient(x, angle, small) * cross
-        + third_quotient * np.matmul(cross, cross)
-    )
+    return np.eye(3) + cosine_quotient * cross + third_quotient * np.matmul(cross, cross)
 
 
-def _cosine_quotient(x: Any, angle: Any, small: Any) -> Any:
-    # (1 − cos θ)/θ² as ½ (sin(θ/2) / (θ/2))²: no cancellation.
-    return np.where(
+def _parts(axis_angle: Any) -> tuple[Any, ...]:
+    """Return K, whether θ is small, θ² where it is, θ where it is not, and (1 − cos θ)/θ²."""
+    vector = real_array(axis_angle, "axis_angle", (3,))
+    squared_angle = np.sum(vector * vector, axis=-1)[..., None, None]
+    small = squared_angle < _SERIES_BELOW
+    x = np.where(small, squared_angle, 0.0)
+    angle = np.sqrt(np.where(small, 1.0, squared_angle))
+    cosine_quotient = np.where(
         small,
         0.5 * (1.0 - x / 12.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0))),
-        2.0 * (np.sin(0.5 * angle) / angle) ** 2,
+        2.0 * (np.sin(0.5 * angle) / angle) ** 2,  # ½ (sin(θ/2)/(θ/2))²: no cancellation
     )
+    return cross_product_matrix(vector), small, x, angle, cosine_quotient
 
 
 def cross_product_matrix(vector: Any) -> Any:

@@ -44,24 +44,6 @@ def first_forms(
     return e, u0 * v0 + u1 * v1 + u2 * v2, n0, n1, n2, area
 
 
-@compiled(forceinline=True)
-def triangle(
-    f: ndarray, faces: ndarray, frames: ndarray, t: int
-) -> tuple[float, float, float, float, float, float]:
-    """Return the `first_forms` of a triangle of one surface."""
-    one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
-    scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
-    x, y, z = f[two, 0] - f[one, 0], f[two, 1] - f[one, 1], f[two, 2] - f[one, 2]
-    return first_forms(
-        x * scale_u,
-        y * scale_u,
-        z * scale_u,
-        (f[three, 0] - f[one, 0]) * scale_v - x * skew,
-        (f[three, 1] - f[one, 1]) * scale_v - y * skew,
-        (f[three, 2] - f[one, 2]) * scale_v - z * skew,
-    )
-
-
 def nearly_degenerate_triangles(surfaces: ndarray, faces: ndarray, frames: ndarray) -> ndarray:
     """Tell the triangles of many surfaces that have no area, or hardly more than none.
 
@@ -71,7 +53,7 @@ def nearly_degenerate_triangles(surfaces: ndarray, faces: ndarray, frames: ndarr
 
     def run(first: int, last: int) -> None:
         for f, marked in zip(surfaces[first:last], degenerate[first:last], strict=True):
-            _mark_nearly_degenerate(f, faces, frames, marked)
+            _mark_nearly_degenerate(f[:, None], faces, frames, marked)
 
     in_chunks(run, len(surfaces), threaded=degenerate.size > 10 * _WORTH_THREADS)
     return degenerate
@@ -79,8 +61,10 @@ def nearly_degenerate_triangles(surfaces: ndarray, faces: ndarray, frames: ndarr
 
 @compiled
 def _mark_nearly_degenerate(f: ndarray, faces: ndarray, frames: ndarray, marked: ndarray) -> None:
+    both = np.empty(6)
     for t in range(len(faces)):
-        _, m, _, _, _, area = triangle(f, faces, frames, t)
+        derivatives(f, 0, faces[t], frames[t], both)
+        _, m, _, _, _, area = first_forms(both[0], both[1], both[2], both[3], both[4], both[5])
         # A² + m² = e g.
         marked[t] = area * area <= NEARLY_DEGENERATE * (area * area + m * m)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import real_array
+from riemhuman.checks import weight_shares
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, StretchInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.solvers.paths import rounding_energy
@@ -37,7 +37,7 @@ class Dispersion:
         metric.space.check_scale(self.points, "points")
         if not len(self.points):
             raise ArgumentError("points must hold at least one point; found none")
-        self.weights = check_weights(weights, len(self.points))
+        self.weights = weight_shares(weights, len(self.points))
         self.smoothing: float | None = None
 
     @property
@@ -122,7 +122,7 @@ class BatchedDispersion(Dispersion):
         n_points = sum(len(batch) for batch in batches)
         if not n_points:
             raise ArgumentError("points must hold at least one point; found none")
-        self._all_weights = check_weights(weights, n_points)
+        self._all_weights = weight_shares(weights, n_points)
         used = np.flatnonzero(self._all_weights)
         spaced = np.linspace(0, len(used) - 1, min(sample_size, len(used)))
         chosen = used[spaced.astype(int)]
@@ -187,22 +187,6 @@ def dispersion_of(
         if is_iterator or np.ndim(first) == len(metric.space.shape) + 1:
             return BatchedDispersion(metric, points, weights, sample_size)
     return Dispersion(metric, points, weights)
-
-
-def check_weights(weights: ndarray | None, n_points: int) -> ndarray:
-    """Return weights of at least 0 that sum to one, shape (n_points,); by default all the same."""
-    if weights is None:
-        return np.full(n_points, 1.0 / max(n_points, 1))
-    weights = real_array(weights, "weights", (n_points,), batched=False)
-    smallest, largest = weights.min(), weights.max()
-    if smallest < 0 or largest <= 0:
-        raise ArgumentError(
-            f"weights must be at least 0 and not all 0; the smallest is {smallest:g}, the largest "
-            f"{largest:g}"
-        )
-    # Their sum might overflow.
-    weights = weights / largest
-    return weights / weights.sum()
 
 
 def metric_of_search(metric: Any, companion_weight: float) -> Any:

@@ -10,16 +10,16 @@ import numpy as np
 from autograd import value_and_grad
 from numpy import ndarray
 
-from riemhuman.checks import real_array
+from riemhuman.checks import real_array, weight_shares
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, RiemannianMetric
-from riemhuman.kernels.surface import stacked_derivatives, triangle_frames
-from riemhuman.solvers._dispersion import check_weights
+from riemhuman.kernels.surface import apply_operator, stacked_derivatives, triangle_frames
 from riemhuman.solvers._lbfgs import LBFGS, Coordinates
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
 from riemhuman.solvers.paths import rounding_energy
 from riemhuman.solvers.results import MeanResult, Solver, finish
 from riemhuman.surfaces import Template
+from riemhuman.terms._quadratic import corner_averages
 from riemhuman.terms._sum import SumOfTerms
 
 # Iterations after which the matrix is factored anew.
@@ -104,7 +104,7 @@ class NearestSurface(Solver):
         """
         target = metric.target_metric
         images = target.check_points(images, "images")
-        weights = check_weights(weights, len(images))
+        weights = weight_shares(weights, len(images))
         start = real_array(start, "start", metric.space.shape, batched=False)
         companion = metric.complementary_metric if self.companion_weight else None
 
@@ -175,15 +175,9 @@ def inverted_triangles(points: ndarray, reference: ndarray, faces: ndarray) -> n
         )
     gradients = areas[:, None, None] * (frames @ np.linalg.inv(unit))
     # The mean's length does not matter, only the direction it gives to the normal.
-    around = np.zeros((*points.shape, 3))
-    for corner in faces.T:
-        for vertex_sums, terms in zip(
-            around.reshape(-1, len(reference), 3, 3),
-            gradients.reshape(-1, len(faces), 3, 3),
-            strict=True,
-        ):
-            np.add.at(vertex_sums, corner, terms)
-    means = around[..., faces, :, :].sum(axis=-3)
+    corners = corner_averages(faces, len(reference))
+    flat = gradients.reshape(*gradients.shape[:-2], 9)
+    means = apply_operator(corners, apply_operator(corners.T, flat)).reshape(gradients.shape)
     # det(A) A⁻ᵀ n as the cross product of images, which singular A have, too.
     first, normals = unit[..., 0], unit[..., 2]
     across = np.cross(normals, first)

@@ -11,7 +11,7 @@ import autograd.numpy as anp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import check_same_scale, check_shape, real_array, whole_number
+from riemhuman.checks import check_same_scale, real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.mesh_arrays import read_only
@@ -97,9 +97,9 @@ class DeformationBasis:
         Parameters
         ----------
         motions : iterable
-            Motions, each an array (n_frames, V, 3) or an iterable of frames (V, 3) or of blocks of
-            frames (n, V, 3). Both may be generators. Of a motion that has a length and can be
-            indexed, but is not an array, list or tuple, only every τ-th frame is read.
+            Motions, each an array (n_frames, V, 3) or an iterable of frames (V, 3). Both may be
+            generators. Of a motion that has a length and can be indexed, but is not an array, list
+            or tuple, only every τ-th frame is read.
         n_components : int
         step : int
             Number of frames τ from the first to the second frame of a deformation.
@@ -347,19 +347,18 @@ def _every(motion: Any, step: int, name: str) -> Iterator[np.ndarray]:
             yield real_array(motion[number], label, ("n_vertices", 3), batched=False)
     else:
         n_vertices = None
-        for run in _iterate(motion, name):
-            for found in _frames_of(run, f"frame {n_frames} of {name}"):
-                label = f"frame {n_frames} of {name}"
-                frame = real_array(found, label, ("n_vertices", 3), batched=False)
-                if n_vertices not in (None, len(frame)):
-                    raise ArgumentError(
-                        f"{label} has {len(frame)} vertices; the frames before it have {n_vertices}"
-                    )
-                n_vertices = len(frame)
-                if n_frames % step == 0:
-                    # A generator may reuse one array for all frames.
-                    yield frame.copy()
-                n_frames += 1
+        for found in _iterate(motion, name):
+            label = f"frame {n_frames} of {name}"
+            frame = real_array(found, label, ("n_vertices", 3), batched=False)
+            if n_vertices not in (None, len(frame)):
+                raise ArgumentError(
+                    f"{label} has {len(frame)} vertices; the frames before it have {n_vertices}"
+                )
+            n_vertices = len(frame)
+            if n_frames % step == 0:
+                # A generator may reuse one array for all frames.
+                yield frame.copy()
+            n_frames += 1
     if n_frames <= step:
         raise ArgumentError(
             f"{name} has {n_frames} frames; with step={step} a motion needs at least {step + 1}"
@@ -373,15 +372,6 @@ def _iterate(items: Any, name: str) -> Iterator[Any]:
         raise ArgumentTypeError(
             f"{name} must be an array or something to iterate over; found {items!r}"
         ) from error
-
-
-def _frames_of(run: Any, label: str) -> np.ndarray:
-    """Return a frame or a block of frames as a block."""
-    values = real_array(run, label, finite=False)
-    if values.ndim == 3:
-        return values
-    check_shape(values, label, ("n_vertices", 3), batched=False)
-    return values[np.newaxis]
 
 
 # Rows are collected up to this size before they are merged.

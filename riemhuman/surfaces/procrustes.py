@@ -6,7 +6,15 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import UNITS, check_same_scale, one_of, real_array, real_number, whole_number
+from riemhuman.checks import (
+    UNITS,
+    check_same_scale,
+    one_of,
+    real_array,
+    real_number,
+    weight_shares,
+    whole_number,
+)
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 
 # A rotation is undetermined if the spread of the points is within rounding of zero: relative to
@@ -143,17 +151,7 @@ def _shares(weights: ArrayLike | None, n_vertices: int) -> np.ndarray:
     """Return vertex weights that sum to one."""
     if n_vertices == 0:
         raise ArgumentError("points has no vertices; there is nothing to align")
-    if weights is None:
-        return np.full(n_vertices, 1.0 / n_vertices)
-    values = real_array(weights, "weights", (n_vertices,), batched=False)
-    if (values < 0).any():
-        first = int((values < 0).argmax())
-        raise ArgumentError(
-            f"weights[{first}] = {float(values[first])!r} is negative; weights must not be"
-        )
-    if not (values > 0).any():
-        raise ArgumentError("weights are all zero; at least one must be positive")
-    return values / values.sum()
+    return weight_shares(weights, n_vertices)
 
 
 def _align(surfaces: np.ndarray, to: np.ndarray, shares: np.ndarray, scale: bool) -> np.ndarray:

@@ -187,26 +187,28 @@ class FirstOrderTerm(QuadraticTerm):
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
         weights = self.template.face_areas, tuple(self.weights)
-        return _in_chunks(_first_order_norms, vectors, surfaces, self.template.faces, *weights)
+        given = surfaces, self.template.faces, vectors, *weights
+        return _in_chunks(_first_order_norms, given, surfaces.shape, surfaces.shape)
 
 
 def _in_chunks(
-    loop: Callable[..., float], vectors: ndarray, surfaces: ndarray, faces: ndarray, *weights: Any
-) -> Slopes:
-    """Return the value of a loop over triangles, and the slopes that it adds up."""
+    loop: Callable[..., float], given: tuple[Any, ...], *shapes: tuple[int, ...]
+) -> tuple[Any, ...]:
+    """Return the value of a loop over the triangles of surfaces, and the arrays it adds up."""
+    surfaces, faces = given[:2]
 
-    def run(first: int, last: int) -> Slopes:
-        slopes = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
-        return loop(vectors, surfaces, faces, *weights, first, last, *slopes), *slopes
+    def run(first: int, last: int) -> tuple[Any, ...]:
+        added = [onp.zeros(shape) for shape in shapes]
+        return loop(*given, first, last, *added), *added
 
     return sums_in_chunks(run, len(faces), threaded=is_worth_threads(surfaces, faces))
 
 
 @compiled
 def _first_order_norms(
-    vectors: ndarray,
     surfaces: ndarray,
     faces: ndarray,
+    vectors: ndarray,
     areas: ndarray,
     weights: tuple[float, ...],
     first: int,
@@ -285,15 +287,15 @@ class ZerothOrderTerm(QuadraticTerm):
         return csr_array(kron(diags_array(self.weight * masses), eye_array(3)))
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        faces = self.template.faces
-        return _in_chunks(_zeroth_order_norms, vectors, surfaces, faces, self.weight)
+        given = surfaces, self.template.faces, vectors, self.weight
+        return _in_chunks(_zeroth_order_norms, given, surfaces.shape, surfaces.shape)
 
 
 @compiled
 def _zeroth_order_norms(
-    vectors: ndarray,
     surfaces: ndarray,
     faces: ndarray,
+    vectors: ndarray,
     weight: float,
     first: int,
     last: int,
@@ -369,30 +371,17 @@ class SecondOrderTerm(QuadraticTerm):
         return self._laplacians(vectors, surfaces)[0]
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        faces = self.template.faces
         value, ratios = self._laplacians(vectors, surfaces)
         if value == math.inf:
             return value, onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
-
-        def slopes(first: int, last: int) -> tuple[ndarray, ndarray]:
-            both = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
-            _add_laplacian_slopes(vectors, surfaces, ratios, faces, self.weight, first, last, *both)
-            return both
-
-        threaded = is_worth_threads(surfaces, faces)
-        return value, *sums_in_chunks(slopes, len(faces), threaded=threaded)
+        given = surfaces, self.template.faces, vectors, ratios, self.weight
+        _, *slopes = _in_chunks(_add_laplacian_slopes, given, surfaces.shape, surfaces.shape)
+        return value, *slopes
 
     def _laplacians(self, vectors: ndarray, surfaces: ndarray) -> tuple[float, ndarray]:
         """Return the sum of the squared norms, infinite without areas, and w/A L h."""
-        faces = self.template.faces
-
-        def apply(first: int, last: int) -> tuple[float, ndarray, ndarray]:
-            images, masses = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape[:2])
-            value = _add_laplacians(vectors, surfaces, faces, first, last, images, masses)
-            return value, images, masses
-
-        threaded = is_worth_threads(surfaces, faces)
-        value, images, masses = sums_in_chunks(apply, len(faces), threaded=threaded)
+        given, shape = (surfaces, self.template.faces, vectors), surfaces.shape
+        value, images, masses = _in_chunks(_add_laplacians, given, shape, shape[:2])
         if value > 0.0:
             return math.inf, images
         ratios = self._shares(masses.T).T[..., None] * images
@@ -417,9 +406,9 @@ def _half_cotangents(edges: ndarray, area: float) -> tuple[float, float, float]:
 
 @compiled
 def _add_laplacians(
-    vectors: ndarray,
     surfaces: ndarray,
     faces: ndarray,
+    vectors: ndarray,
     first: int,
     last: int,
     images: ndarray,
@@ -450,16 +439,16 @@ def _add_laplacians(
 
 @compiled
 def _add_laplacian_slopes(
-    vectors: ndarray,
     surfaces: ndarray,
-    ratios: ndarray,
     faces: ndarray,
+    vectors: ndarray,
+    ratios: ndarray,
     weight: float,
     first: int,
     last: int,
     vector_slopes: ndarray,
     surface_slopes: ndarray,
-) -> None:
+) -> float:
     """Add the slopes of w Σ |L h|²/A: those of 2 zᵀL h − Σ |z|² A/w with z = w L h/A held."""
     edges = onp.empty((2, 3))
     for t in range(first, last):
@@ -495,6 +484,7 @@ def _add_laplacian_slopes(
                 surface_slopes[one, i, d] -= step_two + step_three
             by_area = -2.0 * energy / area - squared / (3.0 * weight)
             add_area_slope(surface_slopes, faces[t], i, edges, area, by_area)
+    return 0.0
 
 
 # Below this share of the areas around a vertex, the sum of the area vectors is rounding error.
@@ -548,7 +538,7 @@ def projection_matrix(normals: ndarray) -> csr_array:
 @compiled
 def _add_area_vectors(
     surfaces: ndarray, faces: ndarray, first: int, last: int, sums: ndarray, around: ndarray
-) -> None:
+) -> float:
     edges = onp.empty((2, 3))
     for t in range(first, last):
         for i in range(surfaces.shape[1]):
@@ -560,17 +550,18 @@ def _add_area_vectors(
                 entry = edges[0, e] * edges[1, g] - edges[0, g] * edges[1, e]
                 for corner in faces[t]:
                     sums[corner, i, d] += entry
+    return 0.0
 
 
 @compiled
 def _add_normal_slopes(
     surfaces: ndarray,
-    sum_slopes: ndarray,
     faces: ndarray,
+    sum_slopes: ndarray,
     first: int,
     last: int,
     surface_slopes: ndarray,
-) -> None:
+) -> float:
     edges, slope = onp.empty((2, 3)), onp.empty(3)
     for t in range(first, last):
         one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
@@ -585,20 +576,15 @@ def _add_normal_slopes(
                 surface_slopes[two, i, d] += at_two
                 surface_slopes[three, i, d] += at_three
                 surface_slopes[one, i, d] -= at_two + at_three
+    return 0.0
 
 
 class NormalProjections:
     """The projections at surfaces, and the way back for slopes, in compiled loops."""
 
     def __init__(self, surfaces: ndarray, faces: ndarray) -> None:
-        self._surfaces, self._faces = surfaces, faces
-
-        def run(first: int, last: int) -> tuple[ndarray, ndarray]:
-            sums, around = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape[:2])
-            _add_area_vectors(surfaces, faces, first, last, sums, around)
-            return sums, around
-
-        sums, around = self._in_chunks(run)
+        self._given, shape = (surfaces, faces), surfaces.shape
+        _, sums, around = _in_chunks(_add_area_vectors, self._given, shape, shape[:2])
         lengths = onp.linalg.norm(sums, axis=-1, keepdims=True)
         self.exist = not onp.any((lengths[..., 0] <= _CANCELLED * around) & (around > 0.0))
         self._lengths = onp.where(lengths > 0.0, lengths, 1.0)
@@ -613,22 +599,12 @@ class NormalProjections:
         along = self._along(slopes)
         in_normals = self._along(vectors) * slopes + along * vectors
         tangential = in_normals - self._along(in_normals) * self._normals
-        in_sums = tangential / self._lengths
-
-        def run(first: int, last: int) -> tuple[ndarray]:
-            surface_slopes = onp.zeros(slopes.shape)
-            _add_normal_slopes(self._surfaces, in_sums, self._faces, first, last, surface_slopes)
-            return (surface_slopes,)
-
-        (surface_slopes,) = self._in_chunks(run)
+        given = *self._given, tangential / self._lengths
+        _, surface_slopes = _in_chunks(_add_normal_slopes, given, slopes.shape)
         return along * self._normals, surface_slopes
 
     def _along(self, vectors: ndarray) -> ndarray:
         return onp.einsum("vid,vid->vi", vectors, self._normals)[..., None]
-
-    def _in_chunks(self, task: Callable[[int, int], tuple[ndarray, ...]]) -> tuple[Any, ...]:
-        threaded = is_worth_threads(self._surfaces, self._faces)
-        return sums_in_chunks(task, len(self._faces), threaded=threaded)
 
 
 class NormalPartTerm(QuadraticTerm):

@@ -9,7 +9,7 @@ from scipy.sparse import bsr_array
 
 from riemhuman.kernels import elimination, rotations, triangles
 from riemhuman.kernels.elimination import elimination_of
-from riemhuman.surfaces import _triangle_rotations
+from riemhuman.surfaces import _poisson
 
 TEMPLATE = open_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
@@ -28,12 +28,10 @@ def test_loops_over_single_surfaces(monkeypatch):
         return [added]
 
     calls = [
-        lambda: _triangle_rotations.turned_sources(
-            start, end, vectors, times, FACES, FRAMES, AREAS
-        ),
+        lambda: _poisson.turned_sources(start, end, vectors, times, FACES, FRAMES, AREAS),
         blocks,
     ]
-    check_bounds(monkeypatch, [triangles, _triangle_rotations], calls)
+    check_bounds(monkeypatch, [triangles, _poisson], calls)
 
 
 def test_trees_of_turns(monkeypatch):
@@ -47,10 +45,10 @@ def test_trees_of_turns(monkeypatch):
 
     def unwrapped():
         found = 3.0 * vectors
-        _triangle_rotations.unwrap_turns(found, quaternions, np.arange(6), ends, neighbours)
+        _poisson.unwrap_turns(found, quaternions, np.arange(6), ends, neighbours)
         return [found]
 
-    check_bounds(monkeypatch, [_triangle_rotations], [unwrapped])
+    check_bounds(monkeypatch, [_poisson], [unwrapped])
 
 
 def test_nearest_rotations(monkeypatch):

@@ -254,7 +254,7 @@ class TestFiles:
         with pytest.raises(FileError, match="nowhere"):
             basis.save(tmp_path / "nowhere" / "basis.npz")
         file.write_bytes(b"garbage")
-        with pytest.raises(FileFormatError, match=r"basis\.npz is not an \.npz archive"):
+        with pytest.raises(FileFormatError, match=r"basis\.npz: damaged, or not an \.npz archive"):
             DeformationBasis.load(file)
 
         good = {"format_version": 1, "vectors": basis.vectors}
@@ -315,13 +315,11 @@ def reusing_one_array():
         lambda: MOTION,
         lambda: list(MOTION),
         lambda: iter(MOTION),
-        lambda: [MOTION[:7], MOTION[7:8], MOTION[8], MOTION[9:]],
-        lambda: (run for run in np.split(MOTION, 4)),
         reusing_one_array,
         lambda: Indexed(MOTION),
         lambda: MOTION.tolist(),
     ],
-    ids=["array", "list", "iterator", "mixed", "runs", "reusing", "indexed", "nested lists"],
+    ids=["array", "list", "iterator", "reusing", "indexed", "nested lists"],
 )
 def test_every_kind_of_motion_gives_the_same_pairs(make):
     pairs = list(frames_apart([make(), make()], step=5))
@@ -346,7 +344,7 @@ def with_bad_entry(number):
         ([MOTION, MOTION[:, :4]], ArgumentError, r"motions\[1\] has 4 vertices; .* have 5"),
         ([[*MOTION[:3], MOTION[3, :4]]], ArgumentError, r"frame 3 of .* 4 vertices; .* 5"),
         ([MOTION, with_bad_entry(10)], ArgumentError, r"frame 10 of motions\[1\] holds 1 NaN"),
-        ([[with_bad_entry(7)]], ArgumentError, r"frame 7 of motions\[0\] holds 1 NaN"),
+        ([list(with_bad_entry(7))], ArgumentError, r"frame 7 of motions\[0\] holds 1 NaN"),
         ([Indexed(with_bad_entry(20))], ArgumentError, r"frame 20 of motions\[0\] holds 1 NaN"),
         (MOTION, ArgumentError, r"found one, of shape \(24, 5, 3\)"),
         ([3.0], ArgumentTypeError, r"motions\[0\] must be an array"),
