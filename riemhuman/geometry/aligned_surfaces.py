@@ -178,8 +178,7 @@ class AlignedSurfaces(Manifold):
         if not isinstance(point, ndarray):
             point = self.as_array(point, name)
         point = real_array(point, name, self.shape, rows=True, lengths=True)
-        if self.scale is not None:
-            check_same_scale(values_of(point), self._reference, name, "the template")
+        self.check_scale(point, name)
         return point
 
     def check_tangent_vec(self, tangent_vec: Any, name: str = "tangent_vec") -> ndarray:
@@ -206,13 +205,10 @@ class AlignedSurfaces(Manifold):
         name : str, for messages
         """
         f = self.check_tangent_vec(f, name)
-        surface.refuse_degenerate(self._is_degenerate(*self.partial_derivatives(f)), name)
+        self._normals(*self.partial_derivatives(f), name)
         return f
 
-    def _normals(self, f_u: ndarray, f_v: ndarray) -> ndarray:
-        surface.refuse_degenerate(self._is_degenerate(f_u, f_v))
-        return surface.unit_normals(f_u, f_v)
-
     @staticmethod
-    def _is_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
-        return surface.is_degenerate(values_of(f_u), values_of(f_v))
+    def _normals(f_u: ndarray, f_v: ndarray, name: str = "the surface") -> ndarray:
+        surface.refuse_degenerate(surface.is_degenerate(values_of(f_u), values_of(f_v)), name)
+        return surface.unit_normals(f_u, f_v)

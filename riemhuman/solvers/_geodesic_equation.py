@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from autograd.core import make_vjp
@@ -118,14 +118,6 @@ class GeodesicEquation:
     def _squared_dist(self, start: ndarray, end: ndarray) -> float:
         return float(self.metric.energy(np.stack([start, end])))
 
-    def _without_translation(self, shift: ndarray) -> ndarray:
-        """Remove translations that the metric does not measure: centroids then move uniformly."""
-        metric = self.metric
-        if not metric.is_translation_invariant:
-            return shift
-        space: Any = metric.space
-        return shift - centroid(shift, space.template.vertex_areas)
-
     @single_threaded_libraries()
     def _solve(
         self,
@@ -143,13 +135,18 @@ class GeodesicEquation:
         scale = np.sign(derivative) / unit
 
         def shift_of(variables: ndarray) -> ndarray:
-            if directions is None:
-                return self._without_translation(variables.reshape(shape))
-            return (variables @ directions).reshape(shape)
+            if directions is not None:
+                return (variables @ directions).reshape(shape)
+            shift = variables.reshape(shape)
+            if metric.is_translation_invariant:
+                # Without translations, which the metric ignores, centroids move uniformly.
+                shift = shift - centroid(shift, metric.space.template.vertex_areas)
+            return shift
 
         def equation(variables: ndarray) -> tuple[ndarray, ndarray] | None:
             points = triple(shift_of(variables))
-            if _sizes_moved(metric.space, middle, points) > _FAR:
+            is_surface = metric.space.is_surface_space
+            if is_surface and np.abs(points - middle).max() > _FAR * np.ptp(middle):
                 return None
             if not np.all(metric.space.belongs(points)):
                 return None
@@ -239,13 +236,6 @@ def vanishing_triangle(metric: RiemannianMetric, before: ndarray, after: ndarray
     if shares[least] > _LEAST_AREA:
         return ""
     return f"triangle {least} degenerates: one step left {shares[least]:.0%} of its area"
-
-
-def _sizes_moved(space: Any, before: ndarray, after: ndarray) -> float:
-    """Return how far the vertices of a surface have moved, in units of its size; else 0."""
-    if not space.is_surface_space:
-        return 0.0
-    return float(np.abs(after - before).max() / np.ptp(before))
 
 
 class Root(NamedTuple):

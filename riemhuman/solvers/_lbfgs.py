@@ -199,11 +199,13 @@ class _Descent:
         is_small = bool(self._newton <= settings.tolerance * value)
         self._newton_was_small |= is_small
         recent = _gain_of_second_half([*self._earlier, *self.values])
+        since = self.values[self._formed_after :][-1 - _PATIENCE :]
+        still = _STILL * settings.tolerance * abs(value)
         if value <= self._floor:
             self.end(Status.CONVERGED, _AT_ZERO)
         elif is_small and not recent > settings.recent_decrease * value:
             self.end(Status.CONVERGED, "the expected decrease is below the tolerance")
-        elif _stands_still(settings.tolerance, self.values[self._formed_after :]):
+        elif len(since) > _PATIENCE and since[0] - value <= still:
             self._newton = np.nan
             self.end(Status.CONVERGED, "the value stands still")
         elif len(self.values) > settings.max_iter:
@@ -235,14 +237,6 @@ def _gain_of_second_half(values: Sequence[float] | ndarray) -> float:
     """Return what the second half of iterations gained, nan if they are few."""
     n_iterations = len(values) - 1
     return float(values[n_iterations // 2] - values[-1]) if n_iterations >= _SLOW else np.nan
-
-
-def _stands_still(tolerance: float, values: Sequence[float]) -> bool:
-    """Return whether many iterations have gained only a small part of the required decrease."""
-    if len(values) <= _PATIENCE:
-        return False
-    before, now = values[-1 - _PATIENCE], values[-1]
-    return before - now <= _STILL * tolerance * abs(now)
 
 
 class _Trial(NamedTuple):

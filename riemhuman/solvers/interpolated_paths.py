@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -190,8 +190,7 @@ class ModelPath(PathSolver):
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         start, end = check_end_points(metric, start, end)
-        first = _checked(self.parameters(start), "parameters(start)")
-        last = _checked(self.parameters(end), "parameters(end)")
+        first, last = (self._parameters(f, name) for f, name in ((start, "start"), (end, "end")))
         for name, a, b in zip(ModelParameters._fields, first, last, strict=True):
             if a.shape != b.shape:
                 raise ArgumentError(
@@ -201,40 +200,26 @@ class ModelPath(PathSolver):
             linear_path(a, b, self.n_nodes) for a, b in zip(first, last, strict=True)
         )
         if self.rotations == "geodesic":
-            pose = _rotation_geodesics(first.pose, last.pose, self.n_nodes)
-        path = metric.check_points(self.model(betas, pose, trans), "the model's surfaces")
-        gap = max(_largest_distance(path[0], start), _largest_distance(path[-1], end))
+            # R₀ exp(t log(R₀⁻¹R₁)) of every joint.
+            rotation = Rotation.from_rotvec(first.pose)
+            change = (rotation.inv() * Rotation.from_rotvec(last.pose)).as_rotvec()
+            times = np.linspace(0.0, 1.0, self.n_nodes)
+            pose = [(rotation * Rotation.from_rotvec(t * change)).as_rotvec() for t in times]
+        path = metric.check_points(self.model(betas, np.array(pose), trans), "the model's surfaces")
+        gap = np.linalg.norm(path[[0, -1]] - [start, end], axis=-1).max()
         message = f"the model's surfaces are up to {1000.0 * gap:.3g} mm from start and end"
         return known_path(metric, path, message)
 
-
-def _checked(parameters: Any, name: str) -> ModelParameters:
-    try:
-        betas, pose, trans = parameters
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(
-            f"{name} must be the three arrays betas, pose and trans; found "
-            f"{type(parameters).__name__}"
-        ) from error
-    pose = real_array(pose, f"pose of {name}")
-    if pose.size % 3 or (pose.ndim > 1 and pose.shape[1:] != (3,)):
-        raise ArgumentError(
-            f"pose of {name} must have shape (n_joints, 3) or (3 n_joints,); found {pose.shape}"
+    def _parameters(self, surface: ndarray, name: str) -> ModelParameters:
+        name = f"parameters({name})"
+        betas, pose, trans = self.parameters(surface)
+        pose = real_array(pose, f"pose of {name}")
+        if pose.size % 3 or (pose.ndim > 1 and pose.shape[1:] != (3,)):
+            raise ArgumentError(
+                f"pose of {name} must have shape (n_joints, 3) or (3 n_joints,); found {pose.shape}"
+            )
+        return ModelParameters(
+            real_array(betas, f"betas of {name}", ("n_betas",), batched=False),
+            pose.reshape(-1, 3),
+            real_array(trans, f"trans of {name}", (3,), batched=False),
         )
-    return ModelParameters(
-        real_array(betas, f"betas of {name}", ("n_betas",), batched=False),
-        pose.reshape(-1, 3),
-        real_array(trans, f"trans of {name}", (3,), batched=False),
-    )
-
-
-def _rotation_geodesics(start: ndarray, end: ndarray, n_nodes: int) -> ndarray:
-    """Return R₀ exp(t log(R₀⁻¹R₁)) of every joint, as axis-angle vectors."""
-    first, last = Rotation.from_rotvec(start), Rotation.from_rotvec(end)
-    change = (first.inv() * last).as_rotvec()
-    times = np.linspace(0.0, 1.0, n_nodes)
-    return np.stack([(first * Rotation.from_rotvec(t * change)).as_rotvec() for t in times])
-
-
-def _largest_distance(points: ndarray, others: ndarray) -> float:
-    return float(np.linalg.norm(points - others, axis=1).max())

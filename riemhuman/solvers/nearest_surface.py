@@ -9,6 +9,7 @@ import autograd.numpy as anp
 import numpy as np
 from autograd import value_and_grad
 from numpy import ndarray
+from scipy.sparse import csr_array
 
 from riemhuman.checks import real_array, weight_shares
 from riemhuman.errors import DegenerateSurfaceError
@@ -19,7 +20,6 @@ from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFac
 from riemhuman.solvers.paths import rounding_energy
 from riemhuman.solvers.results import MeanResult, Solver, finish
 from riemhuman.surfaces import Template
-from riemhuman.terms._quadratic import corner_averages
 from riemhuman.terms._sum import SumOfTerms
 
 # Iterations after which the matrix is factored anew.
@@ -175,7 +175,8 @@ def inverted_triangles(points: ndarray, reference: ndarray, faces: ndarray) -> n
         )
     gradients = areas[:, None, None] * (frames @ np.linalg.inv(unit))
     # The mean's length does not matter, only the direction it gives to the normal.
-    corners = corner_averages(faces, len(reference))
+    ends = np.arange(0, faces.size + 1, 3)
+    corners = csr_array((np.ones(faces.size), faces.ravel(), ends), (len(faces), len(reference)))
     flat = gradients.reshape(*gradients.shape[:-2], 9)
     means = apply_operator(corners, apply_operator(corners.T, flat)).reshape(gradients.shape)
     # det(A) A⁻ᵀ n as the cross product of images, which singular A have, too.

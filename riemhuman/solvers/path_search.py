@@ -29,7 +29,6 @@ from riemhuman.solvers.paths import (
     linear_path,
     lower_bound,
     path_floor,
-    percentage,
 )
 from riemhuman.solvers.results import PathResult, Status, finish
 
@@ -187,22 +186,14 @@ class PathSearch(PathSolver):
                 "the initial path leaves the manifold or has no finite energy; pass another "
                 "initial_path"
             )
-        return PathResult(
-            self._without_drift(metric, _with_interior(path, minimum.x)),
-            minimum.value,
-            minimum.values,
-            lower_bound(metric, path),
-            percentage(minimum.gap, minimum.value),
-            **minimum.outcome,
-        )
-
-    def _without_drift(self, metric: RiemannianMetric, path: ndarray) -> ndarray:
-        """Return a path without drift, if asked for."""
-        if not self.remove_drift:
-            return path
-        still = metric.remove_drift(path)
-        # A triangle that is nearly flat may become flat by the rounding of a rotation.
-        return still if np.all(metric.space.belongs(still)) else path
+        found = _with_interior(path, minimum.x)
+        if self.remove_drift:
+            still = metric.remove_drift(found)
+            # A triangle that is nearly flat may become flat by the rounding of a rotation.
+            found = still if np.all(metric.space.belongs(still)) else found
+        gap = 100.0 * minimum.gap / minimum.value if minimum.value > 0 else 0.0
+        bound = lower_bound(metric, path)
+        return PathResult(found, minimum.value, minimum.values, bound, gap, **minimum.outcome)
 
 
 @dataclass(frozen=True)

@@ -259,11 +259,6 @@ def known_path(
     return PathResult(path, value, np.array([value]), bound, gap, n_evaluations=1, message=message)
 
 
-def percentage(gap: float, energy: float) -> float:
-    """Return the gap of an energy to its minimum in per cent of it, 0 if the energy is 0."""
-    return 100.0 * gap / energy if energy > 0 else 0.0
-
-
 def lower_bound(metric: RiemannianMetric, path: ndarray) -> float:
     """Return the squared distance of the ends of a path, if it is in closed form, else 0."""
     return float(metric.squared_dist(path[0], path[-1])) if metric.has_closed_form_dist else 0.0

@@ -140,7 +140,10 @@ class MotionTransfer:
                 surface = poses.solve(target, frame)
             else:
                 surface = changes.solve(frame, target + (frame - source))
-            moved.append(_placed(surface, start, frame - source, areas))
+            # Mean displacements agree, above all those of what is at rest.
+            change = frame - source
+            weights = areas / (_AT_REST**2 + np.sum(change**2, axis=1))
+            moved.append(surface + np.average(start + change - surface, axis=0, weights=weights))
         if not moved:
             raise ArgumentError("motion must have at least one frame; found none")
         return np.stack(moved)
@@ -439,12 +442,6 @@ def _flow(half: LinearOperator, rotations: ndarray) -> ndarray:
         heat = half @ rotations.reshape(-1, 9)
         rotations = nearest_rotations(heat.reshape(-1, 3, 3))
     return rotations
-
-
-def _placed(surface: ndarray, start: ndarray, displacement: ndarray, areas: ndarray) -> ndarray:
-    """Return a surface shifted so that mean displacements agree, above all those at rest."""
-    weights = areas / (_AT_REST**2 + np.sum(displacement**2, axis=1))
-    return surface + np.average(start + displacement - surface, axis=0, weights=weights)
 
 
 def _one_surface(space: AlignedSurfaces, surface: Any, name: str) -> ndarray:

@@ -198,7 +198,9 @@ def lowest_eigenpairs(
     values, vectors = more(count, np.zeros((n_vertices, 0)))
     # Lanczos iterations may miss copies of an eigenvalue that symmetry makes multiple.
     limit = values.max() * (1 - 1e-8)
-    while (n_missing := _n_below(laplacian, areas, limit) - int(np.sum(values < limit))) > 0:
+    # By Sylvester's law of inertia, as many are below the limit as pivots are negative.
+    n_below = int(np.sum(_factor(laplacian, areas, limit).U.diagonal() < 0))
+    while (n_missing := n_below - int(np.sum(values < limit))) > 0:
         new_values, new_vectors = more(n_missing, vectors)
         if new_values.min() >= limit:
             break
@@ -206,11 +208,6 @@ def lowest_eigenpairs(
         vectors = np.concatenate([vectors, new_vectors], axis=1)
     order = np.argsort(values)[:count]
     return values[order], vectors[:, order] / roots[:, np.newaxis]
-
-
-def _n_below(laplacian: sparse.csr_array, areas: np.ndarray, limit: float) -> int:
-    """Count the eigenvalues below a limit by Sylvester's law of inertia."""
-    return int(np.sum(_factor(laplacian, areas, limit).U.diagonal() < 0))
 
 
 def _factor(laplacian: sparse.csr_array, areas: np.ndarray, shift: float) -> SuperLU:
