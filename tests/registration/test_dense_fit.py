@@ -16,11 +16,6 @@ from riemhuman.registration._start_search import Candidate, StartSearch, Target
 UP = np.array([0.0, 1.0, 0.0])
 
 
-@pytest.fixture(scope="module")
-def model():
-    return rh.datasets.load_open_model("coarse")
-
-
 @pytest.mark.parametrize("noise", [0.0, 0.002])
 def test_noise_is_that_of_the_scan(model, noise):
     body = rh.datasets.load_open_bodies("coarse")[0]
@@ -29,7 +24,7 @@ def test_noise_is_that_of_the_scan(model, noise):
     assert abs(estimated - noise) < 0.0008
 
 
-def test_turned_hands_come_back(model):
+def test_turned_hands_come_back(model, registration_from_few_poses):
     """Of a person whom the model cannot make, with curled fingers."""
     bodies, triangles = foreign_bodies(model, 1, 1, 1)
     body = bodies[0, 0]
@@ -37,7 +32,7 @@ def test_turned_hands_come_back(model):
     prepared = prepare_scan(
         rh.registration.Scan(simulated_scan(body, triangles, 0, n_points=6000, rotate=False).points)
     )
-    fitter = DenseFitter(StartSearch(model))
+    fitter = registration_from_few_poses()._fitter
     target = Target(prepared.points, prepared.normals, True, {})
     best = fitter.search.run(target, UP)[0]
     right = fitter.fit(best, prepared)

@@ -7,25 +7,9 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
-from riemhuman.registration import ScanRegistration, read_records, register_folder, simulated_scan
+from riemhuman.registration import ScanRegistration, read_records, register_folder
 
 BEN, BOX = 3000, 2000  # numbers of points of scans without a lower half, and of no body
-
-
-@pytest.fixture(scope="module")
-def registration():
-    return ScanRegistration(rh.datasets.load_open_model("coarse"), up="y")
-
-
-@pytest.fixture(scope="module")
-def scan(registration):
-    body = rh.datasets.load_open_bodies("coarse")[3]
-    return simulated_scan(body, registration.model.faces, 1, n_points=4000, rotate=False).points
-
-
-@pytest.fixture(scope="module")
-def result(registration, scan):
-    return registration.solve(scan)
 
 
 @pytest.fixture
@@ -51,8 +35,8 @@ def folders(tmp_path, scan):
     """Return folders of scans and of bodies; one scan is damaged."""
     scans = tmp_path / "scans"
     scans.mkdir()
-    for name, count in (("anna", len(scan)), ("ben", BEN), ("box", BOX)):
-        np.save(scans / f"{name}.npy", scan[:count])
+    for name, count in (("anna", len(scan.points)), ("ben", BEN), ("box", BOX)):
+        np.save(scans / f"{name}.npy", scan.points[:count])
     (scans / "broken.xyz").write_text("1 2 3\n4 5\n")
     return scans, tmp_path / "bodies"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
-from riemhuman.registration import ScanRegistration, simulated_scan
+from riemhuman.registration import simulated_scan
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._trust import LARGEST_OVERLAP, find_overlaps
 from riemhuman.registration.scans import as_scan
@@ -16,11 +16,6 @@ FAR = 0.03
 @pytest.fixture(scope="module")
 def bodies():
     return rh.datasets.load_open_bodies("coarse", variant="natural", people=777)
-
-
-@pytest.fixture(scope="module")
-def registration(bodies):
-    return ScanRegistration(bodies.model, up="y")
 
 
 def scan_of(bodies, number):

@@ -18,11 +18,6 @@ from riemhuman.registration._posed_body import (
 
 
 @pytest.fixture(scope="module")
-def model():
-    return rh.datasets.load_open_model("coarse")
-
-
-@pytest.fixture(scope="module")
 def body(model):
     return sample_model(model, 60)
 

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.registration import ScanRegistration, find_inward_triangles, simulated_scan
+from riemhuman.registration import find_inward_triangles, simulated_scan
 from riemhuman.registration.scan_registration import _other_units
 from riemhuman.registration.scans import as_scan
 
@@ -18,8 +18,8 @@ def bodies():
 
 
 @pytest.fixture(scope="module")
-def registration(bodies):
-    return ScanRegistration(bodies.model, up="y")
+def registration(registration_from_few_poses):
+    return registration_from_few_poses("y")
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +72,8 @@ def squat(bodies):
 
 
 @pytest.fixture(scope="module")
-def result(bodies, squat):
-    return ScanRegistration(bodies.model, up="z").solve(squat[2])
+def result(registration_from_few_poses, squat):
+    return registration_from_few_poses("z").solve(squat[2])
 
 
 def test_floors_buns_and_far_points_are_background(result, bodies, squat):
@@ -184,9 +184,9 @@ def test_mesh_objects_are_scans(bodies):
     np.testing.assert_array_equal(scan.faces, bodies.template.faces)
 
 
-def test_bodies_in_leaning_scans_stand_on_their_feet(bodies):
+def test_bodies_in_leaning_scans_stand_on_their_feet(bodies, registration_from_few_poses):
     scan = simulated_scan(bodies[0], bodies.template.faces, rng=1, n_points=5000, rotate=False)
     leaning = Rotation.from_euler("xyz", [70.0, 110.0, 25.0], degrees=True).as_matrix()
-    result = ScanRegistration(bodies.model).solve(scan.points @ leaning.T)
+    result = registration_from_few_poses().solve(scan.points @ leaning.T)
     assert result.trusted, result.message
     np.testing.assert_allclose(leaning.T @ result.up, [0.0, 1.0, 0.0], atol=0.2)

@@ -19,11 +19,6 @@ from riemhuman.registration._start_poses import (
 from riemhuman.registration._start_search import StartSearch, _landmark_cost
 
 
-@pytest.fixture(scope="module")
-def model():
-    return rh.datasets.load_open_model("coarse")
-
-
 def test_arms_reach_from_the_collar_to_the_wrist(model):
     for each in (model, with_smpls_tree(model)):
         names = joint_names(each)

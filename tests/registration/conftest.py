@@ -1,0 +1,52 @@
+"""The model, scans and registrations that several tests share."""
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+from riemhuman.registration import ScanRegistration, simulated_scan
+
+FEW_POSES = ("t", "forward", "walk", "squat")
+
+
+@pytest.fixture(scope="session")
+def model():
+    return rh.datasets.load_open_model("coarse")
+
+
+@pytest.fixture(scope="session")
+def registration(model):
+    return ScanRegistration(model, up="y")
+
+
+@pytest.fixture(scope="session")
+def registration_from_few_poses(model):
+    """Return a function that makes registrations whose search is short, with a direction up."""
+
+    def make(up=None):
+        registration = ScanRegistration(model, up=up)
+        for fitter in (registration._fitter, *registration._partial_fitters):
+            poses = fitter.search.poses
+            fitter.search.poses = {name: poses[name] for name in FEW_POSES}
+        return registration
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def frames():
+    """Return two neighbouring frames of a motion that is among no start poses."""
+    (motion,) = rh.datasets.load_open_motions(
+        "coarse", subjects=["lean runner"], sequences=["punching"]
+    )
+    return np.stack([motion[28], motion[31]])
+
+
+@pytest.fixture(scope="session")
+def scan(model, frames):
+    return simulated_scan(frames[0], model.faces, rng=3, n_points=6000, mesh=True, missing=0.1)
+
+
+@pytest.fixture(scope="session")
+def result(registration, scan):
+    return registration.solve(scan.surface)
