@@ -31,6 +31,8 @@ _BLUR_METRES = 0.008
 _N_NOISE, _MEDIAN = 3000, 0.6745
 
 _MODEL_SCALES = (0.04, 0.03, 0.03, 0.03, *(0.02,) * 5, *(0.012,) * 4)
+# The body of a moment before is nearer.
+_KNOWN_SCALES = _MODEL_SCALES[6:]
 _MODEL_ALONG = 0.05
 # One unit of a coefficient counts as much as one point of the scan that lies so far off: the fewer
 # points, the more the prior counts.
@@ -180,13 +182,15 @@ def fit_elastic(
     stiffnesses: Sequence[float] | np.ndarray,
     scale: float = _FREE_SCALE,
     visible: np.ndarray | None = None,
+    matches: Matches | None = None,
 ) -> tuple[np.ndarray, Matches]:
     """Return a surface near a scan, elastically near a reference, and the matches of its vertices.
 
     Gauss–Newton steps minimise Σ_i w_i ((n_i·r_i)² + τ |r_i|²) + α d²(f, f₀), with the gaps r to
     the scan, its normals n, the elastic distance d from the reference f₀, and a stiffness α for
     each step. They use the matrix of the metric at the reference, and conjugate gradients solve
-    the equations. Only visible vertices are matched, by default all.
+    the equations. Only visible vertices are matched, by default all. The matches of the start may
+    be known.
     """
     template = metric.space.template
     faces, areas = template.faces, template.vertex_areas
@@ -196,7 +200,8 @@ def fit_elastic(
     elastic, numbers = system.data, np.arange(len(start) + 1)
     on_diagonal = np.repeat(numbers[:-1], np.diff(system.indptr)) == system.indices
     points = start
-    matches = scan.match(points, vertex_normals(points, faces), scale).only(shown)
+    if matches is None:
+        matches = scan.match(points, vertex_normals(points, faces), scale).only(shown)
     for stiffness in stiffnesses:
         weights = areas * matches.weights
         blocks = matches.normals[:, :, np.newaxis] * matches.normals[:, np.newaxis]
@@ -293,12 +298,13 @@ class DenseFitter:
         pose = self.search.anneal_finely(best, scan.points, scan.normals)
         visible = self.search.find_visible(self.surface(pose), scan.points, best.up)
         dense = self._samples(_N_DENSE, visible)
-        pose = fit_closest(dense, pose, prior, tree)
+        scales = _KNOWN_SCALES if best.known else _MODEL_SCALES
+        pose = fit_closest(dense, pose, prior, tree, scales)
         hair = self.find_hair(self.surface(pose), scan.points)
         if hair.any():
             scan = replace(scan, points=scan.points[~hair], normals=scan.normals[~hair])
             tree = ScanTree(scan.points, scan.normals)
-            pose = fit_closest(dense, pose, prior, tree)
+            pose = fit_closest(dense, pose, prior, tree, scales)
         if not best.known:  # its arms are as a moment before
             pose = self._rotate_forearms(best, prior, pose, scan, tree, visible)
             pose, prior = self._pose_hands(prior, pose, scan, tree, visible)
@@ -314,7 +320,7 @@ class DenseFitter:
             model_points = self.surface(pose)
             softest = softer[-_N_STEPS_AGAIN:]
             points, matches = fit_elastic(
-                self.metric, points, model_points, tree, softest, visible=visible
+                self.metric, points, model_points, tree, softest, visible=visible, matches=matches
             )
         return DenseFit(pose, model_points, points, matches)
 

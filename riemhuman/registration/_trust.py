@@ -77,10 +77,14 @@ def find_overlaps(template: Template, points: np.ndarray, matched: np.ndarray) -
         return overlaps
     normals = vertex_normals(points, template.faces)[own]
     count = min(_N_NEIGHBOURS, len(own))
-    distances, near = cKDTree(points[own]).query(points[own], k=count)
     ends = template.vertices[template.edges]
     edge = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean())
-    close = distances < np.clip(edge, *_OVERLAP_METRES)
+    farthest = np.clip(edge, *_OVERLAP_METRES)
+    distances, near = cKDTree(points[own]).query(
+        points[own], k=count, distance_upper_bound=farthest
+    )
+    close = np.isfinite(distances)
+    near[~close] = 0
     gaps = points[own][near] - points[own, np.newaxis]
     close &= np.abs(np.einsum("nkx,nx->nk", gaps, normals)) < _ALONG_METRES
     rest = template.vertices[own]
