@@ -48,7 +48,7 @@ def test_turned_hands_come_back(model, registration_from_few_poses):
         return np.linalg.norm(moved, axis=1)[there].mean()
 
     local = right.pose.local.copy()
-    local[elbow] = local[elbow] @ rh.bodies.rotation_matrix(np.radians(-120.0) * axis)
+    local[elbow] = local[elbow] @ rh.bodies.rotation_matrix(np.radians(120.0) * axis)
     start = Pose(local, right.pose.betas, right.pose.trans)
     found = fitter.fit(Candidate(start, best.prior, 0.0, UP), prepared)
     assert error(found.points) < error(right.points) + 0.005

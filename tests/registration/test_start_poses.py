@@ -1,11 +1,9 @@
 """Start poses of models of any names, and the positions in which arms are tried."""
 
 import numpy as np
-import pytest
 from scanned_people import with_other_names, with_smpls_tree
 from scipy.spatial.transform import Rotation
 
-import riemhuman as rh
 from riemhuman.registration._posed_body import Pose, pose_body, sample_model
 from riemhuman.registration._start_poses import (
     _SMPL_TREE,
