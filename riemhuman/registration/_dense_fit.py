@@ -56,7 +56,7 @@ _N_ROTATED, _LEAST_ROTATED = 1000, 0.06
 # Rotations are different if the forearm and hand are this far apart, metres in the mean.
 _DIFFERENT_METRES = 0.008
 # Another rotation, or pose of the hand, must bring the scan nearer to the arm by this share.
-_LEAST_GAIN, _LEAST_GAIN_OF_HANDS = 0.05, 0.15
+_LEAST_GAIN = 0.05
 # Distances beyond these are of other parts of the scan, metres.
 _ARM_METRES = 0.03
 _HAND_METRES = 0.01
@@ -388,7 +388,8 @@ class DenseFitter:
             surface = pose_body(arm.skin, other).points
             return _arm_distance(arm, surface, own, _HAND_METRES), other, its_prior
 
-        for arm in self._arms:
+        # Twice, because the wrist moves with the first change.
+        for arm in (*self._arms, *self._arms):
             own = _points_on(arm.on_hand, self.surface(pose), scan)
             if not len(own):
                 continue
@@ -396,7 +397,7 @@ class DenseFitter:
             others = [now, *(np.where(np.isnan(hands), now, hands) for hands in arm.hands)]
             first, *found = mapped(fit, others, N_THREADS)
             nearest = min(found, key=lambda each: each[0])
-            if nearest[0] < (1.0 - _LEAST_GAIN_OF_HANDS) * first[0]:
+            if nearest[0] < (1.0 - _LEAST_GAIN) * first[0]:
                 _, pose, prior = nearest
                 pose = fit_closest(self._samples(_N_DENSE, visible), pose, prior, tree)
         return pose, prior

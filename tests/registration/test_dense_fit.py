@@ -55,9 +55,9 @@ def test_turned_hands_come_back(model, registration_from_few_poses):
 
 
 def test_hands_come_out_as_they_are(model):
-    """Of a scan with a fist and an open hand, from a start with relaxed hands."""
+    """Of a scan with an open hand and a fist, from a start with relaxed hands."""
     fitter = DenseFitter(StartSearch(model))
-    search, hands = fitter.search, model.hand_pose("fist", "open")
+    search, hands = fitter.search, model.hand_pose("open", "fist")
     local = search.poses["a"]
     body = model(pose=Rotation.from_matrix(local).as_rotvec(), hands=hands)
     scan = simulated_scan(body, model.faces, 0, n_points=8000, rotate=False)
