@@ -335,7 +335,7 @@ def _read_unchanged(file: Path, _time: int, _size: int) -> _Recording:
             if np.abs(fields[name]).max(initial=0.0) > _LARGEST:
                 raise ArgumentError(f"{name} holds numbers beyond {_LARGEST:g}")
         betas = np.atleast_2d(fields["betas"])
-        if betas.ndim > 2 or (betas != betas[:1]).any():
+        if betas.ndim > 2 or not len(betas) or (betas != betas[:1]).any():
             raise ArgumentError(f"betas must be those of one person; found shape {betas.shape}")
         translations = real_array(fields["trans"], "trans", ("n_frames", 3), batched=False)
         n_frames = len(translations)

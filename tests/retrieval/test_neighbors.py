@@ -119,27 +119,15 @@ def test_bounds_are_used_where_they_save_work(name, monkeypatch):
     assert (neighbors.exact_share_ < 0.5) == (name == "pose")
 
 
-class OnTheFly:
-    """A set that makes its points when it is sliced."""
-
-    def __init__(self, points):
-        self.points = points
-
-    def __len__(self):
-        return len(self.points)
-
-    def __getitem__(self, part):
-        assert isinstance(part, slice)
-        return self.points[part].copy()
-
-
-def test_points_made_on_the_fly():
+def test_points_of_a_file(tmp_path):
     points = groups(sphere_template())
-    neighbors = NearestNeighbors(POSE).fit(OnTheFly(points))
+    np.save(tmp_path / "points.npy", points)
+    stored = np.load(tmp_path / "points.npy", mmap_mode="r")
+    neighbors = NearestNeighbors(POSE).fit(stored)
     expected = by_all_distances(POSE, None, points, 5)
     assert_same(neighbors.kneighbors(), expected)
     np.testing.assert_array_equal(neighbors.kneighbors(return_distance=False), expected[1])
-    assert_same(neighbors.kneighbors(OnTheFly(points[:9]), 1)[:1] * 2, (np.zeros((9, 1)),) * 2)
+    assert_same(neighbors.kneighbors(stored[:9], 1)[:1] * 2, (np.zeros((9, 1)),) * 2)
 
 
 def test_a_wrong_point_is_named():
