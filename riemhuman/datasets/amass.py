@@ -301,9 +301,9 @@ def _read_header(file: Path) -> _Header:
                 f"{file}: {name} must have shape ({length}, {width}); found {shape}"
             )
     with format_errors(file, "a motion"):
-        rate = fields[rate_name]
-        rate = rate.item() if rate.size == 1 else rate
-        rate = real_number(rate, rate_name, minimum=0.0, strict=True)
+        found = fields[rate_name]
+        found = found.item() if found.size == 1 else found
+        rate = real_number(found, rate_name, minimum=0.0, strict=True)
     return _Header(_gender(fields.get("gender", np.array("neutral")), file), rate, n_frames)
 
 

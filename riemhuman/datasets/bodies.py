@@ -222,7 +222,8 @@ class Bodies:
 
 def _labels(wanted: Any, name: str, names: tuple[str, ...]) -> list[int]:
     """Return the indices of people or poses given by name or index."""
-    known = {label: number for number, text in enumerate(names) for label in (text, number)}
+    known: dict[Any, int] = {text: number for number, text in enumerate(names)}
+    known |= {number: number for number in range(len(names))}
     try:
         several = [wanted] if isinstance(wanted, (str, int, np.integer)) else list(wanted)
         return [known[each] for each in several]

@@ -12,7 +12,7 @@ constant one that takes the model's rest pose to that of the recording:
 Limbs, trunk and neck are then rotated the shortest way to the recorded directions. Lengths are
 scaled by those of the legs. The body moves so that standing feet are where they were recorded, and
 limbs leave the recorded directions by a few degrees so that wrists are nearer to where they were
-recorded, feet that stand still stay in place, and no sole is below the floor.
+recorded, feet that stand still stay in place, and no sole is more than 5 mm below the floor.
 """
 
 from __future__ import annotations
@@ -197,7 +197,7 @@ def retarget(
 
     Rest poses, axes, units and proportions of the recording may be any. Limbs follow the recorded
     directions within 3.8 degrees, the trunk almost exactly; feet are level while they stand still,
-    and neither slide nor sink.
+    stay in place, and sink by at most 5 mm.
 
     Parameters
     ----------

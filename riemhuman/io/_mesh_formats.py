@@ -227,12 +227,15 @@ def _shorten(words: list[bytes]) -> str:
 def write_ply(vertices: ndarray, faces: ndarray, trusted: ndarray | None = None) -> bytes:
     import plyfile
 
-    columns = dict(zip(_POSITION, vertices.T, strict=True))
-    columns |= {} if trusted is None else {"trusted": trusted.astype(np.uint8)}
-    points = np.rec.fromarrays(columns.values(), names=list(columns))
+    extra = [] if trusted is None else [("trusted", np.uint8)]
+    points = np.empty(len(vertices), dtype=[*((axis, np.float64) for axis in _POSITION), *extra])
+    for axis, column in zip(_POSITION, vertices.T, strict=True):
+        points[axis] = column
+    if trusted is not None:
+        points["trusted"] = trusted
     triangles = faces.astype(np.int32, order="C").view([(_CORNERS[0], np.int32, (3,))])[:, 0]
     elements = [
-        plyfile.PlyElement.describe(np.asarray(points), "vertex"),
+        plyfile.PlyElement.describe(points, "vertex"),
         plyfile.PlyElement.describe(triangles, "face"),
     ]
     stream = io.BytesIO()

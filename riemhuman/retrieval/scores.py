@@ -106,8 +106,8 @@ def scores(
         hits, average_precision = _expected_hits(matrix[query, items], relevant[query, items])
         n = np.count_nonzero(relevant[query])
         rows.append([hits[0], hits[:n].sum() / n, hits[: 2 * n].sum() / n, average_precision])
-    means = (100.0 * np.mean(rows, axis=0)).tolist()
-    return RetrievalScores(*means, n_queries=len(queries))
+    nn, first_tier, second_tier, precision = (100.0 * np.mean(rows, axis=0)).tolist()
+    return RetrievalScores(nn, first_tier, second_tier, precision, len(queries))
 
 
 def _expected_hits(distances: np.ndarray, relevant: np.ndarray) -> tuple[np.ndarray, float]:
