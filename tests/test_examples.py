@@ -1,6 +1,7 @@
 """Every public name has an example in its docstring, and it prints what it says.
 
-One of two runs every day, and all where the documentation is built, in `.ci/docs`.
+One of two runs every day, without those that take seconds, and all where the documentation is
+built, in `.ci/docs`.
 """
 
 import doctest
@@ -10,6 +11,7 @@ import warnings
 
 import numpy as np
 import pytest
+from lengths import FULL
 from public_names import public_objects
 
 import riemhuman as rh
@@ -19,6 +21,11 @@ IMPORTS = {"np": np, "rh": rh}  # which examples leave out, as those of NumPy do
 
 
 OBJECTS = public_objects()
+SLOW = {
+    "riemhuman.measurements.model_from_measurements",
+    "riemhuman.plots.plot_measurement_lines",
+    "riemhuman.registration.TemplateRegistration",
+}
 
 
 @pytest.fixture
@@ -50,4 +57,6 @@ def test_every_name_has_an_example():
 @pytest.mark.parametrize("name", OBJECTS)
 @pytest.mark.usefixtures("quick")
 def test_examples(name):
+    if name in SLOW and not FULL:
+        pytest.skip("takes seconds")
     assert not failures(inspect.getdoc(OBJECTS[name]), name)

@@ -102,12 +102,8 @@ def _differences(report: Report) -> Step:
             parts = contributions(report.metric((1.0, 1.0, 1.0)), *report.bodies.points[list(pair)])
             arrays |= {f"{name} metric": parts.metric, f"{name} normal": parts.normal}
             metric, normal = float(parts.metric.sum()), float(parts.normal.sum())
-            row = {
-                "metric_part": metric,
-                "normal_part": normal,
-                "squared_distance": metric + normal,
-            }
-            rows.append({"pair": name, **row})
+            row = {"pair": name, "metric_part": metric, "normal_part": normal}
+            rows.append({**row, "squared_distance": metric + normal})
         return arrays, {"rows": rows, "pairs": {n: list(pair) for n, pair in report.pairs.items()}}
 
     return report.step("differences", compute, "Where bodies differ", pairs=report.pairs)
