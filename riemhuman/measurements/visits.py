@@ -36,13 +36,14 @@ class VisitComparison:
     before, after : array, shape (M,)
         Values in the standard pose.
     noise : array, shape (M,)
-        Standard deviation of each measurement over poses of one simulated person; NaN for
-        measurements that the open body does not have. Real people, who breathe, vary more.
+        Noise of each measurement over poses: of pairs of poses of simulated people, registered from
+        scans, 4.55 per cent differ by more than 2√2 times it. NaN for measurements that the open
+        body does not have. Real people, who breathe, vary more.
     points_before, points_after : array, shape (V, 3)
         Both visits in the standard pose, the second moved onto the first.
     area_changes, area_noise : array, shape (F,)
         Natural logarithm of each triangle's area at the second visit over that at the first, and
-        its standard deviation over poses of one person, by part of the body; NaN where unknown.
+        its noise, by part of the body; NaN where unknown.
     displacements : array, shape (V,)
         Outward displacement of each vertex, metres.
     why_missing : dict of (int, str) to str
@@ -156,7 +157,7 @@ def compare_visits(
 
 @lru_cache(maxsize=1)
 def noise_of_poses() -> tuple[dict[str, float], dict[str, float]]:
-    """Return the noise of each measurement over poses of one person, and of log areas by part.
+    """Return the noise of each measurement over poses of a person, and of log areas by part.
 
     See `tutorials/remake/build_noise_of_poses.py`.
     """

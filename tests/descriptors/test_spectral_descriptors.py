@@ -139,7 +139,7 @@ def test_histograms_are_shares_of_the_area():
     ids=name_of,
 )
 def test_people_differ_more_than_their_poses(descriptor):
-    bodies = load_open_bodies("coarse")[[0, 3, 7, 30, 33, 37, 60, 63, 67]]
+    bodies = load_open_bodies("coarse")[[0, 3, 30, 33, 60, 63]]
     distances = descriptor.distances(descriptor.describe_all(bodies, n_jobs=2))
     same = bodies.subject[:, None] == bodies.subject
     others = ~np.eye(len(same), dtype=bool)

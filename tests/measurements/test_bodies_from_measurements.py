@@ -30,7 +30,7 @@ def own():
 def test_sixteen_of_people_outside_the_model(own):
     """Natural people have a surface that no shape coefficient describes."""
     bodies = load_open_bodies("coarse", "natural", people=11)
-    straight = in_standard_pose(own.definitions, bodies.points[:30:10])
+    straight = in_standard_pose(own.definitions, bodies.points[:20:10])
     for row in own.measure(straight, axes="space").values:
         wanted = {name: row[own.names.index(name)] for name in SIXTEEN}
         person = model_from_measurements(wanted, resolution="coarse")
@@ -48,17 +48,20 @@ def test_the_rest_is_the_most_probable(own):
     measured = own.measure(np.stack([woman.points, man.points]))
     breadths = measured["shoulder (biacromial) breadth"] / measured["hip breadth"]
     assert breadths[0] < breadths[1]
-    short = model_from_measurements({"stature": 1.50}, "woman", resolution="coarse")
-    assert short.improbability > woman.improbability
     loose, tight = (
         model_from_measurements({"stature": 1.95}, "woman", tolerances=t, resolution="coarse")
         for t in ({"stature": 0.2}, None)
     )
     assert loose.values["stature"] < tight.values["stature"] - 0.05
-    assert loose.improbability < tight.improbability
+    assert max(woman.improbability, loose.improbability) < tight.improbability
 
 
 FOUR = {"stature": 1.63, "chest girth": 0.95, "waist girth (omphalion)": 0.87, "hip girth": 1.02}
+
+
+@pytest.fixture(scope="module")
+def woman_of_four():
+    return model_from_measurements(FOUR, "woman", resolution="coarse")
 
 
 def test_contradictory_values_are_named():
@@ -95,13 +98,12 @@ def test_single_values_and_misses_are_named():
     assert "agree with each other, but at most 1 of 1000 adults" in person.message
 
 
-def test_the_message_says_which_waist():
+def test_the_message_says_which_waist(woman_of_four):
     wanted = {"stature": 1.63, "waist girth": 1.0, "chest girth": 0.95, "hip girth": 1.02}
     person = model_from_measurements(wanted, "woman", resolution="coarse", max_iter=1)
     assert "waist girth" in person.contradictory
     assert "natural one; give the navel's" in person.message
-    person = model_from_measurements(FOUR, "woman", resolution="coarse")
-    assert person.message == "the values agree with each other"
+    assert woman_of_four.message == "the values agree with each other"
 
 
 @pytest.mark.parametrize("sex", ["woman", "man"])
@@ -138,8 +140,8 @@ def test_the_sex_is_inferred():
     assert unknown.std["neck girth"] > 1.2 * predict({"stature": 1.69}, "man").std["neck girth"]
 
 
-def test_the_body_is_near_the_prediction(own):
-    person = model_from_measurements(FOUR, "woman", resolution="coarse")
+def test_the_body_is_near_the_prediction(own, woman_of_four):
+    person = woman_of_four
     measured = own.measure(person.points, axes="space").to_dict()
     for name in ("hip height", "thigh girth", "neck girth", "body mass"):
         expected = person.predicted[name] + adults()["woman"]["offsets"][name]

@@ -34,6 +34,18 @@ def test_the_same_person_in_other_poses(bodies):
         compare_visits(own, bodies.points[0], bodies.points[1][:-1])
 
 
+def test_as_many_measurements_are_marked_as_chance_marks():
+    """Of natural people, who bulge at their joints, and who were not measured for the noise."""
+    natural = load_open_bodies("coarse", "natural", people=5)
+    own = Measurements(natural.model)
+    noise = np.array([noise_of_poses()[0][name] for name in own.names])
+    points = natural.points[:40].reshape(4, 10, -1, 3)[:, ::3]
+    values = own.measure(points, pose="standard", missing="nan").values
+    i, j = np.triu_indices(4, 1)
+    marked = np.abs(values[:, i] - values[:, j]) > 2 * np.hypot(noise, noise)
+    assert marked.mean() < 2 * 0.0455
+
+
 def test_a_change_is_found_where_it_is(bodies):
     """The belly grows by three centimetres between a squat and a wave."""
     own = Measurements(bodies.model, ["waist girth", "head girth", "calf girth", "arm length"])
