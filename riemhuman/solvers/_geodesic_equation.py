@@ -73,10 +73,8 @@ class Triple(NamedTuple):
 class GeodesicEquation:
     """The equation for one metric, with the unknown point in a basis or free in all coordinates.
 
-    Preconditioned by the metric's matrix at the middle point, the derivative of the equation is the
-    identity up to the length of the segments. The unknown point leaves its first guess along the
-    basis, against which the equation is tested. The tolerance is a share of the length of the two
-    segments.
+    Preconditioned by the metric's matrix at the middle point, its derivative is near the identity.
+    The tolerance is a share of the length of the two segments.
     """
 
     metric: RiemannianMetric
@@ -181,11 +179,9 @@ class GeodesicEquation:
 def has_long_step(metric: RiemannianMetric, path: ndarray, all_coordinates: bool) -> bool:
     """Return whether a step of surfaces is too long for the equation to have one solution.
 
-    The squared distance of two surfaces falls short of the squared norm of their difference where
-    triangles shrink to nothing and grow anew, at a price that does not depend on how much they
-    change. Over all coordinates there may also be two next points where a triangle rotates by more
-    than 60 degrees, as in a fold of skin that snaps: the path of least energy takes one, the
-    exponential the other.
+    Triangles then shrink to nothing and grow anew, at a price that does not depend on how much they
+    change. Over all coordinates there may be two next points where a triangle rotates by more than
+    60 degrees, as in a fold of skin that snaps.
     """
     space = metric.space
     if not space.is_surface_space:

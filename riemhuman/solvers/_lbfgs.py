@@ -63,11 +63,9 @@ class Minimum(Result):
 class LBFGS:
     """A preconditioned quasi-Newton method for smooth functions, with kinks at most here and there.
 
-    The search ends when a Newton step, as estimated from the operator and the last steps, would
-    gain at most the share `tolerance` of the value and the second half of the iterations, if they
-    are many, has gained at most the share `recent_decrease`; or when many iterations together have
-    gained a small part of `tolerance`. The operator is formed anew after `refresh` iterations.
-    `progress` is the text of a progress bar.
+    The search ends when a Newton step would gain at most the share `tolerance` of the value and the
+    second half of many iterations has gained at most the share `recent_decrease`; or when many
+    together have gained a small part of `tolerance`. The operator is formed anew after `refresh`.
     """
 
     tolerance: float

@@ -214,11 +214,9 @@ def metric_factor(
 ) -> CholeskyFactor:
     """Return a factor of the metric's matrix M / scale in all coordinates, averaged over points.
 
-    Without a `metric_matrix`, the block of each entry i along a point's first axis is estimated as
-    (Σ_j M_ij M_ijᵀ)^½ from the action of M on random vectors; this is M_ii where the metric couples
-    no entries, as on fields. On surfaces, `stiffness` is the weight of the Dirichlet energy of
-    deformations beside M, in units of its mean diagonal entry: what costs nothing to first order,
-    as bending if c = 0, still affects distances between surfaces further apart.
+    On surfaces, `stiffness` is the weight of the Dirichlet energy of deformations beside M, in
+    units of its mean diagonal entry: what costs nothing to first order, as bending if c = 0, still
+    affects distances between surfaces further apart.
     """
     if metric.has_metric_matrix:
         matrix = metric.metric_matrix(points)
@@ -233,6 +231,7 @@ def metric_factor(
 
 
 def _block_norms(metric: RiemannianMetric, points: ndarray) -> ndarray:
+    """Estimate (Σ_j M_ij M_ijᵀ)^½ for each entry i along a point's first axis; on fields M_ii."""
     shape = metric.space.shape
     one_block = math.prod(shape) <= _LARGEST_BLOCK
     length = 1 if one_block else shape[0]

@@ -190,10 +190,7 @@ class TangentPCA(ImageEstimator):
         self._base = self._embed(self.mean_[None])[0]
         logs = metric.log(self._embed(points), self._base)
         self.offset_ = logs.mean(axis=0)
-        self._set_components(metric, logs - self.offset_)
-        return self
-
-    def _set_components(self, metric: RiemannianMetric, logs: ndarray) -> None:
+        logs = logs - self.offset_
         rows = logs.reshape(len(logs), -1)
         covectors = metric.covector(logs, self._base).reshape(len(logs), -1)
         products = covectors @ rows.T
@@ -215,6 +212,7 @@ class TangentPCA(ImageEstimator):
         self.components_ = components.reshape(wanted, *logs.shape[1:])
         self.explained_variance_ = values[:wanted] / (len(logs) - 1)
         self.explained_variance_ratio_ = values[:wanted] / values[values > 0].sum()
+        return self
 
     def transform(self, X: ndarray, y: object = None) -> ndarray:
         r"""Return the coordinates of points, ⟨log x − offset, u_k⟩, shape (n, n_components).

@@ -216,8 +216,9 @@ def exp(velocity: Parts, point: Parts, cone: ConeTerm) -> tuple[Parts, ndarray]:
     shear, along, across = _unroll(velocity, g, cone)
     factor = angle_per_unit(along, across)[..., None]
     ends = [sphere.exp(factor * turn, n) for turn, n in zip(turns, normals, strict=True)]
-    met_apex = _has_met_apex(along, across, delta_g, g, cone)
-    return (_end(shear, along, across, g), *ends), met_apex
+    end = traceless_exp(shear, angle_per_unit(along, across))
+    end = unwhiten(np.expand_dims(along**2 + across**2, (-2, -1)) * end, g)
+    return (end, *ends), _has_met_apex(along, across, delta_g, g, cone)
 
 
 def _unroll(velocity: Parts, g: ndarray, cone: ConeTerm) -> tuple[ndarray, ndarray, ndarray]:
@@ -234,25 +235,17 @@ def _angle(cone: ConeTerm, length: ndarray, turns: Parts) -> ndarray:
     return square_root(psi**2 + (cone.angle_per_turn * turns[0]) ** 2) if turns else psi
 
 
-def _end(shear: ndarray, along: ndarray, across: ndarray, g: ndarray) -> ndarray:
-    end = traceless_exp(shear, angle_per_unit(along, across))
-    return unwhiten(np.expand_dims(along**2 + across**2, (-2, -1)) * end, g)
-
-
 def _has_met_apex(
     along: ndarray, across: ndarray, delta_g: ndarray, g: ndarray, cone: ConeTerm
 ) -> ndarray:
-    rounding = 8.0 * np.finfo(float).eps * _whitened_size(delta_g, g)
-    rounding = np.maximum(cone.angle_per_length, cone.angle_per_turn) * rounding
-    return (along <= rounding) & (across <= rounding)
-
-
-def _whitened_size(delta_g: ndarray, g: ndarray) -> ndarray:
-    """Return the sum of the sizes of all terms of the whitened δg, a scale for its rounding."""
     x, y, _ = coordinates(g)
     skew = np.abs(x) / y
     e, m, last = (np.abs(entry(delta_g, i, j)) for i, j in ((0, 0), (0, 1), (1, 1)))
-    return (e * (1.0 + skew) ** 2 + 2.0 * (1.0 + skew) * m / y + last / y**2) / entry(g, 0, 0)
+    # The sum of the sizes of all terms of the whitened δg scales its rounding errors.
+    size = (e * (1.0 + skew) ** 2 + 2.0 * (1.0 + skew) * m / y + last / y**2) / entry(g, 0, 0)
+    rounding = 8.0 * np.finfo(float).eps * size
+    rounding = np.maximum(cone.angle_per_length, cone.angle_per_turn) * rounding
+    return (along <= rounding) & (across <= rounding)
 
 
 def angle_per_unit(along: ndarray, across: ndarray) -> ndarray:
@@ -309,19 +302,15 @@ def geodesic(start: Parts, end: Parts, t: ndarray, cone: ConeTerm) -> Parts:
     scaled = [t[..., None, None] * np.where(inside[..., None], velocity[0], 0.0)]
     scaled += [t[..., None] * np.where(inside, turn, 0.0) for turn in velocity[1:]]
     (g, *normals), _ = exp(scaled, safe, cone)
-    broken, before = _broken_path(g1, g2, t)
-    apart = [np.where(before[..., None], a, b) for a, b in zip(n1, n2, strict=True)]
-    path = [np.where(inside, n, jump) for n, jump in zip(normals, apart, strict=True)]
-    return (np.where(inside[..., None], g, broken), *path)
-
-
-def _broken_path(g1: ndarray, g2: ndarray, t: ndarray) -> tuple[ndarray, ndarray]:
-    """Return the path through the apex, and whether it is still before it."""
+    # Straight through the apex.
     s1, s2 = coordinates(g1)[2], coordinates(g2)[2]
     signed = s1 - t * (s1 + s2)
     before = signed >= 0
     unit = np.where(before[..., None, None], unit_determinant(g1), unit_determinant(g2))
-    return signed[..., None, None] ** 2 * unit, before
+    broken = signed[..., None, None] ** 2 * unit
+    apart = [np.where(before[..., None], a, b) for a, b in zip(n1, n2, strict=True)]
+    path = [np.where(inside, n, jump) for n, jump in zip(normals, apart, strict=True)]
+    return (np.where(inside[..., None], g, broken), *path)
 
 
 def parallel_transport(vector: Parts, point: Parts, velocity: Parts, cone: ConeTerm) -> Parts:

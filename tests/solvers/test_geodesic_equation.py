@@ -8,7 +8,6 @@ from cases import CASES, cases_that, name_of
 from scipy.spatial.transform import Rotation
 
 from riemhuman.geometry import ElasticMetric
-from riemhuman.solvers import _geodesic_equation
 from riemhuman.solvers._geodesic_equation import (
     GeodesicEquation,
     degeneration,
@@ -200,25 +199,3 @@ def test_steps_that_leave_the_domain_or_enlarge_the_residual_are_halved():
         function = euclidean(lambda x: xs.append(x[0]) or slope * (x - 1.0))  # noqa: B023
         find_root(function, np.zeros(1), tolerance=1e-9, max_iter=1)
         np.testing.assert_allclose(xs, [0.0, slope, 0.5 * slope] if halved else [0.0, slope])
-
-
-@pytest.mark.parametrize("memory", [2, 20])
-def test_steps_are_those_of_anderson_in_lengths_of_the_matrix(monkeypatch, memory):
-    """x − F − Σ γᵢ (sᵢ − yᵢ) with the least |F − Σ γᵢ yᵢ| by A, of the newest steps s alone."""
-    monkeypatch.setattr(_geodesic_equation, "_MEMORY", memory)
-    rng = np.random.default_rng(5)
-    lower = np.tril(rng.normal(size=(12, 12))) + 8.0 * np.eye(12)
-    function, _, calls = system(strength=0.9)
-
-    def with_dual(x):
-        value = function(x)
-        return value, lower @ (lower.T @ value)
-
-    find_root(with_dual, np.zeros(12), tolerance=1e-9, max_iter=7)
-    values = [function(x) for x in tuple(calls)]
-    for k in range(2, 7):
-        first = max(0, k - memory)
-        steps, changes = (np.diff(some[first : k + 1], axis=0).T for some in (calls, values))
-        gammas = np.linalg.lstsq(lower.T @ changes, lower.T @ values[k], rcond=None)[0]
-        expected = calls[k] - values[k] - (steps - changes) @ gammas
-        np.testing.assert_allclose(calls[k + 1], expected, atol=1e-9)

@@ -55,31 +55,6 @@ def test_near_hessians_save_iterations_whatever_their_size(factor):
     assert found.n_iterations < plain.n_iterations / 2
 
 
-def test_steps_are_those_of_the_two_loops(monkeypatch):
-    """The products in place of vectors give the direction of the textbook."""
-    rng = np.random.default_rng(2)
-    monkeypatch.setattr(_lbfgs, "_MEMORY", 4)
-    root = rng.standard_normal((9, 9))
-    operator, hessian = root @ root.T + np.eye(9), np.diag(np.arange(1.0, 10.0))
-    memory, pairs, last = _lbfgs._Memory(9), [], rng.standard_normal(9)
-    for count in range(7):
-        step = rng.standard_normal(9)
-        change = hessian @ step
-        last = last + change
-        memory.add(step, change, operator @ change, last)
-        pairs = [*pairs, (step, change)][-4:]
-        q, alphas = last.copy(), []
-        for s, y in reversed(pairs):
-            alphas.append(s @ q / (s @ y))
-            q -= alphas[-1] * y
-        s, y = pairs[-1]
-        r = (s @ y) / (y @ operator @ y) * operator @ q
-        for (s, y), alpha in zip(pairs, reversed(alphas), strict=True):
-            r += (alpha - y @ r / (s @ y)) * s
-        direction = memory.direction(operator @ last)
-        np.testing.assert_allclose(direction, -r, rtol=1e-9, atol=1e-9, err_msg=str(count))
-
-
 def steps_tried(value, slope):
     """Return the steps that a search along a line tries, and the one it takes."""
     tried = []

@@ -251,14 +251,14 @@ def test_heat_along_bones_keeps_the_torso():
 
 @pytest.mark.slow
 def test_full_bodies_converge():
-    """On three of the hardest of ten pairs.
+    """On two of the hardest of ten pairs.
 
     It does not on every pair: of 80 searches of people 31, 32, 33 and 171, that of pair 9 of people
     31 toward the other person ends at a triangle without area, in a shoulder, and warns of it.
     """
     measured, pairs = Disentangled(*natural_people("full", 31)), random_pairs(10, 31)
     points, (a, p, b, q), (c, r, _, s) = measured.points, pairs[1], pairs[9]
-    for shape, pose in (((a, p), (b, q)), ((a, p), (a, q)), ((c, r), (c, s))):
+    for shape, pose in (((a, p), (b, q)), ((c, r), (c, s))):
         found = measured.solver.solve(*measured.metrics, points[shape], points[pose])
         assert found.converged
         assert found.n_evaluations < 100
