@@ -1,9 +1,10 @@
-"""The abstract Riemannian metric: two primitives, and everything derived from them."""
+"""The abstract Riemannian metric: two primitives, and everything derived from them; multiples."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
+from operator import attrgetter
 from typing import Any, cast
 
 import autograd.numpy as np
@@ -13,6 +14,7 @@ from numpy import ndarray
 from riemhuman.checks import (
     Rng,
     check_shape,
+    metric_weight,
     one_of,
     path_array,
     real_array,
@@ -27,6 +29,7 @@ from riemhuman.geometry.pairwise import (
     Features,
     PairByPair,
     Points,
+    SumOfFactors,
     features_in_threads,
     table_of_distances,
 )
@@ -113,6 +116,11 @@ class RiemannianMetric(Unchanging):
 
     def __repr__(self) -> str:
         return constructor_text(self, leave_out=("space",))
+
+    def __mul__(self, scale: float) -> RiemannianMetric:
+        return ScalarProductMetric(self, scale)
+
+    __rmul__ = __mul__
 
     # What a metric has.
 
@@ -759,6 +767,56 @@ class RiemannianMetric(Unchanging):
 
     def _not_defined(self, name: str) -> NotDefinedError:
         return NotDefinedError(f"{type(self).__name__} does not define {name}")
+
+
+class ScalarProductMetric(RiemannianMetric):
+    """A metric times a number above 0: ``2.0 * metric``; geodesics stay the same."""
+
+    def __init__(self, metric: RiemannianMetric, scale: float) -> None:
+        super().__init__(metric.space, **metric.solvers)
+        self.underlying_metric = metric
+        self.scale = metric_weight(scale, "scale", strict=True)
+
+    @property
+    def target_metric(self) -> RiemannianMetric:
+        return self.scale * self.underlying_metric.target_metric
+
+    @property
+    def bulk(self) -> Bulk:
+        return SumOfFactors([(lambda points: points, self.scale, self.underlying_metric.bulk)])
+
+    @property
+    def complementary_metric(self) -> RiemannianMetric | None:
+        complement = self.underlying_metric.complementary_metric
+        return None if complement is None else self.scale * complement
+
+    def with_stretching(self, weight: float) -> RiemannianMetric:
+        return self.scale * self.underlying_metric.with_stretching(weight / self.scale)
+
+    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
+        energy, gradient = self.underlying_metric.energy_and_gradient(path)
+        return self.scale * energy, self.scale * gradient
+
+
+def _scaled(name: str, power: float) -> Callable[..., Any]:
+    def method(self: ScalarProductMetric, *arguments: Any, **keywords: Any) -> Any:
+        result = getattr(self.underlying_metric, name)(*arguments, **keywords)
+        return result if power == 0 else self.scale**power * result
+
+    return method
+
+
+# By which power of the number the results of each method grow.
+for _power, _names in {
+    1.0: "inner_product covector gram_matrix metric_matrix squared_dist energy curvature_form",
+    0.5: "length injectivity_radius lower_bound_coordinates",
+    0.0: "exp log parallel_transport remove_drift map differential _geodesic_between",
+}.items():
+    for _name in _names.split():
+        setattr(ScalarProductMetric, _name, _scaled(_name, _power))
+for _name in dir(RiemannianMetric):
+    if _name.startswith(("has_", "is_")):
+        setattr(ScalarProductMetric, _name, property(attrgetter(f"underlying_metric.{_name}")))
 
 
 def metric_of(space: Any) -> RiemannianMetric:
