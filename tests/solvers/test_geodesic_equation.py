@@ -155,36 +155,6 @@ def euclidean(function):
     return both
 
 
-def system(size=12, strength=0.6):
-    """Return F(x) = x + strength · sin(Ax) − b with its root, and a count of evaluations."""
-    rng = np.random.default_rng(0)
-    matrix = rng.standard_normal((size, size)) / size
-    root = rng.standard_normal(size)
-    right = root + strength * np.sin(matrix @ root)
-    calls = []
-
-    def function(x):
-        calls.append(x)
-        return x + strength * np.sin(matrix @ x) - right
-
-    return function, root, calls
-
-
-def test_the_root_is_found():
-    function, root, calls = system()
-    result = find_root(euclidean(function), np.zeros(12), tolerance=1e-12, max_iter=50)
-    np.testing.assert_allclose(result.x, root, atol=1e-11)
-    assert result.residual <= 1e-12
-    assert result.n_evaluations == len(calls)
-    assert result.n_iterations <= 15
-    rng = np.random.default_rng(1)
-    matrix, right = np.eye(6) + 0.8 * rng.standard_normal((6, 6)), rng.standard_normal(6)
-    linear = euclidean(lambda x: matrix @ x - right)
-    result = find_root(linear, np.zeros(6), tolerance=1e-9, max_iter=50)
-    np.testing.assert_allclose(result.x, np.linalg.solve(matrix, right), rtol=1e-6)
-    assert result.n_iterations <= 9
-
-
 def test_steps_that_leave_the_domain_or_enlarge_the_residual_are_halved():
     inside = euclidean(lambda x: None if abs(x[0]) > 1.0 else 3.0 * (x - 0.9))
     result = find_root(inside, np.zeros(1), tolerance=1e-9, max_iter=50)
