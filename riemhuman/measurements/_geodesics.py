@@ -71,7 +71,8 @@ class Mesh:
         if key in self._strips:
             return self._strips[key]
         points, faces, inside, ways = self._points
-        parts, of_ends = [ways], []
+        parts: list[Any] = [ways]
+        of_ends: list[ndarray] = []
         for face, weights in (start, end):
             # A point on an edge or a vertex lies in several triangles.
             corners = self.faces[face][weights > _ON_EDGE]
@@ -82,22 +83,23 @@ class Mesh:
             )
             parts.append((lengths, near, np.full(len(near), len(points) + len(of_ends))))
             of_ends.append(around)
-        common = np.intersect1d(*of_ends)
+        common = np.intersect1d(of_ends[0], of_ends[1])
         if len(common):
             return common[:1]
         lengths, one, other = (np.concatenate(part) for part in zip(*parts, strict=True))
         graph = sparse.csr_array((lengths, (one, other)), shape=(len(points) + 2,) * 2)
         _, before = dijkstra(graph, False, len(points), return_predecessors=True)
-        step, strip, there = before[-1], [], of_ends[1]
+        passed: list[int] = []
+        step, there = before[-1], of_ends[1]
         while step >= 0:
             here = faces[step] if step < len(points) else of_ends[0]
-            strip.insert(0, np.intersect1d(here, there)[0])
+            passed.insert(0, np.intersect1d(here, there)[0])
             step, there = before[step], here
-        if not strip:
+        if not passed:
             raise ArgumentError(
                 "a path along the surface must begin and end on one connected component"
             )
-        strip = np.array(strip)
+        strip = np.array(passed)
         self._strips[key] = strip[np.append(True, np.diff(strip) != 0)]
         return self._strips[key]
 

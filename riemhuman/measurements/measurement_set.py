@@ -17,9 +17,9 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from riemhuman.bodies import BodyModel, correspondence_matrix
-from riemhuman.checks import one_of
+from riemhuman.checks import one_of, real_array, real_number
 from riemhuman.datasets import load_open_model
-from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io.files import file_path, read_bytes, write_text
 from riemhuman.measurements._geodesics import Mesh
 from riemhuman.measurements._landmarked_bodies import axes_of_frame
@@ -91,7 +91,10 @@ class MeasurementSet:
             _check_numbers(f"part {name!r} has triangle", faces, len(self.faces))
         object.__setattr__(self, "landmarks", marks)
         object.__setattr__(self, "parts", parts)
-        object.__setattr__(self, "axes", np.asarray(self.axes, dtype=np.float64))
+        axes = real_array(self.axes, "axes", (3, 3), batched=False)
+        if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-6):
+            raise ArgumentError(f"axes must be orthonormal; found {axes.tolist()}")
+        object.__setattr__(self, "axes", axes)
         object.__setattr__(self, "measurements", tuple(self.measurements))
         self._check_names()
 
@@ -109,6 +112,12 @@ class MeasurementSet:
         return vertices, weights / total if abs(total - 1.0) > 1e-12 else weights
 
     def _check_names(self) -> None:
+        for measurement in self.measurements:
+            if not isinstance(measurement, Measurement):
+                raise ArgumentTypeError(
+                    "measurements must be names or objects of Measurement; found "
+                    f"{type(measurement).__name__}"
+                )
         for name in self.names:
             if self.names.count(name) > 1:
                 raise ArgumentError(f"two measurements are called {name!r}")
@@ -118,8 +127,15 @@ class MeasurementSet:
             raise ArgumentError(f"frame must name four landmarks; found {list(self.frame)}")
         for measurement in self.measurements:
             for place in measurement.places:
-                for name in (place,) if isinstance(place, str) else place:
+                shares = {place: 1.0} if isinstance(place, str) else place
+                for name in shares:
                     nearest_name(name, f"landmark for {measurement.name!r},", self.landmarks)
+                weights = [real_number(share, name) for name, share in shares.items()]
+                if abs(sum(weights)) < _WEIGHT_TOLERANCE:
+                    raise ArgumentError(
+                        f"weights of a place must not sum to zero; found {place!r} for "
+                        f"{measurement.name!r}"
+                    )
             for name in measurement.part_names:
                 nearest_name(name, f"part for {measurement.name!r},", self.parts)
             if isinstance(measurement, Length) and measurement.path == "joints":
@@ -316,7 +332,8 @@ class MeasurementSet:
             definitions = [measurement_from_dict(entry) for entry in record["measurements"]]
             marks = record["landmarks"].items()
             landmarks = {name: (mark["vertices"], mark["weights"]) for name, mark in marks}
-            parts = {name: _from_runs(runs) for name, runs in record["parts"].items()}
+            count = surface.n_faces
+            parts = {name: _from_runs(runs, count) for name, runs in record["parts"].items()}
             others = (record[name] for name in ("frame", "axes", "standard_pose"))
             return cls(template, definitions, landmarks, parts, *others)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -343,7 +360,9 @@ def _as_runs(numbers: ndarray) -> list[list[int]]:
     return np.stack([firsts, lasts], axis=1).tolist()
 
 
-def _from_runs(runs: Sequence[Sequence[int]]) -> ndarray:
+def _from_runs(runs: Sequence[Sequence[int]], count: int) -> ndarray:
+    for run in runs:
+        _check_numbers("a part has triangle", np.array(run), count)
     ranges = [np.arange(first, last + 1) for first, last in runs]
     return np.concatenate(ranges) if ranges else np.empty(0, dtype=np.int64)
 

@@ -131,6 +131,8 @@ class Measurements:
                 others = [define() for define in extensions("measurements").values()]
                 definitions = [*own.measurements, *others]
         self.definitions = own if definitions is None else own.with_measurements(definitions)
+        if not self.names:
+            raise ArgumentError("definitions must hold at least one measurement; found none")
 
     @property
     def names(self) -> tuple[str, ...]:

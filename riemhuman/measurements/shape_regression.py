@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array, whole_number
+from riemhuman.checks import Rng, class_numbers, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.solvers import GeodesicRegression
 
@@ -86,11 +86,9 @@ def regress_shape(
     points = space.metric.check_points(points, "points")
     values = real_array(values, "values", (len(points),), batched=False)
     n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
-    labels = np.arange(len(points)) if people is None else np.asarray(people)
-    if labels.shape != values.shape:
-        raise ArgumentError(f"people must have shape {values.shape}; found {labels.shape}")
-    _, first, of_person = np.unique(labels, return_index=True, return_inverse=True)
-    of_person = of_person.reshape(-1)
+    labels = range(len(points)) if people is None else people
+    of_person, _ = class_numbers(labels, "people", len(points), ascending=True)
+    _, first = np.unique(of_person, return_index=True)
     if (values != values[first][of_person]).any():
         raise ArgumentError("values must be the same for all bodies of a person")
     regression = GeodesicRegression(space, **options).fit(values, points)

@@ -7,7 +7,7 @@ import pytest
 
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets import load_open_bodies
-from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.measurements import (
     Girth,
     Height,
@@ -45,6 +45,9 @@ def test_files_that_are_wrong(coarse, tmp_path):
         (json.dumps({k: v for k, v in record.items() if k != "landmarks"}), "lacks 'landmarks'"),
         (json.dumps(record | {"n_vertices": 7}), "it is for 7 vertices"),
         (json.dumps(record | {"frame": ["pelvis"]}), "frame must name four"),
+        (json.dumps(record | {"axes": [[1, 0], [0, 1]]}), "axes must have shape"),
+        (json.dumps(record | {"axes": [[0, 0, 0]] * 3}), "axes must be orthonormal"),
+        (json.dumps(record | {"parts": {"trunk": [[0, 10**12]]}}), "has triangle 1000000000000"),
         (json.dumps(record | {"measurements": first + first}), "two measurements"),
         (text[:50], "does not hold measurements"),
     ):
@@ -111,6 +114,15 @@ def test_mapped_to_shuffled_vertices_changes_nothing(coarse):
 
 
 def test_wrong_arguments(coarse):
+    for wrong, message in (
+        ([Height(name="h", at={})], "must not sum to zero"),
+        ([Height(name="h", at={"crown": 1.0, "cervicale": -1.0})], "must not sum to zero"),
+        ([Height(name="h", at={"crown": np.nan})], "crown must be a finite number"),
+        ([3], "found int"),
+        ([], "at least one measurement"),
+    ):
+        with pytest.raises((ArgumentError, ArgumentTypeError), match=message):
+            Measurements(coarse.with_measurements(wrong))
     with pytest.raises(ArgumentError, match="did you mean 'trunk'"):
         coarse.with_measurements([Girth(name="g", at="crown", parts=["trunc"])])
     with pytest.raises(ArgumentError, match="model must be one of"):

@@ -106,5 +106,7 @@ def test_people_are_permuted_as_a_whole(people):
     assert result.n_permutations == 9
     with pytest.raises(ArgumentError, match="same for all bodies of a person"):
         regress_shape(space, np.arange(12.0), points, people=who, max_iter=0)
-    with pytest.raises(ArgumentError, match="people must have shape"):
+    with pytest.raises(ArgumentError, match="people must hold a label"):
         regress_shape(space, np.arange(12.0), points, people=who[1:], max_iter=0)
+    with pytest.raises(ArgumentError, match="same for all bodies of a person"):
+        regress_shape(space, np.arange(12.0), points, people=["a", None] * 6, max_iter=0)
