@@ -63,16 +63,15 @@ def load_open_bodies(
     """Return ten adults in ten poses: 100 registered surfaces.
 
     The bodies are five women and five men of different builds, in poses similar to those of FAUST.
-    Every performance differs from the pose as written by a few degrees per joint, a slight change
-    of heading and place, and smooth noise of millimetres. Surface ``i`` shows subject ``i // 10``
-    in pose ``i % 10``. All calls return the same surfaces, and both resolutions show the same
-    performances. They come with their model, betas, pose vectors and translations.
+    Performances differ from poses as written by a few degrees per joint, heading, place, and smooth
+    noise of millimetres. Surface ``i`` shows subject ``i // 10`` in pose ``i % 10``. All calls
+    return the same surfaces, and both resolutions show the same performances. They come with their
+    model, betas, pose vectors and translations.
 
     The plain bodies are the body model's with noise. The natural bodies have traits that make
     real registered bodies harder: people differ in how they hold a pose (hands by some 6 cm), two
     poses differ only by a tilted head, hands lie on hips and head, and each person has individual
-    detail of the surface, which the shape coefficients do not describe, and individual soft tissue,
-    which moves with the pose.
+    detail of the surface and soft tissue, which the shape coefficients do not describe.
 
     Parameters
     ----------

@@ -24,9 +24,9 @@ from riemhuman.io.arrays import load_array
 from riemhuman.io.files import (
     convert_errors,
     file_path,
+    format_errors,
     lock_file,
     read_bytes,
-    short_message,
     write_text,
 )
 
@@ -137,16 +137,11 @@ class JobFolder:
 
     def _manifest(self) -> dict[str, Any]:
         file = self.path / MANIFEST
-        content = read_bytes(file)
-        try:
-            manifest = json.loads(content)
-        except (ValueError, RecursionError) as error:
-            raise FileFormatError(
-                f"{file} is not the manifest of a job: {short_message(error)}"
-            ) from error
-        if not isinstance(manifest, dict) or not isinstance(manifest.get("layout"), dict):
-            raise FileFormatError(f"{file} is not the manifest of a job: it holds no layout")
-        return manifest
+        with format_errors(file, "the manifest of a job"):
+            manifest = json.loads(read_bytes(file))
+            if not isinstance(manifest, dict) or not isinstance(manifest.get("layout"), dict):
+                raise FileFormatError("not the manifest of a job: it holds no layout")
+            return manifest
 
 
 def _allocate(file: Path, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:

@@ -61,7 +61,7 @@ def test_one_process_at_a_time(job):
 )
 def test_a_damaged_manifest(job, text):
     (job.path / "manifest.json").write_text(text)
-    with pytest.raises(FileFormatError, match="is not the manifest of"):
+    with pytest.raises(FileFormatError, match="not the manifest of"):
         JobFolder(job.path).claim(JOB, LAYOUT)
 
 
