@@ -209,6 +209,9 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
 
 
 def _npz_facts(file: Path) -> dict[str, Any]:
+    if inputs.is_amass(file):
+        (motion,) = rh.datasets.load_amass(file)
+        return {"kind": "motion of AMASS", **_times(motion)}
     arrays = rh.io.load_arrays(file, ())
     if {"vectors", "format_version"} <= arrays.keys():
         basis = rh.DeformationBasis.load(file)
@@ -294,8 +297,11 @@ def _recording_facts(file: Path) -> dict[str, Any]:
     return {
         "kind": "motion capture recording",
         "joints": len(motion.joint_names),
-        "frames": len(motion),
-        "frames_per_second": motion.frames_per_second,
-        "seconds": len(motion) / motion.frames_per_second,
+        **_times(motion),
         "joint_names": ", ".join(motion.joint_names),
     }
+
+
+def _times(motion: Any) -> dict[str, Any]:
+    rate = motion.frames_per_second
+    return {"frames": len(motion), "frames_per_second": rate, "seconds": len(motion) / rate}

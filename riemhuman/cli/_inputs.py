@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
 from riemhuman.cli._commands import (
+    MESH_ENDINGS,
     Argument,
     option,
     output,
@@ -40,6 +41,11 @@ _PATH_ENDINGS = (".glb", ".png", ".html", ".npz")
 _MOST_IN_STRIP = 12
 
 
+def is_amass(file: Path) -> bool:
+    """Return whether an .npz file holds a motion of AMASS; objects in it are not read."""
+    return bool(rh.io.load_arrays(file, (), ("mocap_framerate", "mocap_frame_rate")))
+
+
 def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, float | None]:
     """Return the frames in a file, their triangles, and their seconds where it is a recording.
 
@@ -50,7 +56,7 @@ def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, flo
         recording = rh.datasets.load_bvh(file)
         rate = min(recording.frames_per_second, _RECORDED_RATE)
         motion = rh.datasets.retarget(recording, frames_per_second=rate)
-    elif any(name.startswith("mocap_frame") for name in rh.io.load_arrays(file, ())):
+    elif is_amass(file):
         (motion,) = rh.datasets.load_amass(file, frames_per_second=_RECORDED_RATE)
     else:
         arrays = rh.io.load_arrays(file, ("path", "faces"))
@@ -311,12 +317,13 @@ def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> M
         meshes = rh.datasets.RegisteredMeshes([options.template], **units)
         found.append((options.template.name, meshes, meshes.faces))
     for place in places:
-        ending = place.suffix.lower()
-        is_hdf5 = ending in (".hdf5", ".h5") or bool(list(place.glob("*.hdf5")))
+        files = sorted(place.rglob("*")) if place.is_dir() else [place]
+        recorded = [file for file in files if file.suffix.lower() in (".npz", ".bvh")]
+        is_hdf5 = place.suffix.lower() in (".hdf5", ".h5") or bool(list(place.glob("*.hdf5")))
         if any(chosen.values()) and not is_hdf5:
             raise ArgumentError(f"--subjects and --sequences choose from HDF5 files; found {place}")
-        if ending in (".npz", ".bvh"):
-            found.append((place.stem, *read_motion(place, is_mean=True)[:2]))
+        if recorded and not any(file.suffix.lower() in MESH_ENDINGS for file in files):
+            found += [(file.stem, *read_motion(file, is_mean=True)[:2]) for file in recorded]
         else:
             load = rh.datasets.load_dfaust if is_hdf5 else rh.datasets.load_mesh_motions
             motions = load(place, **(chosen if is_hdf5 else units))
