@@ -178,7 +178,8 @@ class AlignedSurfaces(Manifold):
         if not isinstance(point, ndarray):
             point = self.as_array(point, name)
         point = real_array(point, name, self.shape, rows=True, lengths=True)
-        self.check_scale(point, name)
+        if self.scale is not None:
+            check_same_scale(values_of(point), self._reference, name, "the template")
         return point
 
     def check_tangent_vec(self, tangent_vec: Any, name: str = "tangent_vec") -> ndarray:

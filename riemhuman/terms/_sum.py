@@ -10,7 +10,7 @@ over triangles run in vector registers; along paths some thousand triangles at a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import autograd.numpy as np
@@ -137,7 +137,13 @@ class SumOfTerms:
 
         def run(first: int, last: int) -> tuple[Any, ...]:
             total, found = 0.0, onp.zeros(by_vertex.shape if gradient else 0)
-            for start, end, records, slopes in _pieces(first, last, n_times):
+            size = max(1, min(_IN_CACHE // n_times, last - first))
+            records, slopes = onp.empty((2, n_times, LENGTH, size))
+            for start in range(first, last, size):
+                end = min(start + size, last)
+                if end - start < size:
+                    records, slopes = onp.empty((2, n_times, LENGTH, end - start))
+                slopes[:] = 0.0
                 fill_records(by_vertex, faces, frames, start, end, records)
                 for term in self.terms:
                     total += term.add_segments(records, slopes, areas[start:end])
@@ -167,7 +173,13 @@ class SumOfTerms:
 
         def run(first: int, last: int) -> tuple[ndarray, ndarray]:
             squared, gradient = onp.zeros(len(others)), onp.zeros((len(point), 1, 3))
-            for start, end, records, slopes in _pieces(first, last, 2):
+            size = max(1, min(_IN_CACHE // 2, last - first))
+            records, slopes = onp.empty((2, 2, LENGTH, size))
+            for start in range(first, last, size):
+                end = min(start + size, last)
+                if end - start < size:
+                    records, slopes = onp.empty((2, 2, LENGTH, end - start))
+                slopes[:] = 0.0
                 fill_records(f, faces, frames, start, end, records[1:])
                 for i, other in enumerate(kinds):
                     # The slopes by these are added up as well, and not used.
@@ -201,18 +213,6 @@ class SumOfTerms:
                     total = total + scale[:, None, None] * form
             add_blocks(blocks, f, self._faces, total)
         return self.template.assembler.assemble(blocks)
-
-
-def _pieces(first: int, last: int, n_times: int) -> Iterator[tuple[int, int, ndarray, ndarray]]:
-    """Yield parts of range(first, last) that stay in the cache, with records and slopes of 0."""
-    size = max(1, min(_IN_CACHE // n_times, last - first))
-    records, slopes = onp.empty((2, n_times, LENGTH, size))
-    for start in range(first, last, size):
-        end = min(start + size, last)
-        if end - start < size:
-            records, slopes = onp.empty((2, n_times, LENGTH, end - start))
-        slopes[:] = 0.0
-        yield start, end, records, slopes
 
 
 @compiled
