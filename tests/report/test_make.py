@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import shutil
 from contextlib import contextmanager
 from html.parser import HTMLParser
 
@@ -181,12 +182,13 @@ def test_provenance(folder, nine_bodies):
     assert all(step["seconds"] >= 0 for step in found["steps"])
 
 
-def test_run_again_nothing_is_computed(folder, make_small_report):
+def test_run_again_nothing_is_computed(folder, make_small_report, tmp_path):
     before = (folder / "index.html").read_text(encoding="utf-8")
-    make_small_report()
-    found = json.loads((folder / "provenance.json").read_text(encoding="utf-8"))
+    again = shutil.copytree(folder, tmp_path / "again")
+    make_small_report(again)
+    found = json.loads((again / "provenance.json").read_text(encoding="utf-8"))
     assert all(step["reused"] for step in found["steps"])
-    after = (folder / "index.html").read_text(encoding="utf-8")
+    after = (again / "index.html").read_text(encoding="utf-8")
     moment = r"\d{4}-\d\d-\d\dT[\d:]+\+00:00"
     assert re.sub(moment, "", after) == re.sub(moment, "", before)
 
