@@ -191,9 +191,10 @@ class Measurements:
                     f"{measurement.name!r} needs a closed surface; the template has boundaries"
                 )
         if self.definitions.is_closed:
-            both = np.concatenate([self.definitions.vertices[np.newaxis], surfaces])
-            own, *volumes = LandmarkedBodies(self.definitions, both, "space").volumes
-            for number, volume in enumerate(volumes):
+            # One at a time: their corners would take many times their memory.
+            for number, surface in enumerate(surfaces):
+                both = np.stack([surface, self.definitions.vertices])
+                volume, own = LandmarkedBodies(self.definitions, both, "space").volumes
                 if not volume * own > 0.0:
                     raise DegenerateSurfaceError(
                         f"points[{number}] encloses {volume:.3g} m³ and the template {own:.3g} m³: "
