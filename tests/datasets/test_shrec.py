@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from descriptor_meshes import sphere
+from known_surfaces import sphere
 
 from riemhuman.datasets import LabelledMeshes, load_shrec14
 from riemhuman.datasets.shrec import read_classes

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from descriptor_meshes import grid_faces, sphere
+from known_surfaces import grid_faces, sphere
 from scipy.spatial.transform import Rotation
 from scipy.special import rel_entr
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from descriptor_meshes import (
+from known_surfaces import (
     flat_torus,
     folded_sheet,
     rolled_sheet,

@@ -10,7 +10,7 @@ from cases import (
     sphere_template,
     surfaces,
 )
-from parametric_surfaces import sphere, torus
+from known_surfaces import sphere, torus
 
 from riemhuman.errors import (
     ArgumentError,
@@ -40,7 +40,7 @@ def normal_part(u, v):
 
 
 def normals(u, v):
-    return np.stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)], axis=-1)
+    return np.stack([np.cos(v) * np.sin(u), np.sin(v), np.cos(v) * np.cos(u)], axis=-1)
 
 
 def exact_values():
@@ -57,9 +57,9 @@ def exact_values():
 
 def values(n, tangential):
     """Return the same of a triangulated torus, for deformations with a tangential part."""
-    template, u, v = torus(n, MAJOR, MINOR)
+    template, u, v = torus(n, 2 * n, MAJOR, MINOR)
     h = normal_part(u, v)[:, None] * normals(u, v)
-    h += tangential * np.sin(3 * v)[:, None] * np.stack([-np.sin(u), np.cos(u), 0 * u], axis=-1)
+    h += tangential * np.sin(3 * v)[:, None] * np.stack([np.cos(u), 0 * u, -np.sin(u)], axis=-1)
     space = AlignedSurfaces(template, equip=False)
 
     def squared(a, b, c):
@@ -93,7 +93,7 @@ def test_tangential_fields_cost_nothing_and_change_nothing():
 
 def test_growing_spheres():
     """E = 16 λ · 4π (r₁ − r₀)², at any number of times."""
-    template, lam = sphere(4), 0.3
+    template, lam = Template(*sphere(4)), 0.3
     metric = GaugeInvariantMetric(ElasticMetric(AlignedSurfaces(template), 1.0, lam, 0.0))
     for n_times in (2, 5):
         path = template.vertices * np.linspace(0.8, 1.3, n_times)[:, None, None]
@@ -103,7 +103,7 @@ def test_growing_spheres():
 
 def registered_anew(subdivisions, turn, n_times=33):
     """Return a path of ellipsoids, the parameters of which turn by an angle in unit time."""
-    template, path = sphere(subdivisions), []
+    template, path = Template(*sphere(subdivisions)), []
     for t in np.linspace(0.0, 1.0, n_times):
         angle = turn * np.sin(np.pi * t)
         turned = template.vertices @ np.array(

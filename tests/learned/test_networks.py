@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from descriptor_meshes import sphere
+from known_surfaces import sphere
 from training import initial_cloud, initial_network
 
 from riemhuman.errors import DegenerateSurfaceError

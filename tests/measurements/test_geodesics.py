@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from measured_shapes import ellipsoid, set_at, tube
+from known_surfaces import ellipsoid, set_at, tube
 from scipy import sparse, special
 from scipy.sparse.csgraph import dijkstra
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from descriptor_meshes import sphere
+from known_surfaces import sphere
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.descriptors import HeatKernelSignature, ShapeDNA

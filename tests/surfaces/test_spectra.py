@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from descriptor_meshes import (
+from known_surfaces import (
     flat_torus,
     sheet,
     sphere,
