@@ -509,7 +509,10 @@ def nearest_body(
         merit = energy + penalty * np.abs(values - targets).sum()
         for step, halvings in product(steps, range(_MOST_HALVINGS)):
             moved = f + 0.5**halvings * step.reshape(f.shape)
-            trial, trial_slopes = _measured(own, moved)
+            try:
+                trial, trial_slopes = _measured(own, moved)
+            except ArgumentError:  # the step is too long: no body can be measured there
+                continue
             trial_energy, both = metric.energy_and_gradient(np.stack([start, moved]))
             if trial_energy + penalty * np.abs(trial - targets).sum() < merit:
                 break

@@ -222,3 +222,6 @@ class TestNearestBody:
             nearest_body(few, metric, body, {"waist grith": 0.7})
         with pytest.warns(ConvergenceWarning, match="not met: waist girth"):
             nearest_body(few, metric, body, {"waist girth": 0.4}, max_iter=1)
+        # On its way no step may lead to what is no body.
+        with pytest.warns(ConvergenceWarning, match="not met: stature"):
+            nearest_body(few, metric, body, {"stature": -1.0})
