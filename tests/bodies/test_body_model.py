@@ -216,22 +216,6 @@ def test_round_trip(model, tmp_path):
     assert os.listdir(tmp_path) == ["body.npz"]
 
 
-def test_subclasses_have_attributes_of_their_own():
-    class Named(BodyModel):
-        def __init__(self, *arguments, **options):
-            super().__init__(*arguments, **options)
-            self.name = "named"
-            self.joint_names = tuple(name.upper() for name in self.joint_names)
-
-    own = load_open_model("coarse")
-    table = np.stack([own.parents, np.arange(own.n_joints)])
-    arguments = own.template.vertices, own.faces, own.shapedirs, own.joint_regressor, own.weights
-    named = Named(*arguments, table)
-    assert (named.name, named.joint_names[0]) == ("named", "JOINT_0")
-    with pytest.raises(ArgumentError, match="joint_names of Named cannot change"):
-        named.joint_names = own.joint_names
-
-
 def test_single_precision_is_smaller_and_close(tmp_path):
     model = small_model()
     model.save(tmp_path / "double.npz")

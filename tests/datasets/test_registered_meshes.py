@@ -96,6 +96,7 @@ def test_the_first_mesh_that_differs_is_named(folder, mesh):
     for vertices, triangles, difference in (
         (points[1], np.roll(faces, 1, axis=1), ".*corners are listed in another order"),
         (points[1], faces[1:], "79 triangles found, 80 expected"),
+        (points[1], np.vstack([faces[:-1], faces[:1]]), "1 of 80 triangles differ, .*index 79: "),
         (np.vstack([points[1], points[1][:1]]), faces, "it has 43 vertices, that one has 42"),
     ):
         save_mesh(files[1], vertices, triangles)

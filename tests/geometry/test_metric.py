@@ -110,12 +110,10 @@ def test_axioms_on_many_triples(case):
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
-def test_covector_represents_inner_product(case):
+def test_gram_matrices_hold_inner_products(case):
     metric, x, (v, w) = case.metric, case.points[0], case.tangent_vecs[:2]
     w = case.space.to_tangent(w, x)
-    product = np.sum(metric.covector(v, x) * w)
     bound = metric.norm(v, x) * metric.norm(w, x)
-    np.testing.assert_allclose(product, metric.inner_product(v, w, x), rtol=0, atol=1e-9 * bound)
     vectors = np.stack([v, w])
     gram = [[metric.inner_product(a, b, x) for b in vectors] for a in vectors]
     np.testing.assert_allclose(metric.gram_matrix(vectors, x), gram, atol=1e-7 * bound)
@@ -211,23 +209,6 @@ def test_coincident_points(case):
 # Energy and length.
 
 
-def check_energy_bounds(metric, case):
-    path = curve(case, TIMES)
-    squared_dist = metric.squared_dist(path[0], path[-1])
-    rounding = 1 + 1e-12
-    assert metric.energy(path) * rounding >= metric.length(path) ** 2
-    assert metric.length(path) ** 2 * rounding >= squared_dist
-    assert metric.energy(case.points) * rounding >= metric.squared_dist(*case.points[[0, -1]])
-    refined = [metric.energy(curve(case, np.linspace(0, 1, n + 1))) for n in (1, 2, 4, 8, 16, 32)]
-    assert np.all(np.diff(refined) >= -1e-12 * refined[-1])
-    assert refined[-1] > refined[0]
-
-
-@every("dist")
-def test_energy_bounds(case):
-    check_energy_bounds(case.metric, case)
-
-
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_energy_and_length_converge_to_the_integrals(case):
     """∫ ‖x'‖² dt and ∫ ‖x'‖ dt, by a Gauss rule and the inner product."""
@@ -276,21 +257,6 @@ def test_geodesics(case):
     np.testing.assert_allclose(shot, path, atol=1e-12)
     back = metric.geodesic(end, start)(1 - TIMES)
     np.testing.assert_allclose(back, path, atol=1e-12)
-
-
-@every("geodesic", "log")
-def test_no_path_is_shorter_than_the_geodesic(case):
-    metric, start, end = case.metric, case.points[0], case.points[1]
-    path = metric.geodesic(start, end)(TIMES)
-    squared_dist = metric.squared_dist(start, end)
-    times = (TIMES * (1 - TIMES)).reshape((-1,) + (1,) * len(case.space.shape))
-    rng = np.random.default_rng(0)
-    for size in (1e-4, 1e-2, 0.3):
-        noise = case.space.to_tangent(rng.standard_normal(path.shape), path)
-        other = case.space.projection(path + size * times * noise)
-        if np.all(case.space.belongs(other)):
-            assert metric.energy(other) >= squared_dist * (1 - 1e-12)
-            assert metric.length(other) ** 2 >= squared_dist * (1 - 1e-12)
 
 
 @every("geodesic", "exp", "log")

@@ -19,7 +19,6 @@ from riemhuman.geometry import (
     VectorSpace,
     pairwise,
 )
-from riemhuman.geometry.pairwise import squared_dist_rectangle
 
 WEIGHTS = [(1.0, 1e-4, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.1, 0.1), "srnf"]
 each_metric = pytest.mark.parametrize("weights", WEIGHTS, ids=str)
@@ -82,19 +81,6 @@ def test_near_duplicates(weights):
     for precision in ("single", "double"):
         assert metric.dist_pairwise(points, precision=precision)[0, 1] == 0.0
         assert metric.cdist(points[:1], points[1:2], precision=precision) == 0.0
-
-
-@each_metric
-def test_near_duplicates_are_beyond_single_precision(weights):
-    """Without the second look in double precision, the bound would not hold."""
-    metric, points = metric_of(TEMPLATE, weights), near_duplicates(TEMPLATE)
-    features = metric.features(points, "single")
-    squared = metric.bulk.squared_distances(features, features)
-    expected = by_definition(metric, points)
-    errors = np.abs(np.sqrt(squared[0, 2:]) / expected[0, 2:] - 1)
-    assert errors.max() > 1e-4
-    close = squared_dist_rectangle(metric, features, features, points, points)
-    np.testing.assert_allclose(np.sqrt(close), expected, rtol=1e-5, atol=0)
 
 
 @each_metric
@@ -175,20 +161,6 @@ def test_points_are_sliced_as_the_budget_allows(tmp_path):
     np.testing.assert_array_equal(metric.cdist(list(points), mapped), whole)
     np.testing.assert_array_equal(metric.cdist(points[:0], mapped), np.zeros((0, 12)))
     np.testing.assert_array_equal(metric.cdist(mapped, points[:0]), np.zeros((12, 0)))
-
-
-def test_features_are_those_of_the_points_in_their_order():
-    for name in ("mixed sphere", "srnf open", "product", "flat", "edges", "half-plane, distance"):
-        case = CASES[name]
-        features = case.metric.features(case.points, "single")
-        assert len(features) == case.metric.bulk.n_arrays
-        for feature in features:
-            assert len(feature) == len(case.points)
-            assert feature.flags.c_contiguous
-        second = case.metric.features(case.points[1:2], "single")
-        for feature, alone in zip(features, second, strict=True):
-            np.testing.assert_array_equal(feature[1:2], alone)
-        assert case.metric.bulk.rounding(features).shape == (4,)
 
 
 def test_progress_is_shown_on_demand(capsys):

@@ -27,7 +27,7 @@ from riemhuman.io import (
     save_mesh,
     to_trimesh,
 )
-from riemhuman.io.mesh_arrays import check_mesh, face_difference, split_polygons
+from riemhuman.io.mesh_arrays import check_mesh, split_polygons
 from riemhuman.surfaces import Template
 
 ENDINGS = [".ply", ".obj", ".off"]
@@ -465,22 +465,6 @@ def test_checks_of_meshes():
     assert (vertices.dtype, faces.dtype) == (np.float64, np.int64)
     with pytest.raises(ArgumentError, match=r"f\[1\] = \(0, 0, 9\) \(and 1 more\).*v holds 2"):
         check_mesh(np.zeros((2, 3)), [[0, 0, 1], [0, 0, 9], [-1, 0, 0]], names=("v", "f"))
-
-
-TRIANGLES = np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4]])
-
-
-@pytest.mark.parametrize(
-    ("faces", "difference"),
-    [
-        (TRIANGLES[:1], "1 triangles found, 3 expected"),
-        (TRIANGLES[[0, 1, 1]], "1 of 3 triangles differ, the first at index 2: (2, 1, 3) found"),
-        (TRIANGLES[:, ::-1], "all triangles or their corners are listed in another order, the"),
-    ],
-)
-def test_differences_of_triangulations(faces, difference):
-    assert face_difference(TRIANGLES, TRIANGLES.copy()) is None
-    assert face_difference(faces, TRIANGLES).startswith(difference)
 
 
 def test_polygons_of_few_corners():

@@ -85,19 +85,6 @@ def test_every_metric_with_a_distance(case, tmp_path):
     np.testing.assert_array_equal(distances, case.metric.dist_pairwise(case.points))
 
 
-def test_layout_changes_no_bit(tmp_path):
-    runs = [
-        pairwise_job(METRIC, POINTS, tmp_path / str(memory), memory=memory).tobytes()
-        for memory in (20_000, MEMORY, 10**6, 10**9)
-    ]
-    assert len(set(runs)) == 1
-    sides = {
-        json.loads((tmp_path / str(memory) / "manifest.json").read_text())["layout"]["tile"]
-        for memory in (20_000, MEMORY, 10**6)
-    }
-    assert len(sides) == 3
-
-
 def test_points_made_on_the_fly(tmp_path):
     points = OnTheFly(POINTS)
     distances = pairwise_job(METRIC, points, tmp_path, memory=MEMORY)

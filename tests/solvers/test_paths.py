@@ -108,16 +108,6 @@ def test_linear_path(case):
     assert (result.n_iterations, result.n_evaluations, result.converged) == (0, 1, True)
 
 
-@pytest.mark.parametrize("case", cases_that("dist", "geodesic"), ids=name_of)
-def test_closed_form_geodesics_have_constant_speed_and_least_energy(case):
-    start, end = case.points[:2]
-    result = ClosedFormGeodesic(n_nodes=6).solve(case.metric, start, end)
-    np.testing.assert_allclose(result.energy, case.metric.squared_dist(start, end), rtol=1e-10)
-    steps = case.metric.dist(result.path[:-1], result.path[1:])
-    np.testing.assert_allclose(steps, steps[0], rtol=1e-6)
-    np.testing.assert_allclose(result.path[[0, -1]], case.points[:2], atol=1e-12)
-
-
 @pytest.mark.parametrize(
     "case", [case for case in CASES.values() if "geodesic" not in case.can], ids=name_of
 )

@@ -3,7 +3,7 @@
 import autograd.numpy as anp
 import numpy as np
 import pytest
-from cases import CASES, HalfPlane, HyperbolicDistance, HyperbolicInnerProduct, name_of
+from cases import CASES, HalfPlane, HyperbolicDistance, name_of
 
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
@@ -96,11 +96,6 @@ class SquaredTwice(FlatMetric):
         return anp.sum((point_a - point_b) ** 2, axis=-1) ** 2
 
 
-class AllTogether(FlatMetric):
-    def squared_dist(self, point_a, point_b):
-        return anp.sum((point_a - point_b) ** 2)
-
-
 class TooShort(FlatMetric):
     def squared_dist(self, point_a, point_b):
         return 0.9 * anp.sum((point_a - point_b) ** 2, axis=-1)
@@ -147,14 +142,6 @@ class NotFinite(FlatMetric):
 )
 def test_only_what_is_broken_is_named(twin, lacking):
     assert {check.name for check in check_metric(twin(plane()), PLANE_POINTS).failures} == lacking
-
-
-def test_what_has_no_closed_form_is_not_asked_for():
-    names = {
-        check.name for check in check_metric(HyperbolicInnerProduct(HalfPlane()), POINTS).checks
-    }
-    assert {SYMMETRIC, ENERGY, GRADIENT} <= names
-    assert not {TRIANGLE, LIMIT} & names
 
 
 def test_what_is_not_finite_fails():
@@ -228,7 +215,6 @@ class NoLength(EnergyWithoutSegments):
         (OneSided, SYMMETRIC_DIST, 1.0 - np.exp(-0.3)),
         # The longest way, 3² long, is 2 · 1.5² by its middle.
         (SquaredTwice, TRIANGLE, 0.5),
-        (AllTogether, STACKED_DIST, np.inf),
         (ApartInStacks, STACKED_DIST, 0.5 / 9.0),
         (TooShort, LIMIT, 0.1),
         # Of the squared length 9, one third is left.
