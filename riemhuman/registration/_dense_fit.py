@@ -55,8 +55,9 @@ _N_DENSE = 3000
 _N_ROTATED, _LEAST_ROTATED = 1000, 0.06
 # Rotations are different if the forearm and hand are this far apart, metres in the mean.
 _DIFFERENT_METRES = 0.008
-# Another rotation, or pose of the hand, must bring the scan nearer to the arm by this share.
-_LEAST_GAIN = 0.05
+# Another rotation, or pose of the hand, must bring the scan nearer to the arm by this share, and by
+# so many standard errors: few points tell little.
+_LEAST_GAIN, _CHANCE = 0.05, 2.0
 # Distances beyond these are of other parts of the scan, metres.
 _ARM_METRES = 0.03
 _HAND_METRES = 0.01
@@ -364,9 +365,9 @@ class DenseFitter:
             distances = []
             for surface in surfaces:
                 fitted, _ = fit_elastic(arm.metric, surface, surface, tree, _ARM_STIFFNESSES)
-                distances.append(_arm_distance(arm, fitted, own))
-            nearest = int(np.argmin(distances))
-            if nearest and distances[nearest] < (1.0 - _LEAST_GAIN) * distances[0]:
+                distances.append(_arm_distances(arm, fitted, own))
+            nearest = int(np.argmin([each.mean() for each in distances]))
+            if _are_less(distances[nearest], distances[0]):
                 dense = self._samples(_N_DENSE, visible)
                 pose = fit_closest(dense, others[nearest - 1], prior, tree)
         return pose
@@ -381,12 +382,12 @@ class DenseFitter:
         """
         n_betas = self.model.n_betas
 
-        def fit(around: np.ndarray) -> tuple[float, Pose, Prior]:
+        def fit(around: np.ndarray) -> tuple[np.ndarray, Pose, Prior]:
             betas = np.append(pose.betas[:n_betas], around)
             its_prior = prior._replace(betas=np.append(prior.betas[:n_betas], around))
             other = self._fit_arm(arm, pose._replace(betas=betas), its_prior, tree, visible)
             surface = pose_body(arm.skin, other).points
-            return _arm_distance(arm, surface, own, _HAND_METRES), other, its_prior
+            return _arm_distances(arm, surface, own, _HAND_METRES), other, its_prior
 
         # Twice, because the wrist moves with the first change.
         for arm in (*self._arms, *self._arms):
@@ -396,8 +397,8 @@ class DenseFitter:
             now = prior.betas[n_betas:]
             others = [now, *(np.where(np.isnan(hands), now, hands) for hands in arm.hands)]
             first, *found = mapped(fit, others, N_THREADS)
-            nearest = min(found, key=lambda each: each[0])
-            if nearest[0] < (1.0 - _LEAST_GAIN) * first[0]:
+            nearest = min(found, key=lambda each: each[0].mean())
+            if _are_less(nearest[0], first[0]):
                 _, pose, prior = nearest
                 pose = fit_closest(self._samples(_N_DENSE, visible), pose, prior, tree)
         return pose, prior
@@ -453,9 +454,16 @@ def _points_on(vertices: np.ndarray, surface: np.ndarray, scan: PreparedScan) ->
     return scan.points[np.isin(near, vertices)]
 
 
-def _arm_distance(
+def _arm_distances(
     arm: _Arm, surface: np.ndarray, points: np.ndarray, farthest: float = _ARM_METRES
-) -> float:
-    """Return the mean distance of points from the surface of an arm, metres."""
+) -> np.ndarray:
+    """Return the distances of points from the surface of an arm, metres."""
     distances = nearest_points(points, surface, arm.metric.space.template.faces)[1]
-    return float(np.minimum(distances, farthest).mean())
+    return np.minimum(distances, farthest)
+
+
+def _are_less(some: np.ndarray, others: np.ndarray) -> bool:
+    """Return whether distances of the same points are less, by more than chance makes them."""
+    gains = others - some
+    chance = _CHANCE * np.sqrt(np.mean(gains**2) / len(gains))
+    return bool(gains.mean() > max(_LEAST_GAIN * others.mean(), chance))
