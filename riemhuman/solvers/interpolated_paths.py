@@ -204,8 +204,9 @@ class ModelPath(PathSolver):
             rotation = Rotation.from_rotvec(first.pose)
             change = (rotation.inv() * Rotation.from_rotvec(last.pose)).as_rotvec()
             times = np.linspace(0.0, 1.0, self.n_nodes)
-            pose = [(rotation * Rotation.from_rotvec(t * change)).as_rotvec() for t in times]
-        path = metric.check_points(self.model(betas, np.array(pose), trans), "the model's surfaces")
+            poses = [(rotation * Rotation.from_rotvec(t * change)).as_rotvec() for t in times]
+            pose = np.stack(poses)
+        path = metric.check_points(self.model(betas, pose, trans), "the model's surfaces")
         gap = np.linalg.norm(path[[0, -1]] - [start, end], axis=-1).max()
         message = f"the model's surfaces are up to {1000.0 * gap:.3g} mm from start and end"
         return known_path(metric, path, message)
