@@ -104,7 +104,8 @@ def spectrum(
     except DegenerateSurfaceError as error:
         raise DegenerateSurfaceError(
             f"{str(error).replace('the template', 'the mesh').split(';')[0]}; the cotangent "
-            'Laplacian needs triangles with area; laplacian="robust" does not'
+            'Laplacian needs triangles with area; spectrum(..., laplacian="robust") does not, and '
+            "descriptors take its result by of_spectrum"
         ) from error
     values, functions = harmonics(mesh, n_eigenvalues, "n_eigenvalues")
     constants = _constants(mesh.faces, mesh.vertex_areas)
