@@ -49,6 +49,7 @@ def with_inward_arm(model, faces):
     return (below.sum(axis=1) > 0.5)[faces].all(axis=1)
 
 
+@pytest.mark.sampled(3, "scans that are trusted")
 def test_a_scan_with_arms_that_face_inward_is_registered(registration, inverted_arms):
     scan, faces, _ = inverted_arms
     result = registration.solve((scan.points, faces))
@@ -116,6 +117,7 @@ def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
     assert "is not in the scan and not trusted" in result.message
 
 
+@pytest.mark.sampled(3, "scans that are trusted")
 def test_a_body_that_is_cut_at_the_waist_is_not_stretched(registration):
     """The whole body fits this scan with its legs in the trunk, whose vertices are 4 cm off."""
     bodies = rh.datasets.load_open_bodies("coarse", variant="natural", people=71)
@@ -184,6 +186,7 @@ def test_mesh_objects_are_scans(bodies):
     np.testing.assert_array_equal(scan.faces, bodies.template.faces)
 
 
+@pytest.mark.sampled(3, "scans that are trusted")
 def test_bodies_in_leaning_scans_stand_on_their_feet(bodies, registration_from_few_poses):
     scan = simulated_scan(bodies[0], bodies.template.faces, rng=1, n_points=5000, rotate=False)
     leaning = Rotation.from_euler("xyz", [70.0, 110.0, 25.0], degrees=True).as_matrix()
