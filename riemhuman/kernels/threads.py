@@ -15,7 +15,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -86,61 +86,41 @@ def for_each(task: Callable[[Item], Any], items: Iterable[Item], n_threads: int)
         pass
 
 
+_lock = threading.Lock()
+_n_limited = 0
+_limiter: Any = None
+
+
 @contextmanager
 def single_threaded_libraries() -> Iterator[None]:
     """Keep libraries in the calling thread, for code that runs threads of its own.
 
     Idle threads of OpenBLAS and OpenMP wait in a busy loop, on cores that others need.
     """
-    _limit.enter()
+    global _n_limited, _limiter
+    with _lock:
+        # One limit for all who are in it: limits that overlap would restore what another has set.
+        if _n_limited == 0:
+            _limiter = _controller(len(sys.modules)).limit(limits=1)
+        _n_limited += 1
     try:
         yield
     finally:
-        _limit.leave()
+        with _lock:
+            _n_limited -= 1
+            if _n_limited == 0:
+                _limiter.restore_original_limits()
 
 
-class _SharedLimit:
-    """One limit for all who are in it at once: the first sets it, the last takes it back.
-
-    Limits that overlap in time would each restore what another has set.
-    """
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._users: list[int] = []
-        self._limiter: Any = None
-        self._controller: ThreadpoolController | None = None
-        self._n_modules = 0
-
-    def enter(self) -> None:
-        with self._lock:
-            if not self._users:
-                # Looking for libraries takes milliseconds; imports alone load new ones.
-                if self._controller is None or self._n_modules != len(sys.modules):
-                    self._controller = ThreadpoolController()
-                    self._n_modules = len(sys.modules)
-                limiter = self._controller.limit(limits=1)
-                # After a fork, what was there before is known to the limit of the parent.
-                self._limiter = self._limiter or limiter
-            self._users.append(threading.get_ident())
-
-    def leave(self) -> None:
-        with self._lock:
-            self._users.remove(threading.get_ident())
-            if not self._users:
-                self._limiter.restore_original_limits()
-                self._limiter = None
-
-    def keep_own(self) -> None:
-        """Continue in a child process, where only the thread that forked exists.
-
-        A limit set by other threads stays until the next user leaves.
-        """
-        self._lock = threading.Lock()
-        self._users = [user for user in self._users if user == threading.get_ident()]
+@lru_cache(maxsize=1)
+def _controller(n_modules: int) -> ThreadpoolController:
+    # Looking for libraries takes milliseconds; imports alone load new ones.
+    return ThreadpoolController()
 
 
-_limit = _SharedLimit()
+def _renew_lock() -> None:
+    global _lock
+    _lock = threading.Lock()
 
 
 def combine_rows(coefficients: ndarray, rows: ndarray) -> ndarray:
@@ -196,7 +176,7 @@ if hasattr(os, "register_at_fork"):
     # Threads do not survive a fork: the child makes a pool of its own.
     os.register_at_fork(after_in_child=_pool.cache_clear)
     # Neither does a thread that holds the lock of the limit.
-    os.register_at_fork(after_in_child=_limit.keep_own)
+    os.register_at_fork(after_in_child=_renew_lock)
 
 
 LANES = 64

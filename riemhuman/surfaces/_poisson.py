@@ -11,25 +11,18 @@ derivatives are closest to J(t) in the least squares sense solves a Poisson equa
 
 from __future__ import annotations
 
-import heapq
-import math
 from copy import copy
 
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 from scipy.sparse.linalg import splu
 
-from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.rotations import log, nearest_rotations
-from riemhuman.kernels.surface import deformation_gradients, triangle_frames
-from riemhuman.kernels.threads import in_chunks, of_one_kind, single_threaded_libraries
-from riemhuman.kernels.triangles import derivatives
+from riemhuman.kernels.surface import deformation_gradients, dot, triangle_frames, unit_vectors
+from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.surfaces.measures import adjacent_triangles, vertex_components
-
-# Below this many triangles, threads cost more than they bring.
-_WORTH_THREADS = 5_000
 
 
 class PoissonInterpolator:
@@ -38,22 +31,15 @@ class PoissonInterpolator:
     def __init__(
         self,
         faces: ndarray,
-        frame_coefficients: ndarray,
         differential_operator: sparse.csr_array,
         face_areas: ndarray,
     ) -> None:
         n_vertices = differential_operator.shape[1]
-        self._faces, self._frames, self._areas = faces, frame_coefficients, face_areas
-        self._operator = differential_operator
+        self._areas, self._operator = face_areas, differential_operator
         # Derivatives do not determine translations: one vertex of each component is fixed.
         component = vertex_components(faces, n_vertices)
         _, anchors, sizes = np.unique(component, return_index=True, return_counts=True)
         self._neighbours = adjacent_triangles(faces)[0]
-        both_ways = np.concatenate([self._neighbours, self._neighbours[:, ::-1]])
-        both_ways = both_ways[np.lexsort(both_ways.T[::-1])]
-        self._neighbours_of = np.ascontiguousarray(both_ways[:, 1])
-        counts = np.bincount(both_ways[:, 0], minlength=len(faces))
-        self._neighbour_ends = np.concatenate([[0], np.cumsum(counts)])
         self._free = np.setdiff1d(np.arange(n_vertices), anchors)
         self._weigh(face_areas)
         self._component = component
@@ -88,13 +74,28 @@ class PoissonInterpolator:
 
         From the triangle that rotates least across the edges where rotations differ least.
         """
-        angles = np.linalg.norm(rotations, axis=1)
+        n_faces, angles = len(rotations), np.linalg.norm(rotations, axis=1)
         # sin(angle / 2) / angle, also where the angle is 0.
         shares = 0.5 * np.sinc(angles / (2.0 * np.pi))
         quaternions = np.column_stack([np.cos(0.5 * angles), shares[:, None] * rotations])
+        one, other = quaternions[self._neighbours.T]
+        gaps = np.minimum(np.sum((one - other) ** 2, axis=1), np.sum((one + other) ** 2, axis=1))
+        links = sparse.csr_array(
+            # An entry of zero would be no link; SciPy's trees want 32-bit indices.
+            (gaps + np.finfo(float).tiny, self._neighbours.T.astype(np.int32)),
+            shape=(n_faces, n_faces),
+        )
+        tree = minimum_spanning_tree(links)
+        labels = connected_components(tree, directed=False)[1]
+        order = np.argsort(angles, kind="stable")
         unwrapped = rotations.copy()
-        roots = np.argsort(angles, kind="stable")
-        unwrap_turns(unwrapped, quaternions, roots, self._neighbour_ends, self._neighbours_of)
+        for root in order[np.unique(labels[order], return_index=True)[1]]:
+            found, parents = breadth_first_order(tree, root, directed=False)
+            for t in found[1:]:
+                if angles[t] > 0.0:
+                    along = rotations[t] @ unwrapped[parents[t]] / angles[t]
+                    turns = round((along - angles[t]) / (2.0 * np.pi))
+                    unwrapped[t] *= 1.0 + 2.0 * np.pi * turns / angles[t]
         return unwrapped
 
     def parts(self, chosen: ndarray) -> list[ndarray]:
@@ -116,12 +117,24 @@ class PoissonInterpolator:
             return np.empty((0, *start.shape))
         if rotations is None:
             rotations = self.rotations(start, end)
-        source = turned_sources(
-            start, end, rotations, times, self._faces, self._frames, self._areas
-        )
+        source = self.rotated_sources(start, end, times, rotations)
         first, last = (self._average @ f for f in (start, end))
         weights = times[:, None]
         return self._solve(source, (1.0 - weights) * first[:, None] + weights * last[:, None])
+
+    def rotated_sources(
+        self, start: ndarray, end: ndarray, times: ndarray, rotations: ndarray
+    ) -> ndarray:
+        """Return the divergences of J(t), shape (V, n, 3)."""
+        before, after = ((self._operator @ f).reshape(2, -1, 3) for f in (start, end))
+        angles, axes = np.linalg.norm(rotations, axis=1), unit_vectors(rotations)
+        back = np.matmul(_shares(-angles)[:, None], _parts(after, axes))[..., 0, :]
+        shares = _shares(angles[:, None] * times)
+        both = [(1.0 - times)[:, None] * shares, times[:, None] * shares]
+        parts = [_parts(before, axes), _parts(back, axes)]
+        wanted = np.matmul(np.concatenate(both, axis=-1), np.concatenate(parts, axis=-2))
+        source = self._divergence @ wanted.reshape(before[..., 0].size, -1)
+        return source.reshape(-1, len(times), 3)
 
     def surface_of(self, derivatives: ndarray, placed_as: ndarray) -> ndarray:
         """Return the surface whose first derivatives are closest to given ones."""
@@ -138,114 +151,12 @@ class PoissonInterpolator:
         return np.ascontiguousarray(np.swapaxes(points.reshape(source.shape), 0, 1))
 
 
-@compiled(inline="always")
-def _unwrap(turn: ndarray, before: ndarray) -> None:
-    """Add full turns to a rotation vector so that it is close to another."""
-    angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
-    if angle == 0.0:
-        return
-    along = 0.0
-    for k in range(3):
-        along += turn[k] / angle * before[k]
-    factor = 1.0 + 2.0 * math.pi / angle * round((along - angle) / (2.0 * math.pi))
-    for k in range(3):
-        turn[k] *= factor
+def _parts(vectors: ndarray, axes: ndarray) -> ndarray:
+    """Return the parts of vectors across axes, their cross products, and the parts along."""
+    along = dot(vectors, axes)[..., None] * axes
+    return np.stack([vectors - along, np.cross(axes, vectors), along], axis=-2)
 
 
-@compiled
-def unwrap_turns(
-    turns: ndarray, quaternions: ndarray, roots: ndarray, ends: ndarray, neighbours: ndarray
-) -> None:
-    """Add full turns to rotation vectors so that each is close to a neighbour's.
-
-    Neighbours in the tree of least differences between rotations (Prim's algorithm).
-    """
-    done = np.zeros(len(turns), dtype=np.bool_)
-    for root in roots:
-        queue = [(0.0, root, root)]
-        while len(queue) > 0:
-            _, t, before = heapq.heappop(queue)
-            if done[t]:
-                continue
-            done[t] = True
-            if t != before:
-                _unwrap(turns[t], turns[before])
-            for other in neighbours[ends[t] : ends[t + 1]]:
-                if not done[other]:
-                    near, far = 0.0, 0.0
-                    for k in range(4):
-                        near += (quaternions[t, k] - quaternions[other, k]) ** 2
-                        far += (quaternions[t, k] + quaternions[other, k]) ** 2
-                    heapq.heappush(queue, (min(near, far), other, t))
-
-
-@compiled(inline="always")
-def _turn(vectors: ndarray, axis: ndarray, angle: float, turned: ndarray) -> None:
-    """Turn two vectors about a unit axis, by Rodrigues' formula."""
-    cosine, sine = math.cos(angle), math.sin(angle)
-    for d in range(2):
-        x, y, z = vectors[d, 0], vectors[d, 1], vectors[d, 2]
-        along = (1.0 - cosine) * (axis[0] * x + axis[1] * y + axis[2] * z)
-        turned[d, 0] = cosine * x + sine * (axis[1] * z - axis[2] * y) + along * axis[0]
-        turned[d, 1] = cosine * y + sine * (axis[2] * x - axis[0] * z) + along * axis[1]
-        turned[d, 2] = cosine * z + sine * (axis[0] * y - axis[1] * x) + along * axis[2]
-
-
-@compiled
-def _turned_sources(
-    start: ndarray,
-    end: ndarray,
-    turns: ndarray,
-    times: ndarray,
-    faces: ndarray,
-    frames: ndarray,
-    areas: ndarray,
-    first: int,
-    last: int,
-    source: ndarray,
-) -> None:
-    before = np.empty((2, 3))
-    after, back = np.empty_like(before), np.empty_like(before)
-    blend, wanted = np.empty_like(before), np.empty_like(before)
-    axis = np.empty(3)
-    for t in range(first, last):
-        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
-        scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
-        derivatives(start, 0, faces[t], frames[t], before.reshape(6))
-        derivatives(end, 0, faces[t], frames[t], after.reshape(6))
-        angle = math.sqrt(turns[t, 0] ** 2 + turns[t, 1] ** 2 + turns[t, 2] ** 2)
-        for k in range(3):
-            axis[k] = turns[t, k] / angle if angle > 0.0 else 0.0
-        _turn(after, axis, -angle, back)
-        for i in range(len(times)):
-            for d in range(2):
-                for k in range(3):
-                    blend[d, k] = (1.0 - times[i]) * before[d, k] + times[i] * back[d, k]
-            _turn(blend, axis, times[i] * angle, wanted)
-            for k in range(3):
-                at_two = areas[t] * (scale_u * wanted[0, k] - skew * wanted[1, k])
-                at_three = areas[t] * scale_v * wanted[1, k]
-                source[two, i, k] += at_two
-                source[three, i, k] += at_three
-                source[one, i, k] -= at_two + at_three
-
-
-def turned_sources(
-    start: ndarray,
-    end: ndarray,
-    turns: ndarray,
-    times: ndarray,
-    faces: ndarray,
-    frames: ndarray,
-    areas: ndarray,
-) -> ndarray:
-    """Return the divergences of the first derivatives J(t) between two surfaces."""
-    shape = (len(start), len(times), 3)
-    ends = of_one_kind(start)[:, None], of_one_kind(end)[:, None]
-
-    def run(first: int, last: int) -> ndarray:
-        source = np.zeros(shape)
-        _turned_sources(*ends, turns, times, faces, frames, areas, first, last, source)
-        return source
-
-    return np.add.reduce(in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS))
+def _shares(angles: ndarray) -> ndarray:
+    """Return the shares of these parts in vectors rotated about the axes."""
+    return np.stack([np.cos(angles), np.sin(angles), np.ones_like(angles)], axis=-1)

@@ -193,9 +193,7 @@ class Template:
     @cached_property
     def interpolator(self) -> PoissonInterpolator:
         """Interpolator of surfaces over this template by their deformation gradients."""
-        return PoissonInterpolator(
-            self.faces, self.frame_coefficients, self.differential_operator, self.face_areas
-        )
+        return PoissonInterpolator(self.faces, self.differential_operator, self.face_areas)
 
     @cached_property
     def heat(self) -> TriangleHeat:

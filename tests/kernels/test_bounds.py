@@ -9,46 +9,22 @@ from scipy.sparse import bsr_array
 
 from riemhuman.kernels import elimination, rotations, triangles
 from riemhuman.kernels.elimination import elimination_of
-from riemhuman.surfaces import _poisson
 
 TEMPLATE = open_template()
-FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
+FACES = TEMPLATE.faces
 FORMS = np.random.default_rng(0).standard_normal((len(FACES), 6, 6))
 FORMS += np.swapaxes(FORMS, 1, 2)
 
 
 def test_loops_over_single_surfaces(monkeypatch):
-    start, end = surfaces(TEMPLATE, 2, rng=4, size=0.8)
-    times = np.array([0.0, 0.3, 1.0])
-    vectors = TEMPLATE.interpolator.rotations(start, end)
+    (start,) = surfaces(TEMPLATE, 1, rng=4, size=0.8)
 
     def blocks():
         added = np.zeros((len(FACES), 9, 9))
         triangles.add_blocks(added, start, FACES, FORMS)
         return [added]
 
-    calls = [
-        lambda: _poisson.turned_sources(start, end, vectors, times, FACES, FRAMES, AREAS),
-        blocks,
-    ]
-    check_bounds(monkeypatch, [triangles, _poisson], calls)
-
-
-def test_trees_of_turns(monkeypatch):
-    rng = np.random.default_rng(5)
-    quaternions = rng.standard_normal((6, 4))
-    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
-    vectors = rng.standard_normal((6, 3))
-    # A ring of five, and one alone.
-    ends = np.array([0, 2, 4, 6, 8, 10, 10])
-    neighbours = np.array([1, 4, 0, 2, 1, 3, 2, 4, 3, 0])
-
-    def unwrapped():
-        found = 3.0 * vectors
-        _poisson.unwrap_turns(found, quaternions, np.arange(6), ends, neighbours)
-        return [found]
-
-    check_bounds(monkeypatch, [_poisson], [unwrapped])
+    check_bounds(monkeypatch, [triangles], [blocks])
 
 
 def test_nearest_rotations(monkeypatch):
