@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -12,10 +12,29 @@ from riemhuman.checks import integer_array, length_of, one_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.kernels.threads import thread_count
-from riemhuman.retrieval._neighbor_index import NeighborIndex
+from riemhuman.kernels.projections import Projection
+from riemhuman.kernels.threads import mapped, slices, thread_count
 
-ALGORITHMS = ("auto", "brute", "index")
+_ALGORITHMS = ("auto", "brute", "index")
+
+# Numbers of points that are added, and of queries that are answered, at a time.
+_BLOCK = 64
+
+# Largest number of lower bounds in memory.
+_BOUNDS = 2**22
+
+# Largest numbers of points that the projection is fitted to, and of all their coordinates.
+_SAMPLE, _SAMPLE_SIZE = 1024, 2**26
+
+# Numbers of points compared with a query at first, and then at a time: their features fit a cache.
+_FIRST, _BATCH = 8, 32
+
+# Generous bound on the rounding error of squared lower bounds, relative to the largest.
+_SLACK = 1e-9
+
+# Fewer points are compared with all others, which takes less time than lower bounds do. So are all
+# points if bounds exclude less than this share of the points for a few trial queries.
+_FEW, _LEAST_EXCLUDED, _TRIALS = 1000, 0.5, 8
 
 
 class NearestNeighbors(Estimator):
@@ -90,12 +109,23 @@ class NearestNeighbors(Estimator):
         thread_count(self.n_jobs)
         if length_of(X, "X") == 0:
             raise ArgumentError("X must hold at least one point; found none")
-        one_of(self.algorithm, "algorithm", ALGORITHMS)
+        one_of(self.algorithm, "algorithm", _ALGORITHMS)
         whole_number(self.n_components, "n_components", minimum=0)
-        self._index = NeighborIndex(self.metric, X, self.n_jobs)
-        if self.algorithm != "brute":
-            self._index.fit_projection(self.n_components, always=self.algorithm == "index")
-        self.n_samples_fit_ = len(self._index)
+        self.n_samples_fit_ = len(X)
+        self._projection = self._fit_projection(X)
+        tables: list[ndarray] = []
+        for part in slices(len(X), _BLOCK):
+            points = self._checked(X, part)
+            rows = [self._project(points), *self._features_of(points)]
+            tables = tables or [np.empty((len(X), *row.shape[1:]), row.dtype) for row in rows]
+            for table, row in zip(tables, rows, strict=True):
+                table[part] = row
+        self._coordinates, *self._features = tables
+        if self._projection is not None and self.algorithm == "auto":
+            trials = np.linspace(0, len(X) - 1, _TRIALS).astype(int)
+            compared = [next(self._search(slice(i, i + 1), None, 2, None))[2] for i in trials]
+            if np.mean(compared) > (1.0 - _LEAST_EXCLUDED) * len(X):
+                self._projection = None
         return self
 
     def kneighbors(
@@ -127,29 +157,149 @@ class NearestNeighbors(Estimator):
         indices : array of int, shape (n_queries, n_neighbors)
             Numbers of the points; at equal distances, the lower number comes first.
         """
-        if not hasattr(self, "_index"):
+        if not hasattr(self, "_features"):
             raise ArgumentError("kneighbors needs points: call fit first")
-        index = self._index
-        n_others = len(index) - (X is None)
+        n_points = self.n_samples_fit_
+        n_others = n_points - (X is None)
         k = whole_number(self.n_neighbors if n_neighbors is None else n_neighbors, "n_neighbors")
         if not 1 <= k <= n_others:
             raise ArgumentError(
                 f"n_neighbors must be at least 1 and at most {n_others}, the number of other "
                 f"points; found {k}"
             )
-        n_queries = len(index) if X is None else length_of(X, "X")
+        n_queries = n_points if X is None else length_of(X, "X")
         if candidates is not None:
             candidates = integer_array(candidates, "candidates", (n_queries, "m"))
-            if candidates.size and not 0 <= candidates.min() <= candidates.max() < len(index):
+            if candidates.size and not 0 <= candidates.min() <= candidates.max() < n_points:
                 raise ArgumentError(
-                    f"candidates must number points of the index, from 0 to {len(index) - 1}; "
+                    f"candidates must number points of the index, from 0 to {n_points - 1}; "
                     f"found {candidates.min()} to {candidates.max()}"
                 )
         distances = np.empty((n_queries, k))
         indices = np.empty((n_queries, k), dtype=np.int64)
         n_exact = 0
-        for row, answer in enumerate(index.nearest(X, k, candidates)):
-            distances[row], indices[row], n_compared = answer
-            n_exact += n_compared
-        self.exact_share_ = n_exact / max(1, n_queries * len(index))
+        size = max(1, min(_BLOCK, _BOUNDS // n_points))
+        for part in slices(n_queries, size):
+            for row, answer in enumerate(self._search(part, X, k, candidates), part.start):
+                distances[row], indices[row], n_compared = answer
+                n_exact += n_compared
+        self.exact_share_ = n_exact / max(1, n_queries * n_points)
         return (distances, indices) if return_distance else indices
+
+    def _fit_projection(self, X: Any) -> Projection | None:
+        """Return the projection to principal components of a sample, if there are to be bounds."""
+        unused = self.algorithm == "brute" or (self.algorithm == "auto" and len(X) < _FEW)
+        if unused or self.n_components == 0 or not self.metric.has_lower_bound_coordinates:
+            return None
+        coordinates = self.metric.lower_bound_coordinates
+        size = coordinates(self._checked(X, slice(0, 1))).size
+        n_sample = min(_SAMPLE, max(1, _SAMPLE_SIZE // size), len(X))
+        sample = np.linspace(0, len(X) - 1, n_sample).astype(int)
+        rows = [coordinates(self._checked(X, slice(i, i + 1))) for i in sample.tolist()]
+        return Projection.fit(np.concatenate(rows), self.n_components)
+
+    def _checked(self, X: Any, part: slice) -> ndarray:
+        """Return a range of points after checking them."""
+        where = f"X[{part.start}:{part.stop}]"
+        points = self.metric.check_points(X[part], where)
+        if len(points) != part.stop - part.start:
+            raise ArgumentError(
+                f"{where} must be {part.stop - part.start} points; found {len(points)}"
+            )
+        return points
+
+    def _features_of(self, points: ndarray) -> tuple[ndarray, ...]:
+        return self.metric.features(points, n_jobs=self.n_jobs)
+
+    def _project(self, points: ndarray) -> ndarray:
+        """Return coordinates that bound distances, or none without a projection."""
+        if self._projection is None:
+            return np.empty((len(points), 0))
+        return self._projection(self.metric.lower_bound_coordinates(points))
+
+    def _search(
+        self, part: slice, X: Any | None, k: int, candidates: ndarray | None
+    ) -> Iterator[tuple[ndarray, ndarray, int]]:
+        """Yield k distances, the numbers of the points, and that of comparisons, of some queries.
+
+        The queries are a part of X, or of the points themselves.
+        """
+        n_threads = thread_count(self.n_jobs)
+        if X is None:
+            features = tuple(rows[part] for rows in self._features)
+            coordinates = self._coordinates[part]
+        else:
+            points = self._checked(X, part)
+            features, coordinates = self._features_of(points), self._project(points)
+        own = tuple(self._features)
+        if self._projection is None:
+            squared = self.metric.bulk.squared_distances(features, own, n_threads)
+            for row, distances in enumerate(np.sqrt(squared)):
+                numbers = np.arange(len(distances))
+                if X is None:
+                    numbers = np.delete(numbers, part.start + row)
+                yield *_nearest(distances[numbers], numbers, k), len(numbers)
+            return
+        bounds, slack = _squared_distances(coordinates, self._coordinates)
+        if X is None:
+            bounds[np.arange(len(bounds)), np.arange(part.start, part.stop)] = np.inf
+
+        def search(row: int) -> tuple[ndarray, ndarray, int]:
+            one = tuple(feature[row : row + 1] for feature in features)
+            first = None if candidates is None else candidates[part][row]
+            return self._search_by_bounds(one, bounds[row], slack, k, first)
+
+        yield from mapped(search, range(len(bounds)), n_threads=n_threads)
+
+    def _search_by_bounds(
+        self,
+        features: tuple[ndarray, ...],
+        bounds: ndarray,
+        slack: float,
+        k: int,
+        first: ndarray | None,
+    ) -> tuple[ndarray, ndarray, int]:
+        """Return k distances of one query, the numbers of the points, and that of comparisons."""
+        numbers, distances = np.empty(0, dtype=np.int64), np.empty(0)
+
+        def compare(batch: ndarray) -> float:
+            """Compare the query with more points; return a squared bound on the others."""
+            nonlocal numbers, distances
+            own = tuple(rows[batch] for rows in self._features)
+            squared = self.metric.bulk.squared_distances(features, own)
+            numbers = np.concatenate([numbers, batch])
+            distances = np.concatenate([distances, np.sqrt(squared[0])])
+            if len(distances) < k:
+                return float(np.finfo(float).max)
+            return float(np.partition(distances, k - 1)[k - 1]) ** 2 + slack
+
+        if first is None:
+            n_first = min(max(k, _FIRST), int(np.count_nonzero(bounds < np.inf)))
+            first = np.argpartition(bounds, n_first - 1)[:n_first]
+        first = np.unique(first[bounds[first] < np.inf])
+        largest = compare(first)
+        bounds[first] = np.inf
+        left = np.flatnonzero(bounds <= largest)
+        left = left[np.argsort(bounds[left])]
+        bounds = bounds[left]
+        for start in range(0, len(left), _BATCH):
+            n_near = int(np.searchsorted(bounds, largest, side="right"))
+            if start >= n_near:
+                break
+            largest = compare(left[start : min(start + _BATCH, n_near)])
+        return *_nearest(distances, numbers, k), len(numbers)
+
+
+def _nearest(distances: ndarray, numbers: ndarray, k: int) -> tuple[ndarray, ndarray]:
+    """Return the k smallest distances and their numbers; at equal ones the lower comes first."""
+    order = np.lexsort((numbers, distances))[:k]
+    return distances[order], numbers[order]
+
+
+def _squared_distances(rows: ndarray, others: ndarray) -> tuple[ndarray, float]:
+    """Return squared Euclidean distances by one matrix product, and a bound on their error."""
+    squares, other_squares = np.sum(rows**2, axis=1), np.sum(others**2, axis=1)
+    squared = (-2.0 * rows) @ others.T
+    squared += squares[:, None]
+    squared += other_squares
+    return squared, _SLACK * float(squares.max() + other_squares.max())

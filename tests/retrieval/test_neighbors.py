@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from cases import cases_that, name_of, sphere_template, surfaces
 
-import riemhuman.retrieval._neighbor_index
+import riemhuman.retrieval.neighbors
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.retrieval import NearestNeighbors
-from riemhuman.terms._sum import SumOfTerms
 
 N_GROUPS, N_IN_GROUP = 12, 10
 
@@ -109,7 +108,7 @@ def test_points_with_neighbors_are_compared_with_few(name):
 @pytest.mark.parametrize("name", ["pose", "shape"])
 def test_bounds_are_used_where_they_save_work(name, monkeypatch):
     """Few points, and points that bounds do not separate, are compared with all others."""
-    monkeypatch.setattr(riemhuman.retrieval._neighbor_index, "_FEW", 100)
+    monkeypatch.setattr(riemhuman.retrieval.neighbors, "_FEW", 100)
     points = groups(sphere_template())
     neighbors = NearestNeighbors(METRICS[name], 3).fit(points[:99])
     neighbors.kneighbors(points[:2])
@@ -189,8 +188,8 @@ NEAR_CLOSE = np.concatenate([surfaces(sphere_template(), 6, rng=6), CLOSE[[5, 38
 @pytest.mark.parametrize(("size", "algorithm"), [(1, "index"), (3, "brute"), (7, "index")])
 def test_blocks(name, size, algorithm, monkeypatch):
     metric = METRICS[name]
-    for name in ("_BLOCK", "_FIRST", "_BATCH", "_DOUBLE"):
-        monkeypatch.setattr(riemhuman.retrieval._neighbor_index, name, size)
+    for name in ("_BLOCK", "_FIRST", "_BATCH"):
+        monkeypatch.setattr(riemhuman.retrieval.neighbors, name, size)
     neighbors = NearestNeighbors(metric, 4, algorithm=algorithm).fit(CLOSE)
     assert_same(neighbors.kneighbors(), by_all_distances(metric, None, CLOSE, 4))
     assert_same(neighbors.kneighbors(NEAR_CLOSE), by_all_distances(metric, NEAR_CLOSE, CLOSE, 4))
@@ -200,7 +199,7 @@ def test_blocks(name, size, algorithm, monkeypatch):
 
 @pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
 def test_distances_that_nearly_tie(metric):
-    """More than a batch of points whose distances single precision does not tell apart."""
+    """More than a batch of points with distances that nearly tie."""
     base, direction = CLOSE[0], CLOSE[1] - CLOSE[0]
     steps = 0.2 + 1e-8 * np.random.default_rng(0).permutation(50)
     points = np.concatenate([base + steps[:, None, None] * direction, CLOSE])
@@ -217,30 +216,3 @@ def test_bounds_that_a_far_point_makes_inexact(name):
     points = np.concatenate([CLOSE[0] + spread, 1e5 * CLOSE[1:2]])
     neighbors = NearestNeighbors(metric, 3, algorithm="index").fit(points)
     assert_same(neighbors.kneighbors(), by_all_distances(metric, None, points, 3))
-
-
-class Blurred(ElasticMetric):
-    """A metric whose distances in single precision are off by half of what is allowed for."""
-
-    @property
-    def bulk(self):
-        return BlurredSum(self.terms, self.space.template)
-
-
-class BlurredSum(SumOfTerms):
-    def squared_distances(self, a, b, n_threads=1):
-        """Return squared distances, off by up to 1e-4 of them, as distances by 5e-5."""
-        squared = super().squared_distances(a, b, n_threads)
-        if a[0].dtype != np.float32:
-            return squared
-        return squared * (1 + 1e-4 * np.sin(1e9 * squared))
-
-
-def test_distances_that_are_as_inexact_as_is_allowed_for():
-    space = AlignedSurfaces(sphere_template(), equip=False)
-    base, direction = CLOSE[0], CLOSE[1] - CLOSE[0]
-    steps = 0.2 + 1e-6 * np.random.default_rng(0).permutation(50)
-    points = np.concatenate([base + steps[:, None, None] * direction, CLOSE])
-    neighbors = NearestNeighbors(Blurred(space, 1.0, 0.5, 0.0), 5, algorithm="index").fit(points)
-    found = neighbors.kneighbors(base[None])
-    assert_same(found, by_all_distances(ElasticMetric(space, 1.0, 0.5, 0.0), base[None], points, 5))
