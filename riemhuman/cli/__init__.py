@@ -11,7 +11,6 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
 
 from riemhuman import __version__
 
@@ -21,7 +20,7 @@ from riemhuman.cli import _distance_commands, _body_commands  # noqa: F401
 from riemhuman.cli import _measurement_commands, _motion_commands, _file_commands  # noqa: F401
 
 # isort: on
-from riemhuman.cli._commands import Answer, make_parser, path
+from riemhuman.cli._commands import Answer, make_parser
 from riemhuman.cli._terminal import (
     Reporter,
     as_json,
@@ -96,7 +95,7 @@ def _run(given: Sequence[str]) -> int:
     reporter = Reporter(options.quiet)
     options.task, options.bars, options.written = reporter.task, reporter.bars, []
     try:
-        with short_warnings(), _lock(options):
+        with short_warnings():
             for check in options.checks:
                 check(options)
             answer: Answer = options.run(options)
@@ -126,13 +125,3 @@ def _text(answer: Answer, options: argparse.Namespace) -> str:
         said = [f"written to {place}" if answer.text else str(place) for place in places]
         return "\n".join([answer.text] * bool(answer.text) + said)
     return lines({**answer.text, "written to": " and ".join(map(str, places)) or None})
-
-
-def _lock(options: argparse.Namespace) -> AbstractContextManager[None]:
-    """Keep other processes from writing the same output."""
-    output = getattr(options, "output", None)
-    if output is None:
-        return nullcontext()
-    from riemhuman.io.outputs import lock_output
-
-    return lock_output(path(os.fspath(output)))

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from riemhuman.errors import FileError, FileFormatError
-from riemhuman.io.files import convert_errors, lock_file, neighbour
+from riemhuman.io.files import convert_errors, neighbour
 
 
 def check_output_file(path: Path, endings: Sequence[str], *, force: bool) -> None:
@@ -36,16 +36,6 @@ def check_output_folder(path: Path, is_ours: Callable[[str], bool], *, force: bo
         if _check_content(path, is_ours) and not force:
             raise FileError(f"{path} holds an earlier result; --force replaces it")
     _check_parent(path)
-
-
-@contextmanager
-def lock_output(path: Path) -> Iterator[None]:
-    """Keep other processes from writing the same output, by a lock file beside it."""
-    path = Path(os.path.abspath(path))
-    message = f"{path} is in use: another process is at work on it; name another output"
-    _check_parent(path)  # the lock would make the folder
-    with lock_file(path.with_name(f".{path.name}.lock"), message):
-        yield
 
 
 @contextmanager

@@ -21,7 +21,6 @@ from riemhuman.io.outputs import (
     atomic_folder,
     check_output_file,
     check_output_folder,
-    lock_output,
 )
 from riemhuman.io.text_tables import csv_cell, read_named_rows
 
@@ -141,20 +140,6 @@ def test_a_lock_is_for_one_process(tmp_path):
     with lock_file(file, "busy"):
         pass
     assert not file.exists()
-
-
-def test_an_output_is_locked(tmp_path):
-    path = tmp_path / "path.npz"
-    with lock_output(path):
-        with pytest.raises(FileError, match=r"path\.npz is in use"), lock_output(path):
-            pass
-        with lock_output(tmp_path / "other.npz"):
-            pass
-    with pytest.raises(FileError, match="there is no folder"), lock_output(tmp_path / "no" / "a"):
-        pass
-    with pytest.raises(OSError, match="of the work"), lock_output(path):
-        raise OSError("of the work")
-    assert not list(tmp_path.iterdir())
 
 
 def test_files_that_can_be_written(tmp_path, monkeypatch):
