@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy import ndarray
 
 _COMPONENTS_METRIC = (1.0, 1.0, 0.0)  # with a much smaller λ, triangles have no logarithm
+_PARTS = ((1.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # metrics of shape and of pose
 _DEVIATIONS = 2.0
 _SIDES = {"minus": -_DEVIATIONS, "plus": _DEVIATIONS}
 _COMPONENT_FILES = (
@@ -28,10 +29,8 @@ _COMPONENT_FILES = (
     "geodesic",
     "a path of least energy between two registered meshes",
     "Finds a path of least energy between two meshes over a basis of deformations.\n"
-    "Writes a folder with the meshes time_0000.ply, ..., path.glb (an animation with morph\n"
-    "targets, for Blender and web viewers), path.png (a film strip), path.html (an\n"
-    "interactive page) and summary.json. If the output ends in .glb, .png, .html or .npz\n"
-    "(the array path), writes only that file.",
+    "Writes a folder with the meshes time_0000.ply, ..., path.glb, path.png, path.html and\n"
+    "summary.json, or one file.",
     "  riemhuman geodesic sit.ply stand.ply -o path/\n"
     "  riemhuman geodesic sit.ply stand.ply -o path.glb --n-nodes 21\n"
     "  riemhuman geodesic a.ply b.ply -o path/ --basis basis.npz -a 1 -l 1 -c 0 --json\n",
@@ -52,28 +51,21 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
     start = time.perf_counter()
     with options.task(f"Geodesic, {inputs.metric_name(metric)}"):
         result = solver.solve(metric, *surfaces[:])
-    values = {
-        "energy": result.energy,
-        "length": float(metric.length(result.path)),
-        "distance": float(metric.dist(result.path[0], result.path[-1])),  # no path is shorter
-    }
     record = {"from": options.a_file, "to": options.b_file, "n_nodes": len(result.path)}
     record |= {"metric": inputs.metric_record(metric), "energies": result.energies}
-    answer: Any = terminal.solved(result, values, seconds=time.perf_counter() - start, **record)
+    record |= {"seconds": time.perf_counter() - start}
+    length = float(metric.length(result.path))
+    distance = float(metric.dist(result.path[0], result.path[-1]))  # no path is shorter
+    values = {"energy": result.energy, "length": length, "distance": distance}
+    answer: Any = terminal.solved(result, values, **record)
     description = (
         f"From {options.a_file.name} to {options.b_file.name} in {len(result.path)} surfaces: "
         f"a path of least energy under the metric {inputs.metric_name(metric)}. Energy "
-        f"{result.energy:.4g}, length {values['length']:.4g}\u00a0m; no path is shorter than "
-        f"{values['distance']:.4g}\u00a0m. Converged: {answer.text['converged']}."
+        f"{result.energy:.4g}, length {length:.4g}\u00a0m; no path is shorter than "
+        f"{distance:.4g}\u00a0m. Converged: {answer.text['converged']}."
     )
-    inputs.write_path(
-        options,
-        result.path,
-        surfaces.faces,
-        "Geodesic between two bodies",
-        description,
-        summary=answer.record,
-    )
+    title, summary = "Geodesic between two bodies", answer.record
+    inputs.write_path(options, result.path, surfaces.faces, title, description, summary=summary)
     return answer
 
 
@@ -94,9 +86,8 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
     cli.PICTURE,
 )
 def _mean(options: argparse.Namespace) -> cli.Answer:
-    with options.task("Reading the meshes"):
-        surfaces = inputs.read_surfaces(options, options.meshes)
-        points = surfaces[:]
+    surfaces = inputs.read_surfaces(options, options.meshes)
+    points = surfaces[:]
     metric = inputs.chosen_metric(options, surfaces.template)
     basis = inputs.chosen_basis(options, surfaces.template)
     with options.task(f"Mean of {len(points)}, {inputs.metric_name(metric)}"):
@@ -105,10 +96,8 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     shown = None
     if options.picture is not None:
         names = [*(file.stem for file in surfaces.files), "Karcher mean"]
-        bodies, title = [*points, result.point], "Meshes and their mean"
-        shown = rh.plots.save_picture(
-            options.picture, bodies, surfaces.faces, names, title=title, mean=True
-        )
+        bodies, about = [*points, result.point], {"title": "Meshes and their mean", "mean": True}
+        shown = rh.plots.save_picture(options.picture, bodies, surfaces.faces, names, **about)
     record = {"files": surfaces.files, "metric": inputs.metric_record(metric)}
     values = {"variance": result.variance, "picture": shown}
     return terminal.solved(result, values, variances=result.variances, **record)
@@ -142,33 +131,25 @@ def _components(options: argparse.Namespace) -> cli.Answer:
             "the λ of --shape is too small for logarithms between people; leave out --shape: the "
             "default, -a 1 -l 1 -c 0, also describes body shape"
         )
-    count = whole_number(options.n_components, "-n", minimum=1)
-    whole_number(options.samples, "--samples", minimum=0)
-    whole_number(options.seed, "--seed", minimum=0)
-    with options.task("Reading the meshes"):
-        surfaces = inputs.read_surfaces(options, options.meshes)
-        n = len(surfaces)
-        if n <= count:
-            raise ArgumentError(f"-n {count} needs at least {count + 1} meshes; found {n}")
-        points = surfaces[:]
+    count = options.n_components
+    for name in ("samples", "seed"):
+        whole_number(getattr(options, name), f"--{name}", minimum=0)
+    surfaces = inputs.read_surfaces(options, options.meshes)
+    if not 0 < count < len(surfaces):
+        raise ArgumentError(f"-n {count} must be below the number of meshes, {len(surfaces)}")
+    points = surfaces[:]
     metric = inputs.chosen_metric(options, surfaces.template)
     metric.space.metric = metric
-    with options.task(f"Components of {n}, {inputs.metric_name(metric)}"):
+    with options.task(f"Components of {len(points)}, {inputs.metric_name(metric)}"):
         nearest = rh.statistics.NearestSurface(progress=options.bars)
         pca = rh.statistics.TangentPCA(metric.space, count, nearest=nearest).fit(points)
     with options.task(f"{1 + 2 * count + options.samples} bodies"):
         bodies = _bodies_of_components(pca, options)
-    record = {
-        "files": surfaces.files,
-        "metric": inputs.metric_record(metric),
-        "n_components": pca.n_components_,
-        "explained_variance": pca.explained_variance_,
-        "explained_variance_ratio": pca.explained_variance_ratio_,
-        "deviations": _DEVIATIONS,
-        "coordinates": pca.transform(points),
-        "samples": options.samples,
-        "seed": options.seed,
-    }
+    record = {"files": surfaces.files, "metric": inputs.metric_record(metric)}
+    fitted = ("n_components", "explained_variance", "explained_variance_ratio")
+    record |= {name: getattr(pca, f"{name}_") for name in fitted}
+    record |= {"deviations": _DEVIATIONS, "coordinates": pca.transform(points)}
+    record |= {"samples": options.samples, "seed": options.seed}
     meshes = {f"{name}.ply": surface for name, surface in bodies.items()}
     names = [name.replace("_", " ") for name in bodies]
     with inputs.mesh_folder(options, meshes, surfaces.faces, record) as folder:
@@ -203,8 +184,7 @@ def _bodies_of_components(pca: Any, options: argparse.Namespace) -> dict[str, nd
     "Replays a motion, a sequence of registered meshes, on another body of the same\n"
     "triangulation. By default the body must have the pose of the first mesh; with\n"
     "--transfer pose it may have any pose. Writes a folder with the meshes frame_0000.ply,\n"
-    "... and motion.html, a page that plays them. If the output ends in .glb (an animation),\n"
-    ".png, .html or .npz (the array path), writes only that file.",
+    "... and motion.html, a page that plays them, or one file.",
     "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben/\n"
     "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben.glb\n"
     "  riemhuman transfer run_*.obj --onto ben.ply --axes body -o run_of_ben.npz\n"
@@ -232,8 +212,9 @@ def _transfer(options: argparse.Namespace) -> cli.Answer:
         solver = rh.solvers.MotionTransfer(options.axes, options.transfer)
         with ProgressBar(range(len(files)), disable=not options.bars, unit="mesh") as numbers:
             moved = solver.solve(space, (surfaces[k] for k in numbers), surfaces[len(files)])
-    meshes = f"{len(files)} meshes, {files[0].name} to {files[-1].name}"
-    description = f"{meshes}, replayed on {onto.name}."
+    description = (
+        f"{len(files)} meshes, {files[0].name} to {files[-1].name}, replayed on {onto.name}."
+    )
     inputs.write_path(options, moved, surfaces.faces, "Motion", description)
     record = {"files": files, "onto": onto, "axes": options.axes}
     record |= {"transfer": options.transfer, "n_frames": len(moved)}
@@ -262,20 +243,15 @@ def _disentangle(options: argparse.Namespace) -> cli.Answer:
     space = rh.AlignedSurfaces(surfaces.template, equip=False, scale=None)
     basis = rh.DeformationBasis.load(options.basis) if options.basis else None
     solver = rh.solvers.Disentangling(basis, pose_weight=options.pose_weight, progress=options.bars)
+    metrics = (rh.ElasticMetric(space, a=a, lam=lam, c=c) for a, lam, c in _PARTS)
     with options.task("Disentangling"):
-        result = solver.solve(
-            rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0),
-            rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
-            *surfaces[:],
-        )
+        result = solver.solve(*metrics, *surfaces[:])
     rh.save_mesh(options.output, result.surface, surfaces.faces)
     if options.picture is not None:
         names = [f"shape of {options.shape.stem}", f"pose of {options.pose.stem}", "both"]
-        bodies = [*surfaces[:], result.surface]
-        rh.plots.save_picture(
-            options.picture, bodies, surfaces.faces, names, title="Shape and pose"
-        )
-    values = {"shape distance": result.shape_dist, "pose distance": result.pose_dist}
+        bodies, title = [*surfaces[:], result.surface], "Shape and pose"
+        rh.plots.save_picture(options.picture, bodies, surfaces.faces, names, title=title)
+    values = {"shape_distance": result.shape_dist, "pose_distance": result.pose_dist}
     record = {"shape": options.shape, "pose": options.pose, "pose_weight": options.pose_weight}
     return terminal.solved(result, values, **record)
 
@@ -349,21 +325,15 @@ def _fit(options: argparse.Namespace) -> cli.Answer:
     rh.io.save_arrays(options.output, {**arrays, "names": np.array(names)})
     if options.picture is not None:
         models = [model(fit.betas, fit.pose, fit.trans) for fit in fits]
-        pairs = zip(surfaces[:], models, strict=True)
-        rh.plots.save_picture(
-            options.picture,
-            [surface for pair in pairs for surface in pair],
-            surfaces.faces,
-            [title for file in files for title in (file.stem, f"{file.stem}, model")],
-            title="Meshes, each beside its model",
-        )
+        bodies = np.stack([surfaces[:], models], axis=1).reshape(-1, *models[0].shape)
+        titles = [title for file in files for title in (file.stem, f"{file.stem}, model")]
+        about = {"title": "Meshes, each beside its model"}
+        rh.plots.save_picture(options.picture, bodies, surfaces.faces, titles, **about)
     means = [1000.0 * float(fit.mean_distance) for fit in fits]
     converged = [bool(fit.converged) for fit in fits]
     said = ["mean distances between mesh and model:"]
-    said += [
-        f"{mean:8.3f} mm  {name}{'' if done else '  (did not converge)'}"
-        for name, mean, done in zip(names, means, converged, strict=True)
-    ]
+    for name, mean, done in zip(names, means, converged, strict=True):
+        said.append(f"{mean:8.3f} mm  {name}{'' if done else '  (did not converge)'}")
     record = {"files": files, "mean_distance_mm": means, "converged": converged}
     return cli.Answer("\n".join(said), record, trusted=all(converged))
 
@@ -412,20 +382,15 @@ def _basis(options: argparse.Namespace) -> cli.Answer:
             motions, options.n_components, options.step, progress=options.bars
         )
     basis.save(options.output)
-    ratio = basis.explained_variance_ratio
-    explained = None if ratio is None else float(ratio.sum())
-    record = {
-        "n_components": basis.n_components,
-        "n_vertices": basis.n_vertices,
-        "n_motions": len(motions),
-        "n_frames": n_frames,
-        "step": options.step,
-        "explained_variance": explained,
-    }
-    said = [f"{basis.n_components} deformations of {basis.n_vertices:,} vertices"]
-    if explained is not None:
-        said.append(f"{100 * explained:.3f} % of the variance of the motions")
-    return cli.Answer("\n".join(said), record)
+    explained = float(basis.explained_variance_ratio.sum())
+    record = {"n_components": basis.n_components, "n_vertices": basis.n_vertices}
+    record |= {"n_motions": len(motions), "n_frames": n_frames, "step": options.step}
+    record |= {"explained_variance": explained}
+    said = (
+        f"{basis.n_components} deformations of {basis.n_vertices:,} vertices\n"
+        f"{100 * explained:.3f} % of the variance of the motions"
+    )
+    return cli.Answer(said, record)
 
 
 def _basis_motions(options: argparse.Namespace) -> list[Any]:
@@ -455,12 +420,9 @@ def _convert_model(options: argparse.Namespace) -> cli.Answer:
     with options.task("Converting"):
         model = rh.bodies.convert_model(options.source, options.output, n_betas=options.n_betas)
     contents = rh.bodies.model_contents(options.source, options.n_betas)
-    text = (
-        f"{contents}\n{model.n_vertices:,} vertices, {model.n_joints} joints, {model.n_betas} "
-        "shape coefficients"
-    )
     record = {"vertices": model.n_vertices, "joints": model.n_joints}
-    return cli.Answer(text, record | {"shape_coefficients": model.n_betas})
+    record |= {"shape_coefficients": model.n_betas}
+    return cli.Answer({"used": contents, **record}, record)
 
 
 def _check_registration(options: argparse.Namespace) -> None:
@@ -539,47 +501,36 @@ def _register_file(registration: Any, options: argparse.Namespace) -> cli.Answer
     scan = rh.registration.load_scan(options.scans, options.unit)
     with options.task(f"Registering {len(scan):,} points"):
         result = registration.solve(scan, landmarks=landmarks)
-    record = {
-        "scan": options.scans,
-        "trusted": bool(result.trusted),
-        "message": result.message,
-        "median_distance": float(np.median(result.distances[~result.background])),
-        "matched_share": float(result.matched.mean()),
-        "unit": result.unit,
-    }
+    trusted, message, unit = bool(result.trusted), result.message, result.unit
+    median = float(np.median(result.distances[~result.background]))
+    share = float(result.matched.mean())
+    record = {"scan": options.scans, "trusted": trusted, "message": message}
+    record |= {"median_distance": median, "matched_share": share, "unit": unit}
     text = (
-        f"{1000 * record['median_distance']:.1f} mm from the scan in the median, "
-        f"{100 * record['matched_share']:.0f} % of the vertices matched; scan in {result.unit}, "
-        "body in metres"
+        f"{1000 * median:.1f} mm from the scan in the median, {100 * share:.0f} % of the vertices "
+        f"matched; scan in {unit}, body in metres"
     )
-    if not result.trusted:
-        terminal.note(f"{options.scans} is not trusted: {result.message}")
-        if not options.untrusted:
-            text = "no body is written; --untrusted writes it nevertheless"
-            return cli.Answer(text, record, trusted=False, written=False)
-    elif result.message:
-        terminal.note(f"{options.scans}: {result.message}")
+    _note_message(options.scans, result)
+    if not (trusted or options.untrusted):
+        text = "no body is written; --untrusted writes it nevertheless"
+        return cli.Answer(text, record, trusted=False, written=False)
     points = result.points if options.keep_axes else result.upright_points
     rh.save_mesh(options.output, points, registration.model.faces, result.trusted_vertices)
-    return cli.Answer(text, record, trusted=bool(result.trusted))
+    return cli.Answer(text, record, trusted=trusted)
+
+
+def _note_message(name: object, result: Any) -> None:
+    if result.message:
+        terminal.note(f"{name}{'' if result.trusted else ' is not trusted'}: {result.message}")
 
 
 def _register_folder(registration: Any, options: argparse.Namespace) -> cli.Answer:
-    records = rh.registration.register_folder(
-        registration,
-        options.scans,
-        options.output,
-        sequence=options.sequence,
-        keep_axes=options.keep_axes,
-        progress=options.bars,
-    )
+    how = {"sequence": options.sequence, "keep_axes": options.keep_axes, "progress": options.bars}
+    records = rh.registration.register_folder(registration, options.scans, options.output, **how)
     with options.task("Page"):
         page = rh.report.scan_page(options.output)
     for record in records:
-        if record.message:
-            terminal.note(
-                f"{record.name}{'' if record.trusted else ' is not trusted'}: {record.message}"
-            )
+        _note_message(record.name, record)
     n_trusted = sum(record.trusted for record in records)
     names = ("name", "trusted", "message", "median_distance", "matched_share")
     return cli.Answer(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,31 +76,22 @@ _BODY_SET = cli.several(
 
 def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
     """Return the bodies that the options choose, the open bodies at a resolution."""
+    template, allow_missing = options.template, options.allow_missing
     bodies: Bodies
     if options.faust is not None:
-        bodies = rh.datasets.load_faust(
-            options.faust, options.template, allow_missing=options.allow_missing
-        )
-    elif options.bodies is not None:
-        bodies = rh.datasets.load_bodies(
-            options.bodies,
-            options.labels,
-            options.template,
-            unit=options.unit,
-            up=options.up,
-            allow_missing=options.allow_missing,
-            progress=options.bars,
-        )
-    elif options.reader is not None:
+        return rh.datasets.load_faust(options.faust, template, allow_missing=allow_missing)
+    if options.bodies is not None:
+        settings = {"unit": options.unit, "up": options.up, "progress": options.bars}
+        settings["allow_missing"] = allow_missing
+        return rh.datasets.load_bodies(options.bodies, options.labels, template, **settings)
+    if options.reader is not None:
         name, place = options.reader
         bodies = rh.extensions.extension("readers", name)(place)
         report = rh.testing.check_dataset(bodies)
         if not report.passed:
             raise ArgumentError(f"--reader {name} returns unusable bodies. {report}")
-    else:
-        people = options.people
-        bodies = rh.datasets.load_open_bodies(resolution, options.open or "plain", people)
-    return bodies
+        return bodies
+    return rh.datasets.load_open_bodies(resolution, options.open or "plain", options.people)
 
 
 @cli.command(
@@ -136,12 +126,9 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
         with options.task("All representations"):
             records = rh.report.benchmark(bodies, compared, progress=options.bars)
         text = f"{head}\n\n{rh.report.format_benchmark(records)}"
-        return cli.Answer(text, [asdict(record) for record in records])
+        return cli.Answer(text, records)
     natural = options.open == "natural"
     found = rh.report.retrieval_tables(bodies, learned=natural, task=options.task)
-    record = {
-        title: {name: asdict(row) for name, row in rows.items()} for title, rows in found.items()
-    }
     end = (
         "Per cent, each body against all others: NN nearest neighbour, FT and ST first and second "
         "tier."
@@ -149,7 +136,7 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
     if natural:
         end += " Among other people: other bodies of the same person are left out."
     parts = [rh.retrieval.format_table(title, rows) for title, rows in found.items()]
-    return cli.Answer("\n\n".join([head, *parts, end]), record)
+    return cli.Answer("\n\n".join([head, *parts, end]), found)
 
 
 @cli.command(
@@ -172,13 +159,9 @@ def _dist(options: argparse.Namespace) -> cli.Answer:
     distance = float(metric.dist(*surfaces[:]))
     if not (options.quiet or options.align or metric.is_rotation_invariant):
         _note_rotation(*surfaces[:])
-    record = {
-        "distance": distance,
-        "metric": inputs.metric_record(metric),
-        "files": surfaces.files,
-        "template": options.template or options.a_file,
-        "aligned": options.align,
-    }
+    record = {"distance": distance, "metric": inputs.metric_record(metric)}
+    record |= {"files": surfaces.files, "template": options.template or options.a_file}
+    record |= {"aligned": options.align}
     if not (options.quiet or options.json or options.any_scale):
         _note_typical_distances(options)
     return cli.Answer(f"{distance:.10g}", record)
@@ -264,8 +247,7 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
     surfaces = inputs.read_surfaces(options, rh.datasets.find_meshes(options.folder))
     metric = inputs.chosen_metric(options, surfaces.template)
     name = inputs.metric_name(metric)
-    n_pairs = len(surfaces) * (len(surfaces) - 1) // 2
-    counted = f"{n_pairs:,} distance{'' if n_pairs == 1 else 's'}"
+    counted = f"{len(surfaces) * (len(surfaces) - 1) // 2:,} distances"
     try:
         if options.paths:
             paths = _path_distances(metric, surfaces, options)
@@ -301,9 +283,7 @@ def _check_matrix_options(options: argparse.Namespace) -> None:
         raise ArgumentError("--json and --csv - both write to standard output; leave one out")
     cli.check_needs(options, ("n_nodes", "basis", "n_components"), "--paths")
     if options.paths and options.precision != "double":
-        raise ArgumentError(
-            f"--precision {options.precision} cannot be combined with --paths; leave out one"
-        )
+        raise ArgumentError("--precision single cannot be combined with --paths; leave out one")
 
 
 def _distances(metric: Any, surfaces: inputs.Surfaces, options: argparse.Namespace) -> ndarray:
@@ -318,8 +298,7 @@ def _path_distances(metric: Any, surfaces: inputs.Surfaces, options: argparse.Na
     if len(surfaces) < 2:
         raise ArgumentError(f"{options.folder} holds one mesh; paths need two")
     basis = inputs.chosen_basis(options, surfaces.template)
-    n_nodes = _N_NODES if options.n_nodes is None else options.n_nodes
-    solver, points = rh.solvers.BasisPath(basis, n_nodes=n_nodes), surfaces[:]
+    solver, points = rh.solvers.BasisPath(basis, options.n_nodes or _N_NODES), surfaces[:]
     settings = {"n_jobs": options.jobs, "progress": options.bars}
     with options.task(f"Paths, {inputs.metric_name(metric)}"):
         if options.resume is None:
@@ -328,7 +307,6 @@ def _path_distances(metric: Any, surfaces: inputs.Surfaces, options: argparse.Na
 
 
 def _excess(paths: PathDistances) -> str:
-    """Return a sentence on how much longer paths are than distances."""
     import numpy as np
 
     excess = paths.excess[np.isfinite(paths.excess)]
@@ -429,7 +407,7 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
     for name, own in scores.items():
         values = (own.nn, own.first_tier, own.second_tier, own.mean_average_precision)
         said.append(f"{_QUESTIONS[name]:<20}{''.join(f'{value:8.1f}' for value in values)}")
-    return cli.Answer("\n".join(said), {name: asdict(own) for name, own in scores.items()})
+    return cli.Answer("\n".join(said), scores)
 
 
 @cli.command(
@@ -452,32 +430,29 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.optional import import_optional
 
     import_optional("matplotlib", "plot")
-    classes, item_names, stress = None, None, None
     if options.labels is None:
         distances, names = _read_matrix(options.matrix)
-        item_names, items = [Path(name).stem for name in names], np.zeros(len(names), dtype=int)
+        items, classes = np.zeros(len(names), dtype=int), None
+        settings = {"item_names": [Path(name).stem for name in names]}
     else:
         distances, both = _read_labelled_matrix(options)
-        values, items = np.unique(both[options.by], return_inverse=True)
-        classes = [str(name) for name in values]
+        classes, items = np.unique(both[options.by], return_inverse=True)
+        settings = {}
     positions = rh.plots.embed(distances, options.method)
+    record = {"meshes": len(items), "method": options.method, "stress": None}
     scale = "Near points are similar bodies (t-SNE); their distances have no unit."
     if options.method == "mds":
-        stress = rh.plots.stress(distances, positions)
+        settings["unit"] = "m"
+        record["stress"] = stress = rh.plots.stress(distances, positions)
         scale = (
             "Points are as far from each other as their bodies under the metric, in metres,\n"
             f"as well as a plane allows (stress {stress:.2f}; 0 would preserve all distances)."
         )
     with rh.plots.figure_style():
-        unit = None if stress is None else "m"
-        ax = rh.plots.plot_embedding(positions, items, classes, item_names=item_names, unit=unit)
+        ax = rh.plots.plot_embedding(positions, items, classes, **settings)
         ax.set_xlabel(scale)
         inputs.save_figure(ax.figure, options.output)
-    text = {
-        "meshes": f"{len(items)}, {options.method}",
-        "stress": stress and f"{stress:.3f}  (0 would preserve all distances)",
-    }
-    return cli.Answer(text, {"meshes": len(items), "method": options.method, "stress": stress})
+    return cli.Answer(record, record)
 
 
 @cli.command(
@@ -511,12 +486,6 @@ def _report(options: argparse.Namespace) -> cli.Answer:
         with options.task("Basis of Dynamic FAUST"):
             motions = rh.datasets.load_dfaust(options.dfaust)
             basis = rh.DeformationBasis.from_motions(motions, _N_COMPONENTS, progress=options.bars)
-    page = rh.report.make_report(
-        options.output,
-        bodies=bodies,
-        basis=basis,
-        quick=options.quick,
-        scans=options.scans,
-        progress=options.task,
-    )
+    settings = {"quick": options.quick, "scans": options.scans, "progress": options.task}
+    page = rh.report.make_report(options.output, bodies=bodies, basis=basis, **settings)
     return cli.Answer(str(page), {"output": page})

@@ -38,11 +38,11 @@ def _view(options: argparse.Namespace) -> cli.Answer:
     first = options.meshes[0]
     with options.task("Page"):
         ending = first.suffix.lower()
-        if ending in (".npz", ".bvh") and len(options.meshes) > 1:
-            raise ArgumentError(f"give either one {ending} file with a path, or meshes")
         if ending in (".npz", ".bvh"):
-            motion, faces, seconds = inputs.read_motion(first)
-            viewer = rh.plots.view_path(motion[:], faces, title=first.name, seconds=seconds)
+            if len(options.meshes) > 1:
+                raise ArgumentError(f"give either one {ending} file with a path, or meshes")
+            motion, faces, duration = inputs.read_motion(first)
+            viewer = rh.plots.view_path(motion[:], faces, title=first.name, **duration)
         else:
             surfaces = inputs.read_surfaces(options, options.meshes)
             names = [file.stem for file in surfaces.files]
@@ -126,13 +126,13 @@ def _mesh_facts(file: Path) -> dict[str, Any]:
 
 def _scan_facts(file: Path) -> dict[str, Any]:
     scan = rh.registration.load_scan(file)
-    return {
-        "kind": "scan: points without triangles",
-        "points": len(scan),
-        "normals": scan.normals is not None,
-        "extents": (scan.points.max(axis=0) - scan.points.min(axis=0)).tolist(),
-        "next": inputs.advice(file),
-    }
+    facts = {"kind": "scan: points without triangles", "points": len(scan)}
+    facts |= {"normals": scan.normals is not None, "extents": _extents(scan.points)}
+    return facts | {"next": inputs.advice(file)}
+
+
+def _extents(points: ndarray) -> Any:
+    return (points.max(axis=0) - points.min(axis=0)).tolist()
 
 
 def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
@@ -146,12 +146,12 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
     _, n_triangles = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
     used = np.unique(faces)
     _, part = connected_components(mesh.edges_sparse, directed=False)
-    extents = np.ptp(vertices[used], axis=0)
+    extents = _extents(vertices[used])
     inward = rh.registration.find_inward_triangles(vertices, faces)
     _, n_directed = np.unique(mesh.edges, axis=0, return_counts=True)
     oriented = bool((n_directed == 1).all()) and len(np.unique(inward)) == 1
     longest = mesh.edges_unique_length[mesh.faces_unique_edges].max(axis=1)
-    units = " or ".join(likely_units(float(extents.max())))
+    units = " or ".join(likely_units(max(extents)))
     try:
         rh.Template(vertices, faces)
         usable = "yes"
@@ -171,7 +171,7 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
         "coincident_vertices": len(vertices) - len(np.unique(vertices, axis=0)),
         # Those whose height is zero up to rounding.
         "degenerate_triangles": int((2 * mesh.area_faces <= 1e-12 * longest**2).sum()),
-        "extents": extents.tolist(),
+        "extents": extents,
         "area": float(mesh.area),
         "volume": float(mesh.volume) if mesh.is_watertight and oriented else None,
         "unit_guess": units or "none: no human body has this size",
@@ -180,6 +180,8 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
 
 
 def _folder_facts(folder: Path) -> dict[str, Any]:
+    import numpy as np
+
     inner = sorted(place for place in folder.iterdir() if place.is_dir())
     try:
         files = rh.datasets.find_meshes(folder)
@@ -187,25 +189,18 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
         if not inner:
             raise
         motions = rh.datasets.load_mesh_motions(folder)
-        return {
-            "kind": "folder of motions",
-            "motions": [f"{motion.sequence}: {len(motion):,} frames" for motion in motions],
-        }
+        names = [f"{motion.sequence}: {len(motion):,} frames" for motion in motions]
+        return {"kind": "folder of motions", "motions": names}
     facts: dict[str, Any] = {"kind": "folder of meshes", "meshes": len(files)}
     facts |= {"first": files[0].name, "last": files[-1].name}
     try:
         meshes = rh.datasets.RegisteredMeshes(files)
-        points, faces = meshes[:], meshes.faces
+        points = meshes[:]
     except FileFormatError as error:
-        advised = f"; {inputs.advice(folder)}".replace("body.ply", "bodies/")
-        return facts | {"registered": f"no: {error}", "next": advised.strip("; ")}
-    extents = (points.max(axis=1) - points.min(axis=1)).max(axis=0).tolist()
-    return facts | {
-        "registered": True,
-        "vertices": points.shape[1],
-        "triangles": len(faces),
-        "largest_extents": extents,
-    }
+        advised = inputs.advice(folder).replace("body.ply", "bodies/")
+        return facts | {"registered": f"no: {error}", "next": advised}
+    facts |= {"registered": True, "vertices": points.shape[1], "triangles": len(meshes.faces)}
+    return facts | {"largest_extents": np.ptp(points, axis=1).max(axis=0).tolist()}
 
 
 def _npz_facts(file: Path) -> dict[str, Any]:
@@ -216,42 +211,29 @@ def _npz_facts(file: Path) -> dict[str, Any]:
     if {"vectors", "format_version"} <= arrays.keys():
         basis = rh.DeformationBasis.load(file)
         ratio = basis.explained_variance_ratio
-        return {
-            "kind": "basis of deformations",
-            "deformations": basis.n_components,
-            "vertices": basis.n_vertices,
-            "orthonormal": True,
-            "explained_variance": None if ratio is None else float(ratio.sum()),
-        }
+        facts = {"kind": "basis of deformations", "deformations": basis.n_components}
+        facts |= {"vertices": basis.n_vertices}
+        return facts | {"explained_variance": None if ratio is None else float(ratio.sum())}
     if {"v_template", "shapedirs"} <= arrays.keys():
         return _model_facts(file)
     if {"distances", "names"} <= arrays.keys():
-        return {
-            "kind": "distance matrix",
-            "names": len(arrays["names"]),
-            "metric": str(arrays["metric"]) if "metric" in arrays else None,
-            "largest": float(arrays["distances"].max(initial=0.0)),
-        }
+        facts = {"kind": "distance matrix", "names": len(arrays["names"])}
+        facts |= {"metric": str(arrays["metric"])} if "metric" in arrays else {}
+        return facts | {"largest": float(arrays["distances"].max(initial=0.0))}
     if {"path", "faces"} <= arrays.keys() and arrays["path"].ndim == 3:
         n_times, n_vertices = arrays["path"].shape[:2]
-        n_triangles = len(arrays["faces"])
-        return {"kind": "path", "times": n_times, "vertices": n_vertices, "triangles": n_triangles}
-    return {"kind": "arrays"} | {
-        name: f"{array.dtype} {array.shape}" for name, array in arrays.items()
-    }
+        sizes = {"times": n_times, "vertices": n_vertices, "triangles": len(arrays["faces"])}
+        return {"kind": "path", **sizes}
+    shapes = {name: f"{array.dtype} {array.shape}" for name, array in arrays.items()}
+    return {"kind": "arrays", **shapes}
 
 
 def _model_facts(file: Path) -> dict[str, Any]:
     model = rh.BodyModel.from_file(file)
-    return {
-        "kind": "body model",
-        "vertices": model.n_vertices,
-        "triangles": len(model.faces),
-        "joints": model.n_joints,
-        "shape_coefficients": model.n_betas,
-        "pose_blend_shapes": model.posedirs is not None,
-        "joint_names": ", ".join(model.joint_names),
-    }
+    facts = {"kind": "body model", "vertices": model.n_vertices, "triangles": len(model.faces)}
+    facts |= {"joints": model.n_joints, "shape_coefficients": model.n_betas}
+    facts |= {"pose_blend_shapes": model.posedirs is not None}
+    return facts | {"joint_names": ", ".join(model.joint_names)}
 
 
 def _measurement_facts(file: Path) -> dict[str, Any]:
@@ -281,25 +263,19 @@ def _table_facts(file: Path) -> dict[str, Any]:
 
 def _hdf5_facts(file: Path) -> dict[str, Any]:
     motions = rh.datasets.load_dfaust(file)
-    return {
-        "kind": "motions of Dynamic FAUST",
-        "motions": len(motions),
-        "people": sorted({motion.subject for motion in motions}),
-        "frames": sum(len(motion) for motion in motions),
-        "vertices": int(motions[0].faces.max()) + 1,
-        "triangles": len(motions[0].faces),
-        "sequences": [f"{m.subject}_{m.sequence}: {len(m):,} frames" for m in motions],
-    }
+    faces, people = motions[0].faces, sorted({motion.subject for motion in motions})
+    facts = {"kind": "motions of Dynamic FAUST", "motions": len(motions), "people": people}
+    facts |= {"frames": sum(map(len, motions))}
+    facts |= {"vertices": int(faces.max()) + 1, "triangles": len(faces)}
+    sequences = [f"{m.subject}_{m.sequence}: {len(m):,} frames" for m in motions]
+    return facts | {"sequences": sequences}
 
 
 def _recording_facts(file: Path) -> dict[str, Any]:
     motion = rh.datasets.load_bvh(file)
-    return {
-        "kind": "motion capture recording",
-        "joints": len(motion.joint_names),
-        **_times(motion),
-        "joint_names": ", ".join(motion.joint_names),
-    }
+    names = ", ".join(motion.joint_names)
+    facts = {"kind": "motion capture recording", "joints": len(motion.joint_names)}
+    return facts | _times(motion) | {"joint_names": names}
 
 
 def _times(motion: Any) -> dict[str, Any]:

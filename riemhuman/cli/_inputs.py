@@ -46,12 +46,9 @@ def is_amass(file: Path) -> bool:
     return bool(rh.io.load_arrays(file, (), ("mocap_framerate", "mocap_frame_rate")))
 
 
-def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, float | None]:
-    """Return the frames in a file, their triangles, and their seconds where it is a recording.
-
-    A recording (BVH, AMASS) is performed at most 30 times a second by a body of the open model of
-    its proportions, or by the mean one, for comparisons of movements.
-    """
+def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, dict[str, float]]:
+    """Return the frames in a file, their triangles, and the seconds of a recording."""
+    # A body of the recorded proportions performs it, or for comparisons of movements the mean one.
     if file.suffix.lower() == ".bvh":
         recording = rh.datasets.load_bvh(file)
         rate = min(recording.frames_per_second, _RECORDED_RATE)
@@ -60,10 +57,10 @@ def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, flo
         (motion,) = rh.datasets.load_amass(file, frames_per_second=_RECORDED_RATE)
     else:
         arrays = rh.io.load_arrays(file, ("path", "faces"))
-        return arrays["path"], arrays["faces"], None
+        return arrays["path"], arrays["faces"], {}
     if is_mean:
         motion = motion.performed_by([0.0] * motion.model.n_betas)
-    return motion, motion.faces, len(motion) / motion.frames_per_second
+    return motion, motion.faces, {"seconds": len(motion) / motion.frames_per_second}
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +232,11 @@ def path_output(mesh: str, *pages: str) -> Argument:
         if any(name.endswith(".png") for name in ([options.ending] if options.ending else pages)):
             import_optional("matplotlib", "plot")  # before the work, not after it
 
-    return several(output("PATH", *_PATH_ENDINGS, names=names), check=check)
+    text = (
+        "folder to write, or only an animation with morph targets (.glb), a film strip (.png), an "
+        "interactive page (.html) or the array path (.npz)"
+    )
+    return several(output("PATH", *_PATH_ENDINGS, text=text, names=names), check=check)
 
 
 MOTION_OUTPUT = path_output("frame", "motion.html")

@@ -79,27 +79,22 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
     if options.output is not None:
         titles = [f"{name} ({unit})" for name, unit in units.items()]
         _write_table(options.output, [["file", *titles], *rows])
-    record = {
-        "pose": "as is" if options.as_is else "seated" if options.seated else "standard",
-        "units": units,
-        "bodies": {file: dict(zip(names, values, strict=True)) for file, *values in rows},
-        "missing": _missing(files, measured),
-    }
-    return cli.Answer(_measured_table(files, measured), record)
+    pose = "as is" if options.as_is else "seated" if options.seated else "standard"
+    bodies = {file: dict(zip(names, values, strict=True)) for file, *values in rows}
+    missing, said = _missing(files, measured)
+    record = {"pose": pose, "units": units, "bodies": bodies, "missing": missing}
+    return cli.Answer("\n".join([*_measured_table(files, measured), *said]), record)
 
 
-def _missing(files: Sequence[Path], result: MeasuredBodies | VisitComparison) -> list[Any]:
-    return [
-        {"file": files[number], "measurement": name, "why": reason}
-        for (number, name), reason in result.why_missing.items()
-    ]
-
-
-def _said_missing(files: Sequence[Path], result: MeasuredBodies | VisitComparison) -> list[str]:
-    return [
-        f"no {each['measurement']} of {each['file'].name}: {each['why']}"
-        for each in _missing(files, result)
-    ]
+def _missing(
+    files: Sequence[Path], result: MeasuredBodies | VisitComparison
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return what was not measured and why, as records and in words."""
+    missing, said = [], []
+    for (number, name), reason in result.why_missing.items():
+        missing.append({"file": files[number], "measurement": name, "why": reason})
+        said.append(f"no {name} of {files[number].name}: {reason}")
+    return missing, said
 
 
 def _trusted_vertices(files: Sequence[Path], n_vertices: int) -> ndarray:
@@ -119,7 +114,7 @@ def _trusted_vertices(files: Sequence[Path], n_vertices: int) -> ndarray:
     return trusted
 
 
-def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> str:
+def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> list[str]:
     width = max(map(len, measured.names))
     shown = files[:_MOST_COLUMNS]
     columns = [max(9, len(file.stem)) for file in shown]
@@ -128,10 +123,9 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> str:
     for number, (name, unit) in enumerate(zip(measured.names, measured.units, strict=True)):
         values = zip(measured.values[: len(shown), number], columns, strict=True)
         said.append(f"{name:{width}}  {' '.join(f'{v:{w}.4f}' for v, w in values)} {unit}")
-    said += _said_missing(files, measured)
     if len(files) > len(shown):
         said.append(f"and {len(files) - len(shown)} more bodies; -o CSV writes all")
-    return "\n".join(said)
+    return said
 
 
 @cli.command(
@@ -160,22 +154,18 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         *(result.changes, result.thresholds, result.is_significant),
     )
     rows = list(zip(*columns, strict=True))
+    titles = ["measurement", "unit", "before", "after", "change", "threshold", "exceeds threshold"]
     if options.output is not None:
-        titles = ["measurement", "unit", "before", "after", "change", "threshold"]
-        titles.append("exceeds threshold")
         _write_table(options.output, [titles, *([*row[:-1], bool(row[-1])] for row in rows)])
+    missing, said_missing = _missing(files, result)
     moved = 1000.0 * result.displacements
     outward = moved[np.isfinite(moved)] if np.isfinite(moved).any() else moved
-    record = {
-        "before": options.before,
-        "after": options.after,
-        "changes": result.changes,
-        "thresholds": result.thresholds,
+    shown = ("names", "units", "changes", "thresholds")
+    record = {"before": options.before, "after": options.after, "missing": missing}
+    record |= {name: getattr(result, name) for name in shown}
+    record |= {
         "exceeds_threshold": result.is_significant,
         "expected_beyond_threshold_by_chance": result.expected_by_chance,
-        "names": result.names,
-        "units": result.units,
-        "missing": _missing(files, result),
         "outward_millimetres": {"least": outward.min(), "most": outward.max()},
         "share_of_triangles_changed": float(result.areas_significant.mean()),
     }
@@ -185,12 +175,12 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         mark = "  changed" if is_significant else ""
         numbers = f"{before:9.4f} {after:9.4f} {change:+9.4f} {threshold:9.4f}"
         said.append(f"{name:{width}}  {numbers} {unit}{mark}")
-    said += _said_missing(files, result)
-    said.append(
-        f"{result.is_significant.sum()} of {len(rows)} exceed their thresholds; of measurements "
-        f"that did not change, chance marks about {result.expected_by_chance:.1f} of {len(rows)}"
-    )
     said += [
+        *said_missing,
+        (
+            f"{result.is_significant.sum()} of {len(rows)} exceed their thresholds; of measurements "
+            f"that did not change, chance marks about {result.expected_by_chance:.1f} of {len(rows)}"
+        ),
         f"surface moved outward by {outward.min():.1f} to {outward.max():.1f} mm",
         f"triangles whose area changed: {100 * result.areas_significant.mean():.1f} %",
     ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
 from typing import Any
 
 import riemhuman as rh
@@ -138,8 +137,7 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     "motions mean",
     "the mean of several performances",
     "Writes the Karcher mean of motions modulo re-timing: a folder of meshes with a page that\n"
-    "plays them, motion.html. If the output ends in .glb (an animation), .png, .html or .npz\n"
-    "(the array path), writes only that file.",
+    "plays them, motion.html, or one file.",
     "  riemhuman motions mean runs/ -o mean_run/\n"
     "  riemhuman motions mean anna_run/ ben_run/ carla_run/ -o mean.glb --n-times 30\n",
     _SEVERAL,
@@ -190,8 +188,6 @@ def _find(options: argparse.Namespace) -> cli.Answer:
     cli.option("--seed", "seed of the speeds", default=0, metavar="S"),
 )
 def _table(options: argparse.Namespace) -> cli.Answer:
-    task = options.task
-    compared = rh.motions.compare_representations(options.seed, task=task)
+    compared = rh.motions.compare_representations(options.seed, task=options.task)
     rows = rh.retrieval.retrieval_table(*compared)
-    record = {name: asdict(row) for name, row in rows.items()}
-    return cli.Answer(rh.retrieval.format_table("Which motion is it?", rows), record)
+    return cli.Answer(rh.retrieval.format_table("Which motion is it?", rows), rows)

@@ -10,6 +10,7 @@ import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
+from dataclasses import is_dataclass
 from typing import TYPE_CHECKING, Any
 
 from riemhuman.cli._commands import Answer
@@ -26,6 +27,8 @@ def as_json(record: Any) -> str:
 
 def _plain(value: Any) -> Any:
     """Return a value in types that JSON can hold."""
+    if is_dataclass(value):
+        value = vars(value)
     if isinstance(value, dict):
         return {str(key): _plain(each) for key, each in value.items()}
     if hasattr(value, "tolist"):
@@ -47,22 +50,18 @@ def matrix_text(names: Sequence[str], matrix: Any, corner: str = "file") -> str:
 
 def lines(values: Mapping[str, object]) -> str:
     """Return a line for each value that is not None, with its name; values in one column."""
-    given = {name: value for name, value in values.items() if value is not None}
+    given = {name.replace("_", " "): v for name, v in values.items() if v is not None}
     width = max(map(len, given))
     shown = {n: f"{v:.8g}" if isinstance(v, float) else v for n, v in given.items()}
     return "\n".join(f"{name:<{width}}  {value}" for name, value in shown.items())
 
 
-def solved(result: Result, text: Mapping[str, object], **record: object) -> Answer:
-    """Return the answer of a solver, with whether and how it has converged.
-
-    What is printed is part of the record, too.
-    """
+def solved(result: Result, text: dict[str, object], **record: object) -> Answer:
+    """Return the answer of a solver, with whether and how it has converged."""
     iterations = "iteration" if result.n_iterations == 1 else "iterations"
     said = f"{'yes' if result.converged else 'no'}, after {result.n_iterations} {iterations}"
     how = {name: getattr(result, name) for name in ("n_iterations", "converged", "message")}
-    record |= {name.replace(" ", "_"): value for name, value in text.items()} | how
-    return Answer({**text, "converged": said}, record, trusted=bool(result.converged))
+    return Answer({**text, "converged": said}, record | text | how, bool(result.converged))
 
 
 def note(text: str) -> None:

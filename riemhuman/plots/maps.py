@@ -39,10 +39,9 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
     Parameters
     ----------
     distances : array_like, shape (n, n)
-        Symmetric distances.
     method : {"t-sne", "mds"}
         t-distributed stochastic neighbour embedding [1]_, which preserves neighbourhoods, or
-        classical multidimensional scaling, which approximates distances.
+        classical multidimensional scaling (Torgerson 1952), which approximates distances.
     rng : int or numpy.random.Generator
         Seed of t-SNE.
 
@@ -78,11 +77,7 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
 
 
 def _classical_scaling(distances: ndarray) -> ndarray:
-    """Return positions in the plane, shape (n, 2), by Torgerson's multidimensional scaling (1952).
-
-    They are the two leading eigenvectors of −½ J D² J, with the squared distances D² and the
-    centring matrix J, each times the square root of its eigenvalue.
-    """
+    # Two leading eigenvectors of −½ J D² J, with the centring matrix J, by roots of eigenvalues.
     squared = distances**2
     means = squared.mean(axis=0)
     products = -0.5 * (squared - means - means[:, None] + means.mean())
@@ -98,7 +93,7 @@ def stress(distances: ndarray, positions: ndarray) -> float:
     Parameters
     ----------
     distances : array, shape (n, n)
-        Distances d between the items.
+        d.
     positions : array, shape (n, 2)
         Embedded items, with distances δ.
 
@@ -127,7 +122,7 @@ def plot_embedding(
     Parameters
     ----------
     positions : array_like, shape (n, 2)
-        Positions of the items, see `embed`.
+        See `embed`.
     labels : array_like of int, shape (n,)
         Class of each item, counted from 0.
     names : sequence of str, optional
@@ -138,11 +133,9 @@ def plot_embedding(
         Bodies of the items; the middle one of each class is drawn, of the twelve largest classes
         if there are more, which then have a legend too.
     faces : array_like, shape (F, 3), optional
-        Triangles of the bodies.
     unit : str, optional
         Unit of the positions, for a scale bar; both axes then have the same scale.
     ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
 
     Examples
     --------
@@ -238,10 +231,7 @@ def _add_bodies(
     points: ndarray,
     faces: ArrayLike,
 ) -> None:
-    """Draw the middle body of each class left or right of the map, with a line to its points.
-
-    Of many classes, the largest are drawn.
-    """
+    """Draw the middle body of the largest classes beside the map, with a line to its points."""
     offsetbox = import_optional("matplotlib.offsetbox", "plot")
     classes, counts = np.unique(labels, return_counts=True)
     classes = classes[np.argsort(-counts, kind="stable")][: 2 * _MOST_IN_COLUMN]

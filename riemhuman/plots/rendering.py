@@ -64,7 +64,6 @@ class View:
         Parameters
         ----------
         points : array, shape (..., 3)
-            Points or vectors.
         """
         about, above = np.radians([self.azimuth, self.elevation])
         towards = np.array(
@@ -121,9 +120,8 @@ def render(
     faces : array_like, shape (F, 3), optional
         Triangles, counterclockwise when seen from outside; none for a mesh.
     height : int
-        Height of the picture in pixels.
+        Pixels.
     view : View, optional
-        By default from the front, a little from the body's left and from above.
     window : Window, optional
         The part that is shown; by default the surface with a margin.
     color : array_like, shape (3,) or (F, 3)
@@ -190,10 +188,8 @@ def _shade(normals: ndarray) -> ndarray:
 
 @compiled
 def _draw_triangles(corners: ndarray, nearest: ndarray, owner: ndarray, shares: ndarray) -> None:
-    """Write the nearest triangle at the middle of each pixel, and its barycentric coordinates.
-
-    Corners, shape (F, 3, 3), are columns, rows and depths; greater depths are nearer.
-    """
+    """Write the nearest triangle at the middle of each pixel, and its barycentric coordinates."""
+    # Corners, shape (F, 3, 3), are columns, rows and depths; greater depths are nearer.
     height, width = owner.shape
     for f in range(len(corners)):
         (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners[f]
@@ -254,10 +250,7 @@ def strip_picture(
     colors: Sequence[ArrayLike] | None = None,
     height: int = _STRIP_HEIGHT,
 ) -> ndarray:
-    """Draw at most eight surfaces side by side at one scale, evenly chosen from more.
-
-    Each is as wide as the widest. Without triangles, their vertices are drawn.
-    """
+    """Draw at most eight surfaces side by side at one scale, evenly chosen from more."""
     n_surfaces, view = len(surfaces), View()
     shown = np.linspace(0, n_surfaces - 1, min(n_surfaces, _MOST_SHOWN)).round().astype(int)
     chosen = np.stack([surfaces[number] for number in shown])
@@ -286,7 +279,6 @@ def surfaces_html(
     faces : array of int, shape (F, 3), or None
         Triangles; without them, vertices are drawn.
     caption : str
-        Plain text below the picture.
 
     Examples
     --------

@@ -36,7 +36,6 @@ def plot_energy(
     lines : mapping of str to float, optional
         Energies to compare with by name, drawn as horizontal lines.
     ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
 
     Examples
     --------
@@ -80,11 +79,9 @@ def plot_precision_recall(
     Parameters
     ----------
     distances : mapping of str to array_like, shape (n, n)
-        Distance matrices by name of representation.
+        Distances by name of representation.
     labels : sequence of hashable, length n
-        Class of each item.
     ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
 
     Examples
     --------
@@ -123,13 +120,11 @@ def plot_confusion(
     Parameters
     ----------
     distances : array_like, shape (n, n)
-        Distances between the items.
     labels : array_like of int, shape (n,)
         Class of each item, counted from 0.
     names : sequence of str, optional
         Names of the classes.
     ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
 
     Examples
     --------
@@ -156,13 +151,12 @@ def plot_sweep(
     Parameters
     ----------
     scores : array_like, shape (n_lams, n_weights)
-        Scores, per cent.
+        Per cent.
     lams : sequence of float
         λ of each row.
     weights : sequence of str
-        Label of the weights of each column.
+        Label of each column.
     ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
 
     Examples
     --------

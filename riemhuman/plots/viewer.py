@@ -10,7 +10,7 @@ import os
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from html import escape
 from importlib.resources import files
 from importlib.util import find_spec
@@ -43,9 +43,10 @@ _MATCH_HEIGHT = 200
 
 
 @cache
-def _environment() -> jinja2.Environment:
+def web_templates(package: str) -> jinja2.Environment:
+    """Return the templates in the folder ``web`` of a subpackage."""
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("riemhuman.plots", "web"),
+        loader=jinja2.FunctionLoader(partial(web_file, package)),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -54,26 +55,27 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def _fill(template: str, **values: Any) -> Markup:
-    return Markup(_environment().get_template(template).render(**values))
-
-
 @cache
-def _web_file(name: str) -> str:
-    return (files("riemhuman.plots") / "web" / name).read_text(encoding="utf-8")
+def web_file(package: str, name: str) -> str:
+    """Return a text file of the folder ``web`` of a subpackage."""
+    return (files(f"riemhuman.{package}") / "web" / name).read_text(encoding="utf-8")
+
+
+def _fill(template: str, **values: Any) -> Markup:
+    return Markup(web_templates("plots").get_template(template).render(**values))
 
 
 def page_styles() -> str:
     """Return the styles of viewers, as an element for the head of a page."""
-    return f"<style>{_web_file('viewer.css')}</style>"
+    return f"<style>{web_file('plots', 'viewer.css')}</style>"
 
 
 def page_scripts() -> str:
     """Return three.js and the scripts of viewers, as elements for the end of a page."""
-    own = "".join(_web_file(f"viewer{part}.js") for part in ("_body", "_gestures", ""))
+    own = "".join(web_file("plots", f"viewer{part}.js") for part in ("_body", "_gestures", ""))
     return (
         "<script>/* three.js 0.187.0, MIT licence, Copyright 2010-2026 three.js authors */\n"
-        f"{_web_file('three.min.js')}</script>\n<script>(() => {{\n{own}}})();\n</script>"
+        f"{web_file('plots', 'three.min.js')}</script>\n<script>(() => {{\n{own}}})();\n</script>"
     )
 
 
@@ -84,7 +86,6 @@ class ViewedBody:
     Parameters
     ----------
     label : str
-        Label of the body.
     frames : array, shape (n_times, V, 3)
         Surfaces at equally spaced times, metres.
     color : tuple of float
@@ -93,7 +94,7 @@ class ViewedBody:
         Non-negative values of the triangles, such as `contributions` per area, shown as colours;
         1 % of them exceed that of the last colour.
     value_label : str
-        Label of the colour scale, such as the unit of the values.
+        Label of the colour scale.
 
     Examples
     --------
@@ -122,10 +123,8 @@ class Viewer:
         Triangles of all bodies.
     choices : mapping of str to list of ViewedBody
         Bodies side by side, for each choice by name.
-    legend, title : str
-        Label of the choices, and title of the view.
-    description : str
-        Text below the title of the page.
+    legend, title, description : str
+        Label of the choices, title of the view, and text below the title of the page.
     seconds : float
         Duration of paths at speed 1.
     below : str
@@ -133,9 +132,7 @@ class Viewer:
 
     Examples
     --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> viewer = rh.plots.view_bodies(bodies.points[:2], bodies.template.faces)
-    >>> viewer.save("bodies.html")
+    See `view_bodies`.
     """
 
     faces: ndarray
@@ -145,6 +142,15 @@ class Viewer:
     description: str = ""
     seconds: float = _SECONDS
     below: str = ""
+
+    def __post_init__(self) -> None:
+        every = [body for bodies in self.choices.values() for body in bodies]
+        if not every:
+            raise ArgumentError("choices must hold at least one body")
+        sizes = {body.frames.shape[1] for body in every}
+        if len(sizes) > 1:
+            raise ArgumentError(f"all bodies must have the same vertices; found {sorted(sizes)}")
+        object.__setattr__(self, "faces", check_mesh(every[0].frames[0], self.faces)[1])
 
     def __repr__(self) -> str:
         return f"Viewer({self.title!r}, choices={list(self.choices)})"
@@ -187,7 +193,6 @@ class Viewer:
         Parameters
         ----------
         path : path_like
-            The file; an existing file is replaced.
         """
         write_text(path, self.page())
 
@@ -232,10 +237,7 @@ def _payload(choices: Mapping[str, Sequence[ViewedBody]], faces: ndarray) -> dic
 
 
 def _quantize(frames: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """Return coordinates as 16-bit integers, and the lowest value and the step of each axis.
-
-    low + step · integers is within half a step of the frames, shape (n_times, V, 3).
-    """
+    """Return coordinates as 16-bit integers, and the lowest value and the step of each axis."""
     low = frames.min(axis=(0, 1))
     step = np.maximum(frames.max(axis=(0, 1)) - low, 1e-9) / _LEVELS
     return np.round((frames - low) / step).astype("<u2"), low, step
@@ -292,7 +294,7 @@ def view_path(
     legend: str = "Path",
     title: str = "Path of bodies",
     description: str = "",
-    seconds: float | None = None,
+    seconds: float = _SECONDS,
 ) -> Viewer:
     """Return an interactive view that plays a path, or several to choose from.
 
@@ -305,9 +307,9 @@ def view_path(
     side_by_side : bool
         Whether to play several paths beside each other instead.
     legend, title, description : str
-        Label of the choices, title of the view, and text below the title of the page.
-    seconds : float, optional
-        Duration of the path at speed 1; by default 2.4.
+        As for `Viewer`.
+    seconds : float
+        Duration of the path at speed 1.
 
     Examples
     --------
@@ -315,8 +317,6 @@ def view_path(
     >>> viewer = rh.plots.view_path(bodies.points[:4], bodies.template.faces)
     """
     paths = path if isinstance(path, Mapping) else {"": path}
-    if not paths:
-        raise ArgumentError("path is empty; at least one path is needed")
     frames = {}
     for name, given in paths.items():
         surfaces, faces = as_surfaces(given, faces)
@@ -325,10 +325,8 @@ def view_path(
         choices = {title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
     else:
         choices = {name: [ViewedBody("", surfaces)] for name, surfaces in frames.items()}
-    viewer = _viewer(faces, choices, legend, title, description)
-    if seconds is None:
-        return viewer
-    return replace(viewer, seconds=real_number(seconds, "seconds", minimum=0, strict=True))
+    real_number(seconds, "seconds", minimum=0, strict=True)
+    return Viewer(faces, choices, legend, title, description, seconds)
 
 
 def view_bodies(
@@ -347,45 +345,30 @@ def view_bodies(
     faces : array_like, shape (F, 3), optional
         Triangles; none for mesh objects.
     names : sequence of str, length n, optional
-        Labels of the bodies.
     title : str
-        Title of the view.
 
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> viewer = rh.plots.view_bodies(bodies.points[:2], bodies.template.faces)
+    >>> viewer.save("bodies.html")
     """
     points, faces = as_surfaces(points, faces)
     surfaces = real_array(points, "points", ("n_vertices", 3))
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
-    labels = _labels([""] * len(surfaces) if names is None else names, len(surfaces))
-    bodies = [ViewedBody(*body) for body in zip(labels, surfaces[:, None], strict=True)]
-    return _viewer(faces, {title: bodies}, "Show", title)
+    names = [""] * len(surfaces) if names is None else names
+    bodies = _labelled(names, surfaces, [SKIN] * len(surfaces))
+    return Viewer(faces, {title: bodies}, title=title)
 
 
-def _labels(names: Sequence[str], n_bodies: int) -> list[str]:
-    labels = list(names)
-    if len(labels) != n_bodies or n_bodies == 0:
+def _labelled(
+    names: Sequence[str], surfaces: ndarray, colors: Sequence[tuple[float, float, float]]
+) -> list[ViewedBody]:
+    if len(names) != len(surfaces):
         raise ArgumentError(
-            f"names must have one entry per body; found {len(labels)} for {n_bodies} bodies"
+            f"names must have one entry per body; found {len(names)} for {len(surfaces)} bodies"
         )
-    return labels
-
-
-def _viewer(
-    faces: Any,
-    choices: dict[str, list[ViewedBody]],
-    legend: str,
-    title: str,
-    description: str = "",
-) -> Viewer:
-    every = [body for bodies in choices.values() for body in bodies]
-    _, triangles = check_mesh(every[0].frames[0], faces)
-    sizes = {body.frames.shape[1] for body in every}
-    if len(sizes) > 1:
-        raise ArgumentError(f"all bodies must have the same vertices; found {sorted(sizes)}")
-    return Viewer(triangles, choices, legend, title, description)
+    return [ViewedBody(*body) for body in zip(names, surfaces[:, None], colors, strict=True)]
 
 
 def save_picture(
@@ -406,9 +389,7 @@ def save_picture(
     points : array_like, shape (n, V, 3)
         Surfaces, metres, y up.
     faces : array_like, shape (F, 3)
-        Triangles.
     names : sequence of str, length n
-        Labels of the bodies.
     title : str
         Title of a page.
     mean : bool
@@ -426,22 +407,21 @@ def save_picture(
     'Anna, Ben'
     """
     surfaces = real_array(points, "points", ("n", "n_vertices", 3), batched=False)
-    names = _labels(names, len(surfaces))
+    n_others = len(surfaces) - mean
+    bodies = _labelled(names, surfaces, [SKIN] * n_others + [MEAN] * mean)
     ending = file_path(path).suffix.lower()
     if ending not in (".png", ".html"):
         raise ArgumentError(f"path must end in .png or .html; found {os.fspath(path)!r}")
-    colors = [SKIN] * (len(surfaces) - mean) + [MEAN] * mean
     if ending == ".html":
-        shown = zip(names, surfaces[:, None], colors, strict=True)
-        _viewer(faces, {title: [ViewedBody(*body) for body in shown]}, "Show", title).save(path)
+        Viewer(np.asarray(faces), {title: bodies}, title=title).save(path)
         return f"all {len(surfaces)} bodies"
     # The mean is always shown, the others evenly chosen.
-    n_others = len(surfaces) - mean
     n_shown = min(n_others, _MOST_IN_PICTURE - mean)
     chosen = np.linspace(0, n_others - 1, n_shown).round().astype(int).tolist()
-    chosen += [len(surfaces) - 1] * mean
-    labels, tints = [names[i] for i in chosen], [colors[i] for i in chosen]
-    picture = strip_picture(surfaces[chosen], np.asarray(faces), tints, _PICTURE_HEIGHT)
+    shown = [bodies[number] for number in (*chosen, *[-1] * mean)]
+    labels, tints = [body.label for body in shown], [body.color for body in shown]
+    points = [body.frames[0] for body in shown]
+    picture = strip_picture(points, np.asarray(faces), tints, _PICTURE_HEIGHT)
     write_bytes(path, _with_names(picture, labels))
     count = f": {n_shown} of {n_others} bodies" + " and their mean" * mean
     return ", ".join(labels) + count * (n_shown < n_others)
@@ -474,11 +454,9 @@ def view_alignment(
     first, second : array_like, shape (n_times, V, 3)
         The motions at corresponding times, metres, y up.
     faces : array_like, shape (F, 3)
-        Triangles.
     warp : Warp
         The matched times of both motions.
     names : sequence of str
-        Names of the motions.
 
     Examples
     --------

@@ -174,10 +174,8 @@ def sweep_section(report: Report) -> Section | None:
 
 
 def _sweep(report: Report, tasks: Sequence[Task]) -> Step:
-    """Score retrieval over λ and c, and by the normal part alone.
-
-    Squared distances are sums, so both parts are computed once and then weighted.
-    """
+    """Score retrieval over λ and c, and by the normal part alone."""
+    # Squared distances are sums, so both parts are computed once and then weighted.
     plan, points = report.plan, report.bodies.points
 
     def row(squared: ndarray, **weights: float | None) -> dict[str, Any]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -17,34 +15,21 @@ import numpy as np
 from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.text_tables import csv_text
 from riemhuman.plots.figures import figure_files, new_figure
-from riemhuman.plots.viewer import page_scripts, page_styles
+from riemhuman.plots.viewer import page_scripts, page_styles, web_file, web_templates
 from riemhuman.report._storage import Computed, ResultStore
 
 _UNSAFE = re.compile(r"[^\w/+=:;, ().-]+", re.ASCII)  # in the address of an image
 
 
-@cache
-def web_file(name: str) -> str:
-    """Return a text file of the folder ``web``."""
-    return (files("riemhuman.report") / "web" / name).read_text(encoding="utf-8")
-
-
-@cache
-def _environment() -> jinja2.Environment:
-    loader = jinja2.FunctionLoader(web_file)
-    found = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
-    found.filters |= {
-        "written": written,
-        "missing": is_missing,
-        "shown": _shown,
-        "having_values": _having_values,
-    }
-    return found
+def template(name: str) -> jinja2.Template:
+    found = web_templates("report")
+    found.filters |= {"written": written, "missing": is_missing, "shown": _shown}
+    return found.get_template(name)
 
 
 def fill(macro: str, **values: Any) -> str:
     """Return HTML from a macro of ``sections.html``."""
-    return str(getattr(_environment().get_template("sections.html").module, macro)(**values))
+    return str(getattr(template("sections.html").module, macro)(**values))
 
 
 @dataclass(frozen=True)
@@ -61,14 +46,13 @@ def page(
     title: str, lead: str, facts: Sequence[tuple[str, str]], sections: Sequence[Section], end: str
 ) -> str:
     """Return the page; `lead` is HTML, `facts` are the sizes of the data with their names."""
-    template = _environment().get_template("page.html")
-    return template.render(
+    return template("page.html").render(
         title=title,
         lead=lead,
         facts=facts,
         sections=sections,
         end=end,
-        css=web_file("page.css"),
+        css=web_file("report", "page.css"),
         viewer_styles=page_styles(),
         scripts=page_scripts(),
     )
@@ -97,18 +81,18 @@ class Table:
         return csv_text([keys, *([written(row[key]) for key in keys] for row in self.rows)])
 
     def values(self, key: str) -> list[Any]:
+        """Return the values of a column that are not missing."""
         return [row[key] for row in self.rows if not is_missing(row.get(key))]
+
+    def having_values(self, columns: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+        """Return the columns that have a value, with empty texts for what they leave out."""
+        return [(*column, "", "")[:4] for column in columns if self.values(column[0])]
 
     def is_best(self, row: int, key: str, best: str) -> bool:
         """Return whether a row has the highest or the lowest of several values."""
         values = self.values(key)
         limit = max(values) if best == "highest" else min(values)
         return len(values) > 1 and bool(self.rows[row][key] == limit)
-
-
-def _having_values(columns: Sequence[tuple[str, ...]], table: Table) -> list[tuple[str, ...]]:
-    """Return the columns that have a value, with empty texts for what they leave out."""
-    return [(*column, "", "")[:4] for column in columns if table.values(column[0])]
 
 
 def _shown(value: Any, form: str) -> str:
@@ -146,11 +130,9 @@ class Output:
         size: tuple[float, float] | None = None,
         **settings: Any,
     ) -> Image:
-        """Return a figure, which is drawn unless the store has one of the same arguments.
-
-        With a size in inches, `draw` fills the axes `ax`; else it returns a figure. Arguments are
-        what JSON and fingerprints can describe, and the bodies of the report.
-        """
+        """Return a figure, which is drawn unless the store has one of the same arguments."""
+        # With a size in inches, `draw` fills the axes `ax`; else it returns a figure. Arguments
+        # are what JSON and fingerprints can describe, and the bodies of the report.
 
         def compute() -> Computed:
             if size is None:

@@ -145,11 +145,7 @@ def geodesic_section(report: Report) -> Section | None:
 
 
 def _geodesic(report: Report, slug: str, weights: Weights, pair: Pair, title: str) -> Step:
-    """Find the geodesic between two bodies (figure 4 of the paper).
-
-    The search begins on a path that rotates each triangle, and once more on the straight path,
-    as in the paper.
-    """
+    """Find the geodesic between two bodies from a rotating and from a straight path (figure 4)."""
     solver = report.path_solver()
     start, end = report.bodies.points[list(pair)]
 

@@ -74,10 +74,7 @@ def name_of(bodies: Bodies, index: int) -> str:
 
 
 def choose_pair(distances: ndarray, suits: ndarray, share: float) -> Pair | None:
-    """Return, of the pairs that suit, that at a share of their order by distance: 1, the farthest.
-
-    `suits` tells of two items, in a row and a column, whether they do.
-    """
+    """Return the pair that suits at a share of their order by distance; 1 is the farthest."""
     first, second = np.nonzero(np.triu(suits, 1))
     if not len(first):
         return None

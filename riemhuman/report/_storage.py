@@ -83,13 +83,11 @@ class Step:
 
 
 class ResultStore:
-    """Keeps the result of each step in a file, and reads it back while the inputs are the same.
-
-    All results depend on `common`: the versions and the source code of the library.
-    """
+    """Keeps the result of each step in a file, and reads it back while the inputs are the same."""
 
     def __init__(self, folder: Path, common: Any, progress: Progress = nullcontext) -> None:
         self.steps: list[Step] = []
+        # All results depend on `common`: the versions and the source code of the library.
         self._folder, self._common, self._progress = folder, common, progress
 
     def step(

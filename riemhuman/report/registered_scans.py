@@ -11,8 +11,9 @@ import numpy as np
 from riemhuman.io.files import write_text
 from riemhuman.plots.figures import VALUE_COLORS, value_colors
 from riemhuman.plots.rendering import View, image_source, points_picture, render, window_around
+from riemhuman.plots.viewer import web_file
 from riemhuman.registration import ScanRecord, read_records
-from riemhuman.report._page import Image, Section, fill, page, web_file
+from riemhuman.report._page import Image, Section, fill, page
 
 _LARGEST_METRES = 0.02  # distance of the last colour, also used for larger distances
 _HEIGHT = 300  # pixels
@@ -21,17 +22,12 @@ _UNMATCHED, _MATCHED = (0.62, 0.68, 0.76), (0.83, 0.78, 0.73)
 
 
 def scan_page(folder: str | os.PathLike[str]) -> Path:
-    """Write a page that shows the registered scans of a folder.
+    """Write a page that shows the registered scans of a folder, ``index.html`` in it.
 
     Parameters
     ----------
     folder : path_like
         The output of `riemhuman.registration.register_folder`.
-
-    Returns
-    -------
-    Path
-        The page, ``index.html`` in the folder, for any browser without a network connection.
 
     Examples
     --------
@@ -55,7 +51,7 @@ def scan_section(records: Sequence[ScanRecord]) -> Section:
     """Return the section of a page that shows registered scans in the order of their records."""
     html = fill(
         "scans",
-        css=web_file("scans.css"),
+        css=web_file("report", "scans.css"),
         records=[(record, _sentence(record.message), _pictures(record)) for record in records],
         n_trusted=sum(record.trusted for record in records),
         colors=VALUE_COLORS,

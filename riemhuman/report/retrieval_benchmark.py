@@ -71,22 +71,18 @@ class BenchmarkRecord:
     Attributes
     ----------
     representation : str
-        Name of the metric or descriptor.
-    task : str
-        "shape", the retrieval of the person, or "pose", the retrieval of the pose.
+    task : {"shape", "pose"}
+        The retrieval of the person or of the pose.
     scores : RetrievalScores or None
         None if the representation failed.
-    seconds_per_body : float
-        Wall-clock time to describe a body; 0 for a metric.
-    seconds_per_pair : float
-        Wall-clock time of a distance.
+    seconds_per_body, seconds_per_pair : float
+        Wall-clock time to describe a body, 0 for a metric, and of a distance.
     problem : str or None
         The error, if the representation failed.
 
     Examples
     --------
-    >>> rh.report.BenchmarkRecord("height", "shape", None, 0.0, 0.0, "no head").problem
-    'no head'
+    See `format_benchmark`.
     """
 
     representation: str
@@ -105,8 +101,7 @@ def benchmark(
 ) -> list[BenchmarkRecord]:
     """Score representations by leave-one-out retrieval of people and of poses.
 
-    If a representation cannot be used on the data, such as a metric on meshes that are not
-    registered, the benchmark continues: the records then hold the error instead of scores.
+    Of a representation that cannot be used on the data, the records hold the error instead.
 
     Parameters
     ----------
@@ -118,7 +113,6 @@ def benchmark(
         ``describe`` and ``distances``), such as `representations` of the bodies; by default the
         metrics of the paper and its successors.
     progress : bool
-        Whether to show a progress bar.
 
     Examples
     --------
@@ -193,8 +187,8 @@ def representations(bodies: Any) -> dict[str, Any]:
     Parameters
     ----------
     bodies : Bodies or LabelledMeshes
-        Surfaces. Metrics and learned codes need registered surfaces, and model vectors a data set
-        with a model that has the method ``fit``; the other descriptors apply to all meshes.
+        Metrics and learned codes need registered surfaces, and model vectors a data set with a
+        model that has the method ``fit``; the other descriptors apply to all meshes.
 
     Examples
     --------
@@ -318,11 +312,7 @@ def retrieval_tables(
 
 
 def _learned_distances(bodies: Any) -> dict[str, np.ndarray]:
-    """Return distances learned from labels, by task, from people to whom they were not fitted.
-
-    For poses, the metric is learned from normals, for people from metric fields, see
-    `rh.LearnedMetric`.
-    """
+    """Return distances learned from labels, by task, from people to whom they were not fitted."""
     subject, pose = getattr(bodies, "subject", None), getattr(bodies, "pose", None)
     if subject is None or len(np.unique(subject)) < 5:
         return {}
@@ -398,8 +388,8 @@ def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
     Examples
     --------
     >>> failed = rh.report.BenchmarkRecord("height", "shape", None, 0.0, 0.0, "no head")
-    >>> print(rh.report.format_benchmark([failed]).splitlines()[1])
-    height      failed: no head
+    >>> rh.report.format_benchmark([failed]).splitlines()[1]
+    'height      failed: no head'
     """
     tasks = dict.fromkeys(record.task for record in records)
     tables = [_task_table(t, [record for record in records if record.task == t]) for t in tasks]

@@ -188,8 +188,7 @@ def test_models_become_plain_arrays_of_some_coefficients(run, tmp_path):
     original.save(tmp_path / "open.npz")
     finished = run("convert-model", tmp_path / "open.npz", "-o", target, "--n-betas", 4)
     assert finished.code == 0, finished.err
-    assert "1,202 vertices" in finished.out
-    assert "4 shape coefficients" in finished.out
+    assert "shape coefficients  4" in finished.out
     betas = np.arange(4.0)
     expected = original(np.pad(betas, (0, original.n_betas - 4)))
     np.testing.assert_allclose(BodyModel.from_file(target)(betas), expected, atol=1e-12)

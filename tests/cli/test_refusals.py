@@ -32,8 +32,7 @@ geodesic body_0.ply body_1.ply -o path.gif                  | .npz or / (a folde
 geodesic body_0.ply body_1.ply -o alone -f                  | holds something else (other.ply)
 geodesic body_0.ply body_1.ply -o frames -f                 | holds something else (frame_0001.ply)
 geodesic body_0.ply body_1.ply -o p --basis basis.npz       | belongs to another template
-components alone -o out -n 4                                | -n 4 needs at least 5 meshes
-components alone -o out -n 0                                | -n must be
+components body_0.ply body_1.ply -o out -n 2                 | -n 2 must be below the number
 components alone -o alone                                   | holds something else
 components alone -o out --shape                             | λ of --shape is too small
 components body_0.ply body_0.ply -o out -n 1                | all coincide

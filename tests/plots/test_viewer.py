@@ -142,7 +142,7 @@ def test_the_library_is_the_one_described():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: view_path({}, TEMPLATE.faces), "path is empty"),
+        (lambda: view_path({}, TEMPLATE.faces), "at least one body"),
         (lambda: view_path(PATH[0], TEMPLATE.faces), "path must have shape"),
         (lambda: view_path({"a": PATH, "b": PATH[:, 1:]}, TEMPLATE.faces), "same vertices"),
         (lambda: view_bodies(PATH, TEMPLATE.faces, ["a"]), "names must .* found 1 for 4 bodies"),

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from riemhuman.report._page import Table, _environment
+from riemhuman.report._page import Table, template
 
 ROWS = [
     {"pair": "a < b", "metric_part": 99.0 + 1 / 3, "normal_part": 0.25, "squared_distance": 3.0},
@@ -20,7 +20,7 @@ TABLE = Table("made-up", ROWS)
 @pytest.fixture
 def html():
     """Return the table as part of a page."""
-    parts = _environment().get_template("parts.html").module
+    parts = template("parts.html").module
     columns = [
         ("pair", "Pair"),
         ("metric_part", "Metric", ".1f", "highest"),
