@@ -16,14 +16,16 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+import autograd.numpy as anp
 import numpy as np
-from autograd.extend import defvjp, primitive
 from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
+from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.compilation import compiled
+from riemhuman.measurements._sections import MISSES, Lines
 
 SurfacePoint = tuple[int, ndarray]
 """Number of a triangle, and barycentric coordinates in it, shape (3,)."""
@@ -104,64 +106,33 @@ class Mesh:
         return self._strips[key]
 
 
-@primitive
-def geodesic_lengths(surfaces: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> Any:
-    """Return the lengths of geodesics, shape (n,); autograd can differentiate by the surfaces."""
-    strip = mesh.strip(start, end)
-    return np.array([_shortest(surface, start, end, mesh, strip)[0] for surface in surfaces])
-
-
-def _pull_back(
-    lengths: ndarray,
-    surfaces: ndarray,
-    start: SurfacePoint,
-    end: SurfacePoint,
-    mesh: Mesh,
-) -> Any:
-    def pull_back(upstream: ndarray) -> ndarray:
-        slopes, strip = np.zeros_like(surfaces), mesh.strip(start, end)
-        for slope, surface, scale in zip(slopes, surfaces, upstream, strict=True):
-            if scale == 0.0:
-                continue
-            _, vertices, weights = _shortest(surface, start, end, mesh, strip)
-            points = np.einsum("kc,kcx->kx", weights, surface[vertices])
-            steps = np.diff(points, axis=0)
-            norms = np.linalg.norm(steps, axis=1, keepdims=True)
-            steps = scale * np.divide(steps, norms, out=np.zeros_like(steps), where=norms > 0)
-            pulls = np.zeros_like(points)
-            pulls[1:] += steps
-            pulls[:-1] -= steps
-            np.add.at(slope, vertices, weights[:, :, np.newaxis] * pulls[:, np.newaxis])
-        return slopes
-
-    return pull_back
-
-
-defvjp(geodesic_lengths, _pull_back, argnums=(0,))
-
-
-def geodesic_path(surface: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> ndarray:
-    """Return the two ends of a geodesic and, between them, its crossings with edges."""
-    strip = mesh.strip(start, end)
-    _, vertices, weights = _shortest(surface, start, end, mesh, strip)
-    return np.einsum("kc,kcx->kx", weights, surface[vertices])
+def geodesics(surfaces: Any, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> Lines:
+    """Return the geodesics from start to end on surfaces: their ends and crossings with edges."""
+    strip, values = mesh.strip(start, end), values_of(surfaces)
+    found = [_shortest(surface, start, end, mesh, strip) for surface in values]
+    vertices, weights = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    counts = np.array([len(part) for part, _ in found])
+    bodies = np.repeat(np.arange(len(found)), counts)
+    points = anp.sum(weights[:, :, None] * surfaces[bodies[:, None], vertices], axis=1)
+    return Lines(points, bodies, np.where(counts > 0, 0, MISSES))
 
 
 def _shortest(
     surface: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh, first: ndarray
-) -> tuple[float, ndarray, ndarray]:
-    """Return the length of a path, and three vertices with weights for each of its points."""
+) -> tuple[ndarray, ndarray]:
+    """Return three vertices and their weights for each point of a path; none if there is none."""
     f = np.require(surface, np.float64, ["C", "W"])
     ends = np.zeros((2, 3), np.int64), np.zeros((2, 3))
     for k, (face, coordinates) in enumerate((start, end)):
         ends[0][k] = mesh.faces[face]
         ends[1][k] = np.where(coordinates > _ON_EDGE, coordinates, 0.0)
     length, edges, t, _, _ = _straighten(f, (mesh.faces, mesh.neighbours), first, ends)
+    if np.isnan(length):
+        return ends[0][:0], ends[1][:0]
     crossed = np.concatenate([edges, edges[:, :1]], axis=1)
-    vertices = np.concatenate([mesh.faces[[start[0]]], crossed, mesh.faces[[end[0]]]])
     inner = np.stack([1.0 - t, t, np.zeros_like(t)], axis=1)
-    weights = np.concatenate([np.atleast_2d(start[1]), inner, np.atleast_2d(end[1])])
-    return float(length), vertices, weights
+    vertices = np.concatenate([ends[0][:1], crossed, ends[0][1:]])
+    return vertices, np.concatenate([start[1][None], inner, end[1][None]])
 
 
 @compiled

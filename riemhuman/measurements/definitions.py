@@ -17,18 +17,9 @@ from numpy import ndarray
 
 from riemhuman.checks import one_of, real_number, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.measurements._geodesics import geodesic_lengths, geodesic_path
+from riemhuman.measurements._geodesics import geodesics
 from riemhuman.measurements._landmarked_bodies import LandmarkedBodies, Place
-from riemhuman.measurements._sections import (
-    EXTENT,
-    HULL,
-    LENGTH,
-    MEETS_OTHER_PART,
-    MISSES,
-    OPEN,
-    closed_line,
-    section_sizes,
-)
+from riemhuman.measurements._sections import MEETS_OTHER_PART, MISSES, OPEN, Lines, section
 
 # Density of a body in kg/m³: that of water, from which the body's differs by a few per cent.
 DENSITY = 1000.0
@@ -156,25 +147,17 @@ class _PlaneSection(Measurement):
         return (*self.parts, *self.leave_out)
 
     def why_missing(self, bodies: LandmarkedBodies) -> str:
-        _, status = self._section(bodies)
         parts = " and ".join(self.parts) or "the surface"
         return {
             MISSES: f"its plane misses {parts}",
             MEETS_OTHER_PART: f"its line leaves {parts} and meets another part of the body; list "
             "that part in leave_out, or measure at another place or in another pose",
             OPEN: f"its line around {parts} meets a boundary or a defect of the mesh",
-        }[status]
+        }[self._section(bodies).statuses[0]]
 
-    def _size(self, bodies: LandmarkedBodies, kind: int, direction: str) -> Any:
+    def _section(self, bodies: LandmarkedBodies) -> Lines:
         cutter = bodies.cutter(self.parts, self.leave_out)
-        plane = bodies.place(self.at), bodies.axis(self.normal)
-        return section_sizes(bodies.surfaces, *plane, bodies.axis(direction), cutter, kind)
-
-    def _section(self, bodies: LandmarkedBodies) -> tuple[ndarray, int]:
-        """Return the section of the first body, shape (k, 3), and its status, see `_sections`."""
-        cutter = bodies.cutter(self.parts, self.leave_out)
-        plane = bodies.place(self.at)[0], bodies.axis(self.normal)[0]
-        return cutter.section(bodies.surfaces[0], *plane)
+        return section(bodies.surfaces, bodies.place(self.at), bodies.axis(self.normal), cutter)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,10 +196,14 @@ class Girth(_PlaneSection):
             raise ArgumentError(f"{self.name!r} has leave_out; it needs hull=True")
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        return self._size(bodies, HULL if self.hull else LENGTH, "up")
+        return self._line(bodies).lengths
 
     def lines(self, bodies: LandmarkedBodies) -> list[Any]:
-        return [closed_line(self._section(bodies)[0], self.hull)]
+        return [self._line(bodies).points]
+
+    def _line(self, bodies: LandmarkedBodies) -> Lines:
+        line = self._section(bodies)
+        return line.hulls(values_of(bodies.axis(self.normal))) if self.hull else line.closed()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -237,12 +224,12 @@ class Breadth(_PlaneSection):
     _direction: ClassVar[str] = "left"
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        return self._size(bodies, EXTENT, self._direction)
+        return self._section(bodies).extents(bodies.axis(self._direction))
 
     def lines(self, bodies: LandmarkedBodies) -> list[Any]:
-        section, axis = self._section(bodies)[0], bodies.axis(self._direction)[0]
-        middle = section.mean(axis=0)
-        along = (section - middle) @ axis
+        points, axis = self._section(bodies).points, bodies.axis(self._direction)[0]
+        middle = points.mean(axis=0)
+        along = (points - middle) @ axis
         return [middle + np.array([along.min(), along.max()])[:, None] * axis]
 
 
@@ -348,26 +335,25 @@ class Length(Measurement):
         return (*self.along, *ends)
 
     def _pairs(self, bodies: LandmarkedBodies) -> list[tuple[Any, Any]]:
-        """Return the ends of every step of the path: places, or points of the surface."""
-        if self.path == "surface":
-            return list(pairwise(bodies.on_surface(place) for place in self.along))
-        if self.path == "joints":
-            return list(pairwise(bodies.bones(*map(str, self.along))))
-        return list(pairwise(self.along))
+        """Return the places at the ends of every straight step of the path."""
+        is_joints = self.path == "joints"
+        return list(pairwise(bodies.bones(*map(str, self.along)) if is_joints else self.along))
+
+    def _geodesics(self, bodies: LandmarkedBodies) -> list[Lines]:
+        ends = pairwise(bodies.on_surface(place) for place in self.along)
+        return [geodesics(bodies.surfaces, a, b, bodies.set.mesh) for a, b in ends]
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        pairs = self._pairs(bodies)
         if self.path == "surface":
-            return sum(geodesic_lengths(bodies.surfaces, a, b, bodies.set.mesh) for a, b in pairs)
-        steps = (bodies.place(a) - bodies.place(b) for a, b in pairs)
+            return sum(path.lengths for path in self._geodesics(bodies))
+        steps = (bodies.place(a) - bodies.place(b) for a, b in self._pairs(bodies))
         if self.axis is not None:
             return sum(np.abs(np.sum(step * bodies.axis(self.axis), axis=-1)) for step in steps)
         return sum(np.sqrt(np.sum(step**2, axis=-1)) for step in steps)
 
     def lines(self, bodies: LandmarkedBodies) -> list[Any]:
         if self.path == "surface":
-            surface = values_of(bodies.surfaces)[0]
-            return [geodesic_path(surface, a, b, bodies.set.mesh) for a, b in self._pairs(bodies)]
+            return [path.points for path in self._geodesics(bodies)]
         lines = [np.stack([bodies.place(a)[0], bodies.place(b)[0]]) for a, b in self._pairs(bodies)]
         if self.axis is None:
             return lines

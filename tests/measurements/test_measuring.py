@@ -12,7 +12,7 @@ from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.measurements import Girth, Measurements, in_standard_pose
 from riemhuman.measurements._landmarked_bodies import LandmarkedBodies
-from riemhuman.measurements._sections import HULL, section_sizes
+from riemhuman.measurements._sections import section
 from riemhuman.registration import ScanRegistration
 from riemhuman.surfaces import Template
 
@@ -80,8 +80,8 @@ def test_lines_of_the_coarse_model_lie_where_those_of_the_full_one_do(own):
         number = own.names.index(name)
         girth, simple = (own_set.definitions.measurements[number] for own_set in (fine, own))
         cutter = bodies_in_full.cutter(girth.parts, girth.leave_out)
-        planes = bodies.place(simple.at), bodies.axis(simple.normal), bodies.axis("up")
-        moved = section_sizes(surfaces, *planes, cutter, HULL)
+        normals = bodies.axis(simple.normal)
+        moved = section(surfaces, bodies.place(simple.at), normals, cutter).hulls(normals).lengths
         np.testing.assert_allclose(moved, truth[name], atol=0.006, err_msg=name)
 
 
