@@ -25,7 +25,7 @@ from scipy.sparse.csgraph import dijkstra
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.compilation import compiled
-from riemhuman.measurements._sections import MISSES, Lines
+from riemhuman.measurements._sections import MISSES, Lines, side
 
 SurfacePoint = tuple[int, ndarray]
 """Number of a triangle, and barycentric coordinates in it, shape (3,)."""
@@ -48,6 +48,7 @@ class Mesh:
     faces: ndarray
     neighbours: ndarray
     cutters: dict[Any, Any] = field(default_factory=dict)
+    places: dict[Any, SurfacePoint] = field(default_factory=dict)
     _strips: dict[Any, ndarray] = field(default_factory=dict)
 
     @cached_property
@@ -240,12 +241,6 @@ def _unfold(f: Any, mesh: Any, strip: Any, ends: Any, edges: Any, sides: Any) ->
 
 
 @compiled
-def _side(a: Any, b: Any, c: Any) -> float:
-    """Return twice the signed area of the triangle a, b, c: positive where c lies left of a, b."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-@compiled
 def _funnel(right: Any, left: Any) -> Any:
     """Return the bends of the shortest path through edges laid flat, and which are on the left."""
     bends, of_left = np.empty(len(right), np.int64), np.empty(len(right), np.bool_)
@@ -253,8 +248,8 @@ def _funnel(right: Any, left: Any) -> Any:
     place, lower, upper = right[0], right[0], left[0]
     k = 1
     while k < len(right):
-        if _side(place, lower, right[k]) >= 0.0:
-            if low == apex or _side(place, upper, right[k]) < 0.0:
+        if side(place, lower, right[k]) >= 0.0:
+            if low == apex or side(place, upper, right[k]) < 0.0:
                 low, lower = k, right[k]
             else:
                 bends[count], of_left[count] = high, True
@@ -263,8 +258,8 @@ def _funnel(right: Any, left: Any) -> Any:
                 low, lower, upper = apex, place, place
                 k = apex + 1
                 continue
-        if _side(place, upper, left[k]) <= 0.0:
-            if high == apex or _side(place, lower, left[k]) > 0.0:
+        if side(place, upper, left[k]) <= 0.0:
+            if high == apex or side(place, lower, left[k]) > 0.0:
                 high, upper = k, left[k]
             else:
                 bends[count], of_left[count] = low, False
@@ -288,7 +283,7 @@ def _cross_edges(right: Any, left: Any, bends: Any, of_left: Any) -> Any:
         goal = left[last] if number < count and of_left[number] else right[last]
         length += np.sqrt((goal[0] - here[0]) ** 2 + (goal[1] - here[1]) ** 2)
         while k <= last and k < size:
-            on_right, on_left = _side(here, goal, right[k]), _side(here, goal, left[k])
+            on_right, on_left = side(here, goal, right[k]), side(here, goal, left[k])
             t = 0.5 if on_right == on_left else on_right / (on_right - on_left)
             if k == last:
                 t = 1.0 if of_left[number] else 0.0

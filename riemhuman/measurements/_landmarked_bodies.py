@@ -80,6 +80,12 @@ class LandmarkedBodies:
     def on_surface(self, place: Place) -> SurfacePoint:
         """Return the triangle that a place, or the nearest point of the template, lies in."""
         shares = {place: 1.0} if isinstance(place, str) else place
+        known, key = self.set.mesh.places, tuple(shares.items())
+        if key not in known:
+            known[key] = self._nearest_on_surface(shares)
+        return known[key]
+
+    def _nearest_on_surface(self, shares: Mapping[str, float]) -> SurfacePoint:
         marks = [self.set.landmarks[name] for name in shares]
         vertices = onp.concatenate([own for own, _ in marks])
         weights = onp.concatenate(

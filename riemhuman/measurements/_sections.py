@@ -16,7 +16,6 @@ from typing import Any
 import autograd.numpy as np
 import numpy as onp
 from numpy import ndarray
-from scipy.spatial import ConvexHull, QhullError
 
 from riemhuman.checks import values_of
 from riemhuman.kernels.compilation import compiled
@@ -69,7 +68,12 @@ class Lines:
 
     def hulls(self, normals: ndarray) -> Lines:
         """Return the convex hulls of lines in planes with these normals, shape (n, 3), closed."""
-        return self.select(lambda points, body: _circular(_hull(points, normals[body])))
+
+        def around(points: ndarray, body: int) -> ndarray:
+            across = [[1, 2], [2, 0], [0, 1]][onp.abs(normals[body]).argmax()]
+            return _circular(_hull(points[:, across]))
+
+        return self.select(around)
 
     @property
     def steps(self) -> tuple[Any, ndarray]:
@@ -105,15 +109,6 @@ class Lines:
 
 def _circular(numbers: ndarray) -> ndarray:
     return onp.append(numbers, numbers[:1])
-
-
-def _hull(points: ndarray, normal: ndarray) -> ndarray:
-    """Return the numbers of the points on the convex hull, in order."""
-    flat = onp.delete(points, onp.abs(normal).argmax(), axis=1)
-    try:
-        return ConvexHull(flat).vertices
-    except QhullError:  # all points lie on one line
-        return onp.arange(len(points))
 
 
 def section(surfaces: Any, origins: Any, normals: Any, cutter: Cutter) -> Lines:
@@ -194,3 +189,31 @@ def _trace(f: Any, heights: Any, o: Any, mesh: Any) -> Any:
             edges[kept, 0], edges[kept, 1] = edges[k, 0], edges[k, 1]
             kept += 1
     return status, edges[:kept]
+
+
+@compiled
+def side(a: Any, b: Any, c: Any) -> float:
+    """Return twice the signed area of the triangle a, b, c: positive where c lies left of a, b."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+@compiled
+def _hull(points: Any) -> Any:
+    """Return the numbers of the points in a plane on their convex hull, by wrapping a line."""
+    here, size, hull = 0, 0, onp.empty(len(points), onp.int64)
+    for k in range(len(points)):
+        if (points[k, 0], points[k, 1]) < (points[here, 0], points[here, 1]):
+            here = k
+    while size < len(points):
+        hull[size], goal, farthest = here, here, 0.0
+        size += 1
+        for k in range(len(points)):
+            turn = side(points[here], points[goal], points[k])
+            x, y = points[k, 0] - points[here, 0], points[k, 1] - points[here, 1]
+            if turn < 0.0 or (turn == 0.0 and x * x + y * y > farthest):
+                goal, farthest = k, x * x + y * y
+        for k in hull[:size]:  # rounding may pass over the first point on a straight side
+            if points[k, 0] == points[goal, 0] and points[k, 1] == points[goal, 1]:
+                return hull[:size]
+        here = goal
+    return hull
