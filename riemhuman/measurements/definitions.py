@@ -13,7 +13,6 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 import autograd.numpy as np
-from numpy import ndarray
 
 from riemhuman.checks import one_of, real_number, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
