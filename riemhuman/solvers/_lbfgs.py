@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -29,9 +30,6 @@ _MEMORY = 10
 _DECREASE = 1e-4
 _SLOPE_LEFT = 0.9
 _MOST_TRIALS = 20
-
-# Steps, as shares of a full one, so short that the slope no longer predicts the value.
-_SHORT = 1e-3
 
 # Along directions that no step has explored the inverse Hessian is often larger than the operator:
 # on geodesics of bodies, what was still to gain was three times a Newton step's in the median.
@@ -61,19 +59,19 @@ class Minimum(Result):
 
 @dataclass(frozen=True)
 class LBFGS:
-    """A preconditioned quasi-Newton method for smooth functions, with kinks at most here and there.
+    """A preconditioned quasi-Newton method for functions that are smooth almost everywhere."""
 
-    The search ends when a Newton step would gain at most the share `tolerance` of the value and the
-    second half of many iterations has gained at most the share `recent_decrease`; or when many
-    together have gained a small part of `tolerance`. The operator is formed anew after `refresh`.
-    """
-
+    # The search ends when a Newton step would gain at most the share `tolerance` of the value and
+    # the second half of many iterations has gained at most the share `recent_decrease`; or when
+    # many together have gained a small part of `tolerance`. The operator is formed anew after
+    # `refresh` iterations, and after a step of less than the share `shortest` of a full one.
     tolerance: float
     max_iter: int = 1000
     recent_decrease: float = np.inf
     refresh: int = 50
     callback: Callable[[int, float, ndarray], object] | None = None
     progress: str = ""
+    shortest: float = 0.0
 
     def minimize(
         self,
@@ -83,15 +81,11 @@ class LBFGS:
         *,
         floor: float = -np.inf,
         earlier: Sequence[float] | ndarray = (),
-        freeze_at: Callable[[ndarray], Operator] | None = None,
     ) -> Minimum:
-        """Minimise a function; if interrupted from the keyboard, return the best point so far.
-
-        Values of at most `floor` are rounding errors and count as zero; those of iterations before
-        these, `earlier`, count for `recent_decrease`. Where no step lowers the value though a
-        Newton step promises to, there is a kink: the steps of `freeze_at`'s operators avoid it.
-        """
-        descent = _Descent(self, objective, start, floor, earlier, inverse_hessian_at, freeze_at)
+        """Minimise a function; if interrupted from the keyboard, return the best point so far."""
+        # Values of at most `floor` are rounding errors and count as zero; those of iterations
+        # before these, `earlier`, count for `recent_decrease`.
+        descent = _Descent(self, objective, start, floor, earlier, inverse_hessian_at)
         bar = ProgressBar(
             total=None, desc=self.progress, disable=not self.progress, unit=" iterations"
         )
@@ -119,7 +113,6 @@ class _Descent:
         floor: float,
         earlier: Sequence[float] | ndarray,
         inverse_hessian_at: Callable[[ndarray], Operator],
-        freeze_at: Callable[[ndarray], Operator] | None,
     ) -> None:
         self._settings, self._objective = settings, objective
         self._floor, self._earlier = floor, list(earlier)
@@ -129,8 +122,6 @@ class _Descent:
         self.status: Status | None = None
         self._message, self._newton, self._newton_was_small = "", np.inf, False
         self._operator_at = inverse_hessian_at
-        self._last_operator_at = freeze_at or inverse_hessian_at
-        self._shortest = _SHORT if freeze_at else 0.0
         self._operator: Operator | None = None
         if not np.isfinite(self.value):
             self._newton = np.nan
@@ -146,8 +137,8 @@ class _Descent:
         if self._operator is None:
             self._operator = self._operator_at(self.x)
             self._formed_after = len(self.values) - 1
-            self._image, self._memory = self._operator(self._gradient), _Memory(self.x.size)
-        direction = self._memory.direction(self._image)
+            self._image, self._memory = self._operator(self._gradient), _Memory()
+        direction = self._memory.direction(self._gradient, self._image)
         slope = float(self._gradient @ direction)
         self._test(slope)
         if self.status is not None:
@@ -159,26 +150,29 @@ class _Descent:
         self._n_evaluations += trial.n_evaluations
         if trial.step > 0:
             step, image = trial.step * direction, self._operator(trial.gradient)
-            self._memory.add(
-                step, trial.gradient - self._gradient, image - self._image, trial.gradient
-            )
+            self._memory.add(step, trial.gradient - self._gradient, image - self._image)
             self.x, self.value = self.x + step, trial.value
             self._gradient, self._image = trial.gradient, image
             self.values.append(self.value)
-        if trial.step == 0 or (trial.step < self._shortest and not self._newton_was_small):
-            self._leave_kink(trial.step)
+        shortest = 0.0 if self._newton_was_small else self._settings.shortest
+        if trial.step == 0 or trial.step < shortest:
+            self._restart(trial.step)
         return trial.step > 0
 
     def end(self, status: Status, message: str) -> None:
         self.status, self._message = status, message
 
     def result(self) -> Minimum:
-        at_zero = self.value <= self._floor
+        gap = 0.0
+        if self.value > self._floor:
+            # A Newton step's gain is nan where slopes do not show it, as at a kink.
+            recent = _gain_of_second_half([*self._earlier, *self.values])
+            gap = float(np.fmax(_CAUTION * self._newton, recent))
         return Minimum(
             self.x,
             self.value,
             np.array(self.values),
-            0.0 if at_zero else estimate_gap(self._newton, [*self._earlier, *self.values]),
+            gap,
             n_iterations=len(self.values) - 1,
             n_evaluations=self._n_evaluations,
             status=self.status or Status.MAX_ITER,
@@ -209,26 +203,14 @@ class _Descent:
         elif len(self.values) > settings.max_iter:
             self.end(Status.MAX_ITER, "the most iterations were made")
 
-    def _leave_kink(self, step: float) -> None:
+    def _restart(self, step: float) -> None:
         """Go on with a new operator where hardly a step lowers the value, or stop."""
         self._newton = np.nan
-        is_last = self._operator_at is self._last_operator_at
         if step == 0 and self._newton_was_small:
             self.end(Status.CONVERGED, "no step lowers the value further")
-        elif is_last and self._n_since_formed < 2:
+        elif self._n_since_formed < 2:
             self.end(Status.STALLED, "hardly a step lowers the value")
-        elif len(self.values) > self._settings.max_iter:
-            self.end(Status.MAX_ITER, "the most iterations were made")
-        self._operator, self._operator_at = None, self._last_operator_at
-
-
-def estimate_gap(newton: float, values: Sequence[float] | ndarray) -> float:
-    """Return an estimate of how far the last of several values is above the minimum.
-
-    `newton` is the estimated gain of a Newton step, nan where slopes do not show it, as at a kink;
-    the estimate is nan where there are few values, too.
-    """
-    return float(np.fmax(_CAUTION * newton, _gain_of_second_half(values)))
+        self._operator = None
 
 
 def _gain_of_second_half(values: Sequence[float] | ndarray) -> float:
@@ -273,127 +255,74 @@ def _search(
 
 
 class _Memory:
-    """The last steps s with the images P y of their changes of the gradient."""
+    """The last steps s, changes y of the gradient with their images P y, s·y and y·P y."""
 
-    def __init__(self, size: int) -> None:
-        # Each step beside its image: their products with a vector are one pass over all numbers.
-        self._rows = np.empty((_MEMORY, 2, size))
-        self._order: list[int] = []
-        # sᵢ·g and (P yᵢ)·g with the last gradient.
-        self._pairs = np.empty((0, 2))
-        # sᵢ·yⱼ where j is not older than i, and yᵢ·P yⱼ.
-        self._along, self._squares = np.zeros((2, _MEMORY, _MEMORY))
+    def __init__(self) -> None:
+        self._pairs: deque[tuple[ndarray, ndarray, ndarray, float, float]] = deque(maxlen=_MEMORY)
 
-    def add(self, step: ndarray, change: ndarray, image: ndarray, gradient: ndarray) -> None:
-        """Remember a step s, the change y of the gradient, P y, and the gradient it led to."""
+    def add(self, step: ndarray, change: ndarray, image: ndarray) -> None:
         along, square = float(step @ change), float(change @ image)
-        is_curved = along > 0.0 and square > 0.0
-        if is_curved:
-            k = len(self._order) if len(self._order) < _MEMORY else self._order.pop(0)
-            self._order.append(k)
-            self._rows[k] = step, image
-        known = len(self._order)
-        products = pair_with_rows(np.stack([gradient, change]), self._flat(known))
-        self._pairs, with_change = products.reshape(2, known, 2)
-        if is_curved:
-            self._along[:known, k] = with_change[:, 0]
-            self._squares[:known, k] = self._squares[k, :known] = with_change[:, 1]
+        if along > 0.0 and square > 0.0:
+            self._pairs.append((step, change, image, along, square))
 
     @property
     def scales(self) -> ndarray:
         """The factors by which P is nearest to the inverse Hessian along each step."""
-        order = self._order
-        if not order:
-            return np.ones(1)
-        return self._along[order, order] / self._squares[order, order]
+        return np.array([along / square for *_, along, square in self._pairs] or [1.0])
 
-    def direction(self, image: ndarray) -> ndarray:
-        """Return −H g of the last gradient, given P g: L-BFGS's two loops, in inner products."""
-        order = self._order
-        if not order:
-            return -image
-        known = len(order)
-        with_steps, with_images = self._pairs.T
-        scale = self.scales[-1]
-        first, second = np.zeros((2, known))
-        for i in reversed(order):
-            first[i] = (with_steps[i] - self._along[i, :known] @ first) / self._along[i, i]
-        for i in order:
-            along = scale * (with_images[i] - self._squares[i, :known] @ first)
-            along += self._along[:known, i] @ second
-            second[i] = first[i] - along / self._along[i, i]
-        coefficients = np.column_stack([-second, scale * first]).reshape(1, -1)
-        combined = combine_rows(coefficients, self._flat(known))[0]
-        combined -= scale * image
-        return combined
-
-    def _flat(self, known: int) -> ndarray:
-        """Return the first steps, each followed by its image."""
-        return self._rows[:known].reshape(2 * known, self._rows.shape[-1])
+    def direction(self, gradient: ndarray, image: ndarray) -> ndarray:
+        """Return −H g, given g and P g, by L-BFGS's two loops."""
+        shares = []
+        for step, change, change_image, along, _ in reversed(self._pairs):
+            shares.append(float(step @ gradient) / along)
+            gradient = gradient - shares[-1] * change
+            image = image - shares[-1] * change_image
+        direction = self.scales[-1] * image
+        for (step, change, _, along, _), share in zip(self._pairs, reversed(shares), strict=True):
+            direction += (share - float(change @ direction) / along) * step
+        return -direction
 
 
-@dataclass(frozen=True)
-class Coordinates:
-    r"""The points projection(origin + Σ_j x_j D_j) of a manifold; by default all entries are free.
+def minimize_from(
+    origin: ndarray,
+    space: Manifold,
+    directions: ndarray | None,
+    minimizer: LBFGS,
+    function: Callable[[ndarray], tuple[float, ndarray]],
+    inverse_hessian_at: Callable[[ndarray], Operator],
+    **settings: Any,
+) -> Minimum:
+    """Return the points projection(origin + Σ_j x_j D_j) of least value, D_j the directions."""
+    # The origin may be several points, each with coordinates x of its own. Without directions, x
+    # are all their entries. The function returns a value, infinite where points are not allowed,
+    # and its gradient at points; operators, formed at points, act on gradients in coordinates.
+    n_origins = origin.size // int(np.prod(space.shape))
 
-    The origin may be several points, shape (m, \*shape), each with coordinates of its own. The rows
-    of `directions` are the D_j.
-    """
+    def shifted(x: ndarray) -> ndarray:
+        if directions is not None:
+            x = combine_rows(x.reshape(n_origins, len(directions)), directions)
+        return origin + x.reshape(origin.shape)
 
-    space: Manifold
-    origin: ndarray
-    directions: ndarray | None = None
-
-    def points(self, x: ndarray) -> ndarray:
+    def points(x: ndarray) -> ndarray:
         with np.errstate(divide="ignore", invalid="ignore"):
-            return self.space.projection(self._shifted(x))
+            return space.projection(shifted(x))
 
-    def minimize(
-        self,
-        minimizer: LBFGS,
-        function: Callable[[ndarray], tuple[float, ndarray]],
-        inverse_hessian_at: Callable[[ndarray], Operator],
-        freeze_at: Callable[[ndarray], Operator] | None = None,
-        **settings: Any,
-    ) -> Minimum:
-        """Return the points of least value, reached from the origin.
+    def objective(x: ndarray) -> tuple[float, ndarray]:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pull_back, at = make_vjp(space.projection, shifted(x))
+        value, gradient = function(at)
+        rows = pull_back(gradient.reshape(origin.shape)).reshape(n_origins, -1)
+        if directions is not None:
+            rows = pair_with_rows(rows, directions)
+        return value if np.isfinite(value) else np.inf, rows.ravel()
 
-        The function returns a value, infinite where points are not allowed, and its gradient at
-        points; operators, formed at points, act on gradients in coordinates.
-        """
-        shape = self.origin.shape
+    def report(iteration: int, value: float, x: ndarray) -> None:
+        if minimizer.callback is not None:
+            minimizer.callback(iteration, value, points(x))
 
-        def objective(x: ndarray) -> tuple[float, ndarray]:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                pull_back, points = make_vjp(self.space.projection, self._shifted(x))
-            value, gradient = function(points)
-            rows = pull_back(gradient.reshape(shape)).reshape(self._n_origins, -1)
-            if self.directions is not None:
-                rows = pair_with_rows(rows, self.directions)
-            return value if np.isfinite(value) else np.inf, rows.ravel()
-
-        def report(iteration: int, value: float, x: ndarray) -> None:
-            if minimizer.callback is not None:
-                minimizer.callback(iteration, value, self.points(x))
-
-        start = np.zeros(self.origin.size)
-        if self.directions is not None:
-            start = np.zeros(self._n_origins * len(self.directions))
-        with single_threaded_libraries():
-            minimum = replace(minimizer, callback=report).minimize(
-                objective,
-                start,
-                lambda x: inverse_hessian_at(self.points(x)),
-                freeze_at=None if freeze_at is None else lambda x: freeze_at(self.points(x)),
-                **settings,
-            )
-        return replace(minimum, x=self.points(minimum.x))
-
-    @property
-    def _n_origins(self) -> int:
-        return self.origin.size // int(np.prod(self.space.shape))
-
-    def _shifted(self, x: ndarray) -> ndarray:
-        if self.directions is not None:
-            x = combine_rows(x.reshape(self._n_origins, len(self.directions)), self.directions)
-        return self.origin + x.reshape(self.origin.shape)
+    size = origin.size if directions is None else n_origins * len(directions)
+    with single_threaded_libraries():
+        minimum = replace(minimizer, callback=report).minimize(
+            objective, np.zeros(size), lambda x: inverse_hessian_at(points(x)), **settings
+        )
+    return replace(minimum, x=points(minimum.x))

@@ -7,7 +7,6 @@ from typing import Any, Self
 
 import autograd.numpy as np
 from autograd import value_and_grad
-from autograd.core import make_vjp
 from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, whole_number
@@ -19,8 +18,8 @@ from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.results import MeanResult, finish
 from riemhuman.solvers.tangent_pca import ImageEstimator
 
-# Points whose misfits are taken together, so that what they need stays in the processor's cache.
-_BLOCK = 4
+# Points whose misfits are differentiated together, for the sake of memory.
+_BLOCK = 8
 
 
 class GeodesicRegression(ImageEstimator):
@@ -200,30 +199,22 @@ class GeodesicRegression(ImageEstimator):
             moved = space.projection(metric.exp(changes[0], point))
             return np.stack([moved, space.to_tangent(velocity + changes[1], moved)])
 
-        def misfit(start: ndarray, columns: ndarray, images: ndarray) -> Any:
-            # A single column predicts all images of its block.
-            predictions = metric.exp(columns * start[1], start[0])
-            return np.sum(metric.squared_dist(predictions, images)) / (len(times) * spread)
+        def misfit(changes: ndarray, some: slice) -> Any:
+            start = line(changes)
+            predictions = metric.exp(columns[some] * start[1], start[0])
+            return np.sum(metric.squared_dist(predictions, images[some])) / (len(times) * spread)
 
-        def slope(changes: ndarray) -> tuple[float, ndarray]:
-            """Return the sum of squared distances and its gradient, a few points at a time."""
-            pull_back, start = make_vjp(line, changes)
-            value, gradient = 0.0, np.zeros_like(start)
-            for chosen, numbers in blocks:
-                part, change = slope_in_line(start, columns[chosen], images[numbers])
-                value, gradient = value + part, gradient + change
-            return value, pull_back(gradient)
-
-        slope_in_line = value_and_grad(misfit)
-        blocks = _blocks(times)
+        slope = value_and_grad(misfit)
+        blocks = [slice(k, k + _BLOCK) for k in range(0, len(times), _BLOCK)]
 
         def objective(x: ndarray) -> tuple[float, ndarray]:
             try:
-                value, gradient = slope(x.reshape(2, *shape))
+                parts = [slope(x.reshape(2, *shape), some) for some in blocks]
             except (DegenerateSurfaceError, OutsideManifoldError):
                 return np.inf, np.zeros_like(x)
             # One more, so that the stopping test is a share of the variance and not of the misfit.
-            return 1.0 + float(value), gradient.ravel()
+            value, gradient = (sum(part) for part in zip(*parts, strict=True))
+            return 1.0 + float(value), np.ravel(gradient)
 
         def inverse_hessian(gradient: ndarray) -> ndarray:
             by_point, by_velocity = gradient.reshape(2, -1, 1)
@@ -245,21 +236,6 @@ def _tangent_regression(
     slope = np.tensordot(times, logs, axes=1) / (times @ times)
     point = metric.exp(offset, base)
     return point, metric.log(metric.exp(offset + slope, base), point)
-
-
-def _blocks(times: ndarray) -> list[tuple[ndarray, ndarray]]:
-    """Return numbers of times and of the points that they predict, a few points at a time.
-
-    Points of one time, such as poses of one person, share a prediction.
-    """
-    _, group, counts = np.unique(times, return_inverse=True, return_counts=True)
-    alone = np.flatnonzero(counts[group] == 1)
-    blocks = [(alone[k : k + _BLOCK],) * 2 for k in range(0, len(alone), _BLOCK)]
-    for number in np.flatnonzero(counts > 1):
-        points = np.flatnonzero(group == number)
-        for k in range(0, len(points), 2 * _BLOCK):
-            blocks.append((points[:1], points[k : k + 2 * _BLOCK]))
-    return blocks
 
 
 def _numbers(X: ndarray) -> ndarray:

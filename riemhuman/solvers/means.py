@@ -16,7 +16,7 @@ from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.metric import metric_of
 from riemhuman.geometry.strategies import MeanSolver
 from riemhuman.solvers._dispersion import AreaCheck, Dispersion, dispersion_of, metric_of_search
-from riemhuman.solvers._lbfgs import LBFGS, Coordinates, Minimum
+from riemhuman.solvers._lbfgs import LBFGS, Minimum, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.results import MeanResult, Solver, Status, complete, finish
 
@@ -226,8 +226,9 @@ class BasisMean(Solver, MeanSolver):
         )
         # Distances of points that coincide to rounding error have no gradient to follow.
         floor = dispersion.floor(origin)
-        coordinates = Coordinates(space, origin, directions)
-        minimum = coordinates.minimize(minimizer, function, factor_at, floor=floor)
+        minimum = minimize_from(
+            origin, space, directions, minimizer, function, factor_at, floor=floor
+        )
         if directions is None:
             return minimum
         message = f"{minimum.message}, over the span of {len(directions)} deformations"

@@ -15,7 +15,7 @@ from riemhuman.checks import real_array, weight_shares
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, RiemannianMetric
 from riemhuman.kernels.surface import apply_operator, stacked_derivatives, triangle_frames
-from riemhuman.solvers._lbfgs import LBFGS, Coordinates
+from riemhuman.solvers._lbfgs import LBFGS, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
 from riemhuman.solvers.paths import rounding_energy
 from riemhuman.solvers.results import MeanResult, Solver, finish
@@ -130,7 +130,10 @@ class NearestSurface(Solver):
         guess = distances.nearby(start)
         is_near = function(guess)[0] < _NEARBY * first_value
         text = "surface" if self.progress else ""
-        minimum = Coordinates(metric.space, guess if is_near else start).minimize(
+        minimum = minimize_from(
+            guess if is_near else start,
+            metric.space,
+            None,
             LBFGS(self.tolerance, self.max_iter, refresh=_REFRESH, progress=text),
             function,
             half_inverse_hessian_at,

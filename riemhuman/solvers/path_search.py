@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy import ndarray
-from scipy import sparse
 from scipy.interpolate import make_interp_spline
 
 from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.solvers._lbfgs import LBFGS, Coordinates, Operator
+from riemhuman.solvers._lbfgs import LBFGS, Operator, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, PathPreconditioner, metric_factor
 from riemhuman.solvers.interpolated_paths import rotating_paths
 from riemhuman.solvers.paths import (
@@ -42,14 +40,13 @@ _FIRST_TOLERANCE = 1e-3
 # bodies, under metrics with and without a and c; a third or three times as much costs some more.
 _STIFFNESS = 0.2
 
+# Steps over all vertices, as shares of a full one, so short that the slope no longer predicts the
+# energy, as where a triangle loses its area and its normal jumps.
+_SHORT = 1e-3
+
 # Least and largest ridge, in between the tolerance: a ridge hides how softly limbs as a whole move,
 # the more the finer the mesh, and what such motions still gain matters to narrow tolerances alone.
 _RIDGES = 1e-6, 1e-4
-
-# Heights, as shares of the longest edge, of flat triangles; and how many are frozen at most, the
-# flattest: each costs three vectors of all coordinates.
-_FLAT = 1e-5
-_MOST_FROZEN = 20
 
 
 @dataclass(frozen=True)
@@ -146,7 +143,6 @@ class PathSearch(PathSolver):
         path = _on_manifold(metric, path)
         over_all = self.basis is None
         directions = None if self.basis is None else self.basis.flat
-        coordinates = Coordinates(metric.space, path[1:-1], directions)
 
         def energy(nodes: ndarray) -> tuple[float, ndarray]:
             if over_all and not np.all(metric.space.belongs(nodes)):
@@ -158,10 +154,6 @@ class PathSearch(PathSolver):
             factor = self._factor(metric, _with_interior(path, nodes))
             return PathPreconditioner(factor, len(nodes) + 1)
 
-        def freeze_at(nodes: ndarray) -> Operator:
-            faces = metric.space.template.faces
-            return freeze_flat_triangles(inverse_hessian_at(nodes), nodes, faces)
-
         def report(iteration: int, value: float, nodes: ndarray) -> None:
             if self.callback is not None:
                 self.callback(iteration, value, _with_interior(path, nodes))
@@ -169,13 +161,20 @@ class PathSearch(PathSolver):
         recent_decrease = max(self._recent_decrease, self._recent_tolerances * self.tolerance)
         text = "geodesic" if self.progress else ""
         minimizer = LBFGS(
-            self.tolerance, self.max_iter, recent_decrease, callback=report, progress=text
+            self.tolerance,
+            self.max_iter,
+            recent_decrease,
+            callback=report,
+            progress=text,
+            shortest=_SHORT if over_all and metric.space.is_surface_space else 0.0,
         )
-        minimum = coordinates.minimize(
+        minimum = minimize_from(
+            path[1:-1],
+            metric.space,
+            directions,
             minimizer,
             energy,
             inverse_hessian_at,
-            freeze_at if over_all and metric.space.is_surface_space else None,
             floor=path_floor(metric, self.energy, path),
             earlier=earlier,
         )
@@ -268,9 +267,8 @@ class PathStraightening(PathSearch):
     Coordinates are the entries of the arrays; `projection` maps them back to the manifold, and
     steps that leave it (`belongs`) are rejected. The minimisation is L-BFGS with the inverse of the
     metric's matrix, averaged over the path, as its first inverse Hessian; it starts as `BasisPath`
-    does, and tries both ways where a limb may rotate either way. Triangles that have nearly
-    vanished, where normals jump and no slope leads on, are frozen while others move. Its energies
-    are never higher than those of `BasisPath` with ``initial=BasisPath(...)``.
+    does, and tries both ways where a limb may rotate either way. Its energies are never higher than
+    those of `BasisPath` with ``initial=BasisPath(...)``.
 
     If it costs nothing that surfaces slide along themselves, their meshes crumple: a
     `ReparametrizationInvarianceWarning` says so.
@@ -341,51 +339,3 @@ def _energy(metric: RiemannianMetric, energy: PathEnergy, path: ndarray) -> floa
         return np.inf
     value = energy.value(metric, path)
     return value if np.isfinite(value) else np.inf
-
-
-def freeze_flat_triangles(inverse: Operator, nodes: ndarray, faces: ndarray) -> Operator:
-    r"""Return an inverse Hessian over the motions that leave flat triangles as flat as they are.
-
-    Where a triangle loses its area its normal jumps, and a path may get stuck. The corner opposite
-    to the longest edge therefore stays where it is relative to that edge. With these linear
-    conditions C x = 0 the inverse H, over the coordinates of nodes of shape (n, V, 3), becomes
-    H − H Cᵀ (C H Cᵀ)⁻¹ C H.
-    """
-    _, n_vertices, n_axes = nodes.shape
-    columns, entries = [], []
-    for node, corners, weights in islice(_flat_triangles(nodes, faces), _MOST_FROZEN):
-        columns.append(n_axes * (n_vertices * node + corners) + np.arange(n_axes)[:, None])
-        entries.append(np.broadcast_to(weights, columns[-1].shape))
-    if not columns:
-        return inverse
-    starts = np.arange(0, np.size(columns) + 1, len(weights))
-    shape = len(starts) - 1, nodes.size
-    conditions = sparse.csr_array((np.ravel(entries), np.ravel(columns), starts), shape=shape)
-    images = np.array([inverse(conditions[[row]].toarray()[0]) for row in range(shape[0])])
-    # Conditions on triangles that share corners may depend on each other.
-    among = np.linalg.pinv((conditions @ images.T).T, hermitian=True)
-    return lambda slope: inverse(slope) - (among @ (images @ slope)) @ images
-
-
-def _flat_triangles(nodes: ndarray, faces: ndarray) -> Iterator[tuple[int, ndarray, ndarray]]:
-    """Yield node, corners and their weights in the height, the flattest triangle first."""
-    corners = nodes[:, faces]
-    # Edge k is opposite to corner k.
-    edges = np.roll(corners, -2, axis=2) - np.roll(corners, -1, axis=2)
-    squares = np.sum(edges**2, axis=-1)
-    doubled_areas = np.linalg.norm(np.cross(edges[:, :, 0], edges[:, :, 1]), axis=-1)
-    flatness = doubled_areas / squares.max(axis=-1)
-    order = np.argsort(flatness, axis=None)[: np.count_nonzero(flatness < _FLAT)]
-    for node, triangle in zip(*np.unravel_index(order, flatness.shape), strict=True):
-        yield node, *_tip_over_edge(nodes[node], faces[triangle])
-
-
-def _tip_over_edge(f: ndarray, face: ndarray) -> tuple[ndarray, ndarray]:
-    """Return the corner over the longest edge, then its ends, and their weights in the height."""
-    x = f[face]
-    lengths = [np.linalg.norm(x[k - 1] - x[k - 2]) for k in range(3)]
-    cycle = (int(np.argmax(lengths)) + np.arange(3)) % 3
-    tip, first, last = x[cycle]
-    edge = last - first
-    share = (tip - first) @ edge / (edge @ edge)
-    return face[cycle], np.array([1.0, share - 1.0, -share])

@@ -21,12 +21,8 @@ from numpy import ndarray
 from riemhuman.checks import one_of
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import nearest_rotations
-from riemhuman.kernels.surface import (
-    deformation_gradients,
-    stacked_derivatives,
-    triangle_frames,
-)
-from riemhuman.solvers._lbfgs import LBFGS, Coordinates, Minimum
+from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives, triangle_frames
+from riemhuman.solvers._lbfgs import LBFGS, Minimum, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
 from riemhuman.solvers.paths import rounded
 from riemhuman.solvers.results import Result, Solver, finish
@@ -100,11 +96,7 @@ class MotionTransfer:
             )
 
     def solve(
-        self,
-        space: AlignedSurfaces,
-        motion: Any,
-        target: ndarray,
-        reference: ndarray | None = None,
+        self, space: AlignedSurfaces, motion: Any, target: ndarray, reference: ndarray | None = None
     ) -> ndarray:
         """Return the target's motion, on which parts rest that rest on the source, above all feet.
 
@@ -265,11 +257,7 @@ class Disentangling(Solver):
     progress: bool = False
 
     def solve(
-        self,
-        shape_metric: SurfaceMetric,
-        pose_metric: SurfaceMetric,
-        shape: ndarray,
-        pose: ndarray,
+        self, shape_metric: SurfaceMetric, pose_metric: SurfaceMetric, shape: ndarray, pose: ndarray
     ) -> DisentanglingResult:
         """Find the surface.
 
@@ -328,8 +316,9 @@ class Disentangling(Solver):
 
         text = "disentangling" if self.progress else ""
         minimizer = LBFGS(self.tolerance, self.max_iter, progress=text)
-        coordinates = Coordinates(space, start)
-        return coordinates.minimize(minimizer, objective, sum_.factor, floor=sum_.rounding(start))
+        return minimize_from(
+            start, space, None, minimizer, objective, sum_.factor, floor=sum_.rounding(start)
+        )
 
 
 class _WeightedSum:

@@ -11,11 +11,9 @@ from riemhuman.solvers.results import Status
 SETTINGS = {"max_iter": 500, "tolerance": 1e-10}
 
 
-def minimize(function, start, operator_at, floor=-np.inf, earlier=(), freeze_at=None, **settings):
+def minimize(function, start, operator_at, floor=-np.inf, **settings):
     """Return the minimum, with an operator that depends on the point."""
-    return LBFGS(**settings).minimize(
-        function, start, operator_at, floor=floor, earlier=earlier, freeze_at=freeze_at
-    )
+    return LBFGS(**settings).minimize(function, start, operator_at, floor=floor)
 
 
 def descend(function, start, operator, **settings):

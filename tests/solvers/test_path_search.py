@@ -17,7 +17,6 @@ from cases import (
     sphere_template,
 )
 from paper_recipe import paper_path
-from scipy import linalg
 from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import load_open_bodies
@@ -41,7 +40,7 @@ from riemhuman.solvers import (
     SegmentEnergy,
     Status,
 )
-from riemhuman.solvers.path_search import freeze_flat_triangles, refine_path
+from riemhuman.solvers.path_search import refine_path
 from riemhuman.solvers.paths import linear_path
 from riemhuman.surfaces import DeformationBasis
 
@@ -134,7 +133,7 @@ def test_below_the_path_over_a_basis(weights, seed):
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_no_worse_than_the_papers_recipe(weights):
-    metric, ends = elastic(*weights), (bodies.body("resting"), bodies.body("elbow bent"))
+    metric, ends = (elastic(*weights), (bodies.body("resting"), bodies.body("elbow bent")))
     result = over_basis(6).solve(metric, *ends)
     paper = paper_path(metric, bodies.basis(), *ends, n_nodes=6)
     assert result.energy <= paper.energy
@@ -484,7 +483,7 @@ def test_interruption_while_starts_are_compared(monkeypatch):
 
 @both_solvers
 def test_ends_and_paths_that_do_not_fit(make):
-    metric, start, end = elastic(1, 1, 1), bodies.body("resting"), bodies.body("arm raised")
+    metric, start, end = (elastic(1, 1, 1), bodies.body("resting"), bodies.body("arm raised"))
     path = linear_path(start, end, 11)
     given = path.copy()
     for arguments, message in (
@@ -546,53 +545,3 @@ def test_paths_are_refined_along_cubics():
         np.testing.assert_allclose(refined, curve(n_after), atol=1e-12)
         np.testing.assert_array_equal(refined[[0, -1]], curve(n_before)[[0, -1]])
     np.testing.assert_allclose(refine_path(curve(1), 4), linear_path(*curve(1), 4 + 1), atol=1e-14)
-
-
-FACES = np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4], [4, 1, 0]])
-
-
-def nodes(*flat, height=1e-8):
-    """Return three surfaces of four triangles; the tip of some is moved onto their longest edge.
-
-    Of a pair (node, triangle) the second corner of the triangle is the tip.
-    """
-    points = np.random.default_rng(5).normal(size=(3, 5, 3))
-    for node, triangle in flat:
-        first, tip, last = FACES[triangle]
-        ends = points[node, [first, last]]
-        away = np.cross(ends[1] - ends[0], [0.0, 0.0, 1.0])
-        points[node, tip] = 0.3 * ends[0] + 0.7 * ends[1] + height * away
-    return points
-
-
-def operator(size=45, seed=6):
-    """Return a symmetric positive operator on all coordinates, and its matrix."""
-    root = np.random.default_rng(seed).normal(size=(size, size))
-    matrix = root @ root.T + np.eye(size)
-    return (lambda slope: matrix @ slope), matrix
-
-
-def test_where_no_triangle_is_flat_nothing_is_frozen():
-    inverse, _ = operator()
-    points = nodes()
-    assert freeze_flat_triangles(inverse, points, FACES) is inverse
-    # Small triangles of good shape are not flat.
-    assert freeze_flat_triangles(inverse, 1e-9 * points, FACES) is inverse
-
-
-@pytest.mark.parametrize("flat", [[(0, 1)], [(2, 3)], [(0, 0), (1, 2), (2, 1)]])
-def test_the_operator_is_the_inverse_of_the_hessian_on_the_motions_left(flat):
-    inverse, matrix = operator()
-    points = nodes(*flat)
-    frozen = freeze_flat_triangles(inverse, points, FACES)
-    found = np.column_stack([frozen(slope) for slope in np.eye(45)])
-    rows = []
-    for node, triangle in flat:
-        first, tip, last = FACES[triangle]
-        for axis in range(3):
-            row = np.zeros(points.shape)
-            row[node, [tip, first, last], axis] = 1.0, -0.3, -0.7
-            rows.append(row.ravel())
-    left = linalg.null_space(np.array(rows))
-    expected = left @ np.linalg.inv(left.T @ np.linalg.inv(matrix) @ left) @ left.T
-    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
