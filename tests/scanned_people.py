@@ -9,9 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.datasets._natural_bodies import surface_noise
-from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._start_poses import _SMPL_TREE, joint_names, rename_joints
-from riemhuman.registration.scans import as_scan
 from riemhuman.registration.simulated_scans import remesh
 from riemhuman.surfaces.nearest_points import nearest_points
 
@@ -230,9 +228,8 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
     error is that of the trusted vertices, of all if none is trusted; that of a limb is of what the
     scan shows, trusted or not.
     """
-    scan = as_scan(points)
-    prepared, fitters = prepare_scan(scan), registration._partial_fitters
-    half = cache(lambda number: registration._solve(fitters[number], scan, prepared, {}))
+    prepared, fitters = registration._prepare(points, {}), registration._partial_fitters
+    half = cache(lambda number: registration._solve(fitters[number], prepared))
     model = registration.model
     faces, owners = model.faces, model.weights.argmax(axis=1)
     if places is not None:
@@ -244,7 +241,7 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
         if start is None:
             result = registration.solve(points)
         else:
-            result = registration._solve_whole(half, scan, prepared, {}, start)
+            result = registration._solve_whole(half, prepared, start)
         own, chosen = result.points, result.trusted_vertices
         if places is not None:
             own, chosen = points_at(places, own, faces), chosen[faces[places.triangles, 0]]

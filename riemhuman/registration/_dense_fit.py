@@ -13,30 +13,19 @@ from scipy.sparse.linalg import cg
 from scipy.spatial import cKDTree
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.kernels.surface import unit_vectors, vertex_normals
+from riemhuman.kernels.surface import vertex_normals
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, take_step
-from riemhuman.registration._scan_preparation import PreparedScan
-from riemhuman.registration._start_poses import joint_names, joints_below, rotate_forearm
-from riemhuman.registration._start_search import N_THREADS, Candidate, StartSearch
+from riemhuman.registration._scan_preparation import N_THREADS, Matches, PreparedScan
+from riemhuman.registration._start_poses import rotate_forearm
+from riemhuman.registration._start_search import Candidate, StartSearch
 from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
-
-# Distance in metres that counts as much as a rotation of the normal by a radian.
-_NORMAL_METRES = 0.05
-# Number of scan points in an average, against noise.
-_N_NEIGHBOURS = 4
-_BLUR_METRES = 0.008
-# Number of points from which noise is estimated, and the median of |x| for a standard normal x.
-_N_NOISE, _MEDIAN = 3000, 0.6745
 
 _MODEL_SCALES = (0.04, 0.03, 0.03, 0.03, *(0.02,) * 5, *(0.012,) * 4)
 # The body of a moment before is nearer.
 _KNOWN_SCALES = _MODEL_SCALES[6:]
 _MODEL_ALONG = 0.05
-# One unit of a coefficient counts as much as one point of the scan that lies so far off: the fewer
-# points, the more the prior counts.
-_PRIOR_METRES = 0.02
 # Largest rotation of a joint in a step, radians.
 _LONGEST = 0.3
 # Inverse variance of the coefficients of hands, of which 1 is a pose of a hand.
@@ -74,104 +63,23 @@ _UNMATCHED = 0.02
 
 # Points farther outside the head are hair, unless it is more than this share of the scan.
 _HAIR_METRES, _FARTHEST_HAIR, _MOST_HAIR = 0.02, 0.35, 0.1
-_HEAD_JOINTS = ("head", "neck")
-
-
-class Matches(NamedTuple):
-    """The points of a scan that match the points of a body."""
-
-    gaps: np.ndarray  # (n, 3) vectors from the points of the body to their matches, metres
-    normals: np.ndarray  # (n, 3) normals of the scan at the matches
-    weights: np.ndarray  # (n,) reliability of each match, between 0 and 1
-
-    def only(self, chosen: np.ndarray) -> Matches:
-        """Return the matches with weight 0 for all but the chosen points."""
-        return self._replace(weights=self.weights * chosen)
-
-
-class ScanTree:
-    """A search tree for the points of a scan by position and normal."""
-
-    def __init__(self, points: np.ndarray, normals: np.ndarray) -> None:
-        self.points, self.normals = points, normals
-        self._tree = cKDTree(np.concatenate([points, _NORMAL_METRES * normals], axis=1))
-
-    @property
-    def prior_weight(self) -> float:
-        """The weight of the prior, square metres."""
-        return _PRIOR_METRES**2 / len(self.points)
-
-    @cached_property
-    def noise(self) -> float:
-        """The standard deviation of the points along their normals, metres.
-
-        On a circle, the chord between two points is perpendicular to the mean of their normals, so
-        what is left of it along this mean is noise.
-        """
-        chosen = np.linspace(0, len(self.points) - 1, _N_NOISE).astype(int)
-        near = self._tree.query(self._tree.data[chosen], k=5)[1][:, 1:]
-        chords = self.points[near] - self.points[chosen, np.newaxis]
-        means = 0.5 * (self.normals[near] + self.normals[chosen, np.newaxis])
-        heights = np.einsum("nkx,nkx->nk", chords, means)
-        return float(np.median(np.abs(heights))) / (_MEDIAN * np.sqrt(2.0))
-
-    def match(self, points: np.ndarray, normals: np.ndarray, scale: float) -> Matches:
-        """Match the points of a body; a match at distance `scale` has a quarter of the weight."""
-        places = np.concatenate([points, _NORMAL_METRES * normals], axis=1)
-        far, near = self._tree.query(places, k=_N_NEIGHBOURS, workers=N_THREADS)
-        shares = np.exp(-0.5 * (far**2 - far[:, :1] ** 2) / _BLUR_METRES**2)
-        shares /= shares.sum(axis=1, keepdims=True)
-        gaps = np.einsum("nk,nkx->nx", shares, self.points[near]) - points
-        mean_normals = unit_vectors(np.einsum("nk,nkx->nx", shares, self.normals[near]))
-        cosines = np.einsum("nx,nx->n", mean_normals, normals)
-        weights = (scale**2 / (np.sum(gaps**2, axis=1) + scale**2)) ** 2
-        return Matches(gaps, mean_normals, weights * np.clip(cosines, 0.0, 1.0))
 
 
 def fit_closest(
     body: ModelSamples,
     pose: Pose,
     prior: Prior,
-    scan: ScanTree,
+    scan: PreparedScan,
     scales: tuple[float, ...] = _MODEL_SCALES,
 ) -> Pose:
-    """Return the parameters that bring a body's points to the closest points of a scan.
-
-    In each step, a match at the distance given by `scales` counts a quarter.
-    """
+    """Return the parameters that bring a body's points to the closest points of a scan."""
     for scale in scales:
         posed = pose_body(body, pose)
-        matches = scan.match(posed.points, posed.normals, scale)
-        shares = body.areas * matches.weights
+        gaps, normals, weights = scan.match(posed.points, posed.normals, scale)
+        shares = body.areas * weights
         pose = take_step(
-            body,
-            posed,
-            prior,
-            scan.prior_weight,
-            shares,
-            matches.gaps,
-            matches.normals,
-            _MODEL_ALONG,
-            _LONGEST,
+            posed, prior, scan.prior_weight, shares, gaps, normals, _MODEL_ALONG, _LONGEST
         )
-    return pose
-
-
-def fit_surface(
-    body: ModelSamples,
-    pose: Pose,
-    prior: Prior,
-    prior_weight: float,
-    surface: np.ndarray,
-    weights: np.ndarray,
-) -> Pose:
-    """Return the parameters that bring the model's vertices to a surface, with weights (V,)."""
-    is_vertex = (body.numbers >= 0)[:, np.newaxis]
-    shares = body.areas * weights[body.numbers]
-    for _ in range(_N_SURFACE_STEPS):
-        posed = pose_body(body, pose)
-        gaps = np.where(is_vertex, surface[body.numbers] - posed.points, 0.0)
-        pose = take_step(body, posed, prior, prior_weight, shares, gaps, gaps, 1.0, _LONGEST)
     return pose
 
 
@@ -179,30 +87,28 @@ def fit_elastic(
     metric: ElasticMetric,
     start: np.ndarray,
     reference: np.ndarray,
-    scan: ScanTree,
+    scan: PreparedScan,
     stiffnesses: Sequence[float] | np.ndarray,
     scale: float = _FREE_SCALE,
-    visible: np.ndarray | None = None,
-    matches: Matches | None = None,
+    visible: np.ndarray | bool = True,
 ) -> tuple[np.ndarray, Matches]:
     """Return a surface near a scan, elastically near a reference, and the matches of its vertices.
 
-    Gauss–Newton steps minimise Σ_i w_i ((n_i·r_i)² + τ |r_i|²) + α d²(f, f₀), with the gaps r to
-    the scan, its normals n, the elastic distance d from the reference f₀, and a stiffness α for
-    each step. They use the matrix of the metric at the reference, and conjugate gradients solve
-    the equations. Only visible vertices are matched, by default all. The matches of the start may
-    be known.
+    Gauss–Newton steps, one for each stiffness, minimise the cost of `TemplateRegistration` with the
+    matrix of the metric at the reference. Only visible vertices are matched, by default all.
     """
     template = metric.space.template
     faces, areas = template.faces, template.vertex_areas
-    shown = np.ones(len(start), dtype=bool) if visible is None else visible
+
+    def match(points: np.ndarray) -> Matches:
+        matches = scan.match(points, vertex_normals(points, faces), scale)
+        return matches._replace(weights=matches.weights * visible)
+
     # Single precision suffices for steps.
     system = sparse.bsr_array(metric.metric_matrix(reference), blocksize=(3, 3)).astype(np.float32)
     elastic, numbers = system.data, np.arange(len(start) + 1)
     on_diagonal = np.repeat(numbers[:-1], np.diff(system.indptr)) == system.indices
-    points = start
-    if matches is None:
-        matches = scan.match(points, vertex_normals(points, faces), scale).only(shown)
+    points, matches = start, match(start)
     for stiffness in stiffnesses:
         weights = areas * matches.weights
         blocks = matches.normals[:, :, np.newaxis] * matches.normals[:, np.newaxis]
@@ -220,17 +126,8 @@ def fit_elastic(
             M=sparse.bsr_array((inverse, numbers[:-1], numbers)),
         )
         points = points + step.reshape(-1, 3)
-        matches = scan.match(points, vertex_normals(points, faces), scale).only(shown)
+        matches = match(points)
     return points, matches
-
-
-class DenseFit(NamedTuple):
-    """A body fitted to all points of a scan."""
-
-    pose: Pose
-    model_points: np.ndarray  # (V, 3) the model's surface
-    points: np.ndarray  # (V, 3) the surface after it left the model elastically
-    matches: Matches
 
 
 class _Arm(NamedTuple):
@@ -244,19 +141,24 @@ class _Arm(NamedTuple):
     metric: ElasticMetric
     hands: list[np.ndarray]  # coefficients of poses of this hand; NaN for the other
 
+    def distances(self, surface: np.ndarray, points: np.ndarray, farthest: float) -> np.ndarray:
+        """Return the distances of points from the surface of the arm, metres."""
+        distances = nearest_points(points, surface, self.metric.space.template.faces)[1]
+        return np.minimum(distances, farthest)
+
 
 class DenseFitter:
     """Fits a body model to all points of a scan."""
 
     def __init__(self, search: StartSearch) -> None:
-        self.search, self.model = search, search.model
+        self.search, self.model, self.parts = search, search.model, search.parts
 
     @cached_property
     def metric(self) -> ElasticMetric:
         return ElasticMetric(AlignedSurfaces(self.model.template), a=1.0, lam=1.0, c=1.0)
 
     @cached_property
-    def _arms(self) -> list[_Arm]:
+    def arms(self) -> list[_Arm]:
         return [_arm_surface(self.search, joints) for joints in self.search.arms]
 
     def surface(self, pose: Pose) -> np.ndarray:
@@ -264,11 +166,8 @@ class DenseFitter:
 
     @cached_property
     def _on_head(self) -> np.ndarray:
-        """Which vertices belong to the head."""
-        names = joint_names(self.model)
-        joints = [names.index(name) for name in _HEAD_JOINTS if name in names]
-        owned: np.ndarray = np.isin(self.model.weights.argmax(axis=1), joints)
-        return owned
+        on_head: np.ndarray = np.isin(self.parts.owners, self.parts.numbers("head", "neck"))
+        return on_head
 
     def find_hair(self, surface: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return which points of a scan lie so far outside the head that they are hair or a hat."""
@@ -290,125 +189,132 @@ class DenseFitter:
         hair[around[far & self._on_head[near]]] = True
         return hair if hair.mean() < _MOST_HAIR else np.zeros_like(hair)
 
-    def fit(self, best: Candidate, scan: PreparedScan) -> DenseFit:
-        prior = best.prior._replace(
-            betas_precisions=np.minimum(best.prior.betas_precisions, _HANDS_PRECISION)
-        )
-        tree = ScanTree(scan.points, scan.normals)
+
+class DenseFit:
+    """A body fitted to all points of a scan, from its likeliest start."""
+
+    def __init__(self, fitter: DenseFitter, best: Candidate, scan: PreparedScan) -> None:
+        search = fitter.search
+        self._fitter, self._search, self._model = fitter, search, search.model
+        self._best, self._scan = best, scan
+        betas_precisions = np.minimum(best.prior.betas_precisions, _HANDS_PRECISION)
+        self._prior = best.prior._replace(betas_precisions=betas_precisions)
         # Where surfaces curve, soft assignment moves them inward; closest points do not.
-        pose = self.search.anneal_finely(best, scan.points, scan.normals)
-        visible = self.search.find_visible(self.surface(pose), scan.points, best.up)
-        dense = self._samples(_N_DENSE, visible)
+        self.pose = search.anneal_finely(best, scan)
+        self._visible = search.find_visible(fitter.surface(self.pose), scan.points, best.up)
+        dense = search.samples(_N_DENSE)
+        areas = dense.areas * self._visible[dense.numbers]
+        self._dense = dense._replace(areas=areas / areas.sum())
         scales = _KNOWN_SCALES if best.known else _MODEL_SCALES
-        pose = fit_closest(dense, pose, prior, tree, scales)
-        hair = self.find_hair(self.surface(pose), scan.points)
+        self._fit_closest(self.pose, scales)
+        hair = fitter.find_hair(fitter.surface(self.pose), scan.points)
         if hair.any():
-            scan = replace(scan, points=scan.points[~hair], normals=scan.normals[~hair])
-            tree = ScanTree(scan.points, scan.normals)
-            pose = fit_closest(dense, pose, prior, tree, scales)
+            self._scan = replace(scan, points=scan.points[~hair], normals=scan.normals[~hair])
+            self._fit_closest(self.pose, scales)
         if not best.known:  # its arms are as a moment before
-            pose = self._rotate_forearms(best, prior, pose, scan, tree, visible)
-            pose, prior = self._pose_hands(prior, pose, scan, tree, visible)
-        model_points = self.surface(pose)
-        last = _LAST_STIFFNESS * max(1.0, tree.noise / _NOISE_METRES) ** 2
+            self._rotate_forearms()
+            self._pose_hands()
+        self._leave_model()
+
+    def _fit_closest(self, start: Pose, scales: tuple[float, ...] = _MODEL_SCALES) -> None:
+        self.pose = fit_closest(self._dense, start, self._prior, self._scan, scales)
+
+    def _leave_model(self) -> None:
+        """Take the elastic step, and fit the model to its result again, twice."""
+        metric, scan = self._fitter.metric, self._scan
+        last = _LAST_STIFFNESS * max(1.0, scan.noise / _NOISE_METRES) ** 2
         softer = np.geomspace(_FIRST_STIFFNESS, min(last, _FIRST_STIFFNESS), _N_STEPS)
-        points, matches = fit_elastic(
-            self.metric, model_points, model_points, tree, softer, visible=visible
+        self.model_points = self._fitter.surface(self.pose)  # (V, 3)
+        self.points, self.matches = fit_elastic(
+            metric, self.model_points, self.model_points, scan, softer, visible=self._visible
         )
         for _ in range(_N_REPEATS):
-            weights = np.maximum(matches.weights, _UNMATCHED)
-            pose = fit_surface(dense, pose, prior, tree.prior_weight, points, weights)
-            model_points = self.surface(pose)
+            self._fit_surface(np.maximum(self.matches.weights, _UNMATCHED))
+            self.model_points = self._fitter.surface(self.pose)
             softest = softer[-_N_STEPS_AGAIN:]
-            points, matches = fit_elastic(
-                self.metric, points, model_points, tree, softest, visible=visible, matches=matches
+            self.points, self.matches = fit_elastic(
+                metric, self.points, self.model_points, scan, softest, visible=self._visible
             )
-        return DenseFit(pose, model_points, points, matches)
 
-    def _samples(self, n_samples: int, visible: np.ndarray) -> ModelSamples:
-        samples = self.search.samples(n_samples)
-        areas = samples.areas * visible[samples.numbers]
-        return samples._replace(areas=areas / areas.sum())
+    def _fit_surface(self, weights: np.ndarray) -> None:
+        """Bring the model's vertices to those that left it, with weights (V,)."""
+        numbers = self._dense.numbers
+        is_vertex = (numbers >= 0)[:, np.newaxis]
+        shares = self._dense.areas * weights[numbers]
+        for _ in range(_N_SURFACE_STEPS):
+            posed = pose_body(self._dense, self.pose)
+            gaps = np.where(is_vertex, self.points[numbers] - posed.points, 0.0)
+            weight = self._scan.prior_weight
+            self.pose = take_step(posed, self._prior, weight, shares, gaps, gaps, 1.0, _LONGEST)
 
-    def _rotate_forearms(
-        self,
-        best: Candidate,
-        prior: Prior,
-        pose: Pose,
-        scan: PreparedScan,
-        tree: ScanTree,
-        visible: np.ndarray,
-    ) -> Pose:
-        """Return a fit with each forearm rotated so that its surface comes nearest to the scan."""
+    def _rotate_forearms(self) -> None:
+        """Rotate each forearm so that its surface comes nearest to the scan."""
 
         def fit(other: Pose) -> tuple[float, Pose]:
-            other = self._fit_arm(arm, other, prior, tree, visible)
-            return self.search.likelihood(other, scan.points, scan.normals, best.up), other
+            other = self._fit_arm(arm, other, self._prior)
+            return self._search.likelihood(other, self._scan, self._best.up), other
 
-        for arm in self._arms:
-            own = _points_on(arm.vertices, self.surface(pose), scan)
+        for arm in self._fitter.arms:
+            own = self._points_on(arm.vertices)
             if not len(own):
                 continue
-            rotated = rotate_forearm(pose, arm.joints, arm.samples.rest_joints)
+            rotated = rotate_forearm(self.pose, arm.joints, arm.samples.rest_joints)
             found = list(mapped(fit, rotated, N_THREADS))
             found.sort(key=lambda each: -each[0])
-            likely = [each for each in found if each[0] > found[0][0] - _LEAST_ROTATED]
-            surfaces = [pose_body(arm.skin, pose).points]
+            surfaces = [pose_body(arm.skin, self.pose).points]
             others: list[Pose] = []
-            for _, other in likely:
+            for likelihood, other in found:
                 surface = pose_body(arm.skin, other).points
-                if all(_gap(surface, each) > _DIFFERENT_METRES for each in surfaces):
+                gaps = [np.linalg.norm(surface - each, axis=1).mean() for each in surfaces]
+                if likelihood > found[0][0] - _LEAST_ROTATED and min(gaps) > _DIFFERENT_METRES:
                     surfaces.append(surface)
                     others.append(other)
             if not others:
                 continue
             distances = []
             for surface in surfaces:
-                fitted, _ = fit_elastic(arm.metric, surface, surface, tree, _ARM_STIFFNESSES)
-                distances.append(_arm_distances(arm, fitted, own))
+                fitted, _ = fit_elastic(arm.metric, surface, surface, self._scan, _ARM_STIFFNESSES)
+                distances.append(arm.distances(fitted, own, _ARM_METRES))
             nearest = int(np.argmin([each.mean() for each in distances]))
             if _are_less(distances[nearest], distances[0]):
-                dense = self._samples(_N_DENSE, visible)
-                pose = fit_closest(dense, others[nearest - 1], prior, tree)
-        return pose
+                self._fit_closest(others[nearest - 1])
 
-    def _pose_hands(
-        self, prior: Prior, pose: Pose, scan: PreparedScan, tree: ScanTree, visible: np.ndarray
-    ) -> tuple[Pose, Prior]:
-        """Return a fit with each hand in the pose that comes nearest to the scan, and its prior.
-
-        The elastic step would hide a wrong one: it presses fingers into a fist. Only points on the
-        hand count, because those on the forearm lie as near in all poses.
-        """
-        n_betas = self.model.n_betas
+    def _pose_hands(self) -> None:
+        """Give each hand the pose that comes nearest to the scan."""
+        # The elastic step would hide a wrong one: it presses fingers into a fist. Only points on
+        # the hand count, because those on the forearm lie as near in all poses.
+        n_betas = self._model.n_betas
 
         def fit(around: np.ndarray) -> tuple[np.ndarray, Pose, Prior]:
-            betas = np.append(pose.betas[:n_betas], around)
-            its_prior = prior._replace(betas=np.append(prior.betas[:n_betas], around))
-            other = self._fit_arm(arm, pose._replace(betas=betas), its_prior, tree, visible)
-            surface = pose_body(arm.skin, other).points
-            return _arm_distances(arm, surface, own, _HAND_METRES), other, its_prior
+            prior = self._prior._replace(betas=np.append(self._prior.betas[:n_betas], around))
+            start = self.pose._replace(betas=np.append(self.pose.betas[:n_betas], around))
+            pose = self._fit_arm(arm, start, prior)
+            surface = pose_body(arm.skin, pose).points
+            return arm.distances(surface, own, _HAND_METRES), pose, prior
 
         # Twice, because the wrist moves with the first change.
-        for arm in (*self._arms, *self._arms):
-            own = _points_on(arm.on_hand, self.surface(pose), scan)
+        for arm in (*self._fitter.arms, *self._fitter.arms):
+            own = self._points_on(arm.on_hand)
             if not len(own):
                 continue
-            now = prior.betas[n_betas:]
+            now = self._prior.betas[n_betas:]
             others = [now, *(np.where(np.isnan(hands), now, hands) for hands in arm.hands)]
             first, *found = mapped(fit, others, N_THREADS)
-            nearest = min(found, key=lambda each: each[0].mean())
-            if _are_less(nearest[0], first[0]):
-                _, pose, prior = nearest
-                pose = fit_closest(self._samples(_N_DENSE, visible), pose, prior, tree)
-        return pose, prior
+            distances, pose, prior = min(found, key=lambda each: each[0].mean())
+            if _are_less(distances, first[0]):
+                self._prior = prior
+                self._fit_closest(pose)
 
-    def _fit_arm(
-        self, arm: _Arm, start: Pose, prior: Prior, tree: ScanTree, visible: np.ndarray
-    ) -> Pose:
+    def _points_on(self, vertices: np.ndarray) -> np.ndarray:
+        """Return the points of the scan that lie near some vertices."""
+        surface = self._fitter.surface(self.pose)
+        near = cKDTree(surface).query(self._scan.points, distance_upper_bound=0.1)[1]
+        return self._scan.points[np.isin(near, vertices)]
+
+    def _fit_arm(self, arm: _Arm, start: Pose, prior: Prior) -> Pose:
         """Fit one arm and its hand; all else stays as it starts."""
-        moving = np.isin(np.arange(self.model.n_joints), arm.joints[1:])
-        of_hands = np.arange(len(start.betas)) >= self.model.n_betas
+        moving = np.isin(np.arange(self._model.n_joints), arm.joints[1:])
+        of_hands = np.arange(len(start.betas)) >= self._model.n_betas
         of_arm = Prior(
             np.where(moving[:, np.newaxis, np.newaxis], prior.local, start.local),
             np.where(moving, prior.precisions, _FIXED),
@@ -416,20 +322,18 @@ class DenseFitter:
             np.where(of_hands, prior.betas_precisions, _FIXED),
         )
         samples = arm.samples
-        samples = samples._replace(areas=samples.areas * visible[samples.numbers])
-        return fit_closest(samples, start, of_arm, tree)
+        samples = samples._replace(areas=samples.areas * self._visible[samples.numbers])
+        return fit_closest(samples, start, of_arm, self._scan)
 
 
 def _arm_surface(search: StartSearch, joints: np.ndarray) -> _Arm:
-    model = search.model
-    owners = model.weights.argmax(axis=1)
-    below = joints_below(model, joints[-2:].tolist())
-    inside = np.isin(owners, below)
+    model, parts = search.model, search.parts
+    inside = parts.vertices(joints[-2:].tolist())
     faces = model.faces[inside[model.faces].all(axis=1)]
     used, corners = np.unique(faces, return_inverse=True)
     template = Template(model.template.vertices[used], corners.reshape(-1, 3))
     metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=1.0)
-    side = int(joint_names(model)[joints[-1]].startswith("right"))
+    side = int(parts.names[joints[-1]].startswith("right"))
     hands = []
     for pose in model.hand_poses:
         both = model.hand_pose(pose).reshape(2, -1)
@@ -437,29 +341,10 @@ def _arm_surface(search: StartSearch, joints: np.ndarray) -> _Arm:
         hands.append(both.ravel())
     moves = np.abs(model.hand_directions[used]).max(axis=(1, 2), initial=0.0)
     few = search.samples(_N_ROTATED)
-    on_arm = np.isin(owners, joints_below(model, joints[1:].tolist()))
+    on_arm = parts.vertices(joints[1:].tolist())
     samples = few.only(on_arm[few.numbers] & (few.numbers >= 0))
     skin = search.samples(None).only(used)
     return _Arm(joints, used, used[moves > _HAND_MOVES], skin, samples, metric, hands)
-
-
-def _gap(first: np.ndarray, second: np.ndarray) -> float:
-    """Return the mean distance between two surfaces, metres."""
-    return float(np.linalg.norm(first - second, axis=1).mean())
-
-
-def _points_on(vertices: np.ndarray, surface: np.ndarray, scan: PreparedScan) -> np.ndarray:
-    """Return the points of a scan that lie near some vertices of a surface."""
-    near = cKDTree(surface).query(scan.points, distance_upper_bound=0.1)[1]
-    return scan.points[np.isin(near, vertices)]
-
-
-def _arm_distances(
-    arm: _Arm, surface: np.ndarray, points: np.ndarray, farthest: float = _ARM_METRES
-) -> np.ndarray:
-    """Return the distances of points from the surface of an arm, metres."""
-    distances = nearest_points(points, surface, arm.metric.space.template.faces)[1]
-    return np.minimum(distances, farthest)
 
 
 def _are_less(some: np.ndarray, others: np.ndarray) -> bool:

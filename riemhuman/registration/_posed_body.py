@@ -18,6 +18,7 @@ models points that belong to none. This is the mixture of coherent point drift (
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ from scipy.spatial import cKDTree
 from riemhuman.bodies import BodyModel
 from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
-from riemhuman.registration._scan_preparation import thin_points
+from riemhuman.registration._scan_preparation import PreparedScan, thin_points
 
 # Concentration κ of the normals.
 KAPPA = 2.0
@@ -39,7 +40,9 @@ _LONGEST = 0.6
 # A scan shows at least this share of the body.
 _LEAST_SHOWN = 0.1
 # Weight of a landmark, as a share of all scan points.
-LANDMARK = 0.03
+_LANDMARK = 0.03
+# Standard deviation of landmarks, and the distance beyond which none counts more, metres.
+_MISS_METRES, _FAR_MISS = 0.04, 0.4
 
 
 class ModelSamples(NamedTuple):
@@ -156,6 +159,7 @@ class PosedBody(NamedTuple):
     shifts: np.ndarray  # (J, 3)
     positions: np.ndarray  # (J, 3) of the joints
     axes: np.ndarray  # (J, 3, 3) the rotation of each joint's parent
+    body: ModelSamples
 
 
 def _from_parents(parents: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -182,7 +186,9 @@ def pose_body(body: ModelSamples, pose: Pose) -> PosedBody:
     blended = (body.weights @ rotations.reshape(-1, 9)).reshape(-1, 3, 3)
     points = np.einsum("nxy,ny->nx", blended, shaped) + body.weights @ shifts + pose.trans
     normals = unit_vectors(np.einsum("nxy,ny->nx", blended, body.normals))
-    return PosedBody(points, normals, pose, shaped, blended, rotations, shifts, positions, axes)
+    return PosedBody(
+        points, normals, pose, shaped, blended, rotations, shifts, positions, axes, body
+    )
 
 
 class Prior(NamedTuple):
@@ -195,13 +201,10 @@ class Prior(NamedTuple):
     betas_precisions: np.ndarray  # (B,) inverse variances
 
 
-def _derivatives(body: ModelSamples, posed: PosedBody) -> np.ndarray:
-    """Return derivatives (3, n, c) of the points by rotations in space, betas and trans.
-
-    The first columns are those of all rotations about x, then y, then z. The change of the pose
-    offsets is left out. Single precision suffices for steps.
-    """
-    single = np.float32
+def _derivatives(posed: PosedBody) -> np.ndarray:
+    """Return derivatives (3, n, c) of the points by rotations in space, betas and trans."""
+    # First all rotations about x, then y, then z. The change of the pose offsets is left out.
+    body, single = posed.body, np.float32  # which suffices for steps
     n, n_joints = body.weights.shape
     n_angles, n_betas = 3 * n_joints, len(posed.pose.betas)
     rows = np.zeros((3, n, n_angles + n_betas + 3), single)
@@ -249,7 +252,6 @@ def _rotation_matrices(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:
 
 
 def take_step(
-    body: ModelSamples,
     posed: PosedBody,
     prior: Prior,
     prior_weight: float,
@@ -265,9 +267,9 @@ def take_step(
     τ = `along`, plus `prior_weight` (square metres) times the prior. No joint rotates by more than
     `longest`, radians.
     """
-    pose = posed.pose
+    pose, body = posed.pose, posed.body
     scale = np.sqrt(shares, dtype=np.float32)[:, np.newaxis]
-    rows = _derivatives(body, posed)
+    rows = _derivatives(posed)
     rows *= scale
     sides = (gaps * scale).T
     if along < 1.0:
@@ -381,26 +383,24 @@ def assign(
 
 def anneal(
     body: ModelSamples,
-    start: Pose,
+    pose: Pose,
     prior: Prior,
-    scan: np.ndarray,
-    scan_normals: np.ndarray,
+    scan: PreparedScan,
     sigmas: np.ndarray,
-    signed: bool,
-    landmarks: np.ndarray,
-    end: End | None = None,
+    end: End | None,
 ) -> tuple[Pose, float]:
-    """Fit a body to a scan, and return it with its mean log-likelihood.
+    """Fit a body to a scan by a step for each standard deviation, metres, but the last.
 
-    There is a step for each standard deviation, metres, and a likelihood for the last. Landmarks
-    are known positions of points of the body, shape (n, 3), NaN for all others. `signed` is whether
-    the signs of the scan's normals are known. Points beyond the end of the scan have no area.
+    The mean log-likelihood for the last is returned too. Points beyond the end have no area.
     """
-    n = len(body.areas)
+    n, n_joints = body.weights.shape
     areas = body.areas.astype(np.float32)
+    points, scan_normals = scan.points.astype(np.float32), scan.normals.astype(np.float32)
     masses, targets = np.empty(n, np.float32), np.empty((3, n), np.float32)
+    landmarks = np.full((n, 3), np.nan)
+    for joint, position in scan.landmarks.items():
+        landmarks[n - n_joints + joint] = position
     known = ~np.isnan(landmarks[:, 0])
-    pose, likelihood = start, -np.inf
     for number, sigma in enumerate(sigmas):
         posed = pose_body(body, pose)
         if end is not None:
@@ -410,22 +410,29 @@ def anneal(
             np.ascontiguousarray(posed.points.T, np.float32),
             np.ascontiguousarray(posed.normals.T, np.float32),
             areas,
-            scan,
+            points,
             scan_normals,
             sigma,
-            signed,
+            scan.signed,
             masses,
             targets,
         )
         if number == len(sigmas) - 1:
+            likelihood -= _landmark_cost(posed.points[-n_joints:], scan.landmarks)
             break
         # The smallest positive number stands for a mass of 0, whose share is 0.
         means = targets.T / np.maximum(masses, np.finfo(np.float32).tiny)[:, np.newaxis]
         gaps = np.where(known[:, np.newaxis], landmarks, means) - posed.points
-        shares = np.where(known, LANDMARK, masses / len(scan))
+        shares = np.where(known, _LANDMARK, masses / len(points))
         if end is not None:
             # Near the end, the points that belong to a point of the body are on one side of it.
             shares = np.where(known | end.shows(posed.points, sigma), shares, 0.0)
         weight = sigma * sigma / _WORTH
-        pose = take_step(body, posed, prior, weight, shares, gaps, posed.normals, 1.0, _LONGEST)
+        pose = take_step(posed, prior, weight, shares, gaps, posed.normals, 1.0, _LONGEST)
     return pose, likelihood
+
+
+def _landmark_cost(joints: np.ndarray, landmarks: Mapping[int, np.ndarray]) -> float:
+    """Return by how much landmarks far from their joints lower the log-likelihood."""
+    misses = [np.linalg.norm(joints[joint] - place) for joint, place in landmarks.items()]
+    return _LANDMARK * float(np.sum(np.minimum(misses, _FAR_MISS) ** 2)) / (2.0 * _MISS_METRES**2)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage, sparse
@@ -36,6 +39,27 @@ _NORMAL_METRES = 0.03
 # different sides.
 _MIXED = 0.05
 
+# Number of bodies that are fitted at once.
+N_THREADS = 2
+# Distance in metres that counts as much as a rotation of the normal by a radian.
+_MATCHED_NORMAL_METRES = 0.05
+# Number of scan points in an average, against noise.
+_N_MATCHED = 4
+_BLUR_METRES = 0.008
+# Number of points from which noise is estimated, and the median of |x| for a standard normal x.
+_N_NOISE, _MEDIAN = 3000, 0.6745
+# One unit of a coefficient counts as much as one point of the scan that lies so far off: the fewer
+# points, the more the prior counts.
+_PRIOR_METRES = 0.02
+
+
+class Matches(NamedTuple):
+    """The points of a scan that match the points of a body."""
+
+    gaps: np.ndarray  # (n, 3) vectors from the points of the body to their matches, metres
+    normals: np.ndarray  # (n, 3) normals of the scan at the matches
+    weights: np.ndarray  # (n,) reliability of each match, between 0 and 1
+
 
 @dataclass(frozen=True, eq=False)
 class PreparedScan:
@@ -44,9 +68,45 @@ class PreparedScan:
     points: np.ndarray
     normals: np.ndarray
     background: np.ndarray  # (N,) which points of the whole scan are floor or strays
-    up: np.ndarray | None  # upward normal of the floor, if there is one
-    estimated: bool  # whether the normals were estimated from the points alone
+    whole: Scan
+    up: np.ndarray | None = None  # direction up, if it is known
+    estimated: bool = False  # whether the normals were estimated from the points alone
     parts: np.ndarray | None = None  # (n,) connected parts of a mesh that has several
+    signed: bool = True  # whether the signs of the normals are known
+    landmarks: Mapping[int, np.ndarray] = field(default_factory=dict)  # positions of joints
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(np.concatenate([self.points, _MATCHED_NORMAL_METRES * self.normals], axis=1))
+
+    @property
+    def prior_weight(self) -> float:
+        """The weight of the prior, square metres."""
+        return _PRIOR_METRES**2 / len(self.points)
+
+    @cached_property
+    def noise(self) -> float:
+        """The standard deviation of the points along their normals, metres."""
+        # On a circle, the chord between two points is perpendicular to the mean of their normals,
+        # so what is left of it along this mean is noise.
+        chosen = np.linspace(0, len(self.points) - 1, _N_NOISE).astype(int)
+        near = self._tree.query(self._tree.data[chosen], k=5)[1][:, 1:]
+        chords = self.points[near] - self.points[chosen, np.newaxis]
+        means = 0.5 * (self.normals[near] + self.normals[chosen, np.newaxis])
+        heights = np.einsum("nkx,nkx->nk", chords, means)
+        return float(np.median(np.abs(heights))) / (_MEDIAN * np.sqrt(2.0))
+
+    def match(self, points: np.ndarray, normals: np.ndarray, scale: float) -> Matches:
+        """Match the points of a body; a match at distance `scale` has a quarter of the weight."""
+        places = np.concatenate([points, _MATCHED_NORMAL_METRES * normals], axis=1)
+        far, near = self._tree.query(places, k=_N_MATCHED, workers=N_THREADS)
+        shares = np.exp(-0.5 * (far**2 - far[:, :1] ** 2) / _BLUR_METRES**2)
+        shares /= shares.sum(axis=1, keepdims=True)
+        gaps = np.einsum("nk,nkx->nx", shares, self.points[near]) - points
+        mean_normals = unit_vectors(np.einsum("nk,nkx->nx", shares, self.normals[near]))
+        cosines = np.einsum("nx,nx->n", mean_normals, normals)
+        weights = (scale**2 / (np.sum(gaps**2, axis=1) + scale**2)) ** 2
+        return Matches(gaps, mean_normals, weights * np.clip(cosines, 0.0, 1.0))
 
 
 def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
@@ -65,7 +125,7 @@ def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
     normals = estimate_normals(points) if estimated else _scan_normals(scan, numbers)
     background = far
     if not surroundings:
-        return PreparedScan(points, normals, background, None, estimated)
+        return PreparedScan(points, normals, background, scan, None, estimated)
     floor = _find_floor(points, normals, rng)
     up = None
     if floor is not None:
@@ -88,7 +148,7 @@ def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
         normals = estimate_normals(points)  # the background may have flipped signs
     elif scan.normals is None and scan.faces is not None:
         parts = vertex_components(scan.faces, len(scan.points))[numbers[keep]]
-    return PreparedScan(points, normals, background, up, estimated, parts)
+    return PreparedScan(points, normals, background, scan, up, estimated, parts)
 
 
 def _scan_normals(scan: Scan, numbers: np.ndarray) -> np.ndarray:

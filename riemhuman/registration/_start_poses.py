@@ -33,6 +33,8 @@ _DEGREES = _TABLE["degrees"]
 _OTHER_DEGREES = 15.0
 
 _ARM_JOINTS = ("collar", "shoulder", "elbow", "wrist")
+# Joints that move a smaller share of the vertices are ignored.
+_LIMB = 0.01
 # Arms whose rotations differ by less are alike.
 _ALIKE = 0.05
 _FOREARM_ANGLES = np.radians(60.0 * np.arange(6))
@@ -92,31 +94,46 @@ def rename_joints(model: BodyModel, names: tuple[str, ...]) -> BodyModel:
     return renamed
 
 
-def arms_of(model: BodyModel) -> list[np.ndarray]:
-    """Return the joints of each arm, from the collar to the wrist."""
-    names = joint_names(model)
-    arms = [[f"{side}_{joint}" for joint in _ARM_JOINTS] for side in ("left", "right")]
-    return [np.array([names.index(name) for name in arm]) for arm in arms if {*arm} <= {*names}]
+class BodyParts:
+    """The joints of a model by their usual names, and the vertices that each moves most."""
 
+    def __init__(self, model: BodyModel) -> None:
+        self.model, self.names = model, joint_names(model)
+        self.owners = model.weights.argmax(axis=1)
+        arms = [[f"{side}_{joint}" for joint in _ARM_JOINTS] for side in ("left", "right")]
+        # The joints of each arm, from the collar to the wrist.
+        self.arms = [np.array(self.numbers(*arm)) for arm in arms if {*arm} <= {*self.names}]
+        self.on_hands = self.vertices(int(arm[-1]) for arm in self.arms)
+        # The legs, and what is above the waist: halves that scans may lack.
+        self.halves: list[np.ndarray] = []
+        if {"left_hip", "right_hip", "middle_spine"} <= {*self.names}:
+            ends = (("left_hip", "right_hip"), ("middle_spine",))
+            self.halves = [self.vertices(self.numbers(*each)) for each in ends]
 
-def hidden_parts(model: BodyModel) -> list[list[int]]:
-    """Return the joints of the legs, and those above the waist: halves that scans may lack."""
-    names = joint_names(model)
-    if not {"left_hip", "right_hip", "middle_spine"} <= {*names}:
-        return []
-    return [
-        joints_below(model, [names.index(name) for name in each])
-        for each in (("left_hip", "right_hip"), ("middle_spine",))
-    ]
+    def numbers(self, *names: str) -> list[int]:
+        """Return the joints of these names, where the model has them."""
+        return [self.names.index(name) for name in names if name in self.names]
 
+    def vertices(self, joints: Iterable[int]) -> np.ndarray:
+        """Return which vertices belong to some joints or to those that these move."""
+        below = {*joints}
+        for k in map(int, self.model.joint_order):
+            if int(self.model.parents[k]) in below:
+                below.add(k)
+        return np.isin(self.owners, sorted(below))
 
-def joints_below(model: BodyModel, joints: Iterable[int]) -> list[int]:
-    """Return some joints and those that they move."""
-    below = {*joints}
-    for k in map(int, model.joint_order):
-        if int(model.parents[k]) in below:
-            below.add(k)
-    return sorted(below)
+    def limb_vertices(self, joint: int) -> np.ndarray:
+        """Return which vertices belong to a joint or to those below it, or above it on an arm."""
+        joints = [joint]
+        for arm in self.arms:
+            joints += arm[1:].tolist() if joint in arm[1:] else []
+        return self.vertices(joints)
+
+    def shares(self, chosen: np.ndarray) -> np.ndarray:
+        """Return the share of the vertices of each joint that are chosen; 1 for small joints."""
+        counts = np.bincount(self.owners, minlength=self.model.n_joints)
+        own = np.bincount(self.owners, chosen, minlength=self.model.n_joints)
+        return np.where(counts >= _LIMB * len(chosen), own / np.maximum(counts, 1), 1.0)
 
 
 def other_arms(

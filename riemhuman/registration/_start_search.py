@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from riemhuman.bodies import BodyModel, rotation_matrix
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._posed_body import (
-    LANDMARK,
     End,
     ModelSamples,
     Pose,
@@ -21,10 +18,10 @@ from riemhuman.registration._posed_body import (
     pose_body,
     sample_model,
 )
-from riemhuman.registration._scan_preparation import thin_points
+from riemhuman.registration._scan_preparation import N_THREADS, PreparedScan, thin_points
 from riemhuman.registration._start_poses import (
     UP_POSES,
-    arms_of,
+    BodyParts,
     joint_precisions,
     other_arms,
     start_poses,
@@ -41,14 +38,10 @@ _UP_MARGIN = 0.15
 _SAME_METRES = 0.03
 # What the likelihood gains where another arm is right, and more than it differs between fits.
 _ARM_GAIN = 0.02
-# Standard deviation of landmarks, and the distance beyond which none counts more, metres.
-_MISS_METRES, _FAR_MISS = 0.04, 0.4
 # Inverse variance of the shape coefficients for a scan of the same person a moment later.
 _WARM_BETAS_PRECISION = 4.0
 # Inverse variance of the coefficients of hands that do not move.
 _STILL_HANDS = 1e6
-# Number of bodies that are fitted at once.
-N_THREADS = 2
 
 
 @dataclass(frozen=True)
@@ -74,15 +67,6 @@ _WARM_ROUNDS = (Round(500, 800, (0.08, 0.04), 5, 1), Round(1000, 1500, (0.03, 0.
 _FINE_ROUND = Round(3000, 5000, (0.015, 0.006), 5, 1)
 
 
-class Target(NamedTuple):
-    """The points that bodies are fitted to."""
-
-    points: np.ndarray  # (m, 3) evenly spread points of the scan, metres
-    normals: np.ndarray  # (m, 3)
-    signed: bool  # whether the signs of the normals are known
-    landmarks: dict[int, np.ndarray]  # known positions of joints
-
-
 @dataclass(frozen=True)
 class Candidate:
     """A body fitted from one start."""
@@ -97,15 +81,14 @@ class Candidate:
 class StartSearch:
     """The search over starts for one body model.
 
-    A scan may end above (`cut` is 1) or below (-1) where the body goes on, and the vertices of some
-    joints may be hidden.
+    A scan may end above (`cut` is 1) or below (-1), without legs, where the body goes on.
     """
 
-    def __init__(self, model: BodyModel, cut: int = 0, hidden: Iterable[int] = ()) -> None:
-        self.model, self.cut = model, cut
+    def __init__(self, model: BodyModel, cut: int = 0) -> None:
+        self.model, self.cut, self.parts = model, cut, BodyParts(model)
         self.root = int(np.flatnonzero(model.parents < 0)[0])
-        self.arms = arms_of(model)
-        self._shown = ~np.isin(model.weights.argmax(axis=1), list(hidden))
+        self.arms = self.parts.arms
+        self._shown = ~self.parts.halves[0] if cut < 0 else np.ones(model.n_vertices, dtype=bool)
         self._samples: dict[int | None, ModelSamples] = {}
 
     def samples(self, n_samples: int | None) -> ModelSamples:
@@ -142,7 +125,7 @@ class StartSearch:
         n_hands = self.model.hand_directions.shape[2]
         return np.repeat([1.0, _STILL_HANDS], [self.model.n_betas, n_hands])
 
-    def run(self, target: Target, up: np.ndarray | None, *, again: bool = False) -> list[Candidate]:
+    def run(self, scan: PreparedScan, *, again: bool = False) -> list[Candidate]:
         """Return the bodies from the likeliest starts, the best first; all axes are tried as up.
 
         Each arm of the best has been tried in the positions of all start poses. A search that is
@@ -150,57 +133,57 @@ class StartSearch:
         """
         offset, more = (0.5, 2) if again else (0.0, 1)
         first, *others = [replace(each, n_best=more * each.n_best) for each in _ROUNDS]
-        ups = _AXES if up is None else up[np.newaxis]
-        if up is None:
+        ups = _AXES if scan.up is None else scan.up[np.newaxis]
+        if scan.up is None:
             few = [name for name in UP_POSES if name in self.poses] or list(self.poses)
-            starts = [each for axis in ups for each in self._starts(few, axis, target, offset)]
+            starts = [each for axis in ups for each in self._starts(few, axis, scan, offset)]
             best: dict[tuple[float, ...], float] = {}
-            for candidate in self._advance(starts, first, target):
+            for candidate in self._advance(starts, first, scan):
                 best.setdefault(tuple(candidate.up), candidate.likelihood)
             likeliest = max(best.values())
             axes = sorted(best, key=lambda axis: -best[axis])[:2]
             ups = np.array([axis for axis in axes if best[axis] > likeliest - _UP_MARGIN])
         names = list(self.poses)
-        starts = [each for axis in ups for each in self._starts(names, axis, target, offset)]
-        candidates = self._advance(starts, first, target)
+        starts = [each for axis in ups for each in self._starts(names, axis, scan, offset)]
+        candidates = self._advance(starts, first, scan)
         for each in others:
-            candidates = self._advance(candidates, each, target)
+            candidates = self._advance(candidates, each, scan)
         best_body = candidates[0]
         for arm in self.arms:
-            best_body = self._with_likeliest_arm(best_body, arm, target)
+            best_body = self._with_likeliest_arm(best_body, arm, scan)
         # The others still have the arms of their starts, so likelihoods compare as they were.
         return [replace(best_body, likelihood=candidates[0].likelihood), *candidates[1:]]
 
-    def run_from(self, pose: Pose, up: np.ndarray, target: Target) -> Candidate:
+    def run_from(self, pose: Pose, up: np.ndarray, scan: PreparedScan) -> Candidate:
         """Return the body from one known start, the body a moment before."""
         warm = _WARM_BETAS_PRECISION * self.betas_precisions
-        prior = Prior(pose.local, self.precisions, pose.betas, warm)
+        prior = self._prior(pose)._replace(betas_precisions=warm)
         candidates = [Candidate(pose, prior, -np.inf, up, known=True)]
         for each in _WARM_ROUNDS:
-            candidates = self._advance(candidates, each, target)
+            candidates = self._advance(candidates, each, scan)
         return candidates[0]
 
-    def likelihood(
-        self, pose: Pose, points: np.ndarray, normals: np.ndarray, up: np.ndarray
-    ) -> float:
+    def _prior(self, pose: Pose) -> Prior:
+        return Prior(pose.local, self.precisions, pose.betas, self.betas_precisions)
+
+    def likelihood(self, pose: Pose, scan: PreparedScan, up: np.ndarray) -> float:
         """Return the mean log-likelihood of a scan with the last deviation of the last round."""
         last = _ROUNDS[-1]
-        prior = Prior(pose.local, self.precisions, pose.betas, self.betas_precisions)
-        each = Round(last.n_model, last.n_scan, (last.sigmas[1], last.sigmas[1]), 0, 1)
-        candidate = Candidate(pose, prior, -np.inf, up)
-        return self._advance([candidate], each, Target(points, normals, True, {}))[0].likelihood
+        each = replace(last, sigmas=(last.sigmas[1], last.sigmas[1]), n_steps=0)
+        candidate = Candidate(pose, self._prior(pose), -np.inf, up)
+        return self._advance([candidate], each, replace(scan, landmarks={}))[0].likelihood
 
-    def anneal_finely(self, best: Candidate, points: np.ndarray, normals: np.ndarray) -> Pose:
+    def anneal_finely(self, best: Candidate, scan: PreparedScan) -> Pose:
         """Return a body after soft assignment with smaller deviations than in the search."""
-        return self._advance([best], _FINE_ROUND, Target(points, normals, True, {}))[0].pose
+        return self._advance([best], _FINE_ROUND, replace(scan, landmarks={}))[0].pose
 
     def _starts(
-        self, names: list[str], up: np.ndarray, target: Target, offset: float
+        self, names: list[str], up: np.ndarray, scan: PreparedScan, offset: float
     ) -> list[Candidate]:
         """Return starts with headings that differ by sixths of 360°, from an offset in sixths."""
         body = self.samples(_ROUNDS[0].n_model)
         upright = _rotation_between(_UP, up)
-        centre, end = target.points.mean(axis=0), self.end_of(target.points, up)
+        centre, end = scan.points.mean(axis=0), self.end_of(scan.points, up)
         betas = np.zeros(len(self.betas_precisions))
         starts = []
         for name in names:
@@ -214,11 +197,13 @@ class StartSearch:
                     for _ in range(_N_SHIFTS):
                         shown = body.areas * end.shows(points + shift)
                         shift = centre - shown @ points / shown.sum()
-                prior = Prior(self.poses[name], self.precisions, betas, self.betas_precisions)
+                prior = self._prior(Pose(self.poses[name], betas, shift))
                 starts.append(Candidate(Pose(local, betas, shift), prior, -np.inf, up))
         return starts
 
-    def _with_likeliest_arm(self, body: Candidate, arm: np.ndarray, target: Target) -> Candidate:
+    def _with_likeliest_arm(
+        self, body: Candidate, arm: np.ndarray, scan: PreparedScan
+    ) -> Candidate:
         """Return a body with one arm as in a start pose if that is likelier, or as it is."""
         first, last = _ARM_ROUNDS
         others = []
@@ -227,49 +212,28 @@ class StartSearch:
             local[arm] = expected[arm] = rotations
             pose, prior = body.pose._replace(local=local), body.prior._replace(local=expected)
             others.append(replace(body, pose=pose, prior=prior))
-        others = self._advance(others, first, target)
-        (other,) = self._advance(others, last, target)
-        (own,) = self._advance([body], last, target)
+        others = self._advance(others, first, scan)
+        (other,) = self._advance(others, last, scan)
+        (own,) = self._advance([body], last, scan)
         return other if other.likelihood > own.likelihood + _ARM_GAIN else body
 
-    def _advance(self, candidates: list[Candidate], each: Round, target: Target) -> list[Candidate]:
+    def _advance(
+        self, candidates: list[Candidate], each: Round, scan: PreparedScan
+    ) -> list[Candidate]:
         """Return the likeliest candidates after one round, the best first."""
         body = self.samples(each.n_model)
-        chosen = thin_points(target.points, each.n_scan, np.random.default_rng(0))
-        scan = target.points[chosen].astype(np.float32)
-        normals = target.normals[chosen].astype(np.float32)
-        known = np.full((len(body.areas), 3), np.nan)
-        n_vertices = len(body.areas) - self.model.n_joints
-        for joint, position in target.landmarks.items():
-            known[n_vertices + joint] = position
+        chosen = thin_points(scan.points, each.n_scan, np.random.default_rng(0))
+        few = replace(scan, points=scan.points[chosen], normals=scan.normals[chosen])
         sigmas = np.append(np.geomspace(*each.sigmas, each.n_steps), each.sigmas[1])
 
-        def advance(candidate: Candidate) -> Candidate:
-            pose, likelihood = anneal(
-                body,
-                candidate.pose,
-                candidate.prior,
-                scan,
-                normals,
-                sigmas,
-                target.signed,
-                known,
-                self.end_of(target.points, candidate.up),
-            )
-            if target.landmarks:
-                joints = pose_body(body, pose).points[n_vertices:]
-                likelihood -= _landmark_cost(joints, target.landmarks)
-            return replace(candidate, pose=pose, likelihood=likelihood)
+        def advance(start: Candidate) -> Candidate:
+            end = self.end_of(scan.points, start.up)
+            pose, likelihood = anneal(body, start.pose, start.prior, few, sigmas, end)
+            return replace(start, pose=pose, likelihood=likelihood)
 
         advanced = list(mapped(advance, candidates, N_THREADS))
         advanced.sort(key=lambda candidate: -candidate.likelihood)
         return _different(advanced, body, each.n_best)
-
-
-def _landmark_cost(joints: np.ndarray, landmarks: dict[int, np.ndarray]) -> float:
-    """Return by how much landmarks far from their joints lower the log-likelihood."""
-    misses = [np.linalg.norm(joints[joint] - place) for joint, place in landmarks.items()]
-    return LANDMARK * float(np.sum(np.minimum(misses, _FAR_MISS) ** 2)) / (2.0 * _MISS_METRES**2)
 
 
 def _different(candidates: list[Candidate], body: ModelSamples, n_best: int) -> list[Candidate]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration._start_poses import BodyParts
 from riemhuman.surfaces.template import Template
 
 # Likelihoods are compared for bodies of this area, because the density falls as the area grows.
@@ -28,6 +27,12 @@ LARGEST_OVERLAP = 0.02
 # prints how often right bodies are refused and wrong ones are trusted.
 FAR_SHARE, FAR_METRES, USUAL_LIKELIHOOD = 0.95, 0.020, 2.75
 
+_LIMB_JOINTS = ("shoulder", "elbow", "hip", "knee", "head")
+# A limb whose matches are also those of another part, for this share of them, is not in the scan.
+_SHARED_LIMB = 0.5
+# No elbow or knee bends by more than 160°.
+_FOLDING, _LEAST_BENT = {"elbow": "wrist", "knee": "ankle"}, -0.94
+
 # Holes up to twice this width are filled by the vertices around them, metres.
 _SEEN_METRES = 0.06
 # Vertices overlap if they look the same way, are this far apart in the rest pose, and lie on each
@@ -35,20 +40,6 @@ _SEEN_METRES = 0.06
 _APART_METRES, _ALONG_METRES, _OVERLAP_METRES, _N_NEIGHBOURS = 0.15, 0.012, (0.015, 0.045), 30
 
 _REMEDY = "landmarks decide: the argument of ScanRegistration.solve, or --landmarks"
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """The quantities by which a registration is checked."""
-
-    likelihood: float
-    margin: float
-    near: float
-    betas: float
-    far: float
-    overlap: float
-    limb: str
-    limb_matched: float
 
 
 def near_matched(template: Template, matched: np.ndarray) -> np.ndarray:
@@ -94,51 +85,82 @@ def find_overlaps(template: Template, points: np.ndarray, matched: np.ndarray) -
     return overlaps
 
 
-def find_doubts(evidence: Evidence) -> tuple[list[str], list[str]]:
+def find_lost_limbs(
+    parts: BodyParts, points: np.ndarray, matched: np.ndarray, overlaps: np.ndarray
+) -> np.ndarray:
+    """Return which vertices belong to limbs that match little of the scan."""
+    # The model has no way to leave out a limb: without points of its own, it is fitted to others,
+    # and most of what it matches is matched by another part of the body too, or it is folded into
+    # the part above it.
+    names, model = parts.names, parts.model
+    few = parts.shares(matched & ~overlaps) < LIMB_ELSEWHERE
+    shared = parts.shares(overlaps) > _SHARED_LIMB * parts.shares(matched)
+    lost = [int(k) for k in np.flatnonzero(few | shared) if names[k].split("_")[-1] in _LIMB_JOINTS]
+    joints = model.joint_regressor @ points
+    for k, name in enumerate(names):
+        side, _, joint = name.partition("_")
+        for end in parts.numbers(f"{side}_{_FOLDING.get(joint)}"):
+            above, below = joints[k] - joints[model.parents[k]], joints[end] - joints[k]
+            if above @ below < _LEAST_BENT * np.linalg.norm(above) * np.linalg.norm(below):
+                lost.append(k)
+    return parts.vertices(lost)
+
+
+def find_doubts(
+    *,
+    likelihood: float,
+    margin: float,
+    near: float,
+    betas: float,
+    far: float,
+    overlap: float,
+    limb: str,
+    limb_matched: float,
+) -> tuple[list[str], list[str]]:
     """Return the reasons to distrust a registration, and those to distrust one limb of it."""
     reasons: list[str] = []
     of_limb: list[str] = []
-    if evidence.near < LEAST_NEAR:
+    if near < LEAST_NEAR:
         reasons.append(
-            f"only {100 * evidence.near:.0f} % of the scan lies within "
+            f"only {100 * near:.0f} % of the scan lies within "
             f"{100 * NEAR_METRES:.0f} cm of the body: there is something else in it, or more than "
             "one person"
         )
-    if evidence.likelihood < LEAST_LIKELIHOOD:
+    if likelihood < LEAST_LIKELIHOOD:
         reasons.append(
-            f"the scan does not look like a body (log-likelihood {evidence.likelihood:.2f}; bodies "
+            f"the scan does not look like a body (log-likelihood {likelihood:.2f}; bodies "
             f"have {LEAST_LIKELIHOOD:g} and more)"
         )
     if reasons:
         return reasons, of_limb  # the other checks make sense only for a body
-    if evidence.margin < LEAST_MARGIN:
+    if margin < LEAST_MARGIN:
         reasons.append(
             "a body that faces or stands another way fits nearly as well (log-likelihood less by "
-            f"{evidence.margin:.2f}); {_REMEDY}"
+            f"{margin:.2f}); {_REMEDY}"
         )
-    if evidence.near < LEAST_NEAR_OF_LIMB and evidence.limb_matched < LIMB_ELSEWHERE:
+    if near < LEAST_NEAR_OF_LIMB and limb_matched < LIMB_ELSEWHERE:
         of_limb.append(
-            f"{100 * (1.0 - evidence.near):.1f} % of the scan lies more than "
-            f"{100 * NEAR_METRES:.0f} cm from the body, and {evidence.limb} matches hardly "
-            f"anything in the scan ({100 * evidence.limb_matched:.0f} % of its vertices): it may "
+            f"{100 * (1.0 - near):.1f} % of the scan lies more than "
+            f"{100 * NEAR_METRES:.0f} cm from the body, and {limb} matches hardly "
+            f"anything in the scan ({100 * limb_matched:.0f} % of its vertices): it may "
             f"be elsewhere; {_REMEDY}"
         )
-    if evidence.overlap > LARGEST_OVERLAP:
+    if overlap > LARGEST_OVERLAP:
         reasons.append(
-            f"{100 * evidence.overlap:.1f} % of the body lies where another part of it is: the "
+            f"{100 * overlap:.1f} % of the body lies where another part of it is: the "
             "scan may show only a part of a body"
         )
-    misfit = np.log(evidence.far / FAR_METRES) + USUAL_LIKELIHOOD - evidence.likelihood
+    misfit = np.log(far / FAR_METRES) + USUAL_LIKELIHOOD - likelihood
     if misfit > 0.0:
         reasons.append(
             f"the body fits badly: {100 * (1 - FAR_SHARE):.0f} % of the scan lies more than "
-            f"{100 * evidence.far:.1f} cm from the model's surface, and the log-likelihood is "
-            f"{evidence.likelihood:.2f}; it may face the wrong way, have limbs in wrong places or "
+            f"{100 * far:.1f} cm from the model's surface, and the log-likelihood is "
+            f"{likelihood:.2f}; it may face the wrong way, have limbs in wrong places or "
             f"wear thick clothes; {_REMEDY}"
         )
-    if evidence.betas > LARGEST_BETA:
+    if betas > LARGEST_BETA:
         reasons.append(
-            f"the shape is far from all people the model knows ({evidence.betas:.1f} standard "
+            f"the shape is far from all people the model knows ({betas:.1f} standard "
             "deviations a coefficient)"
         )
     return reasons, of_limb

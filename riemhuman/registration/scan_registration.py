@@ -21,20 +21,19 @@ from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.progress import ProgressBar
-from riemhuman.registration._dense_fit import DenseFitter, ScanTree, fit_elastic
+from riemhuman.registration._dense_fit import DenseFit, DenseFitter, fit_elastic
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._scan_preparation import PreparedScan, prepare_scan
-from riemhuman.registration._start_poses import arms_of, hidden_parts, joint_names, joints_below
-from riemhuman.registration._start_search import Candidate, StartSearch, Target
+from riemhuman.registration._start_poses import BodyParts
+from riemhuman.registration._start_search import Candidate, StartSearch
 from riemhuman.registration._trust import (
     AREA,
     FAR_SHARE,
     LEAST_NEAR,
-    LIMB_ELSEWHERE,
     NEAR_METRES,
     RIVAL_METRES,
-    Evidence,
     find_doubts,
+    find_lost_limbs,
     find_overlaps,
     join_reasons,
     near_matched,
@@ -128,13 +127,6 @@ _MATCHED_METRES = 0.02
 _FARTHEST_LANDMARK = 5.0
 # Cosine of the pelvis' left with the horizontal below which the forward direction is used instead.
 _LEAST_LEVEL = 0.3
-# Joints that move a smaller share of the vertices are ignored.
-_LIMB = 0.01
-_LIMB_JOINTS = ("shoulder", "elbow", "hip", "knee", "head")
-# A limb whose matches are also those of another part, for this share of them, is not in the scan.
-_SHARED_LIMB = 0.5
-# No elbow or knee bends by more than 160°.
-_FOLDING, _LEAST_BENT = {"elbow": "wrist", "knee": "ankle"}, -0.94
 # Unseen parts are named if they are more than this share of the surface together.
 _LEAST_UNSEEN = 0.1
 # With a larger unseen share, the direction up is a guess.
@@ -223,20 +215,18 @@ class ScanRegistration:
             If fewer than 200 points are left without the background, or the size is not that of a
             body.
         """
-        whole = as_scan(scan, self.unit)
-        known = self._landmark_positions({} if landmarks is None else landmarks, whole)
-        prepared = prepare_scan(whole)
+        prepared = self._prepare(scan, {} if landmarks is None else landmarks)
         with single_threaded_libraries():
 
             @cache
             def half(number: int) -> RegisteredScan:
-                return self._solve(self._partial_fitters[number], whole, prepared, known)
+                return self._solve(self._partial_fitters[number], prepared)
 
-            result = self._solve_whole(half, whole, prepared, known, start)
+            result = self._solve_whole(half, prepared, start)
             if not result.trusted:
-                others = [self._solve_whole(half, whole, prepared, known, again=start is None)]
+                others = [self._solve_whole(half, prepared, again=start is None)]
                 if not others[0].trusted and _near_share(result) > _NEAR_OF_HALF:
-                    others += map(half, range(len(self._halves)))
+                    others += map(half, range(len(self._parts.halves)))
                 likeliest = max(others, key=lambda each: (each.trusted, each.likelihood))
                 if likeliest.trusted or likeliest.likelihood > result.likelihood + _RETRY_GAIN:
                     return likeliest
@@ -269,38 +259,29 @@ class ScanRegistration:
         return results
 
     @cached_property
-    def _search(self) -> StartSearch:
-        return StartSearch(self.model)
+    def _fitter(self) -> DenseFitter:
+        return DenseFitter(StartSearch(self.model))
 
     @cached_property
     def _partial_fitters(self) -> list[DenseFitter]:
         """Fitters of bodies without legs, and without what is above some height."""
-        return [
-            DenseFitter(StartSearch(self.model, cut, part if cut < 0 else ()))
-            for cut, part in zip((-1, 1), hidden_parts(self.model), strict=False)
-        ]
+        cuts = (-1, 1) if self._parts.halves else ()
+        return [DenseFitter(StartSearch(self.model, cut)) for cut in cuts]
 
-    @cached_property
-    def _halves(self) -> list[np.ndarray]:
-        """Which vertices belong to the legs, and which to what is above the waist."""
-        return [np.isin(self._owners, part) for part in hidden_parts(self.model)]
+    @property
+    def _search(self) -> StartSearch:
+        return self._fitter.search
 
-    @cached_property
-    def _owners(self) -> np.ndarray:
-        """The joint that moves each vertex most."""
-        owners: np.ndarray = self.model.weights.argmax(axis=1)
-        return owners
+    @property
+    def _parts(self) -> BodyParts:
+        return self._search.parts
 
-    @cached_property
-    def _on_hands(self) -> np.ndarray:
-        """Which vertices belong to the hands."""
-        wrists = [int(arm[-1]) for arm in arms_of(self.model)]
-        on_hands: np.ndarray = np.isin(self._owners, joints_below(self.model, wrists))
-        return on_hands
-
-    @cached_property
-    def _fitter(self) -> DenseFitter:
-        return DenseFitter(self._search)
+    def _prepare(self, scan: Any, landmarks: Any) -> PreparedScan:
+        whole = as_scan(scan, self.unit)
+        known = self._landmark_positions(landmarks, whole)
+        prepared = prepare_scan(whole)
+        up = prepared.up if self.up is None else _UP[self.up]
+        return replace(prepared, up=up, landmarks=known)
 
     def _landmark_positions(
         self, landmarks: Mapping[str, Any], scan: Scan
@@ -311,7 +292,7 @@ class ScanRegistration:
                 "landmarks must be a mapping of joints to positions, {'left_wrist': [x, y, z]}; "
                 f"found {type(landmarks).__name__}"
             )
-        names = joint_names(self.model)
+        names = self._parts.names
         centre = np.median(scan.points, axis=0)
         positions = {}
         for name, given in landmarks.items():
@@ -332,21 +313,18 @@ class ScanRegistration:
     def _solve_whole(
         self,
         half: Callable[[int], RegisteredScan],
-        whole: Scan,
-        prepared: PreparedScan,
-        landmarks: dict[int, np.ndarray],
+        scan: PreparedScan,
         start: RegisteredScan | None = None,
         *,
         again: bool = False,
     ) -> RegisteredScan:
-        """Return the result for a whole body, or for half a body if the scan shows no more.
-
-        The model has no way to leave out legs: without points of their own, they are fitted to the
-        trunk and pull it out of place. Few of their vertices match then, and a body without legs
-        comes near to all of the scan.
-        """
-        result = self._solve(self._fitter, whole, prepared, landmarks, start, again=again)
-        for number, missing in enumerate(self._halves if result.trusted_vertices.any() else ()):
+        """Return the result for a whole body, or for half a body if the scan shows no more."""
+        # The model has no way to leave out legs: without points of their own, they are fitted to
+        # the trunk and pull it out of place. Few of their vertices match then, and a body without
+        # legs comes near to all of the scan.
+        result = self._solve(self._fitter, scan, start, again=again)
+        halves = self._parts.halves if result.trusted_vertices.any() else ()
+        for number, missing in enumerate(halves):
             few = result.matched[missing].mean() < _LEAST_MATCHED_HALF
             if few and _near_share(half(number)) >= LEAST_NEAR:
                 return half(number)
@@ -355,58 +333,53 @@ class ScanRegistration:
     def _solve(
         self,
         fitter: DenseFitter,
-        whole: Scan,
-        prepared: PreparedScan,
-        landmarks: dict[int, np.ndarray],
+        scan: PreparedScan,
         start: RegisteredScan | None = None,
         *,
         again: bool = False,
     ) -> RegisteredScan:
         """Return the result of one search, from other starts if it is done again."""
-        bodies = fitter.search
-        candidates, scan = self._search_candidates(bodies, prepared, landmarks, start, again)
-        best = candidates[0]
-        pose, model_points, points, matches = fitter.fit(best, scan)
+        bodies, parts, whole, template = fitter.search, self._parts, scan.whole, self.model.template
+        candidates, scan = self._search_candidates(bodies, scan, start, again)
+        up = candidates[0].up
+        fit = DenseFit(fitter, candidates[0], scan)
+        pose, points, model_points = fit.pose, fit.points, fit.model_points
         betas, hands = np.split(pose.betas, [self.model.n_betas])
         places, distances = nearest_points(whole.points, points, self.model.faces)
         background = scan.background | fitter.find_hair(model_points, whole.points)
-        visible = bodies.find_visible(model_points, scan.points, best.up)
-        likelihood = self._likelihood(bodies, pose, scan, best.up, visible)
-        moved = np.linalg.norm(points - model_points, axis=1)
-        gaps = np.linalg.norm(matches.gaps, axis=1)
-        matched = visible & (gaps < _MATCHED_METRES) & (matches.weights > 0.1)
+        visible = bodies.find_visible(model_points, scan.points, up)
+        likelihood = self._likelihood(bodies, pose, scan, up, visible)
+        gaps = np.linalg.norm(fit.matches.gaps, axis=1)
+        matched = visible & (gaps < _MATCHED_METRES) & (fit.matches.weights > 0.1)
         some = scan.points[:: max(len(scan.points) // _N_DENSE, 1)]
         some = some[~fitter.find_hair(model_points, some)]
         _, model_distances = nearest_points(some, model_points, self.model.faces)
         # Hands that lie on the body are thin enough to be where it is, though they are right.
-        overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands)
-        lost = self._lost_limbs(points, matched, overlaps)
+        overlaps = find_overlaps(template, points, matched & ~parts.on_hands)
+        lost = find_lost_limbs(parts, points, matched, overlaps)
         if lost.any():
-            overlaps = find_overlaps(self.model.template, points, matched & ~self._on_hands & ~lost)
-        seen = near_matched(self.model.template, matched) & ~lost
-        shares = self._shares(matched)
+            overlaps = find_overlaps(template, points, matched & ~parts.on_hands & ~lost)
+        seen = near_matched(template, matched) & ~lost
+        shares = parts.shares(matched)
         limb = int(np.argmin(shares))
         doubts, limb_doubts = find_doubts(
-            Evidence(
-                likelihood=likelihood,
-                margin=self._margin(bodies, candidates, scan),
-                near=float(np.mean(distances[~background] < NEAR_METRES)),
-                betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
-                far=float(np.quantile(model_distances, FAR_SHARE)),
-                overlap=float(overlaps.sum() / max(matched.sum(), 1)),
-                limb=joint_names(self.model)[limb],
-                limb_matched=float(shares[limb]),
-            )
+            likelihood=likelihood,
+            margin=self._margin(bodies, candidates, scan),
+            near=float(np.mean(distances[~background] < NEAR_METRES)),
+            betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
+            far=float(np.quantile(model_distances, FAR_SHARE)),
+            overlap=float(overlaps.sum() / max(matched.sum(), 1)),
+            limb=parts.names[limb],
+            limb_matched=float(shares[limb]),
         )
-        doubts += self._landmark_doubts(pose, landmarks)
+        doubts += self._landmark_doubts(pose, scan)
         if doubts and self.unit is None:
             doubts = [*_other_units(whole, background), *doubts]
         trusted_vertices = seen & (not doubts)
-        up = best.up
-        if self.up is None and scan.up is None:
-            up = self._standing_up(pose, up)
         if limb_doubts:
-            trusted_vertices &= ~self._limb_vertices(limb)
+            trusted_vertices &= ~parts.limb_vertices(limb)
+        if scan.up is None:
+            up = self._standing_up(pose, up)
         return RegisteredScan(
             points=points,
             trusted=not doubts and not limb_doubts,
@@ -417,7 +390,7 @@ class ScanRegistration:
                 betas=betas,
                 pose=Rotation.from_matrix(pose.local).as_rotvec(),
                 trans=pose.trans,
-                distances=moved,
+                distances=np.linalg.norm(points - model_points, axis=1),
                 converged=np.array(True),
                 n_iterations=np.array(0),
                 hands=hands,
@@ -427,7 +400,7 @@ class ScanRegistration:
             correspondence=places,
             background=background,
             up=up,
-            transform=_upright_transform(points, pose.local[self._search.root], up),
+            transform=_upright_transform(points, pose.local[bodies.root], up),
             unit=whole.unit,
         )
 
@@ -435,28 +408,25 @@ class ScanRegistration:
         self,
         bodies: StartSearch,
         scan: PreparedScan,
-        landmarks: dict[int, np.ndarray],
         start: RegisteredScan | None,
         again: bool,
     ) -> tuple[list[Candidate], PreparedScan]:
         """Return the likeliest bodies, and the scan with normals oriented like theirs."""
-        up = scan.up if self.up is None else _UP[self.up]
 
-        def search(signed: bool) -> list[Candidate]:
-            target = Target(scan.points, scan.normals, signed, landmarks)
+        def search(target: PreparedScan) -> list[Candidate]:
             if start is not None and start.fit is not None:
                 warm = bodies.run_from(_pose(start.fit), start.up, target)
                 likelihood = self._likelihood(bodies, warm.pose, scan, start.up)
                 if likelihood > start.likelihood - _WARM_LOSS:
                     return [warm]
-            return bodies.run(target, up, again=again)
+            return bodies.run(target, again=again)
 
-        candidates = search(True)
+        candidates = search(scan)
         if not scan.estimated and scan.parts is None:
             return candidates, scan
         normals, agreement = self._orient_normals(scan, candidates[0].pose)
         if agreement < _AGREEMENT:
-            candidates = search(False)
+            candidates = search(replace(scan, signed=False))
             normals, _ = self._orient_normals(scan, candidates[0].pose)
         return candidates, replace(scan, normals=normals)
 
@@ -485,50 +455,8 @@ class ScanRegistration:
         """Return the log-likelihood for a body of the standard area."""
         areas = triangle_areas(self.model(pose.betas[: self.model.n_betas]), self.model.faces)
         area = areas.sum() if visible is None else areas @ visible[self.model.faces[:, 0]]
-        likelihood = bodies.likelihood(pose, scan.points, scan.normals, up)
+        likelihood = bodies.likelihood(pose, scan, up)
         return likelihood + float(np.log(area / AREA))
-
-    def _shares(self, chosen: np.ndarray) -> np.ndarray:
-        """Return the share of the vertices of each joint that are chosen; 1 for small joints."""
-        owners = self._owners
-        counts = np.bincount(owners, minlength=self.model.n_joints)
-        own = np.bincount(owners, chosen, minlength=self.model.n_joints)
-        return np.where(counts >= _LIMB * len(owners), own / np.maximum(counts, 1), 1.0)
-
-    def _limb_vertices(self, joint: int) -> np.ndarray:
-        """Return which vertices belong to a joint or to those below it, or above it on an arm."""
-        joints = [joint]
-        for arm in arms_of(self.model):
-            joints += arm[1:].tolist() if joint in arm[1:] else []
-        return np.isin(self._owners, joints_below(self.model, joints))
-
-    def _lost_limbs(
-        self, points: np.ndarray, matched: np.ndarray, overlaps: np.ndarray
-    ) -> np.ndarray:
-        """Return which vertices belong to limbs that match little of the scan.
-
-        The model has no way to leave out a limb: without points of its own, it is fitted to others,
-        and most of what it matches is matched by another part of the body too, or it is folded into
-        the part above it.
-        """
-        names = joint_names(self.model)
-        joints = self.model.joint_regressor @ points
-        few = self._shares(matched & ~overlaps) < LIMB_ELSEWHERE
-        shared = self._shares(overlaps) > _SHARED_LIMB * self._shares(matched)
-        lost = [
-            int(k) for k in np.flatnonzero(few | shared) if names[k].split("_")[-1] in _LIMB_JOINTS
-        ]
-        for k, name in enumerate(names):
-            side, _, joint = name.partition("_")
-            end = f"{side}_{_FOLDING.get(joint)}"
-            if end in names:
-                above = joints[k] - joints[self.model.parents[k]]
-                below = joints[names.index(end)] - joints[k]
-                size = np.linalg.norm(above) * np.linalg.norm(below)
-                if above @ below < _LEAST_BENT * size:
-                    lost.append(k)
-        vertices: np.ndarray = np.isin(self._owners, joints_below(self.model, lost))
-        return vertices
 
     def _unseen_parts(self, seen: np.ndarray, lost: np.ndarray, scan: PreparedScan) -> list[str]:
         """Return what to say about the parts that a scan does not show."""
@@ -536,17 +464,17 @@ class ScanRegistration:
         share = 1.0 - areas @ seen / areas.sum()
         if share < _LEAST_UNSEEN and not lost.any():
             return []
-        names = joint_names(self.model)
-        parts = [names[k] for k in np.flatnonzero(self._shares(seen) < 0.5)]
-        most = f", most of {', '.join(parts)}," if parts else ""
+        names = self._parts.names
+        unseen = [names[k] for k in np.flatnonzero(self._parts.shares(seen) < 0.5)]
+        most = f", most of {', '.join(unseen)}," if unseen else ""
         said = f"{100 * share:.0f} % of the body{most} is not in the scan and not trusted"
-        if share > _GUESSED_UP and self.up is None and scan.up is None:
+        if share > _GUESSED_UP and scan.up is None:
             said += "; which way is up was guessed from the rest: the argument up, or --up, decides"
         return [said]
 
     def _standing_up(self, pose: Pose, up: np.ndarray) -> np.ndarray:
         """Return an axis, or the direction up of the feet if they and the trunk lean from it."""
-        names = joint_names(self.model)
+        names = self._parts.names
         if not {"left_ankle", "right_ankle", "neck"} <= {*names}:
             return up
         posed = pose_body(self._search.samples(1000), pose)
@@ -556,12 +484,11 @@ class ScanRegistration:
         leans = max(feet @ up, trunk @ up) < _LEANING and left @ right > _FEET_AGREE
         return feet if leans else up
 
-    def _landmark_doubts(self, pose: Pose, landmarks: dict[int, np.ndarray]) -> list[str]:
-        body = self._search.samples(1000)
-        joints = pose_body(body, pose).points[-self.model.n_joints :]
-        misses = {k: float(np.linalg.norm(joints[k] - place)) for k, place in landmarks.items()}
+    def _landmark_doubts(self, pose: Pose, scan: PreparedScan) -> list[str]:
+        joints = pose_body(self._search.samples(1000), pose).points[-self.model.n_joints :]
+        misses = {k: np.linalg.norm(joints[k] - place) for k, place in scan.landmarks.items()}
         return [
-            f"{joint_names(self.model)[k]} is {100 * miss:.0f} cm from its landmark"
+            f"{self._parts.names[k]} is {100 * miss:.0f} cm from its landmark"
             for k, miss in misses.items()
             if miss > _FARTHEST_MISS
         ]
@@ -708,9 +635,8 @@ class TemplateRegistration:
 
     def _fit(self, whole: Scan, prepared: PreparedScan, points: np.ndarray) -> RegisteredScan:
         faces = self.template.faces
-        tree = ScanTree(prepared.points, prepared.normals)
         for scale in _RIGID_SCALES:
-            matches = tree.match(points, vertex_normals(points, faces), scale)
+            matches = prepared.match(points, vertex_normals(points, faces), scale)
             weights = matches.weights * self.template.vertex_areas
             if not weights.any():
                 raise ArgumentError("no part of start faces the same way as the scan near it")
@@ -718,7 +644,7 @@ class TemplateRegistration:
         reference = points
         for scale in _FREE_SCALES:
             points, matches = fit_elastic(
-                self._metric, points, reference, tree, _STIFFNESSES, scale
+                self._metric, points, reference, prepared, _STIFFNESSES, scale
             )
         near = np.linalg.norm(matches.gaps, axis=1) < _NEAR_METRES
         matched = near & (matches.weights > 0.1)

@@ -1,5 +1,7 @@
 """The dense fit: forearms turned about themselves come back, noise is that of the scan."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scanned_people import foreign_bodies, foreign_places, points_at
@@ -7,11 +9,10 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration import simulated_scan
-from riemhuman.registration._dense_fit import DenseFitter, ScanTree
+from riemhuman.registration._dense_fit import DenseFit, DenseFitter
 from riemhuman.registration._posed_body import Pose, Prior
-from riemhuman.registration._scan_preparation import estimate_normals, prepare_scan
-from riemhuman.registration._start_poses import arms_of
-from riemhuman.registration._start_search import Candidate, StartSearch, Target
+from riemhuman.registration._scan_preparation import prepare_scan
+from riemhuman.registration._start_search import Candidate, StartSearch
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -20,7 +21,7 @@ UP = np.array([0.0, 1.0, 0.0])
 def test_noise_is_that_of_the_scan(model, noise):
     body = rh.datasets.load_open_bodies("coarse")[0]
     points = simulated_scan(body, model.faces, 0, n_points=8000, noise=noise).points
-    estimated = ScanTree(points, estimate_normals(points)).noise
+    estimated = prepare_scan(rh.registration.Scan(points), surroundings=False).noise
     assert abs(estimated - noise) < 0.0008
 
 
@@ -33,10 +34,9 @@ def test_turned_hands_come_back(model, registration_from_few_poses):
         rh.registration.Scan(simulated_scan(body, triangles, 0, n_points=6000, rotate=False).points)
     )
     fitter = registration_from_few_poses()._fitter
-    target = Target(prepared.points, prepared.normals, True, {})
-    best = fitter.search.run(target, UP)[0]
-    right = fitter.fit(best, prepared)
-    arm = arms_of(model)[0]
+    best = fitter.search.run(replace(prepared, up=UP))[0]
+    right = DenseFit(fitter, best, prepared)
+    arm = fitter.parts.arms[0]
     elbow, wrist = arm[2:]
     rest = model.joint_regressor @ model.template.vertices
     axis = (rest[wrist] - rest[elbow]) / np.linalg.norm(rest[wrist] - rest[elbow])
@@ -50,7 +50,7 @@ def test_turned_hands_come_back(model, registration_from_few_poses):
     local = right.pose.local.copy()
     local[elbow] = local[elbow] @ rh.bodies.rotation_matrix(np.radians(120.0) * axis)
     start = Pose(local, right.pose.betas, right.pose.trans)
-    found = fitter.fit(Candidate(start, best.prior, 0.0, UP), prepared)
+    found = DenseFit(fitter, Candidate(start, best.prior, 0.0, UP), prepared)
     assert error(found.points) < error(right.points) + 0.005
 
 
@@ -64,7 +64,7 @@ def test_hands_come_out_as_they_are(model):
     betas = np.zeros(model.n_betas + len(hands))
     prior = Prior(local, search.precisions, betas, search.betas_precisions)
     start = Candidate(Pose(local, betas, np.zeros(3)), prior, 0.0, UP)
-    fit = fitter.fit(start, prepare_scan(rh.registration.Scan(scan.points)))
+    fit = DenseFit(fitter, start, prepare_scan(rh.registration.Scan(scan.points)))
     np.testing.assert_allclose(fit.pose.betas[model.n_betas :], hands, atol=0.1)
     on_hand = np.abs(model.hand_directions).max(axis=(1, 2)) > 0.01
     assert np.linalg.norm(fit.points - scan.body, axis=1)[on_hand].mean() < 0.01

@@ -5,9 +5,7 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.registration import simulated_scan
-from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._trust import LARGEST_OVERLAP, find_overlaps
-from riemhuman.registration.scans import as_scan
 
 HANDS_ON_HIPS, HAND_ON_EAR = 4, 6
 FAR = 0.03
@@ -29,7 +27,7 @@ def error(result, scan):
 
 def test_hands_on_the_head_are_no_overlap(registration, bodies):
     """A finger is so thin that the skin beneath it counts as matched; other parts are not."""
-    template, on_hands = registration.model.template, registration._on_hands
+    template, on_hands = registration.model.template, registration._parts.on_hands
     whole = np.ones(template.n_vertices, dtype=bool)
     poses = [k for k in range(100) if bodies.pose_names[bodies.pose[k]] == "hands_on_head"]
     shares = [find_overlaps(template, bodies[k], whole).mean() for k in poses]
@@ -63,8 +61,8 @@ def test_a_wrong_arm_is_not_trusted(registration, bodies, monkeypatch):
     monkeypatch.setattr(search, "arms", [])
     monkeypatch.setattr(search, "poses", {"hips": search.poses["hips"]})
     scan = scan_of(bodies, HAND_ON_EAR)
-    points = as_scan(scan.points)
-    result = registration._solve(registration._fitter, points, prepare_scan(points), {})
+    prepared = registration._prepare(scan.points, {})
+    result = registration._solve(registration._fitter, prepared)
     assert error(result, scan) > FAR
     assert not result.trusted
     assert "and right_elbow matches hardly anything in the scan" in result.message

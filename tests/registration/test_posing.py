@@ -81,7 +81,7 @@ def test_derivatives_lead_back_to_a_body_nearby(body, parameters, rng):
     gaps = [targets - posed.points]
     prior = Prior(goal.local, np.zeros(len(goal.local)), goal.betas, np.zeros(len(goal.betas)))
     for _ in range(2):
-        step = take_step(body, posed, prior, 0.0, shares, gaps[-1], gaps[-1], 1.0, 1.0)
+        step = take_step(posed, prior, 0.0, shares, gaps[-1], gaps[-1], 1.0, 1.0)
         posed = pose_body(body, step)
         gaps.append(targets - posed.points)
     sizes = [np.abs(each).max() for each in gaps]

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration import find_inward_triangles, simulated_scan
+from riemhuman.registration._trust import find_lost_limbs
 from riemhuman.registration.scan_registration import _other_units
 from riemhuman.registration.scans import as_scan
 
@@ -154,7 +155,7 @@ def test_a_forearm_folded_into_its_upper_arm_is_lost(registration):
     forearm = np.isin(model.weights.argmax(axis=1), [elbow, wrist])
     for degrees, expected in ((90.0, 0.0), (130.0, 1.0)):
         pose[elbow] = np.radians(degrees) * axis / np.linalg.norm(axis)
-        lost = registration._lost_limbs(model(pose=pose), whole, ~whole)
+        lost = find_lost_limbs(registration._parts, model(pose=pose), whole, ~whole)
         assert lost[forearm].mean() == expected
         assert not lost[~forearm].any()
 

@@ -4,35 +4,35 @@ import numpy as np
 from scanned_people import with_other_names, with_smpls_tree
 from scipy.spatial.transform import Rotation
 
-from riemhuman.registration._posed_body import Pose, pose_body, sample_model
+from riemhuman.registration._posed_body import Pose, _landmark_cost, pose_body, sample_model
 from riemhuman.registration._start_poses import (
     _SMPL_TREE,
-    arms_of,
+    BodyParts,
     joint_names,
     joint_precisions,
     other_arms,
     rotate_forearm,
     start_poses,
 )
-from riemhuman.registration._start_search import StartSearch, _landmark_cost
+from riemhuman.registration._start_search import StartSearch
 
 
 def test_arms_reach_from_the_collar_to_the_wrist(model):
     for each in (model, with_smpls_tree(model)):
         names = joint_names(each)
-        for side, arm in zip(("left", "right"), arms_of(each), strict=True):
+        for side, arm in zip(("left", "right"), BodyParts(each).arms, strict=True):
             joints = [f"{side}_{joint}" for joint in ("collar", "shoulder", "elbow", "wrist")]
             assert [names[joint] for joint in arm] == joints
             np.testing.assert_array_equal(each.parents[arm[1:]], arm[:-1])
 
 
 def test_a_model_without_names_has_no_arms(model):
-    assert arms_of(with_other_names(model)) == []
+    assert BodyParts(with_other_names(model)).arms == []
 
 
 def test_every_way_to_hold_an_arm_is_tried_once(model):
     poses = start_poses(model)
-    for arm in arms_of(model):
+    for arm in BodyParts(model).arms:
         others = list(other_arms(arm, poses["a"], poses))
         known = np.stack([poses["a"][arm], *others])
         apart = np.abs(known[:, None] - known).max(axis=(2, 3, 4))
@@ -46,7 +46,7 @@ def test_rotating_a_forearm_moves_no_joint(model):
     body = sample_model(model, 250)
     betas = np.zeros(model.n_betas + model.hand_directions.shape[-1])
     pose = Pose(search.poses["hips"], betas, np.array([0.1, 0.2, 0.3]))
-    for arm in arms_of(model):
+    for arm in BodyParts(model).arms:
         *_, elbow, wrist = arm
         turned = list(rotate_forearm(pose, arm, body.rest_joints))
         turns = []
