@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
 from riemhuman.errors import ArgumentError
+from riemhuman.optional import import_optional
 
 _CHOICE = re.compile(r"(?s)(.*invalid choice: '(?P<found>[^']*)') \(choose from (?P<known>.*)\)")
 
@@ -178,6 +179,8 @@ def output(
             options.ending = place.suffix.lower()
             known = [*endings, *["/ (a folder)"] * (names is not None)]
             check_output_file(place, known, force=options.force)
+            if options.ending in FIGURE_ENDINGS:
+                import_optional("matplotlib", "plot")  # before the work, not after it
         setattr(options, dest, place)
         options.written.append(place)
 

@@ -427,9 +427,6 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
 def _plot(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
-    from riemhuman.optional import import_optional
-
-    import_optional("matplotlib", "plot")
     if options.labels is None:
         distances, names = _read_matrix(options.matrix)
         items, classes = np.zeros(len(names), dtype=int), None
@@ -451,7 +448,7 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
     with rh.plots.figure_style():
         ax = rh.plots.plot_embedding(positions, items, classes, **settings)
         ax.set_xlabel(scale)
-        inputs.save_figure(ax.figure, options.output)
+        rh.plots.figures.save_figure(ax.figure, options.output)
     return cli.Answer(record, record)
 
 

@@ -63,30 +63,22 @@ def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, dic
     return motion, motion.faces, {"seconds": len(motion) / motion.frames_per_second}
 
 
-@dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Registered surfaces in files, which are read and aligned when they are accessed.
+    """Registered surfaces in files, which are read and aligned when they are accessed."""
 
-    ``surfaces[i]`` has shape (V, 3), ``surfaces[i:j]`` has shape (j - i, V, 3).
-    """
-
-    files: Sequence[Path]
-    meshes: Any
-    template: Template
-    align: bool
+    def __init__(self, meshes: Any, align: bool) -> None:
+        self.files, self.faces = meshes.files, meshes.faces
+        self.template = rh.Template(meshes.reference, meshes.faces)
+        self._meshes, self._align = meshes, align
 
     def __len__(self) -> int:
-        return len(self.meshes)
+        return len(self.files)
 
     def __getitem__(self, part: int | slice) -> ndarray:
-        points: ndarray = self.meshes[part]
-        if self.align:
+        points: ndarray = self._meshes[part]
+        if self._align:
             points = rh.procrustes(points, to=self.template.vertices, scale=None)
         return points
-
-    @property
-    def faces(self) -> ndarray:
-        return self.template.faces
 
 
 def read_surfaces(
@@ -107,7 +99,7 @@ def read_surfaces(
             f"{options.template or files[0]} would be {size:.3g} m long; --unit {options.unit} is "
             "wrong, or --any-scale is missing"
         )
-    return Surfaces(files, meshes, rh.Template(meshes.reference, meshes.faces), options.align)
+    return Surfaces(meshes, options.align)
 
 
 def list_meshes(paths: Sequence[Path]) -> list[Path]:
@@ -229,7 +221,7 @@ def path_output(mesh: str, *pages: str) -> Argument:
 
     def check(options: argparse.Namespace) -> None:
         options.mesh, options.pages = mesh, pages
-        if any(name.endswith(".png") for name in ([options.ending] if options.ending else pages)):
+        if not options.ending and any(name.endswith(".png") for name in pages):
             import_optional("matplotlib", "plot")  # before the work, not after it
 
     text = (
@@ -259,7 +251,8 @@ def write_path(
         if ending == ".glb":
             rh.save_glb(file, path, faces, name=title)
         elif ending == ".png":
-            save_figure(rh.plots.plot_path(path, faces, n_shown=_MOST_IN_STRIP).figure, file)
+            figure = rh.plots.plot_path(path, faces, n_shown=_MOST_IN_STRIP).figure
+            rh.plots.figures.save_figure(figure, file)
         elif ending == ".html":
             rh.plots.view_path(path, faces, title=title, description=description).save(file)
         else:
@@ -338,12 +331,3 @@ def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> M
             )
     first = options.template is not None
     return Motions(names[first:], read[first:], triangles[0], read[0][0])
-
-
-def save_figure(figure: Any, file: Path) -> None:
-    """Write a matplotlib figure on white to a file, in the format of its ending."""
-    from riemhuman.io.files import atomic_file
-
-    with atomic_file(file) as temporary:
-        ending = file.suffix[1:].lower()
-        figure.savefig(temporary, dpi=200, facecolor="white", format=ending)

@@ -73,7 +73,7 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
         faces = measurements.definitions.faces
         with rh.plots.figure_style():
             figure = rh.plots.plot_measurement_lines(points[0], faces, lines)
-            inputs.save_figure(figure, options.picture)
+            rh.plots.figures.save_figure(figure, options.picture)
     names, units = measured.names, dict(zip(measured.names, measured.units, strict=True))
     rows = [[str(f), *v] for f, v in zip(files, measured.values.tolist(), strict=True)]
     if options.output is not None:

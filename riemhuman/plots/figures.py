@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Iterator
 from colorsys import hls_to_rgb
 from contextlib import contextmanager
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.io.files import atomic_file, file_path
 from riemhuman.optional import import_optional
 
 if TYPE_CHECKING:
@@ -67,6 +69,13 @@ def new_axes(ax: Axes | None, width: float, height: float) -> Axes:
         return ax
     pyplot = import_optional("matplotlib.pyplot", "plot")
     return pyplot.subplots(figsize=(width, height), layout="constrained")[1]
+
+
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure on white to a file, in the format of its ending."""
+    with atomic_file(path) as temporary:
+        ending = file_path(path).suffix[1:].lower()
+        figure.savefig(temporary, dpi=200, facecolor="white", format=ending)
 
 
 def figure_files(figure: Figure) -> tuple[str, bytes]:

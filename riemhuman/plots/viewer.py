@@ -13,8 +13,6 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from html import escape
 from importlib.resources import files
-from importlib.util import find_spec
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import jinja2
@@ -25,10 +23,20 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError
-from riemhuman.io.files import file_path, write_bytes, write_text
+from riemhuman.io.files import file_path, write_text
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.plots.figures import MEAN, SKIN, VALUE_COLORS, colour_limit, new_figure, value_colors
-from riemhuman.plots.rendering import View, as_surfaces, image_source, png_bytes, strip_picture
+from riemhuman.plots.body_plots import plot_path
+from riemhuman.plots.figures import (
+    MEAN,
+    SKIN,
+    VALUE_COLORS,
+    colour_limit,
+    figure_style,
+    new_figure,
+    save_figure,
+    value_colors,
+)
+from riemhuman.plots.rendering import View, as_surfaces, image_source, strip_picture, window_around
 
 if TYPE_CHECKING:
     from riemhuman.motions import Warp
@@ -36,7 +44,6 @@ if TYPE_CHECKING:
 _LEVELS = 2**16 - 1  # of coordinates
 _SECONDS = 2.4  # a path is played in, unless its duration is given
 _STILL_HEIGHT = 240
-_PICTURE_HEIGHT = 400
 _MOST_IN_PICTURE = 8
 _N_MATCHES = 8  # pairs of frames on the page of two motions
 _MATCH_HEIGHT = 200
@@ -419,29 +426,18 @@ def save_picture(
     n_shown = min(n_others, _MOST_IN_PICTURE - mean)
     chosen = np.linspace(0, n_others - 1, n_shown).round().astype(int).tolist()
     shown = [bodies[number] for number in (*chosen, *[-1] * mean)]
-    labels, tints = [body.label for body in shown], [body.color for body in shown]
-    points = [body.frames[0] for body in shown]
-    picture = strip_picture(points, np.asarray(faces), tints, _PICTURE_HEIGHT)
-    write_bytes(path, _with_names(picture, labels))
+    labels = [body.label for body in shown]
+    frames, colors = [body.frames[0] for body in shown], [body.color for body in shown]
+    spacing = max(window_around(frame, View()).width for frame in frames)
+    with figure_style():
+        figure = new_figure(1.9 * len(shown), 3.0)
+        ax = plot_path(frames, faces, colors=colors, spacing=spacing, ax=figure.subplots())
+        for image, label in zip(ax.images, labels, strict=True):
+            left, right, *_ = image.get_extent()
+            ax.text((left + right) / 2, 0.0, label, ha="center", va="top")
+    save_figure(figure, path)
     count = f": {n_shown} of {n_others} bodies" + " and their mean" * mean
     return ", ".join(labels) + count * (n_shown < n_others)
-
-
-def _with_names(picture: ndarray, names: Sequence[str]) -> bytes:
-    """Return a strip as a PNG file, with a name below each body where matplotlib is installed."""
-    if find_spec("matplotlib") is None:
-        return png_bytes(picture)
-    height, width, _ = picture.shape
-    figure = new_figure(width / 100, height / 100 + 0.3)
-    ax = figure.subplots()
-    ax.imshow(picture)
-    ax.set_axis_off()
-    for number, name in enumerate(names):
-        middle = (number + 0.5) * width / len(names)
-        ax.text(middle, 1.02 * height, name, ha="center", va="top", parse_math=False)
-    content = BytesIO()
-    figure.savefig(content, format="png", dpi=150, facecolor="white")
-    return content.getvalue()
 
 
 def view_alignment(

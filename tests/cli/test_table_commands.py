@@ -82,7 +82,7 @@ def test_plot_without_labels_names_points_by_files_and_explains_its_scale(
     run, matrix, tmp_path, monkeypatch
 ):
     figures = []
-    save = "riemhuman.cli._inputs.save_figure"
+    save = "riemhuman.plots.figures.save_figure"
     monkeypatch.setattr(save, lambda figure, file: figures.append(figure))
     assert run("plot", matrix, "-o", tmp_path / "map.png", "--quiet").code == 0
     (ax,) = figures[0].axes
