@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, joint_motions, rotation_matrix, skin_surface
-from riemhuman.datasets.open_poses import joint_rotations, pose_vectors
+from riemhuman.datasets.open_poses import joint_degrees, varied_poses
 
 # Deviations of a person from a pose as written: standard deviations in degrees, of each of the
 # three joints of the spine and of the joints of both sides.
@@ -43,14 +43,10 @@ def natural_performances(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Return pose vectors (n_people, n_poses, J, 3), with habits, and hands on what they touch."""
-    rotations = np.stack([joint_rotations(each, model) for each in angles.values()])
-    degrees = [_DEGREES[name.split("_")[-1]] for name in model.joint_names]
-    shape = (len(betas), len(rotations), model.n_joints, 3)
+    shape = (len(betas), len(angles), model.n_joints, 3)
     habits = rng.standard_normal((len(betas), 1, model.n_joints, 3))
-    variations = rng.standard_normal(shape)
-    offsets = np.sqrt(_HABIT) * habits + np.sqrt(1.0 - _HABIT) * variations
-    offsets = Rotation.from_rotvec((offsets * np.array(degrees)[:, None]).reshape(-1, 3), True)
-    poses = pose_vectors(offsets.as_matrix().reshape(*shape, 3) @ rotations, model)
+    offsets = np.sqrt(_HABIT) * habits + np.sqrt(1.0 - _HABIT) * rng.standard_normal(shape)
+    poses = varied_poses(model, angles, offsets * joint_degrees(_DEGREES, model))
     for name, points in touched.items():
         number = list(angles).index(name)
         for side, point in points.items():

@@ -117,12 +117,11 @@ def load_amass(
 ) -> Motions[AmassMotion | RetargetedMotion]:
     """Load motions of AMASS [1]_ for a body model; frames are computed on access.
 
-    The data set is not part of this library and is available from its authors on registration.
-    The subject of a motion is the name of its file's folder; y points up, as z does in the files.
-    Files in the layouts of SMPL-H (``poses``) and SMPL-X (``root_orient``, ``pose_body``, …) are
-    read. Rotations of the 22 joints of SMPL's body are used, and those of the 30 joints of the
-    hands and the 3 of the face if both the model and the file have them; other joints of the model
-    do not rotate. Soft-tissue coefficients (``dmpls``) are not used.
+    The data set is available from its authors. The subject of a motion is the name of its file's
+    folder; y points up, as z does in the files. Files in the layouts of SMPL-H (``poses``) and
+    SMPL-X (``root_orient``, ``pose_body``, …) are read: rotations of the 22 joints of SMPL's body,
+    and of the 33 of hands and face if both model and file have them. Soft tissue (``dmpls``) is
+    not used.
 
     Another model, such as the open model, performs the motions as by `retarget`. Betas in the files
     belong to SMPL's models: they are ignored then, with a warning, and the person is one with the
@@ -152,23 +151,15 @@ def load_amass(
     (10, 1202, 3)
     """
     models = _models(load_open_model("coarse") if model is None else model)
-    headers: dict[Path, _Header] = {}
-    problems = []
     root = existing_path(path)
     files = [root]
     if root.is_dir():
         files = [file for file in sorted(root.rglob("*.npz")) if not file.name.endswith(_SKIPPED)]
     if not files:
         raise FileError(f"{root} holds no .npz file with a motion")
-    for file in files:
-        try:
-            headers[file] = _read_header(file)
-        except FileFormatError as error:
-            problems.append(str(error))
-    if problems:
-        raise FileFormatError("; ".join(problems))
     motions: list[AmassMotion | RetargetedMotion] = []
-    for file, header in headers.items():
+    for file in files:
+        header = _read_header(file)
         own = models.get(header.gender, models.get(None))
         if own is None:
             known = ", ".join(map(repr, models))

@@ -267,16 +267,13 @@ class _Reader:
         n_frames, frame_time = (self._read_value(lines, name) for name in ("Frames", "Frame Time"))
         # Grows with the numbers that are read, whatever the file declares.
         values = array("d")
-        count = 0
         for self._line, line in lines:
             words = line.split()
             if len(words) != n_channels:
                 raise self._error(f"{n_channels} numbers expected; found {len(words)}")
             values.extend(self._floats(words))
-            count += 1
-        if not count:
-            raise self._error("there are no frames")
-        if count != n_frames:
+        count = len(values) // max(1, n_channels)
+        if not count or count != n_frames:
             raise self._error(f"Frames says {n_frames:g}, but {count} follow")
         return np.array(values).reshape(count, n_channels), frame_time
 
@@ -286,8 +283,8 @@ class _Reader:
         if " ".join(key.lower().split()) != name.lower():
             raise self._error(f"{name}: expected; found {_shortened(line)}")
         (number,) = self._floats([value])
-        if name == "Frame Time" and not number > _SHORTEST:
-            raise self._error(f"Frame Time must be above {_SHORTEST:g} s; found {number:g}")
+        if not number > _SHORTEST:
+            raise self._error(f"{name} must be above {_SHORTEST:g}; found {number:g}")
         return number
 
 

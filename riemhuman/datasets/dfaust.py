@@ -70,8 +70,7 @@ def load_dfaust(
     """Load registered sequences of Dynamic FAUST [1]_; frames are read on access.
 
     All sequences of the first person come first, then those of the second, and so on. The data set
-    is not part of this library and is available from its authors on registration. The reader needs
-    the extra ``data``.
+    is available from its authors. The reader needs the extra ``data``.
 
     Parameters
     ----------

@@ -174,17 +174,9 @@ def choose_names(wanted: Any, name: str, known: Sequence[str], source: str = "")
 class MeshMotion(Motion):
     """A motion whose frames are the meshes of a folder, in the natural order of their names."""
 
-    def __init__(
-        self,
-        folder: Path,
-        frames_per_second: float = 60.0,
-        *,
-        unit: str | None = None,
-        up: str | None = None,
-    ) -> None:
+    def __init__(self, folder: Path, rate: float, unit: str | None, up: str | None) -> None:
         self._meshes = RegisteredMeshes(find_meshes(folder), unit=unit, up=up)
-        n_frames, faces = len(self._meshes), self._meshes.faces
-        super().__init__("", folder.name, frames_per_second, n_frames, faces)
+        super().__init__("", folder.name, rate, len(self._meshes), self._meshes.faces)
 
     def _frames(self, numbers: range) -> np.ndarray:
         return np.stack([self._meshes[number] for number in numbers])
@@ -221,16 +213,13 @@ def load_mesh_motions(
     """
     rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
     root = existing_folder(folder)
-    if _holds_meshes(root):
-        return Motions([MeshMotion(root, rate, unit=unit, up=up)])
-    inner = [each for each in root.iterdir() if each.is_dir()]
-    inner.sort(key=lambda each: natural_key(each.name))
-    motions = [MeshMotion(each, rate, unit=unit, up=up) for each in inner if _holds_meshes(each)]
-    if not motions:
+    inner = sorted(filter(Path.is_dir, root.iterdir()), key=lambda each: natural_key(each.name))
+    folders = [root] if _holds_meshes(root) else list(filter(_holds_meshes, inner))
+    if not folders:
         raise FileError(
             f"{root} holds no motion: neither .hdf5 files nor meshes, nor folders of meshes"
         )
-    return Motions(motions)
+    return Motions(MeshMotion(each, rate, unit, up) for each in folders)
 
 
 def _holds_meshes(folder: Path) -> bool:

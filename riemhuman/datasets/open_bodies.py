@@ -6,13 +6,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, whole_number
 from riemhuman.datasets._natural_bodies import natural_performances, natural_surfaces, surface_noise
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.datasets.open_poses import DATA, joint_rotations, pose_vectors, read_table
+from riemhuman.datasets.open_poses import DATA, joint_degrees, read_table, varied_poses
 from riemhuman.kernels.threads import single_threaded_libraries
 
 _RESOLUTIONS = ("full", "coarse")
@@ -150,13 +149,10 @@ def _performances(
     model: BodyModel, angles: dict[str, Any], n_people: int, rng: np.random.Generator
 ) -> np.ndarray:
     """Return the pose vectors of all people in all poses, shape (people, poses, J, 3)."""
-    rotations = np.stack([joint_rotations(each, model) for each in angles.values()])
-    degrees = [_DEGREES[name.split("_")[-1]] for name in model.joint_names]
-    shape = (n_people, len(rotations), model.n_joints, 3)
-    offsets = rng.standard_normal(shape) * np.array(degrees)[:, None]
+    shape = (n_people, len(angles), model.n_joints, 3)
+    offsets = rng.standard_normal(shape) * joint_degrees(_DEGREES, model)
     offsets[..., model.parents < 0, 1] += rng.normal(0.0, _HEADING_DEGREES, (*shape[:2], 1))
-    offsets = Rotation.from_rotvec(offsets.reshape(-1, 3), degrees=True).as_matrix()
-    return pose_vectors(offsets.reshape(*shape, 3) @ rotations, model)
+    return varied_poses(model, angles, offsets)
 
 
 def _height_above_ground(model: BodyModel, betas: np.ndarray, poses: np.ndarray) -> np.ndarray:

@@ -71,6 +71,18 @@ def joint_rotations(angles: Mapping[str, Sequence[Any]], model: BodyModel) -> np
     return rotations
 
 
+def joint_degrees(degrees: Mapping[str, float], model: BodyModel) -> np.ndarray:
+    """Return the degrees of each joint by its name without the side, shape (J, 1)."""
+    return np.array([[degrees[name.split("_")[-1]]] for name in model.joint_names])
+
+
+def varied_poses(model: BodyModel, angles: Mapping[str, Any], offsets: np.ndarray) -> np.ndarray:
+    """Return pose vectors of poses rotated by offsets, degrees, shape (n_people, n_poses, J, 3)."""
+    written = np.stack([joint_rotations(each, model) for each in angles.values()])
+    turned = Rotation.from_rotvec(offsets.reshape(-1, 3), degrees=True).as_matrix()
+    return pose_vectors(turned.reshape(*offsets.shape, 3) @ written, model)
+
+
 def with_both_sides(
     angles: Mapping[str, Sequence[Any]], joint_names: Sequence[str]
 ) -> dict[str, Sequence[Any]]:

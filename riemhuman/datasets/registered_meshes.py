@@ -16,7 +16,7 @@ import numpy as np
 from riemhuman.checks import SCALES, check_same_scale, one_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.files import file_path, read_text
+from riemhuman.io.files import convert_errors, file_path, read_text
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.meshes import load_mesh
 from riemhuman.progress import ProgressBar
@@ -101,11 +101,8 @@ class RegisteredMeshes:
     def __getitem__(self, index: int | slice) -> np.ndarray:
         if not isinstance(index, slice):
             return self._read(self.files[index])
-        files = self.files[index]
-        surfaces = np.empty((len(files), *self.reference.shape))
-        for number, file in enumerate(files):
-            surfaces[number] = self._read(file)
-        return surfaces
+        surfaces = [self._read(file) for file in self.files[index]]
+        return np.array(surfaces).reshape(-1, *self.reference.shape)
 
     def _read(self, file: Path) -> np.ndarray:
         vertices, faces = load_mesh(file)
@@ -142,10 +139,8 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
     ['body_1.ply']
     """
     root = existing_folder(folder)
-    try:
+    with convert_errors(root, "cannot be read"):
         files = [file for file in root.iterdir() if is_visible(file, MESH_ENDINGS)]
-    except OSError as error:
-        raise FileError(f"{root} cannot be read: {error.strerror}") from error
     if not files:
         raise no_meshes(root)
     return sorted(files, key=lambda file: natural_key(file.name))
@@ -160,8 +155,7 @@ def load_faust(
 ) -> Bodies:
     """Load the 100 training registrations of MPI FAUST: 10 people in 10 poses [1]_.
 
-    The data set is not part of this library and is available from its authors on registration.
-    Registration i shows subject i // 10 in pose i % 10, in metres.
+    The data set is available from its authors. Registration i shows subject i // 10 in pose i % 10.
 
     Parameters
     ----------
@@ -191,9 +185,8 @@ def load_faust(
         files = files or {int(file.stem[-3:]): file for file in in_one_format(some)}
     if not files:
         raise FileError(
-            f"{root} holds no registrations: files named tr_reg_000.ply to tr_reg_099.ply (or "
-            f".obj, .off) were looked for in it and in its subfolders "
-            f"{', '.join(_FAUST_FOLDERS[1:])}"
+            f"{root} holds no registrations: no file tr_reg_000.ply to tr_reg_099.ply (or .obj, "
+            f".off) in it and its subfolders {', '.join(_FAUST_FOLDERS[1:])}"
         )
     n_bodies = _FAUST_PEOPLE * _FAUST_POSES
     missing = [f"tr_reg_{number:03d}" for number in range(n_bodies) if number not in files]
@@ -303,17 +296,16 @@ def read_labels(
 def existing_folder(folder: str | os.PathLike[str]) -> Path:
     """Return the path of a folder; raise an error if there is none."""
     root = file_path(folder, "folder", "folder")
-    if not os.path.isdir(root):
-        if os.path.exists(root):
-            raise FileError(f"{root} is a file, not a folder")
-        raise FileError(f"there is no folder {root}")
+    if not root.is_dir():
+        found = f"{root} is a file, not a folder" if root.exists() else f"there is no folder {root}"
+        raise FileError(found)
     return root
 
 
 def existing_path(path: str | os.PathLike[str]) -> Path:
     """Return the path of a file or folder; raise an error if there is none."""
     root = file_path(path, kind="file or folder")
-    if not os.path.exists(root):
+    if not root.exists():
         raise FileError(f"there is no file or folder {root}")
     return root
 
@@ -357,14 +349,10 @@ def _load(
     up: str | None = None,
     progress: bool = False,
 ) -> Bodies:
-    """Load registered meshes with their labels.
-
-    A template must be a body. The mean of the vertices is not a body if poses differ: its arms
-    shrink, and their triangles lose their weight in every integral over the template. Unlike a
-    medoid, the first body needs no computation and stays the same when bodies are added.
-    """
+    """Load registered meshes with their labels."""
     meshes = RegisteredMeshes(files, scale=scale, unit=unit, up=up)
     if not isinstance(template, Template):
+        # By default the first body: the mean of several poses is no body, its arms shrink.
         read = Template.from_file(meshes.files[0] if template is None else template)
         template = Template(make_upright(read.vertices, unit, up), read.faces)
     if template.n_vertices != len(meshes.reference):
@@ -374,9 +362,8 @@ def _load(
     difference = face_difference(template.faces, meshes.faces)
     if difference:
         raise ArgumentError(f"template must have the triangles of the meshes: {difference}")
-    points = np.empty((len(meshes), *meshes.reference.shape))
-    for number in ProgressBar(range(len(meshes)), "Meshes", unit="mesh", disable=not progress):
-        points[number] = meshes[number]
+    bar = ProgressBar(range(len(meshes)), "Meshes", unit="mesh", disable=not progress)
+    points = np.stack([meshes[number] for number in bar])
     if scale is not None:
         check_same_scale(points, template.vertices, "the mesh", "the template")
     if align:

@@ -115,8 +115,10 @@ class RetargetedMotion(ModelMotion):
     Parameters
     ----------
     recording : SkeletonMotion, or function that returns it
-    model, names, frames_per_second, n_frames, betas, joints, up
-        As for `retarget`; the names are those of the person and of the motion.
+    names : (str, str)
+        Of the person and of the motion.
+    model, frames_per_second, n_frames, betas, joints, up
+        As for `retarget`.
 
     Examples
     --------
@@ -159,7 +161,7 @@ class RetargetedMotion(ModelMotion):
 
     @property
     def errors(self) -> RetargetingErrors:
-        """Directions and positions of the joints beside those recorded."""
+        """How far the motion is from the recording."""
         return self._performance[3]
 
     def performed_by(self, betas: Any) -> RetargetedMotion:

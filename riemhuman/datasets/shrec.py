@@ -20,7 +20,7 @@ from riemhuman.datasets.registered_meshes import (
     no_meshes,
 )
 from riemhuman.errors import FileError, FileFormatError
-from riemhuman.io.files import file_path, read_text, short_message
+from riemhuman.io.files import file_path, format_errors, read_text, short_message
 from riemhuman.io.meshes import load_mesh
 from riemhuman.representation import Record, join_names
 
@@ -139,34 +139,27 @@ def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
     words = iter(re.findall(r"[^ \t\v\f\r\n]+", read_text(file)))
     members: dict[str, tuple[str, ...]] = {}
     where = "its header"
-    try:
-        if next(words).upper() != "PSB":
-            raise FileFormatError(f"{file} is not a class file: it does not begin with PSB")
-        _, n_classes, n_meshes = next(words), int(next(words)), int(next(words))
-        for number in range(n_classes):
-            where = f"class {number + 1} of {n_classes}"
-            name, parent, count = next(words), next(words), int(next(words))
-            if name in members or parent not in ("0", "-1", *members):
-                raise FileFormatError(
-                    f"{file}: {where} must have a name of its own and a parent defined before, or "
-                    f"0; found {name[:60]!r} and {parent[:60]!r}"
-                )
-            members[name] = tuple(islice(words, count))
-            if len(members[name]) < count:
-                raise StopIteration
-    except FileFormatError:
-        raise
-    except StopIteration:
-        raise FileFormatError(f"{file} ends within {where}") from None
-    except ValueError as error:
-        raise FileFormatError(f"{file}: {where} is damaged: {short_message(error)}") from error
-    ids = [each for names in members.values() for each in names]
-    left = len(list(words))
-    if left or not len(set(ids)) == len(ids) == n_meshes:
-        raise FileFormatError(
-            f"{file} must list {n_meshes} different meshes, as its header declares; found "
-            f"{len(ids)}, {len(set(ids))} of them different, and {left} words behind"
-        )
+    with format_errors(file, "a class file"):
+        if next(words, "").upper() != "PSB":
+            raise FileFormatError("it does not begin with PSB")
+        try:
+            _, n_classes, n_meshes = next(words), int(next(words)), int(next(words))
+            for number in range(n_classes):
+                where = f"class {number + 1} of {n_classes}"
+                # Its parent does not matter.
+                name, _, count = next(words), next(words), int(next(words))
+                if name in members:
+                    raise FileFormatError(f"{where} repeats the name {name[:60]!r}")
+                members[name] = tuple(islice(words, count))
+        except (StopIteration, ValueError) as error:
+            raise FileFormatError(f"{where} is damaged: {short_message(error)}") from error
+        ids = [each for names in members.values() for each in names]
+        left = len(list(words))
+        if left or not len(set(ids)) == len(ids) == n_meshes:
+            raise FileFormatError(
+                f"its header declares {n_meshes} different meshes; found {len(ids)}, "
+                f"{len(set(ids))} of them different, and {left} words behind"
+            )
     return {name: names for name, names in members.items() if names}
 
 

@@ -101,7 +101,7 @@ def test_two_roots_and_no_end_sites(tmp_path):
         ("}\nMOTION", "MOTION", "line 16: OFFSET or CHANNELS"),
         ("Frames: 2", "Frame: 2", "line 18: Frames: expected; found 'Frame: 2'"),
         ("Frames: 2", "Frames: 2.5", "line 21: Frames says 2.5, but 2 follow"),
-        ("Time: 0.04", "Time: 1e-300", "line 19: Frame Time must be above 1e-05 s"),
+        ("Time: 0.04", "Time: 1e-300", "line 19: Frame Time must be above 1e-05"),
         ("90 5 0 6 0 7 0 90", "90 5 0 6 0 7 0", "line 20: 8 numbers expected; found 7"),
     ],
 )
@@ -126,7 +126,5 @@ def test_memory_is_that_of_the_numbers_in_the_file(tmp_path, n_channels):
     text = f"HIERARCHY\n{root}{channels}}}\n" + (root + "}\n") * 20_000
     text += "MOTION\nFrames: 100000\nFrame Time: 1\n"
     frames = "0\n" if n_channels == 1 else "\n"
-    with pytest.raises(
-        FileFormatError, match="far more memory|8 numbers expected|there are no frames"
-    ):
+    with pytest.raises(FileFormatError, match="far more memory|but 0 follow"):
         load_bvh(write(tmp_path, text + frames * 100_000))
