@@ -67,8 +67,8 @@ class LandmarkedBodies:
             roles[self.set.in_parts(parts)] = WANTED
             if leave_out:
                 roles[self.set.in_parts(leave_out)] = LEFT_OUT
-            neighbours = self.set.mesh.neighbours
-            cutters[parts, leave_out] = Cutter(self.set.faces, neighbours, roles)
+            wanted = onp.flatnonzero(roles == WANTED)
+            cutters[parts, leave_out] = self.set.faces, self.set.mesh.neighbours, roles, wanted
         return cutters[parts, leave_out]
 
     def bones(self, first: str, last: str) -> tuple[str, ...]:

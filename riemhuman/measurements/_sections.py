@@ -10,7 +10,6 @@ autograd differentiates them.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import autograd.numpy as np
@@ -27,18 +26,8 @@ MISSES, MEETS_OTHER_PART, OPEN = -1, -2, -3
 """Why there is no section: the plane misses the part, or the line leaves it or meets a boundary."""
 
 
-@dataclass(frozen=True, eq=False)
-class Cutter:
-    """The triangles that a plane may cut, with their neighbours and roles, shape (F,)."""
-
-    faces: ndarray
-    neighbours: ndarray
-    roles: ndarray
-
-    @cached_property
-    def mesh(self) -> tuple[ndarray, ndarray, ndarray, ndarray]:
-        """Arrays for the loops: the attributes, and the triangles where a section may start."""
-        return self.faces, self.neighbours, self.roles, onp.flatnonzero(self.roles == WANTED)
+Cutter = tuple[ndarray, ndarray, ndarray, ndarray]
+"""Triangles, their neighbours, their roles, and the numbers of those where a section may start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +107,7 @@ def section(surfaces: Any, origins: Any, normals: Any, cutter: Cutter) -> Lines:
         onp.require(values_of(array), onp.float64, ["C", "W"])
         for array in (surfaces, heights, origins)
     )
-    found = [_trace(f[k], h[k], o[k], cutter.mesh) for k in range(len(f))]
+    found = [_trace(f[k], h[k], o[k], cutter) for k in range(len(f))]
     bodies = onp.repeat(onp.arange(len(f)), [len(edges) for _, edges in found])
     a, b = onp.concatenate([edges for _, edges in found]).T
     above, below = heights[bodies, a], heights[bodies, b]

@@ -106,12 +106,7 @@ def _checked_frames(space: Manifold, frames: Any, first: int, name: str) -> ndar
 
 
 class FrameDistances:
-    """Squared distances of frames, by a metric or by its lower-bound coordinates.
-
-    If `flat`, frames are compared by these coordinates where the metric has them. With
-    `n_components`, they are replaced by their principal components among `motions` and the norm of
-    the remainder. Unless `heading` counts, all frames face forward.
-    """
+    """Squared distances of frames by a metric, its lower-bound coordinates or their components."""
 
     def __init__(
         self,

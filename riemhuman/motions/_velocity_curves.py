@@ -132,19 +132,15 @@ def _ebin_chart(metric: EbinMetric, base: ndarray, weight: float) -> Any:
 def even_segments(
     segments: ndarray, n_segments: int, smoothing: float = 0.0
 ) -> tuple[ndarray, ndarray]:
-    """Return chords of equal arcs of the spline through a polygon, and where they begin and end.
-
-    The spline passes the vertices at equally spaced times, where a motion that reverses slows down;
-    pauses take no time. `smoothing` is the deviation of the Gaussian mean, as a share of the
-    length; the ends stay. Positions, shape (n_segments + 1,), count sides of the polygon.
-    """
+    """Return chords of equal arcs of the spline through a polygon, and where they begin and end."""
     n = len(segments)
     products = segments @ segments.T
     lengths = np.sqrt(np.diag(products))
     moving = np.flatnonzero(lengths > _STILL * lengths.max())
     if len(moving) == 0:
         return np.zeros((n_segments, segments.shape[1])), np.linspace(0.0, n, n_segments + 1)
-    # Points of the spline are sums of sides: these are their coefficients.
+    # The spline passes vertices at equal intervals of time, where a motion that reverses slows
+    # down; pauses take no time. Its points are sums of sides: these are their coefficients.
     corners = np.tri(len(moving) + 1, len(moving), -1)
     curve = CubicSpline(np.arange(len(corners)), corners)
     within = products[np.ix_(moving, moving)]
@@ -184,13 +180,7 @@ def _smooth(points: ndarray, deviation: float) -> ndarray:
 
 @compiled
 def best_gain(products: ndarray, n_steps: int) -> tuple[float, ndarray, ndarray]:
-    """Return F, and the largest gains up to all points of the grid.
-
-    `products` (n, m) are inner products of segments, each divided by the square roots of the
-    lengths; a cell has `n_steps` grid steps on each side. The first gains (n + 1, m, n_steps + 1)
-    are those where i segments of the first polygon and a share of segment j of the second are done,
-    the others (n, m + 1, n_steps + 1) those where j segments of the second are done.
-    """
+    """Return F for inner products of segments, and the largest gains on the sides of all cells."""
     n, m = products.shape
     roots = _roots(n_steps)
     lower, left = np.empty((n + 1, m, n_steps + 1)), np.empty((n, m + 1, n_steps + 1))

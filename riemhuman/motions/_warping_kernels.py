@@ -70,13 +70,7 @@ def trace_path(costs: ndarray, sums: ndarray) -> ndarray:
 
 @compiled
 def costs_between_frames(costs: ndarray, steps_a: ndarray, steps_b: ndarray) -> ndarray:
-    r"""Return the costs of frames, matched also with positions between frames.
-
-    At the share s of the way from y to z, a frame x is at the squared distance (1 − s) d(x, y)² +
-    s d(x, z)² − s (1 − s) d(y, z)², by Stewart's theorem, which holds in flat spaces. The cost of
-    two frames is the mean of two minima: over positions about the second frame, and about the
-    first. `steps_a` and `steps_b` are squared distances of consecutive frames.
-    """
+    """Return mean costs of each motion's frames to positions about the frames of the other."""
     n, m = costs.shape
     result = np.empty((n, m))
     for i in range(n):
@@ -99,6 +93,8 @@ def costs_between_frames(costs: ndarray, steps_a: ndarray, steps_b: ndarray) -> 
 def _least_on_step(here: float, there: float, step: float) -> float:
     if step <= 0.0:
         return here
+    # At the share s of the way from y to z, the squared distance of x is (1 − s) d(x, y)² +
+    # s d(x, z)² − s (1 − s) d(y, z)², by Stewart's theorem.
     share = min(max(0.5 * (here - there + step) / step, 0.0), 0.5)
     return max((1.0 - share) * here + share * there - share * (1.0 - share) * step, 0.0)
 
@@ -107,13 +103,7 @@ def _least_on_step(here: float, there: float, step: float) -> float:
 def extend_paths(
     costs: ndarray, first: int, sums: ndarray, starts: ndarray, totals: ndarray, begins: ndarray
 ) -> None:
-    """Extend paths that may begin at any frame of a long motion by its next k frames.
-
-    `costs` (n, k) are those of a query's n frames with these k, of which `first` is the number of
-    the first. `sums` and `starts` (n,) have the least sums up to each frame of the query and where
-    these paths begin; they are updated. `totals` and `begins` (k,) receive the least sums of paths
-    of the whole query that end at each frame, and where these begin.
-    """
+    """Extend paths of a query, which begin anywhere in a long motion, by its next frames."""
     n, k = costs.shape
     for j in range(k):
         # Sums at the previous frame of the motion, for the previous frame of the query.
@@ -136,14 +126,9 @@ def extend_paths(
 
 @compiled
 def match_chords(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float, ndarray]:
-    """Return the least sum over chords, and the position (n,) of each frame on the other motion.
-
-    `costs` (n, m) are squared distances between the frames of the motion with steps and of that
-    with chords, `steps` (n - 1,) the lengths of the steps, and `within` (m, m) squared distances in
-    the motion with chords. Dynamic programming finds the best chords from frame to frame. Their
-    ends are then moved between frames, by dynamic programming over a few positions near the last
-    ones, ever closer together. Positions do not decrease.
-    """
+    """Return the least sum over chords, and the position (n,) of each frame on the other motion."""
+    # The ends of the best chords from frame to frame move between frames: by dynamic programming
+    # over a few positions near the last ones, ever closer together.
     total, places = match_frames(costs, steps, within)
     reach = 0.5
     for _ in range(_HALVINGS):

@@ -231,11 +231,7 @@ class MotionMean(Estimator):
         return self.metric or ElasticMetric(self.space.frames, a=1.0, lam=1.0, c=1.0)
 
     def _means(self, aligned: ndarray) -> ndarray:
-        """Return the Karcher mean of surfaces at every time, found from the first of them.
-
-        A search from a body that faces away would end at the mean's reflection through a point,
-        which has the same fields.
-        """
+        """Return the Karcher mean of surfaces at every time."""
         solver, metric = NearestSurface(), self._metric
         areas = self.space.frames.template.vertex_areas
         means: list[ndarray] = []
@@ -244,6 +240,7 @@ class MotionMean(Estimator):
         )
         for t in bar:
             surfaces = aligned[:, t]
+            # From a body that faces away, the search would end at the mean's reflection.
             mean = solver.solve(metric, metric.map(surfaces), surfaces[0]).point
             shift = np.average(surfaces.mean(axis=0) - mean, axis=0, weights=areas)
             means.append(mean + shift)
