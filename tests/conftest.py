@@ -27,7 +27,13 @@ def pytest_collection_finish(session):
     gc.enable()
 
 
+# Of two workers, one begins with the first half of the tests and the other with the second: when
+# these are last, the second finds most functions that they need compiled by the first.
+COMPILED_LAST = ("registration", "report", "retrieval", "solvers")
+
+
 def pytest_collection_modifyitems(config, items):
+    items.sort(key=lambda item: item.path.parent.name in COMPILED_LAST)
     if any("::" in argument for argument in config.args):
         return  # who names a test runs it
     left_out = deselected(items)

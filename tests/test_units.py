@@ -33,11 +33,16 @@ def test_bodies_of_one_unit_pass():
     check_same_scale(0.0 * bodies[0], bodies.template.vertices, "points", "template")
 
 
+@pytest.fixture(scope="module")
+def open_bodies():
+    return load_open_bodies("coarse")
+
+
 @pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "metres"])
 @pytest.mark.parametrize("person", range(0, 100, 10))
-def test_other_units_are_named(unit, person):
-    bodies = load_open_bodies("coarse")
-    points, reference = UNITS[unit] * bodies.points[person : person + 10], bodies.points[55]
+def test_other_units_are_named(unit, person, open_bodies):
+    points = UNITS[unit] * open_bodies.points[person : person + 10]
+    reference = open_bodies.points[55]
     with pytest.raises(ArgumentError, match=rf"f\[0\] is .* large as T, as if one were in {unit}"):
         check_same_scale(points, reference, "f", "T")
     with pytest.raises(ArgumentError, match="as small as T, as if one were in metres"):

@@ -14,6 +14,7 @@ import re
 import shutil
 import sys
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -24,6 +25,8 @@ from nbformat import NotebookNode
 from PIL import Image
 
 FOLDER = Path(__file__).parent
+_FOUND = find_spec("riemhuman")
+LIBRARY = Path(_FOUND.origin).parents[1] if _FOUND else FOLDER.parent
 VIEWER = "application/vnd.riemhuman.viewer+html"
 SECONDS_A_CELL = 240
 
@@ -31,14 +34,15 @@ SECONDS_A_CELL = 240
 def executed(path: Path) -> NotebookNode:
     """Return a notebook with its outputs, after it has run in a process and a folder of its own.
 
-    The folder holds the recordings that are beside the notebooks.
+    The folder holds the recordings that are beside the notebooks; the library is the one
+    that is installed, if it is.
     """
     notebook = nbformat.read(path, as_version=nbformat.NO_CONVERT)
     dropped = ("MPLBACKEND", "OPENBLAS_NUM_THREADS", "PYTHONWARNINGS")
     kept = {name: value for name, value in os.environ.items() if name not in dropped}
     with (
         tempfile.TemporaryDirectory() as folder,
-        mock.patch.dict(os.environ, kept | {"PYTHONPATH": str(FOLDER.parent)}, clear=True),
+        mock.patch.dict(os.environ, kept | {"PYTHONPATH": str(LIBRARY)}, clear=True),
     ):
         shutil.copytree(FOLDER / "recordings", Path(folder) / "recordings")
         nbclient.NotebookClient(
