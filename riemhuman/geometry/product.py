@@ -17,7 +17,6 @@ from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, SumOfFactors
 from riemhuman.geometry.strategies import Solvers
-from riemhuman.kernels.surface import entry
 
 
 class ProductManifold(Manifold):
@@ -92,7 +91,7 @@ class ProductManifold(Manifold):
         """
         point = real_array(point, "point", self.shape, finite=False)
         start = self._ends[index - 1] if index else 0
-        flat = entry(point, slice(start, self._ends[index]))
+        flat = point[..., start : self._ends[index]]
         return np.reshape(flat, flat.shape[:-1] + self.factors[index].shape)
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:

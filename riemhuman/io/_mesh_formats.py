@@ -114,8 +114,8 @@ def _faces(data: Any) -> ndarray | None:
 
 def read_obj(file: Path) -> Mesh:
     positions, corners, lengths = array("d"), array("q"), array("q")
-    for number, words in _lines_of_obj(read_bytes(file)):
-        keyword, *fields = words or [b""]
+    for number, words in _lines_of_words(read_bytes(file)):
+        keyword, *fields = words
         try:
             if keyword == b"v":
                 positions.extend(_position(fields))
@@ -127,41 +127,21 @@ def read_obj(file: Path) -> Mesh:
                     corners.append(corner - 1 if corner >= 0 else n_vertices + corner)
                 lengths.append(len(fields))
         except (OverflowError, ValueError) as error:
-            raise FileFormatError(f"line {number} is not valid: {_shorten(words)}") from error
+            raise _bad_line(number, words) from error
     return _mesh_of_polygons(positions, corners, lengths)
 
 
-def _lines_of_obj(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
-    """Yield the number and the words of every line; a backslash at its end continues a line."""
-    number, words = 0, list[bytes]()
-    for number, line in enumerate(content.removeprefix(BOM_UTF8).splitlines(), start=1):
-        # A backslash in a comment, as in a path of Windows, does not continue the line.
-        text = line.partition(b"#")[0]
-        words += text.removesuffix(b"\\").split()
-        if not text.endswith(b"\\"):
-            yield number, words
-            words = []
-    yield number, words
-
-
 def read_off(file: Path) -> Mesh:
-    lines = read_bytes(file).removeprefix(BOM_UTF8).splitlines()
-    rows = iter([words for line in lines if (words := line.partition(b"#")[0].split())])
-    keyword, *counts = next(rows, [b""])
+    lines = _lines_of_words(read_bytes(file))
+    _, (keyword, *counts) = next(lines, (0, [b""]))
     if not re.fullmatch(rb"(ST)?C?N?OFF", keyword):
         raise FileFormatError("not an OFF text file: it does not begin with 'OFF'")
-    counts = counts or next(rows, [])
+    counts = counts or next(lines, (0, [b""]))[1]
     if len(counts) not in (2, 3) or not all(re.fullmatch(rb"\d{1,18}", word) for word in counts):
         raise FileFormatError("OFF must be followed by the numbers of vertices and faces")
     n_vertices, n_faces = int(counts[0]), int(counts[1])
     positions, corners, lengths = array("d"), array("q"), array("q")
-    for row in range(n_vertices + n_faces):
-        words = next(rows, [])
-        if not words:
-            raise FileFormatError(
-                f"truncated: the OFF header declares {n_vertices} vertices and {n_faces} faces, "
-                f"{row} lines follow"
-            )
+    for row, (number, words) in enumerate(lines):
         try:
             if row < n_vertices:
                 positions.extend(_position(words))
@@ -171,15 +151,31 @@ def read_off(file: Path) -> Mesh:
                     raise ValueError
                 corners.extend(map(int, words[1 : 1 + lengths[-1]]))
         except (OverflowError, ValueError) as error:
-            kind = "face" if row >= n_vertices else "vertex"
-            raise FileFormatError(f"not a valid {kind} line: {_shorten(words)}") from error
-    rest = next(rows, [])
-    if rest:
+            raise _bad_line(number, words) from error
+    found = len(positions) // 3 + len(lengths)
+    if found != n_vertices + n_faces:
         raise FileFormatError(
-            f"the OFF header declares {n_vertices} vertices and {n_faces} faces, more lines "
-            f"follow: {_shorten(rest)}"
+            f"the OFF header declares {n_vertices} vertices and {n_faces} faces, {found} lines "
+            "follow"
         )
     return _mesh_of_polygons(positions, corners, lengths)
+
+
+def _lines_of_words(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
+    """Yield number and words of lines with some; a backslash at its end continues a line."""
+    words: list[bytes] = []
+    for number, line in enumerate(content.removeprefix(BOM_UTF8).splitlines(), start=1):
+        # A backslash in a comment, as in a path of Windows, does not continue the line.
+        text = line.partition(b"#")[0]
+        words += text.removesuffix(b"\\").split()
+        if words and not text.endswith(b"\\"):
+            yield number, words
+            words = []
+
+
+def _bad_line(number: int, words: list[bytes]) -> FileFormatError:
+    shown = b" ".join(words).decode("latin-1")[:_SHOWN]
+    return FileFormatError(f"line {number} is not valid: {shown!r}")
 
 
 def read_stl(file: Path) -> Mesh:
@@ -218,10 +214,6 @@ def _mesh_of_polygons(positions: array[float], corners: array[int], lengths: arr
             "are read from .ply, .xyz and .npy files"
         )
     return vertices, split_polygons(np.array(corners), np.array(lengths))
-
-
-def _shorten(words: list[bytes]) -> str:
-    return repr(b" ".join(words).decode("latin-1")[:60])
 
 
 def write_ply(vertices: ndarray, faces: ndarray, trusted: ndarray | None = None) -> bytes:

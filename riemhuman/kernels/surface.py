@@ -23,7 +23,7 @@ from autograd.numpy.numpy_vjps import unbroadcast_f
 from numpy import ndarray
 from scipy.sparse import csr_array, csr_matrix
 
-from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.errors import DegenerateSurfaceError
 
 DEGENERATE = 8 * np.finfo(float).eps
 """Triangles count as degenerate below this squared sine of the angle between f_u and f_v."""
@@ -88,42 +88,6 @@ def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray,
     """Return f_u and f_v of every triangle."""
     f_u, f_v = np.split(apply_operator(operator, points), 2, axis=-2)
     return f_u, f_v
-
-
-@primitive
-def entry(values: ndarray, *index: int | slice) -> ndarray:
-    """Return ``values[..., *index]``.
-
-    Registered as an autograd primitive, because autograd accumulates the transpose of indexing
-    entry by entry, in case an index occurs twice.
-    """
-    return values[(..., *index)]
-
-
-@primitive
-def _entry_alone(values: ndarray, shape: tuple[int, ...], *index: int | slice) -> ndarray:
-    """Return zeros except for one entry of the last axes, the transpose of `entry`."""
-    zeros = np.zeros(shape)
-    zeros[(..., *index)] = values
-    return zeros
-
-
-defvjp(
-    entry,
-    lambda answer, values, *index: lambda upstream: _entry_alone(upstream, values.shape, *index),
-    argnums=(0,),
-)
-defjvp(entry, lambda tangent, answer, values, *index: entry(tangent, *index), argnums=(0,))
-defvjp(
-    _entry_alone,
-    lambda answer, values, shape, *index: lambda upstream: entry(upstream, *index),
-    argnums=(0,),
-)
-defjvp(
-    _entry_alone,
-    lambda tangent, answer, values, shape, *index: _entry_alone(tangent, shape, *index),
-    argnums=(0,),
-)
 
 
 def differential(map: Callable[[Any], Any], tangent_vec: ndarray, base_point: ndarray) -> ndarray:
@@ -202,33 +166,9 @@ defjvp(
 )
 
 
-@primitive
 def symmetric_matrices(e: ndarray, m: ndarray, g: ndarray) -> ndarray:
-    """Return the matrices [[e, m], [m, g]].
-
-    Registered as an autograd primitive: the transpose of stacking adds up entry by entry.
-    """
-    shapes = np.shape(e), np.shape(m), np.shape(g)
-    if len(set(shapes)) > 1:
-        raise ArgumentError(f"entries of matrices must be of one shape; found {shapes}")
-    matrices = np.empty((*shapes[0], 2, 2))
-    matrices[..., 0, 0], matrices[..., 1, 1] = e, g
-    matrices[..., 0, 1] = matrices[..., 1, 0] = m
-    return matrices
-
-
-defvjp(
-    symmetric_matrices,
-    lambda answer, e, m, g: lambda upstream: entry(upstream, 0, 0),
-    lambda answer, e, m, g: lambda upstream: entry(upstream, 0, 1) + entry(upstream, 1, 0),
-    lambda answer, e, m, g: lambda upstream: entry(upstream, 1, 1),
-)
-defjvp(
-    symmetric_matrices,
-    lambda tangent, answer, e, m, g: symmetric_matrices(tangent, 0.0 * m, 0.0 * g),
-    lambda tangent, answer, e, m, g: symmetric_matrices(0.0 * e, tangent, 0.0 * g),
-    lambda tangent, answer, e, m, g: symmetric_matrices(0.0 * e, 0.0 * m, tangent),
-)
+    """Return the matrices [[e, m], [m, g]]."""
+    return np.reshape(np.stack([e, m, m, g], axis=-1), (*np.shape(e), 2, 2))
 
 
 def first_fundamental_form(f_u: ndarray, f_v: ndarray) -> ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Sized
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import autograd.numpy as anp
 import numpy as np
@@ -108,19 +108,30 @@ class DeformationBasis:
         n_components = whole_number(n_components, "n_components", minimum=1)
         pairs = frames_apart(motions, step, progress=progress)
         first = next(pairs)
-        pca = StreamingPCA(n_components, first[0].size)
         largest = 0.0
-        for start, end in chain([first], pairs):
-            pca.add((end - start).ravel())
-            largest = max(largest, float(np.abs(start).max()), float(np.abs(end).max()))
-        principal = pca.components(rounding=np.finfo(np.float64).eps * largest)
-        if principal.rank < n_components:
+
+        def deformations() -> Iterator[np.ndarray]:
+            nonlocal largest
+            for start, end in chain([first], pairs):
+                largest = max(largest, float(np.abs(start).max()), float(np.abs(end).max()))
+                yield (end - start).ravel()
+
+        n_features = first[0].size
+        values, rows, n_samples, total = singular_rows(deformations(), n_components, n_features)
+        noise = np.finfo(np.float64).eps * largest * (np.sqrt(n_samples) + np.sqrt(n_features))
+        resolution = max(n_samples, n_features) * np.finfo(np.float64).eps
+        rank = int(np.sum(values > resolution * values.max() + noise))
+        if rank < n_components:
             raise ArgumentError(
-                f"n_components={n_components} exceeds the rank {principal.rank} of the "
-                f"{principal.n_samples} deformations; ask for at most that many"
+                f"n_components={n_components} exceeds the rank {rank} of the {n_samples} "
+                "deformations; ask for at most that many"
             )
-        basis = cls(principal.vectors.reshape(-1, *first[0].shape), orthonormalize=True)
-        basis._set_statistics(principal.variance, principal.variance_ratio)
+        values = values[:n_components]
+        vectors = rows[:n_components] / values[:, np.newaxis]
+        peaks = np.abs(vectors).argmax(axis=1)
+        vectors *= np.sign(vectors[np.arange(n_components), peaks])[:, np.newaxis]
+        basis = cls(vectors.reshape(-1, *first[0].shape), orthonormalize=True)
+        basis._set_statistics(values**2 / n_samples, values**2 / total)
         return basis
 
     @classmethod
@@ -163,11 +174,6 @@ class DeformationBasis:
                 f"{os.fspath(path)} has format version {str(version)[:40]}; "
                 f"this release reads version {_FORMAT_VERSION}"
             )
-        for old, habit in (("vertex_weights", "weighs vertices"), ("mean", "removes a mean")):
-            if old in fields:
-                raise FileFormatError(
-                    f"{os.fspath(path)} {habit}, which bases no longer do; make it anew"
-                )
         try:
             basis = cls(fields["vectors"])
             basis._set_statistics(*(fields.get(name) for name in _STATISTICS))
@@ -378,80 +384,38 @@ def _iterate(items: Any, name: str) -> Iterator[Any]:
 _BUFFER_BYTES = 2**28
 
 
-class PrincipalComponents(NamedTuple):
-    """Orthonormal components (K, n_features), the strongest first, with variances and rank."""
-
-    vectors: np.ndarray
-    variance: np.ndarray
-    variance_ratio: np.ndarray
-    rank: int
-    n_samples: int
-
-
-class StreamingPCA:
-    """Principal components of rows that arrive one by one, in bounded memory.
+def singular_rows(
+    rows: Iterable[np.ndarray], n_components: int, n_features: int
+) -> tuple[np.ndarray, np.ndarray, int, float]:
+    """Return the strongest singular values S and S Vᵀ of rows, their number and sum of squares.
 
     The rows A = U S Vᵀ of a full buffer are replaced by half as many, the strongest rows of S Vᵀ.
     Each such merge lowers AᵀA, in the spectral norm, by the square of the largest singular value
     that it drops, and keeps at least 1.5 K larger ones.
     """
+    fitting = _BUFFER_BYTES // (8 * n_features)
+    buffer = np.empty((max(3 * n_components, min(fitting, 2 * n_features)), n_features))
+    n_filled = n_rows = 0
+    sum_of_squares = 0.0
+    for row in rows:
+        if n_filled == len(buffer):
+            n_filled = len(_merge(buffer, max(len(buffer) // 2, n_components)))
+        buffer[n_filled] = row
+        n_filled, n_rows = n_filled + 1, n_rows + 1
+        sum_of_squares += float(row @ row)
+    values = _merge(buffer[:n_filled], n_filled)
+    return values, buffer[: len(values)], n_rows, sum_of_squares
 
-    def __init__(self, n_components: int, n_features: int) -> None:
-        fitting = _BUFFER_BYTES // (8 * n_features)
-        self._max_rows = max(3 * n_components, min(fitting, 2 * n_features))
-        self._n_components = n_components
-        self._rows = np.empty((self._max_rows, n_features))
-        self._n_filled = 0
-        self._singular_values = np.empty(0)
-        self._n_samples = 0
-        self._sum_of_squares = 0.0
 
-    def add(self, row: np.ndarray) -> None:
-        """Add a row."""
-        if self._n_filled == self._max_rows:
-            self._merge()
-        self._rows[self._n_filled] = row
-        self._n_filled += 1
-
-    def components(self, *, rounding: float = 0.0) -> PrincipalComponents:
-        """Return the components of the rows so far."""
-        self._merge()
-        values, n_features = self._singular_values, self._rows.shape[1]
-        noise = rounding * (np.sqrt(self._n_samples) + np.sqrt(n_features))
-        resolution = max(self._n_samples, n_features) * np.finfo(np.float64).eps
-        rank = int(np.sum(values > resolution * values.max(initial=0.0) + noise))
-        n_components = min(self._n_components, rank)
-
-        values = values[:n_components]
-        vectors = self._rows[:n_components] / values[:, np.newaxis]
-        peaks = np.abs(vectors).argmax(axis=1)
-        vectors *= np.sign(vectors[np.arange(n_components), peaks])[:, np.newaxis]
-        return PrincipalComponents(
-            vectors,
-            values**2 / max(self._n_samples, 1),
-            values**2 / (self._sum_of_squares or 1.0),
-            rank,
-            self._n_samples,
-        )
-
-    def _merge(self) -> None:
-        """Replace the rows of the buffer by the strongest rows of S Vᵀ."""
-        n_merged = len(self._singular_values)
-        if self._n_filled == n_merged:
-            return
-        n_new = self._n_filled - n_merged
-        self._n_samples += n_new
-        self._sum_of_squares += float(np.sum(self._rows[n_merged : self._n_filled] ** 2))
-
-        rows = self._rows[: self._n_filled]
-        # With Aᵀ = Q R, A and Rᵀ have the same left singular vectors. Unlike A Aᵀ, R keeps small
-        # singular values to full precision.
-        triangle: Any = np.linalg.qr(rows.T, mode="r")
-        left, values, _ = np.linalg.svd(triangle.T, full_matrices=False)
-        kept = min(max(self._max_rows // 2, self._n_components), len(values))
-        self._rows[:kept] = left[:, :kept].T @ rows
-        self._singular_values = values[:kept]
-        self._n_filled = kept
+def _merge(rows: np.ndarray, most: int) -> np.ndarray:
+    """Replace the first rows by the strongest rows of S Vᵀ; return their singular values."""
+    # With Aᵀ = Q R, A and Rᵀ have the same left singular vectors. Unlike A Aᵀ, R keeps small
+    # singular values to full precision.
+    triangle: Any = np.linalg.qr(rows.T, mode="r")
+    left, values, _ = np.linalg.svd(triangle.T, full_matrices=False)
+    values = values[:most]
+    rows[: len(values)] = left[:, : len(values)].T @ rows
+    return values
 
 
 def orthonormal_rows(rows: np.ndarray, name: str) -> np.ndarray:

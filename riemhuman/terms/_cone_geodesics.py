@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from riemhuman.kernels import sphere
 from riemhuman.kernels.sphere import sine_cardinal
-from riemhuman.kernels.surface import DEGENERATE, dot, entry, square_root, symmetric_matrices
+from riemhuman.kernels.surface import DEGENERATE, dot, square_root, symmetric_matrices
 from riemhuman.terms.cone import (
     ConeTerm,
     excess,
@@ -68,12 +68,12 @@ defvjp(
 
 def determinants(g: ndarray) -> ndarray:
     """Return det g to working precision, also for near-degenerate g."""
-    return product_minus_square(entry(g, 0, 0), entry(g, 1, 1), entry(g, 0, 1))
+    return product_minus_square(g[..., 0, 0], g[..., 1, 1], g[..., 0, 1])
 
 
 def is_rounding_error(determinant: ndarray, g: ndarray) -> ndarray:
     """Return whether a known det g is rounding error alone: det g ≤ 8 ε g₁₁ g₂₂."""
-    return determinant <= DEGENERATE * entry(g, 0, 0) * entry(g, 1, 1)
+    return determinant <= DEGENERATE * g[..., 0, 0] * g[..., 1, 1]
 
 
 def is_degenerate(g: ndarray) -> ndarray:
@@ -84,7 +84,7 @@ def is_degenerate(g: ndarray) -> ndarray:
 def has_lost_its_shape(g: ndarray) -> ndarray:
     """Return whether g overflows, or det g has fewer than five digits."""
     # Infinite entries, whose determinants are NaN, count too.
-    return ~(determinants(g) > _FEW_DIGITS * entry(g, 0, 0) * entry(g, 1, 1))
+    return ~(determinants(g) > _FEW_DIGITS * g[..., 0, 0] * g[..., 1, 1])
 
 
 def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
@@ -95,7 +95,7 @@ def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     determinant = determinants(g)
     degenerate = is_rounding_error(determinant, g)
     areas = np.sqrt(np.where(degenerate, 1.0, determinant))
-    return half_plane(np.where(degenerate, 1.0, entry(g, 0, 0)), entry(g, 0, 1), areas, degenerate)
+    return half_plane(np.where(degenerate, 1.0, g[..., 0, 0]), g[..., 0, 1], areas, degenerate)
 
 
 def unit_determinant(g: ndarray) -> ndarray:
@@ -109,13 +109,13 @@ def unit_determinant(g: ndarray) -> ndarray:
 
 def trace(matrices: ndarray) -> ndarray:
     """Return the traces."""
-    return entry(matrices, 0, 0) + entry(matrices, 1, 1)
+    return matrices[..., 0, 0] + matrices[..., 1, 1]
 
 
 def traceless(matrices: ndarray) -> ndarray:
     """Return A − ½ tr(A) I of symmetric matrices A."""
-    half = 0.5 * (entry(matrices, 0, 0) - entry(matrices, 1, 1))
-    return symmetric_matrices(half, entry(matrices, 0, 1), -half)
+    half = 0.5 * (matrices[..., 0, 0] - matrices[..., 1, 1])
+    return symmetric_matrices(half, matrices[..., 0, 1], -half)
 
 
 def symmetric_part(matrices: ndarray) -> ndarray:
@@ -125,7 +125,7 @@ def symmetric_part(matrices: ndarray) -> ndarray:
 
 def size(v: ndarray) -> ndarray:
     """Return √(½ tr v²) of symmetric traceless v."""
-    return square_root(entry(v, 0, 0) ** 2 + entry(v, 0, 1) ** 2)
+    return square_root(v[..., 0, 0] ** 2 + v[..., 0, 1] ** 2)
 
 
 def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
@@ -136,21 +136,21 @@ def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
     """
     # L = √g₁₁ [[1, 0], [x, y]]; adding zeros broadcasts.
     x, y, _ = coordinates(g)
-    e = entry(delta_g, 0, 0) + np.zeros_like(x)
-    m = 0.5 * (entry(delta_g, 0, 1) + entry(delta_g, 1, 0))
+    e = delta_g[..., 0, 0] + np.zeros_like(x)
+    m = 0.5 * (delta_g[..., 0, 1] + delta_g[..., 1, 0])
     mixed = (m - x * e) / y
-    last = ((entry(delta_g, 1, 1) - x * m) / y - x * mixed) / y
-    first = entry(g, 0, 0)
+    last = ((delta_g[..., 1, 1] - x * m) / y - x * mixed) / y
+    first = g[..., 0, 0]
     return symmetric_matrices(e / first, mixed / first, last / first)
 
 
 def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
     """Return L W Lᵀ of symmetric W, where g = L Lᵀ: the inverse of `whiten`."""
     x, y, _ = coordinates(g)
-    e = entry(matrices, 0, 0) + np.zeros_like(x)
-    m, last = entry(matrices, 0, 1), entry(matrices, 1, 1)
+    e = matrices[..., 0, 0] + np.zeros_like(x)
+    m, last = matrices[..., 0, 1], matrices[..., 1, 1]
     mixed = x * e + y * m
-    first, corner = entry(g, 0, 0), x * mixed + y * (x * m + y * last)
+    first, corner = g[..., 0, 0], x * mixed + y * (x * m + y * last)
     return symmetric_matrices(first * e, first * mixed, first * corner)
 
 
@@ -177,7 +177,7 @@ def traceless_exp(v: ndarray, factor: ndarray) -> ndarray:
     """Return exp(factor · v) of symmetric traceless v."""
     length = factor * size(v)
     even, odd = np.cosh(length), factor * hyperbolic_sine_cardinal(length)
-    diagonal, mixed = odd * entry(v, 0, 0), odd * entry(v, 0, 1)
+    diagonal, mixed = odd * v[..., 0, 0], odd * v[..., 0, 1]
     return symmetric_matrices(even + diagonal, mixed, even - diagonal)
 
 
@@ -240,9 +240,9 @@ def _has_met_apex(
 ) -> ndarray:
     x, y, _ = coordinates(g)
     skew = np.abs(x) / y
-    e, m, last = (np.abs(entry(delta_g, i, j)) for i, j in ((0, 0), (0, 1), (1, 1)))
+    e, m, last = (np.abs(delta_g[..., i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
     # The sum of the sizes of all terms of the whitened δg scales its rounding errors.
-    size = (e * (1.0 + skew) ** 2 + 2.0 * (1.0 + skew) * m / y + last / y**2) / entry(g, 0, 0)
+    size = (e * (1.0 + skew) ** 2 + 2.0 * (1.0 + skew) * m / y + last / y**2) / g[..., 0, 0]
     rounding = 8.0 * np.finfo(float).eps * size
     rounding = np.maximum(cone.angle_per_length, cone.angle_per_turn) * rounding
     return (along <= rounding) & (across <= rounding)
@@ -353,4 +353,4 @@ def parallel_transport(vector: Parts, point: Parts, velocity: Parts, cone: ConeT
 
 def _dot(a: ndarray, b: ndarray) -> ndarray:
     """Return ½ tr(a b) of symmetric traceless matrices."""
-    return entry(a, 0, 0) * entry(b, 0, 0) + entry(a, 0, 1) * entry(b, 0, 1)
+    return a[..., 0, 0] * b[..., 0, 0] + a[..., 0, 1] * b[..., 0, 1]

@@ -6,7 +6,7 @@ import pytest
 from autograd import grad, make_jvp
 from scipy.sparse import random_array
 
-from riemhuman.kernels.surface import apply_operator, differential, entry, square_root
+from riemhuman.kernels.surface import apply_operator, differential, square_root
 
 
 @pytest.mark.parametrize("leading", [(), (4,), (2, 3), (0,), (2, 0)])
@@ -49,29 +49,6 @@ def test_differential():
     by_point = grad(lambda p: anp.sum(differential(cube_sums, v, p)))(x)
     np.testing.assert_allclose(by_vector, 3 * x**2 + x[:, [1, 0, 2]] * [1, 1, 0], atol=1e-13)
     np.testing.assert_allclose(by_point, 6 * x * v + v[:, [1, 0, 2]] * [1, 1, 0], atol=1e-13)
-
-
-@pytest.mark.parametrize("index", [(0, 1), (slice(1), slice(1)), (slice(1, None), 0)])
-def test_entries_and_their_derivatives_are_those_of_indexing(index):
-    rng = np.random.default_rng(4)
-    values, tangent = rng.normal(size=(2, 5, 2, 2))
-
-    def by_entry(x):
-        return anp.sum(anp.sin(entry(x, *index)) ** 2)
-
-    def by_index(x):
-        return anp.sum(anp.sin(x[(..., *index)]) ** 2)
-
-    np.testing.assert_array_equal(entry(values, *index), values[(..., *index)])
-    for derivative in (grad, lambda f: grad(lambda x: anp.sum(tangent * grad(f)(x)))):
-        np.testing.assert_allclose(
-            derivative(by_entry)(values), derivative(by_index)(values), rtol=1e-13
-        )
-    assert make_jvp(by_entry)(values)(tangent)[1] == pytest.approx(
-        make_jvp(by_index)(values)(tangent)[1], rel=1e-13
-    )
-    along = make_jvp(grad(by_entry))(values)(tangent)[1]
-    np.testing.assert_allclose(along, make_jvp(grad(by_index))(values)(tangent)[1], rtol=1e-13)
 
 
 @pytest.fixture(autouse=True)

@@ -44,21 +44,6 @@ def test_components_in_the_frame_of_a_triangle():
     np.testing.assert_allclose(turned, np.stack(expected, axis=-1), atol=1e-12)
 
 
-def test_changes_of_one_entry_change_that_entry():
-    entries, change = np.array([[0.0, 0.7], [0.0, -1.2], [0.0, 2.5]]), np.array([2.0, 3.0])
-    for entry, places in enumerate(([(0, 0)], [(0, 1), (1, 0)], [(1, 1)])):
-        found = make_jvp(surface.symmetric_matrices, entry)(*entries)(change)[1]
-        expected = np.zeros((2, 2, 2))
-        for row, column in places:
-            expected[:, row, column] = change
-        np.testing.assert_array_equal(found, expected)
-
-
-def test_matrices_are_made_of_entries_of_one_shape():
-    with pytest.raises(ArgumentError, match=r"one shape; found \(\(2,\), \(\), \(2,\)\)"):
-        surface.symmetric_matrices(np.ones(2), np.float64(0.0), np.ones(2))
-
-
 @pytest.mark.parametrize("shape", [(), (5,), (2, 4)])
 def test_inner_products_of_vectors(shape):
     rng = np.random.default_rng(3)
