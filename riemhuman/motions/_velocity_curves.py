@@ -33,8 +33,6 @@ from scipy.ndimage import gaussian_filter1d
 from riemhuman.errors import NotDefinedError
 from riemhuman.geometry import EbinMetric, FlatMetric, NormalFieldMetric, RotationFieldMetric
 from riemhuman.kernels.compilation import compiled
-from riemhuman.kernels.projections import field_coordinates
-from riemhuman.kernels.rotations import axial, transpose
 from riemhuman.motions._frames import Motion, frame_runs
 
 # Steps in which the length of the spline is measured, for every side and chord.
@@ -42,6 +40,9 @@ _FINER = 8
 
 # Sides below this share of the longest are pauses.
 _STILL = 1e-6
+
+# Eigenvalues of Gram matrices below this share of the largest belong to no tangent vector.
+_NO_LENGTH = 1e-12
 
 # Standard deviations after which a Gaussian is cut off.
 _CUT_OFF = 4.0
@@ -95,38 +96,23 @@ class TransportedVelocities:
 
 def _chart(metric: Any, base: ndarray, weight: float) -> Any:
     """Return a function from tangent vectors at a point to orthonormal coordinates."""
-    if isinstance(metric, EbinMetric):
-        return _ebin_chart(metric, base, weight)
-    if isinstance(metric, FlatMetric):
-        scales = np.sqrt(weight * metric.covector(np.ones(metric.space.shape), base))
-        return lambda v: (scales * v).reshape(len(v), -1)
-    if isinstance(metric, NormalFieldMetric):
-        return lambda v: field_coordinates(v, weight * metric.space.template.face_areas)
-    if isinstance(metric, RotationFieldMetric):
-        areas = weight * metric.space.template.face_areas
-        return lambda v: field_coordinates(axial(np.matmul(transpose(base), v)), areas)
-    raise NotDefinedError(
-        f"rate-invariant distances need the fields of an elastic metric, of rotations or of flat "
-        f"terms; found {type(metric).__name__}"
+    if not isinstance(metric, (EbinMetric, FlatMetric, NormalFieldMetric, RotationFieldMetric)):
+        raise NotDefinedError(
+            f"rate-invariant distances need the fields of an elastic metric, of rotations or of "
+            f"flat terms; found {type(metric).__name__}"
+        )
+    count, *entries = metric.space.shape
+    size = math.prod(entries)
+    units = np.broadcast_to(np.eye(size).reshape(size, 1, *entries), (size, count, *entries))
+    basis = metric.space.to_tangent(units, base)
+    # These metrics are sums over triangles: each triangle has a Gram matrix of its own.
+    lowered, fields = (x.reshape(size, count, size) for x in (metric.covector(basis, base), basis))
+    values, vectors = np.linalg.eigh(weight * np.einsum("ifk,jfk->fij", lowered, fields))
+    used = values.max(axis=0) > _NO_LENGTH * values.max()
+    roots = (np.sqrt(np.maximum(values, 0.0))[:, None] * vectors)[..., used]
+    return lambda v: np.einsum("nfi,fir->nfr", v.reshape(-1, count, size), roots).reshape(
+        len(v), -1
     )
-
-
-def _ebin_chart(metric: EbinMetric, base: ndarray, weight: float) -> Any:
-    """Return coordinates of h at g = LLᵀ: the trace of L⁻¹hL⁻ᵀ, and its trace-free part."""
-    scale = np.sqrt(weight * metric.space.template.face_areas * np.sqrt(np.linalg.det(base)))
-    inverse = np.linalg.inv(np.linalg.cholesky(base))
-
-    def coordinates(h: ndarray) -> ndarray:
-        whitened = inverse @ h @ np.swapaxes(inverse, -1, -2)
-        first, second = whitened[..., 0, 0], whitened[..., 1, 1]
-        parts = [
-            np.sqrt(metric.lam) * (first + second),
-            np.sqrt(0.5) * (first - second),
-            np.sqrt(2.0) * whitened[..., 0, 1],
-        ]
-        return (scale[:, None] * np.stack(parts, axis=-1)).reshape(len(h), -1)
-
-    return coordinates
 
 
 def even_segments(
