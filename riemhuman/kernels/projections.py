@@ -7,6 +7,9 @@ from typing import Self
 import numpy as np
 from numpy import ndarray
 
+# Eigenvalues of a Gram matrix below this share of the largest are rounding errors.
+_ROUNDING = 1e-12
+
 
 class Projection:
     """A projection that never increases distances: principal components and the residual's norm.
@@ -22,12 +25,9 @@ class Projection:
     @classmethod
     def fit(cls, sample: ndarray, n_components: int) -> Self:
         """Return the projection to the principal components of a sample."""
-        mean = sample.mean(axis=0)
-        centered = sample - mean
-        values, vectors = np.linalg.eigh(centered @ centered.T)
-        kept = np.flatnonzero(values > 1e-12 * values[-1])[::-1][:n_components]
+        mean, components = principal_components(sample, n_components)
         # QR makes the components orthonormal to rounding; otherwise distances could increase.
-        orthonormal, _ = np.linalg.qr(centered.T @ (vectors[:, kept] / np.sqrt(values[kept])))
+        orthonormal, _ = np.linalg.qr(components.T)
         return cls(mean, np.ascontiguousarray(orthonormal.T))
 
     def __call__(self, rows: ndarray) -> ndarray:
@@ -36,6 +36,18 @@ class Projection:
         projected = centered @ self.components.T
         rest = np.sum(centered**2, axis=1) - np.sum(projected**2, axis=1)
         return np.column_stack([projected, np.sqrt(np.maximum(rest, 0.0))])
+
+
+def principal_components(
+    sample: ndarray, n_components: int | None = None
+) -> tuple[ndarray, ndarray]:
+    """Return the mean of rows and their principal directions, shape (k, m), the largest first."""
+    mean = sample.mean(axis=0)
+    centered = sample - mean
+    # By the Gram matrix: there are far fewer rows than columns.
+    values, vectors = np.linalg.eigh(centered @ centered.T)
+    kept = np.flatnonzero(values > _ROUNDING * max(values[-1], 0.0))[::-1][:n_components]
+    return mean, (vectors[:, kept] / np.sqrt(values[kept])).T @ centered
 
 
 def field_coordinates(values: ndarray, areas: ndarray) -> ndarray:

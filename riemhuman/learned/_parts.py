@@ -66,8 +66,7 @@ class Parts:
         parents = weights.indices("part_parents", (n_parts,), -1, n_parts)
         blend = weights.numbers("part_weights", (template.n_faces, n_parts))
         parts = cls(template, part_of, blend, parents)
-        n_reached = sum(len(level) for level, _ in parts.levels)
-        if np.count_nonzero(parents < 0) != 1 or n_reached < n_parts:
+        if np.count_nonzero(parents < 0) != 1 or len(parts.order) < n_parts:
             raise FileFormatError("part_parents must be a tree: one root, and no circle")
         return parts
 
@@ -77,14 +76,12 @@ class Parts:
         return len(self.parents)
 
     @cached_property
-    def levels(self) -> list[tuple[ndarray, ndarray]]:
-        """Parts at each depth of the tree, with the positions of their parents one level above."""
-        above = np.flatnonzero(self.parents < 0)
-        levels = [(above, np.zeros(1, dtype=np.int64))]
-        while len(below := np.flatnonzero(np.isin(self.parents, above))):
-            levels.append((below, np.searchsorted(above, self.parents[below])))
-            above = below
-        return levels
+    def order(self) -> list[int]:
+        """The parts that the root reaches, parents before their children."""
+        order = np.flatnonzero(self.parents < 0).tolist()
+        for part in order:
+            order += np.flatnonzero(self.parents == part).tolist()
+        return order
 
     @cached_property
     def operator(self) -> ndarray:
@@ -127,12 +124,11 @@ class Parts:
         moved = gradients(self.template, points, used)
         rows = np.swapaxes(moved, 0, 1).reshape(moved.shape[1], -1)
         means = (self._means[:, used] @ rows).reshape(self.n_parts, len(points), 3, 3)
-        missing = self._shares == 0
-        if missing[self.levels[0][0]].any():
-            means[self.levels[0][0]] = np.tensordot(self._shares, means, axes=1)
-        for parts, _ in self.levels[1:]:
-            lost = parts[missing[parts]]
-            means[lost] = means[self.parents[lost]]
+        for part in self.order:
+            if self._shares[part] == 0:
+                is_root = self.parents[part] < 0
+                body = np.tensordot(self._shares, means, axes=1)
+                means[part] = body if is_root else means[self.parents[part]]
         return np.swapaxes(means, 0, 1)
 
     def surfaces(self, features: Any, backend: ModuleType = np, operator: Any = None) -> Any:
@@ -149,11 +145,10 @@ class Parts:
         return (self.operator if operator is None else operator) @ means
 
     def _chain(self, own: Any, backend: ModuleType) -> Any:
-        chained = [own[:, self.levels[0][0]]]
-        for parts, places in self.levels[1:]:
-            chained.append(chained[-1][:, places] @ own[:, parts])
-        order = np.concatenate([parts for parts, _ in self.levels])
-        return backend.concatenate(chained, 1)[:, np.argsort(order)]
+        chained = [own[:, part] for part in range(self.n_parts)]
+        for part in self.order[1:]:
+            chained[part] = chained[self.parents[part]] @ chained[part]
+        return backend.stack(chained, 1)
 
     @cached_property
     def _areas(self) -> ndarray:

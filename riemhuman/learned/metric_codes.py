@@ -12,8 +12,9 @@ from riemhuman.checks import real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.kernels.projections import principal_components
 
-# Share of the largest eigenvalue below which principal components are rounding errors.
+# Squared differences of bodies below this share of their squares are rounding errors.
 _ROUNDING = 1e-12
 
 
@@ -77,7 +78,7 @@ class MetricCodes(Estimator):
         self.random_state = random_state
 
     def fit(self, X: ndarray, y: object = None) -> Self:
-        """Fit the codes to bodies, in seconds.
+        """Fit the codes to bodies.
 
         Parameters
         ----------
@@ -92,16 +93,12 @@ class MetricCodes(Estimator):
         coordinates = self._coordinates(X)
         if len(coordinates) < 3:
             raise ArgumentError(f"X must hold at least three bodies; found {len(coordinates)}")
-        mean = coordinates.mean(axis=0)
-        centered = coordinates - mean
-        values, vectors = np.linalg.eigh(centered @ centered.T)
-        kept = np.flatnonzero(values > _ROUNDING * max(values[-1], 0.0))[::-1]
-        kept = kept[: min(n_components, n_codes - 1)]
-        if values[-1] <= _ROUNDING * np.sum(coordinates**2):
+        if np.sum(np.ptp(coordinates, axis=0) ** 2) <= _ROUNDING * np.sum(coordinates**2):
             raise ArgumentError("X must hold different bodies; all are the same to rounding")
-        self.mean_ = mean
-        self.components_ = (vectors[:, kept] / np.sqrt(values[kept])).T @ centered
-        self._projection = _random_signs(centered.shape[1], n_codes - len(kept), seed)
+        found = principal_components(coordinates, min(n_components, n_codes - 1))
+        self.mean_, self.components_ = found
+        n_random = n_codes - len(self.components_)
+        self._projection = _random_signs(coordinates.shape[1], n_random, seed)
         self.scale_ = 1.0
         codes = self._encode(coordinates)
         some = np.linspace(0, len(codes) - 1, min(len(codes), 64)).astype(int)

@@ -14,18 +14,13 @@ import pkgutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import length_of, one_of, whole_number
-from riemhuman.errors import (
-    ArgumentError,
-    FileError,
-    FileFormatError,
-    RiemhumanError,
-)
+from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.pairwise import PRECISIONS, squared_dist_rectangle
 from riemhuman.geometry.strategies import GeodesicSolver
@@ -84,10 +79,10 @@ def pairwise_job(
     r"""Compute all distances within a set of points into a file, or resume an earlier run.
 
     The distances, a read-only memory map of shape (n, n), are those of `metric.dist_pairwise`, bit
-    for bit, for sets that do not fit in memory. An interrupted or killed job resumes when it is
-    called again with the same arguments; finished tiles are kept. When the job is complete, the
-    folder holds the distances as `D.npy`, and another call only opens them. Whenever it resumes or
-    opens, some distances are computed again, and the folder is refused if they differ.
+    for bit, for sets that do not fit in memory. An interrupted or killed job resumes, with its
+    finished tiles, when it is called again with the same arguments. When it is complete, the folder
+    holds the distances as `D.npy`, and another call opens them. Either computes some distances
+    again and refuses the folder if they differ.
 
     Parameters
     ----------
@@ -389,13 +384,13 @@ def _compute(
 ) -> list[RiemhumanError]:
     """Compute and write the unfinished parts, and return errors of some."""
     todo = np.flatnonzero(~np.array(job.read(_DONE))).tolist()
-    sizes = [worker.n_pairs(part) for part in parts]
-    n_finished = sum(sizes) - sum(sizes[number] for number in todo)
-    settings = {"desc": worker.title, "unit": worker.unit, "disable": not progress}
     errors: list[RiemhumanError] = []
     if not todo:
         return errors
-    with ProgressBar(total=sum(sizes), initial=n_finished, **settings) as bar:
+    n_finished = len(parts) - len(todo)
+    with ProgressBar(
+        total=len(parts), initial=n_finished, desc="Parts of the job", disable=not progress
+    ) as bar:
         values: Any
         for number, values in compute_parts(metric, worker, [(k, parts[k]) for k in todo], client):
             if isinstance(values, RiemhumanError):
@@ -404,7 +399,7 @@ def _compute(
             worker.write(job, parts[number], values)
             # The record follows the entries: a kill in between costs only this part.
             job.write(_DONE, (number, True))
-            bar.update(sizes[number])
+            bar.update()
     return errors
 
 
@@ -415,16 +410,7 @@ class TileReader:
     folder: str
     n_features: int
     n_jobs: int | None
-    _rows: tuple[slice, tuple[ndarray, ...]] | None = field(
-        default=None, init=False, repr=False, compare=False
-    )
-    title: ClassVar[str] = "Distances"
-    unit: ClassVar[str] = " pairs"
-
-    @staticmethod
-    def n_pairs(tile: Tile) -> int:
-        n_rows, n_columns = (side.stop - side.start for side in tile)
-        return n_rows * (n_rows - 1) // 2 if tile[0] == tile[1] else n_rows * n_columns
+    _rows: tuple[slice, tuple[ndarray, ...]] | None = field(default=None, init=False)
 
     @staticmethod
     def write(job: JobFolder, tile: Tile, block: ndarray) -> None:
@@ -466,12 +452,6 @@ class PathFinder:
     solver: GeodesicSolver
     points: ndarray
     n_jobs: int | None
-    title: ClassVar[str] = "Geodesics"
-    unit: ClassVar[str] = " paths"
-
-    @staticmethod
-    def n_pairs(block: slice) -> int:
-        return block.stop - block.start
 
     @staticmethod
     def write(job: JobFolder, block: slice, rows: ndarray) -> None:

@@ -14,15 +14,13 @@ from riemhuman.checks import class_numbers, one_of, real_array, real_number, who
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import PullbackMetric, RiemannianMetric, VectorSpace
+from riemhuman.kernels.projections import principal_components
 from riemhuman.optional import import_optional
 
 LEDOIT_WOLF, CROSS_VALIDATION = "ledoit-wolf", "cross-validation"
 
 # Shrinkages that cross-validation compares.
 _SHRINKAGES = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
-
-# Eigenvalues of the Gram matrix below this share of the largest are rounding errors.
-_ROUNDING = 1e-12
 
 
 class LearnedMetric(Estimator):
@@ -214,13 +212,8 @@ def _whitening(
 
 def _principal(coordinates: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     """Return the mean, the principal directions, and the coordinates along these."""
-    mean = coordinates.mean(axis=0)
-    centered = coordinates - mean
-    # By the Gram matrix: there are far fewer points than coordinates.
-    values, vectors = np.linalg.eigh(centered @ centered.T)
-    kept = values > _ROUNDING * max(values[-1], 0.0)
-    directions = (vectors[:, kept] / np.sqrt(values[kept])).T @ centered
-    return mean, directions, centered @ directions.T
+    mean, directions = principal_components(coordinates)
+    return mean, directions, (coordinates - mean) @ directions.T
 
 
 def _inverse_root(

@@ -90,9 +90,7 @@ def test_width_is_a_stretch_and_bending_a_turn(template, parts):
 
 def test_parts_form_a_tree(parts):
     assert np.count_nonzero(parts.parents < 0) == 1
-    assert sorted(np.concatenate([level for level, _ in parts.levels])) == list(
-        range(parts.n_parts)
-    )
+    assert sorted(parts.order) == list(range(parts.n_parts))
     assert set(parts.part_of) == set(range(parts.n_parts))
 
 
