@@ -121,14 +121,17 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
         f"{len(bodies)} bodies: {n_people} people, {n_poses} poses, "
         f"{bodies.template.n_vertices:,} vertices, {bodies.template.n_faces:,} triangles"
     )
+    natural = options.open == "natural" and not options.all
+    compared = rh.report.representations(bodies) if options.all else None
+    how = {"learned": natural, "progress": options.bars, "task": options.task}
+    records = rh.report.benchmark(bodies, compared, **how)
     if options.all:
-        compared = rh.report.representations(bodies)
-        with options.task("All representations"):
-            records = rh.report.benchmark(bodies, compared, progress=options.bars)
-        text = f"{head}\n\n{rh.report.format_benchmark(records)}"
-        return cli.Answer(text, records)
-    natural = options.open == "natural"
-    found = rh.report.retrieval_tables(bodies, learned=natural, task=options.task)
+        return cli.Answer(f"{head}\n\n{rh.report.format_benchmark(records)}", records)
+    titles, found = rh.report.retrieval_benchmark.TITLES, {}
+    for each in records:
+        if each.scores is None:
+            raise ArgumentError(f"{each.representation} cannot be computed: {each.problem}")
+        found.setdefault(titles[each.task], {})[each.representation] = each.scores
     end = (
         "Per cent, each body against all others: NN nearest neighbour, FT and ST first and second "
         "tier."

@@ -72,26 +72,7 @@ def _view(options: argparse.Namespace) -> cli.Answer:
 )
 def _info(options: argparse.Namespace) -> cli.Answer:
     facts = {"file": str(options.file), **_facts(options.file)}
-    width = max(map(len, facts))
-    said = []
-    for name, value in facts.items():
-        rows = value if isinstance(value, list) and len(value) > 4 else [_readable(value)]
-        for number, row in enumerate(rows):
-            title = "" if number else name.replace("_", " ")
-            said.append(f"{title:<{width}}  {row}")
-    return cli.Answer("\n".join(said), facts)
-
-
-def _readable(value: Any) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int):
-        return f"{value:,}"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, list):
-        return ", ".join(map(_readable, value))
-    return "-" if value is None else str(value)
+    return cli.Answer(facts, facts)
 
 
 def _facts(file: Path) -> dict[str, Any]:

@@ -130,7 +130,7 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     else:
         rh.plots.view_alignment(first, second, read.faces, warp, names).save(options.output)
     record = {"a": names[0], "b": names[1], "by": options.by, "distance": warp.dist}
-    return cli.Answer({"distance": f"{warp.dist:.8g}"}, record)
+    return cli.Answer({"distance": float(warp.dist)}, record)
 
 
 @cli.command(
@@ -153,7 +153,7 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     with options.task(f"Mean of {len(read.names)} motions"):
         mean = estimator.fit(read.motions)
     inputs.write_path(options, mean.estimate_, read.faces, "Mean of motions", times=mean.times_)
-    text = {"motions": len(read.names), "variance": f"{mean.variance_:.8g}"}
+    text = {"motions": len(read.names), "variance": float(mean.variance_)}
     return cli.Answer(text, {"motions": read.names, "variance": mean.variance_})
 
 

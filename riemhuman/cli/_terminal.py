@@ -52,8 +52,22 @@ def lines(values: Mapping[str, object]) -> str:
     """Return a line for each value that is not None, with its name; values in one column."""
     given = {name.replace("_", " "): v for name, v in values.items() if v is not None}
     width = max(map(len, given))
-    shown = {n: f"{v:.8g}" if isinstance(v, float) else v for n, v in given.items()}
-    return "\n".join(f"{name:<{width}}  {value}" for name, value in shown.items())
+    said = []
+    for name, value in given.items():
+        rows = value if isinstance(value, list) and len(value) > 4 else [_readable(value)]
+        names = [name] + [""] * (len(rows) - 1)
+        said += [f"{title:<{width}}  {row}" for title, row in zip(names, rows, strict=True)]
+    return "\n".join(said)
+
+
+def _readable(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return ", ".join(map(_readable, value))
+    if isinstance(value, float):
+        return f"{value:.8g}"
+    return f"{value:,}" if isinstance(value, int) else str(value)
 
 
 def solved(result: Result, text: dict[str, object], **record: object) -> Answer:

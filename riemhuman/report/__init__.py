@@ -7,7 +7,6 @@ from riemhuman.report.retrieval_benchmark import (
     benchmark,
     format_benchmark,
     representations,
-    retrieval_tables,
 )
 
 __all__ = [
@@ -16,7 +15,6 @@ __all__ = [
     "format_benchmark",
     "make_report",
     "representations",
-    "retrieval_tables",
     "scan_page",
 ]
 

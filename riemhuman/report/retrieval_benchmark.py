@@ -39,8 +39,7 @@ from riemhuman.geometry import (
 )
 from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
 from riemhuman.learned.shape_pose_codes import ShapePoseCodes
-from riemhuman.progress import ProgressBar
-from riemhuman.retrieval import RetrievalScores, retrieval_table, scores
+from riemhuman.retrieval import RetrievalScores, scores
 from riemhuman.solvers.paths import LinearPath
 from riemhuman.statistics import LearnedMetric
 from riemhuman.surfaces.template import Template
@@ -59,7 +58,9 @@ GAUGE_INVARIANT = f"gauge-invariant SRNF{_STRAIGHT}"
 
 Described = tuple[np.ndarray, float]
 
-_TITLES = {"shape": "Who is it?", "pose": "How do they stand?"}
+AMONG_OTHERS = "pose among other people"  # other bodies of the same person are left out
+TITLES = {"shape": "Who is it?", "pose": "How do they stand?"}
+TITLES[AMONG_OTHERS] = "How, among other people?"
 _COLUMNS = {"nn": "NN", "first_tier": "FT", "second_tier": "ST", "mean_average_precision": "mAP"}
 _LABELS = {"shape": "subject", "pose": "pose"}
 
@@ -71,7 +72,7 @@ class BenchmarkRecord:
     Attributes
     ----------
     representation : str
-    task : {"shape", "pose"}
+    task : {"shape", "pose", "pose among other people"}
         The retrieval of the person or of the pose.
     scores : RetrievalScores or None
         None if the representation failed.
@@ -97,7 +98,9 @@ def benchmark(
     bodies: Any,
     representations: Mapping[str, Any] | None = None,
     *,
+    learned: bool = False,
     progress: bool = False,
+    task: Callable[[str], AbstractContextManager[Any]] = nullcontext,
 ) -> list[BenchmarkRecord]:
     """Score representations by leave-one-out retrieval of people and of poses.
 
@@ -111,8 +114,13 @@ def benchmark(
     representations : mapping of str to object, optional
         By name, metrics (with the method ``dist_pairwise``) or descriptors (with the methods
         ``describe`` and ``distances``), such as `representations` of the bodies; by default the
-        metrics of the paper and its successors.
+        metrics of the paper, its successors and other packages.
+    learned : bool
+        Whether to add metrics learned from the labels of other people, and the retrieval of the
+        pose among other people.
     progress : bool
+    task : callable
+        Takes the name of a task; returns a context manager that is open during the task.
 
     Examples
     --------
@@ -122,7 +130,9 @@ def benchmark(
     ['shape', 'pose']
     """
     if representations is None:
+        added = of_extensions(bodies).items()
         representations = table_metrics(bodies)
+        representations |= {name: one for name, one in added if hasattr(one, "dist_pairwise")}
     for name, representation in representations.items():
         if not (hasattr(representation, "dist_pairwise") or hasattr(representation, "describe")):
             raise ArgumentTypeError(
@@ -130,34 +140,40 @@ def benchmark(
                 f"with describe and distances; found {type(representation).__name__}"
             )
     labels = {}
-    for task, field in _LABELS.items():
+    for kind, field in _LABELS.items():
         own = getattr(bodies, field, None)
         if own is not None and len(np.unique(own)) < len(own):
-            labels[task] = own
+            labels[kind] = own
     if not labels:
         raise ArgumentError(
             f"bodies must have labels that surfaces share; no two of {len(bodies)} surfaces do "
             f"({' or '.join(_LABELS.values())})"
         )
 
+    def score(matrices: Mapping[str, np.ndarray]) -> dict[str, RetrievalScores]:
+        found = {kind: scores(matrix, labels[kind]) for kind, matrix in matrices.items()}
+        if learned and "pose" in found:
+            found[AMONG_OTHERS] = scores(matrices["pose"], labels["pose"], bodies.subject)
+        return found
+
     records = []
     described = described_together(representations, bodies, progress=progress)
-    bar = ProgressBar(representations.items(), disable=not progress, unit="representation")
-    for name, representation in bar:
-        bar.set_description(name)
+    n_pairs = len(bodies) * (len(bodies) - 1) // 2
+    for name, representation in representations.items():
+        times, problem, found = (np.nan, np.nan), None, {}
         try:
-            distances, per_body, per_pair = timed_distances(
-                representation, bodies, described.get(name)
-            )
-            found = {task: scores(distances, classes) for task, classes in labels.items()}
-            problem = None
+            with task(f"{name}: {n_pairs:,} distances"):
+                own = described.get(name)
+                distances, *times = timed_distances(representation, bodies, own)
+            found = score(dict.fromkeys(labels, distances))
         except RiemhumanError as error:
-            found, per_body, per_pair = {}, np.nan, np.nan
             problem = f"{type(error).__name__}: {error}"
-        records += [
-            BenchmarkRecord(name, task, found.get(task), per_body, per_pair, problem)
-            for task in labels
-        ]
+        tasks = found or labels
+        records += [BenchmarkRecord(name, t, found.get(t), *times, problem) for t in tasks]
+    if learned:
+        with task(f"{_LEARNED_METRIC}: distances"), suppress(MissingDependencyError):
+            found = score(_learned_distances(bodies))
+            records += [BenchmarkRecord(_LEARNED_METRIC, t, found[t], 0.0, np.nan) for t in found]
     return records
 
 
@@ -264,53 +280,6 @@ def shipped_descriptors(template: Template) -> dict[str, Descriptor]:
     }
 
 
-def retrieval_tables(
-    bodies: Any,
-    *,
-    learned: bool = False,
-    task: Callable[[str], AbstractContextManager[Any]] = nullcontext,
-) -> dict[str, dict[str, RetrievalScores]]:
-    """Score metrics by leave-one-out retrieval of people and of poses.
-
-    Parameters
-    ----------
-    bodies : Bodies
-        Registered surfaces; a table is left out if its labels are None.
-    learned : bool
-        Whether to add metrics learned from the labels of other people, and a table of poses among
-        other people.
-    task : callable
-        Takes the name of a task; returns a context manager that is open during the task.
-
-    Examples
-    --------
-    >>> tables = rh.report.retrieval_tables(rh.datasets.load_open_bodies("coarse"))
-    >>> list(tables)
-    ['Who is it?', 'How do they stand?']
-    """
-    n_pairs = len(bodies) * (len(bodies) - 1) // 2
-    distances = {}
-    for name, metric in (table_metrics(bodies) | of_extensions(bodies)).items():
-        if not hasattr(metric, "dist_pairwise"):
-            continue
-        with task(f"{name}: {n_pairs:,} distances"):
-            distances[name] = metric.dist_pairwise(bodies.points, n_jobs=-1)
-    own: dict[str, Any] = {}
-    if learned:
-        with task(f"{_LEARNED_METRIC}: distances"), suppress(MissingDependencyError):
-            own = _learned_distances(bodies)
-    tables = {}
-    for kind, field in _LABELS.items():
-        found = distances | ({_LEARNED_METRIC: own[kind]} if kind in own else {})
-        labels = getattr(bodies, field)
-        if labels is not None:
-            tables[_TITLES[kind]] = retrieval_table(found, labels)
-            if learned and kind == "pose":
-                rows = retrieval_table(found, labels, groups=bodies.subject)
-                tables["How, among other people?"] = rows
-    return tables
-
-
 def _learned_distances(bodies: Any) -> dict[str, np.ndarray]:
     """Return distances learned from labels, by task, from people to whom they were not fitted."""
     subject, pose = getattr(bodies, "subject", None), getattr(bodies, "pose", None)
@@ -412,7 +381,7 @@ def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
 
 
 def _task_table(task: str, records: list[BenchmarkRecord]) -> str:
-    title = _TITLES[task]
+    title = TITLES[task]
     width = max(len(title), *(len(record.representation) for record in records))
     scored = [record.scores for record in records if record.scores is not None]
     best = {f: max((round(getattr(own, f), 1) for own in scored), default=0) for f in _COLUMNS}
