@@ -23,27 +23,54 @@ _SHRUNK = 1e-2
 
 
 class Dispersion:
-    r"""V(x) = Σ_i w_i d(x_i, x)²/Σ_i w_i, the functional of section 4 of the paper.
+    """V(x) = Σ_i w_i d(x_i, x)²/Σ_i w_i, the functional of section 4 of the paper."""
 
-    With smoothing ε it is S(x) = Σ_i w_i √(d(x_i, x)² + ε²)/Σ_i w_i, which geometric medians
-    minimise: distances alone have no gradient at 0, and S exceeds their mean by at most ε.
-    """
+    # With smoothing ε it is S(x) = Σ_i w_i √(d(x_i, x)² + ε²)/Σ_i w_i, which geometric medians
+    # minimise: distances alone have no gradient at 0, and S exceeds their mean by at most ε.
+    # Every evaluation reads an iterable of batches anew. `points` are then a sample: at most
+    # `sample_size` points, evenly spaced among those of weight; otherwise they are all points.
 
     def __init__(
-        self, metric: RiemannianMetric, points: ndarray, weights: ndarray | None = None
+        self,
+        metric: RiemannianMetric,
+        points: Any,
+        weights: ndarray | None = None,
+        sample_size: int = 1,
     ) -> None:
         self.metric = metric
-        self.points = metric.check_points(points)
-        metric.space.check_scale(self.points, "points")
-        if not len(self.points):
-            raise ArgumentError("points must hold at least one point; found none")
-        self.weights = weight_shares(weights, len(self.points))
         self.smoothing: float | None = None
+        self.in_batches = _are_batches(metric, points)
+        self._batches = points if self.in_batches else [self._checked(points)]
+        n_points = sum(len(batch) for batch in self._batches)
+        if not n_points:
+            raise ArgumentError("points must hold at least one point; found none")
+        self._all_weights = weight_shares(weights, n_points)
+        if not self.in_batches:
+            self.points, self.weights = self._batches[0], self._all_weights
+            return
+        used = np.flatnonzero(self._all_weights)
+        spaced = np.linspace(0, len(used) - 1, min(sample_size, len(used)))
+        chosen, first, sample = used[spaced.astype(int)], 0, []
+        for batch in self._batches:
+            numbers = chosen[(chosen >= first) & (chosen < first + len(batch))] - first
+            sample += [np.asarray(batch[k : k + 1]) for k in numbers]
+            first += len(batch)
+        self.points = self._checked(np.concatenate(sample))
+        self.weights = weight_shares(self._all_weights[chosen], len(chosen))
+
+    def _checked(self, points: Any) -> ndarray:
+        points = self.metric.check_points(points)
+        self.metric.space.check_scale(points, "points")
+        return points
 
     @property
     def sample(self) -> Dispersion:
-        """The same functional of some of the points, all in memory: here of all points."""
-        return self
+        """The functional of the sample; where all points are in memory, of all of them."""
+        if not self.in_batches:
+            return self
+        sample = Dispersion(self.metric, self.points, self.weights)
+        sample.smoothing = self.smoothing
+        return sample
 
     def changed(
         self, metric: RiemannianMetric | None = None, smoothing: float | None = None
@@ -53,38 +80,42 @@ class Dispersion:
         changed.metric, changed.smoothing = metric or self.metric, smoothing
         return changed
 
-    def batches(self) -> Iterator[tuple[ndarray, ndarray]]:
-        """Yield points that have a weight, and their weights."""
-        used = self.weights > 0
-        yield (self.points if used.all() else self.points[used]), self.weights[used]
-
-    def squared_dists(self, point: ndarray) -> ndarray:
-        """Return the squared distances d(x_i, x)², shape (n,)."""
-        metric, features = self.metric, self.metric.features(point[None])
-        blocks = np.split(self.points, range(_BLOCK, len(self.points), _BLOCK))
-        try:
-            squared = [
-                metric.bulk.squared_distances(features, metric.features(block)) for block in blocks
-            ]
-        except ArgumentError:
-            # The message counts from the first point of a block; this one counts from all points.
-            metric.features(self.points)
-            raise
-        return np.concatenate(squared, axis=1)[0]
+    def of_batches(self, compute: Callable[[ndarray, ndarray], Any]) -> Iterator[Any]:
+        """Yield what is computed from the points of every batch and their weights."""
+        first = 0
+        for batch in self._batches:
+            weights = self._all_weights[first : first + len(batch)]
+            try:
+                if weights.any():
+                    yield compute(self._checked(batch) if self.in_batches else batch, weights)
+            except ArgumentError as error:
+                if not self.in_batches:
+                    raise
+                # The message counts from the first point of the batch.
+                raise type(error)(f"points[{first}:{first + len(batch)}]: {error}") from error
+            first += len(batch)
 
     def value(self, point: ndarray) -> float:
         """Return V(x), or S(x)."""
-        return float(self.weights @ self._lengths(self.squared_dists(point)))
+
+        def of_batch(points: ndarray, weights: ndarray) -> float:
+            return float(weights @ self._lengths(self._squared_dists(point, points)))
+
+        return sum(self.of_batches(of_batch))
 
     def value_and_gradient(self, point: ndarray) -> tuple[float, ndarray]:
-        r"""Return V(x), or S(x), and its gradient, shape (\*shape,)."""
-        (points, weights), *_ = self.batches()
-        shares = weights
-        if self.smoothing is not None:
-            squared = self.squared_dists(point)[self.weights > 0]
-            shares = 0.5 * weights / self._lengths(squared)
-        squared, gradient = self.metric.squared_dists_and_gradient(point, points, shares)
-        return float(weights @ self._lengths(squared)), gradient
+        """Return V(x), or S(x), and its gradient."""
+
+        def of_batch(points: ndarray, weights: ndarray) -> tuple[float, ndarray]:
+            points, weights = with_weight(points, weights)
+            shares = weights
+            if self.smoothing is not None:
+                shares = 0.5 * weights / self._lengths(self._squared_dists(point, points))
+            squared, gradient = self.metric.squared_dists_and_gradient(point, points, shares)
+            return float(weights @ self._lengths(squared)), gradient
+
+        values, gradients = zip(*self.of_batches(of_batch), strict=True)
+        return sum(values), np.sum(gradients, axis=0)
 
     def medoid(self) -> ndarray:
         """Return the point of least V among the points."""
@@ -103,90 +134,35 @@ class Dispersion:
     def _lengths(self, squared: Any) -> Any:
         return squared if self.smoothing is None else np.sqrt(squared + self.smoothing**2)
 
-
-class BatchedDispersion(Dispersion):
-    """V(x), or S(x), of points that every evaluation reads batch by batch.
-
-    `points` are then a sample: at most `sample_size` points, evenly spaced among those of weight.
-    """
-
-    def __init__(
-        self, metric: RiemannianMetric, batches: Any, weights: ndarray | None, sample_size: int
-    ) -> None:
-        if iter(batches) is batches:
-            raise ArgumentError(
-                "points are read several times and must be an array, or batches that can be read "
-                f"again, such as a list of arrays; found {type(batches).__name__}"
-            )
-        self._all = batches
-        n_points = sum(len(batch) for batch in batches)
-        if not n_points:
-            raise ArgumentError("points must hold at least one point; found none")
-        self._all_weights = weight_shares(weights, n_points)
-        used = np.flatnonzero(self._all_weights)
-        spaced = np.linspace(0, len(used) - 1, min(sample_size, len(used)))
-        chosen = used[spaced.astype(int)]
-        sample = [
-            np.asarray(batch[k - first : k - first + 1])
-            for first, batch in self._numbered()
-            for k in chosen[(chosen >= first) & (chosen < first + len(batch))]
-        ]
-        super().__init__(metric, np.concatenate(sample), self._all_weights[chosen])
-
-    @property
-    def sample(self) -> Dispersion:
-        """The functional of the sample."""
-        sample = Dispersion(self.metric, self.points, self.weights)
-        sample.smoothing = self.smoothing
-        return sample
-
-    def batches(self) -> Iterator[tuple[ndarray, ndarray]]:
-        for share, batch in self._each(lambda batch: next(batch.batches())):
-            yield batch[0], share * batch[1]
-
-    def value(self, point: ndarray) -> float:
-        return float(sum(share * value for share, value in self._each(lambda b: b.value(point))))
-
-    def value_and_gradient(self, point: ndarray) -> tuple[float, ndarray]:
-        value, gradient = 0.0, np.zeros(np.shape(point))
-        for share, (of_batch, slope) in self._each(lambda b: b.value_and_gradient(point)):
-            value += share * of_batch
-            gradient += share * slope
-        return value, gradient
-
-    def _numbered(self) -> Iterator[tuple[int, Any]]:
-        """Yield batches, each with the number of its first point."""
-        first = 0
-        for batch in self._all:
-            yield first, batch
-            first += len(batch)
-
-    def _each(self, compute: Callable[[Dispersion], Any]) -> Iterator[tuple[float, Any]]:
-        """Yield what is computed from every batch, with its share of the weights."""
-        for first, batch in self._numbered():
-            weights = self._all_weights[first : first + len(batch)]
-            if not weights.any():
-                continue
-            try:
-                dispersion = Dispersion(self.metric, batch, weights)
-                dispersion.smoothing = self.smoothing
-                result = compute(dispersion)
-            except ArgumentError as error:
-                # The message counts from the first point of the batch.
-                raise type(error)(f"points[{first}:{first + len(batch)}]: {error}") from error
-            yield float(weights.sum()), result
+    def _squared_dists(self, point: ndarray, points: ndarray) -> ndarray:
+        metric, features = self.metric, self.metric.features(point[None])
+        blocks = np.split(points, range(_BLOCK, len(points), _BLOCK))
+        try:
+            squared = [
+                metric.bulk.squared_distances(features, metric.features(block)) for block in blocks
+            ]
+        except ArgumentError:
+            # The message counts from the first point of a block; this one counts from all points.
+            metric.features(points)
+            raise
+        return np.concatenate(squared, axis=1)[0]
 
 
-def dispersion_of(
-    metric: RiemannianMetric, points: Any, weights: ndarray | None, sample_size: int
-) -> Dispersion:
-    """Return the mean squared distance to the points of an array, or of an iterable of batches."""
-    if not hasattr(points, "__array__") and hasattr(points, "__iter__"):
-        is_iterator = iter(points) is points
-        first: Any = None if is_iterator else next(iter(points), None)
-        if is_iterator or np.ndim(first) == len(metric.space.shape) + 1:
-            return BatchedDispersion(metric, points, weights, sample_size)
-    return Dispersion(metric, points, weights)
+def with_weight(points: ndarray, weights: ndarray) -> tuple[ndarray, ndarray]:
+    """Return the points that have a weight, and their weights."""
+    used = weights > 0
+    return (points if used.all() else points[used]), weights[used]
+
+
+def _are_batches(metric: RiemannianMetric, points: Any) -> bool:
+    if hasattr(points, "__array__") or not hasattr(points, "__iter__"):
+        return False
+    if iter(points) is points:
+        raise ArgumentError(
+            "points are read several times and must be an array, or batches that can be read "
+            f"again, such as a list of arrays; found {type(points).__name__}"
+        )
+    return np.ndim(next(iter(points), None)) == len(metric.space.shape) + 1
 
 
 def metric_of_search(metric: Any, companion_weight: float) -> Any:
@@ -205,11 +181,10 @@ def metric_of_search(metric: Any, companion_weight: float) -> Any:
 
 
 class AreaCheck:
-    """Raises an error where triangles have collapsed, compared with those of the points.
+    """Raises an error where triangles have collapsed, compared with those of the points."""
 
-    Where most metric fields are more than a right angle apart on their cone, θ > π/2, the mean
-    squared distance decreases towards its tip, a triangle without area.
-    """
+    # Where most metric fields are more than a right angle apart on their cone, θ > π/2, the mean
+    # squared distance decreases towards its tip, a triangle without area.
 
     def __init__(self, space: Any, points: ndarray) -> None:
         self._faces = None

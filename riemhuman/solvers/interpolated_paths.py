@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
-from scipy.spatial.transform import Rotation
 
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import PathEnergy
@@ -118,9 +117,6 @@ def rotating_path(
     return path
 
 
-ROTATIONS = ("axis-angle", "geodesic")
-
-
 class ModelParameters(NamedTuple):
     """Parameters of a body model that give one surface.
 
@@ -152,8 +148,8 @@ class ModelParameters(NamedTuple):
 class ModelPath(PathSolver):
     """The path of a body model whose parameters change evenly from one body to another.
 
-    The SMPL path of section 5.2 of the paper. It runs between surfaces of the model; the result's
-    message states how far they are from the end points.
+    The SMPL path of section 5.2 of the paper; axis-angle vectors change linearly as well. It runs
+    between surfaces of the model; the result's message states how far they are from the end points.
 
     Parameters
     ----------
@@ -161,9 +157,6 @@ class ModelPath(PathSolver):
         Body model: maps betas, pose and trans to surfaces, as `BodyModel` does.
     n_nodes : int
         Number of points of the path, both ends included.
-    rotations : str
-        "axis-angle" interpolates the axis-angle vectors linearly, as in the paper; "geodesic"
-        rotates every joint about one axis by the smallest angle.
     parameters : callable
         Maps a surface, shape (V, 3), to its `ModelParameters`.
 
@@ -181,12 +174,7 @@ class ModelPath(PathSolver):
 
     model: Callable[[ndarray, ndarray, ndarray], ndarray]
     n_nodes: int = 11
-    rotations: str = "axis-angle"
     parameters: Callable[[ndarray], ModelParameters] = field(kw_only=True)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        one_of(self.rotations, "rotations", ROTATIONS)
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         start, end = check_end_points(metric, start, end)
@@ -199,13 +187,6 @@ class ModelPath(PathSolver):
         betas, pose, trans = (
             linear_path(a, b, self.n_nodes) for a, b in zip(first, last, strict=True)
         )
-        if self.rotations == "geodesic":
-            # R₀ exp(t log(R₀⁻¹R₁)) of every joint.
-            rotation = Rotation.from_rotvec(first.pose)
-            change = (rotation.inv() * Rotation.from_rotvec(last.pose)).as_rotvec()
-            times = np.linspace(0.0, 1.0, self.n_nodes)
-            poses = [(rotation * Rotation.from_rotvec(t * change)).as_rotvec() for t in times]
-            pose = np.stack(poses)
         path = metric.check_points(self.model(betas, pose, trans), "the model's surfaces")
         gap = np.linalg.norm(path[[0, -1]] - [start, end], axis=-1).max()
         message = f"the model's surfaces are up to {1000.0 * gap:.3g} mm from start and end"

@@ -9,21 +9,19 @@ from typing import TYPE_CHECKING, Any, Self, cast
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import one_of, values_of, whole_number
+from riemhuman.checks import values_of, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.metric import metric_of
 from riemhuman.geometry.strategies import MeanSolver
-from riemhuman.solvers._dispersion import AreaCheck, Dispersion, dispersion_of, metric_of_search
+from riemhuman.solvers._dispersion import AreaCheck, Dispersion, metric_of_search, with_weight
 from riemhuman.solvers._lbfgs import LBFGS, Minimum, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.results import MeanResult, Solver, Status, complete, finish
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
-
-STARTS = ("lowest", "first")
 
 # Default tolerances: over a basis each iteration gains much, in all coordinates the last ones gain
 # little and cost a second each at full resolution.
@@ -63,9 +61,6 @@ class BasisMean(Solver, MeanSolver):
     ----------
     basis : DeformationBasis, optional
         Deformations D_j; by default all coordinates are free.
-    start : str
-        x₀: "first", the first point as in the paper; "lowest", the better of the arithmetic mean
-        and of the best of the points.
     with_differences : bool
         Whether to add the differences of the points from x₀ to the basis, which the paper's
         algorithm does without: a basis of motions does not describe how bodies differ in build.
@@ -94,7 +89,6 @@ class BasisMean(Solver, MeanSolver):
     """
 
     basis: DeformationBasis | None = None
-    start: str = "lowest"
     with_differences: bool = True
     companion_weight: float = 1.0
     tolerance: float | None = None
@@ -104,7 +98,6 @@ class BasisMean(Solver, MeanSolver):
     progress: bool = False
 
     def __post_init__(self) -> None:
-        one_of(self.start, "start", STARTS)
         whole_number(self.sample_size, "sample_size", minimum=1)
         super().__post_init__()
 
@@ -126,7 +119,8 @@ class BasisMean(Solver, MeanSolver):
         weights : array, shape (n,), optional
             Weights of at least 0; by default all are the same.
         initial_point : array, shape (\*shape,), optional
-            x₀, instead of `start`.
+            x₀, by default the better of the arithmetic mean and of the best of the points; the
+            paper starts from the first of them.
         exponent : int
             2 for the mean, 1 for the geometric median.
 
@@ -137,17 +131,16 @@ class BasisMean(Solver, MeanSolver):
             are mean distances for medians.
         """
         of_search = metric_of_search(metric, self.companion_weight)
-        dispersion = dispersion_of(of_search, points, weights, self.sample_size)
-        in_batches = dispersion.sample is not dispersion
+        dispersion = Dispersion(of_search, points, weights, self.sample_size)
         point = self._origin(dispersion.sample, initial_point)
-        if in_batches or exponent == 1:
+        if dispersion.in_batches or exponent == 1:
             tolerance = max(self.tolerance or 0.0, _ROUGH_TOLERANCE)
             rough = replace(self, tolerance=tolerance, callback=None, progress=False)
             start = rough._search(dispersion.sample, point)
             is_finished = start.status is not Status.INTERRUPTED
             if exponent == 1 and start.value > 0.0 and is_finished:
                 dispersion = dispersion.changed(smoothing=_SMOOTHING * np.sqrt(start.value))
-                if in_batches:
+                if dispersion.in_batches:
                     start = rough._search(dispersion.sample, start.x)
             point = start.x
             if start.status is Status.INTERRUPTED:
@@ -165,8 +158,6 @@ class BasisMean(Solver, MeanSolver):
         if initial_point is not None:
             point = values_of(initial_point, "initial_point")
             return dispersion.metric.check_points(point[None])[0]
-        if self.start == "first":
-            return points[0]
         medoid = dispersion.medoid()
         average = space.projection(np.tensordot(dispersion.weights, points, axes=1))
         # Bodies that face each other average to a flat one.
@@ -278,9 +269,9 @@ class GradientDescentMean(Solver, MeanSolver):
                 f"GradientDescentMean needs a closed form of log, or a log_solver; "
                 f"{type(metric).__name__} has neither: use BasisMean"
             )
-        dispersion = dispersion_of(metric, points, weights, sample_size=1)
+        dispersion = Dispersion(metric, points, weights)
         if initial_point is None:
-            point = next(dispersion.batches())[0][0]
+            point = next(dispersion.of_batches(with_weight))[0][0]
         else:
             point = metric.space.check_point(initial_point)
         result = self._descend(dispersion, point)
@@ -340,7 +331,7 @@ class GradientDescentMean(Solver, MeanSolver):
 def _mean_of_logarithms(dispersion: Dispersion, point: ndarray) -> ndarray:
     """Return Σ_i w_i log_x(x_i)/Σ_i w_i, for medians with the weights w_i/d(x_i, x)."""
     total, sum_of_weights = np.zeros(np.shape(point)), 0.0
-    for points, weights in dispersion.batches():
+    for points, weights in dispersion.of_batches(with_weight):
         logarithms = dispersion.metric.log(points, point)
         if dispersion.smoothing is not None:
             squared = dispersion.metric.squared_norm(logarithms, point)

@@ -4,7 +4,6 @@ import bodies_in_motion
 import numpy as np
 import pytest
 from cases import sphere_template
-from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
@@ -122,43 +121,6 @@ def test_axis_angle_vectors_are_interpolated_linearly(metric):
         np.testing.assert_allclose(surface, model(*mixed), atol=1e-12)
 
 
-class Recorder:
-    """A model that keeps the poses it was asked for."""
-
-    def __init__(self):
-        self.poses = None
-
-    def __call__(self, betas, pose, trans):
-        self.poses = pose
-        return bodies_in_motion.model()(betas, 0.0 * pose, trans)
-
-
-def poses_along(metric, first, last, rotations):
-    recorder, surface = Recorder(), bodies_in_motion.body("resting")
-    solver = ModelPath(recorder, 9, rotations, parameters=given(first, last))
-    solver.solve(metric, surface, surface)
-    return recorder.poses
-
-
-def check_uniform_rotation(poses, first, last):
-    """Check that each joint turns to its end about one axis, at constant speed, the short way."""
-    for joint in range(poses.shape[1]):
-        rotations = Rotation.from_rotvec(poses[:, joint])
-        steps = (rotations[:-1].inv() * rotations[1:]).as_rotvec()
-        np.testing.assert_allclose(steps, steps[:1] + 0 * steps, atol=1e-12)
-        end = Rotation.from_rotvec(last.pose[joint])
-        assert (rotations[-1].inv() * end).magnitude() < 1e-11
-        gap = Rotation.from_rotvec(first.pose[joint]).inv() * end
-        np.testing.assert_allclose(8 * np.linalg.norm(steps[0]), gap.magnitude(), atol=1e-11)
-
-
-def test_rotation_geodesics(metric):
-    first, last = parameters(3), parameters(4)
-    check_uniform_rotation(poses_along(metric, first, last, "geodesic"), first, last)
-    with pytest.raises(AssertionError):
-        check_uniform_rotation(poses_along(metric, first, last, "axis-angle"), first, last)
-
-
 def test_flat_poses_and_plain_tuples(metric):
     first, last = parameters(1, 0.2), parameters(2, 0.2)
     expected = solve(metric, first, last, n_nodes=3).path
@@ -204,11 +166,6 @@ def test_malformed_parameters_are_refused(metric, change, message):
     both = given(good, good._replace(**change))
     with pytest.raises((ArgumentError, ArgumentTypeError), match=message):
         ModelPath(bodies_in_motion.model(), parameters=both).solve(metric, surface, surface)
-
-
-def test_other_rotations_are_refused():
-    with pytest.raises(ArgumentError, match="rotations must be one of 'axis-angle', 'geodesic'"):
-        ModelPath(bodies_in_motion.model(), rotations="quaternion", parameters=given())
 
 
 def test_models_of_another_template_are_refused(metric):
