@@ -36,11 +36,7 @@ class TriangleFields(Manifold):
 
 
 class FieldMetric(RiemannianMetric):
-    """An integral over the triangles of a template, with closed forms on each.
-
-    Subclasses define the quantities of single triangles, of arguments that have been checked, and
-    the fields of the term after checking points of the completion.
-    """
+    """An integral over the triangles of a template, with closed forms on each."""
 
     _term: Term
     _fields: Callable[..., Fields]

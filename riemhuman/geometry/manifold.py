@@ -250,10 +250,8 @@ class Manifold(ABC):
     def _candidates(
         self, array: ndarray, name: str, finite: bool = True
     ) -> tuple[ndarray, ndarray]:
-        """Return arrays of the points' shape, and which of them are those that were given.
-
-        Arrays of another shape and, if `finite`, arrays with infinite entries become 0.
-        """
+        """Return arrays of the points' shape, and which of them are those that were given."""
+        # Arrays of another shape and, if `finite`, arrays with infinite entries become 0.
         values = real_array(values_of(array, name), name, finite=False)
         leading = values.shape[: max(values.ndim - self.point_ndim, 0)]
         if values.shape != (*leading, *self.shape):

@@ -71,11 +71,7 @@ class Triple(NamedTuple):
 
 @dataclass(frozen=True)
 class GeodesicEquation:
-    """The equation for one metric, with the unknown point in a basis or free in all coordinates.
-
-    Preconditioned by the metric's matrix at the middle point, its derivative is near the identity.
-    The tolerance is a share of the length of the two segments.
-    """
+    """The equation for one metric, with the unknown point in a basis or free in all coordinates."""
 
     metric: RiemannianMetric
     basis: DeformationBasis | None = None
@@ -177,12 +173,10 @@ class GeodesicEquation:
 
 
 def has_long_step(metric: RiemannianMetric, path: ndarray, all_coordinates: bool) -> bool:
-    """Return whether a step of surfaces is too long for the equation to have one solution.
-
-    Triangles then shrink to nothing and grow anew, at a price that does not depend on how much they
-    change. Over all coordinates there may be two next points where a triangle rotates by more than
-    60 degrees, as in a fold of skin that snaps.
-    """
+    """Return whether a step of surfaces is too long for the equation to have one solution."""
+    # Triangles then shrink to nothing and grow anew, at a price that does not depend on how much
+    # they change. Over all coordinates a triangle that rotates by more than 60 degrees may have two
+    # next points, as in a fold of skin that snaps.
     space = metric.space
     if not space.is_surface_space:
         return False
@@ -250,13 +244,10 @@ def find_root(
     tolerance: float,
     max_iter: int,
 ) -> Root:
-    """Find a root of a function F whose derivative is near the identity.
-
-    Anderson acceleration of x ← x − F(x) (Walker and Ni, "Anderson acceleration for fixed-point
-    iterations", SIAM Journal on Numerical Analysis 49, 2011). The function returns F(x) and A F(x),
-    for a positive matrix A that measures lengths, or None outside its domain. Steps that leave the
-    domain, or make F much larger, are halved.
-    """
+    """Find a root of a function F whose derivative is near the identity."""
+    # Anderson acceleration of x ← x − F(x) (Walker and Ni, SIAM Journal on Numerical Analysis 49,
+    # 2011). The function returns F(x) and A F(x), with a positive matrix A that measures lengths,
+    # or None outside its domain. Steps that leave it, or make F much larger, are halved.
     x, values = start, function(start)
     n_evaluations = 1
     if values is None:

@@ -46,10 +46,7 @@ _AT_ZERO = "the value is no more than rounding errors"
 
 @dataclass(frozen=True, repr=False)
 class Minimum(Result):
-    """The best point x and its value, and the values at the start and after each iteration.
-
-    `gap` estimates how far the value is above its minimum; it is nan where there is no estimate.
-    """
+    """The best point x and its value, and the values at the start and after each iteration."""
 
     x: ndarray
     value: float

@@ -101,10 +101,7 @@ class PathPreconditioner:
 
 
 class SparseCholeskyFactor(CholeskyFactor):
-    """Cholesky factor, up to a permutation, of a sparse positive semidefinite matrix with a ridge.
-
-    The coordinates of each vertex are together; `ridge` is the share of the diagonal that is added.
-    """
+    """Cholesky factor, up to a permutation, of a sparse semidefinite matrix with a ridge."""
 
     def __init__(self, matrix: Any, ridge: float = _RIDGE) -> None:
         diagonal = matrix.diagonal()
@@ -212,12 +209,9 @@ def metric_factor(
     stiffness: float = 0.0,
     ridge: float = _RIDGE,
 ) -> CholeskyFactor:
-    """Return a factor of the metric's matrix M / scale in all coordinates, averaged over points.
-
-    On surfaces, `stiffness` is the weight of the Dirichlet energy of deformations beside M, in
-    units of its mean diagonal entry: what costs nothing to first order, as bending if c = 0, still
-    affects distances between surfaces further apart.
-    """
+    """Return a factor of the metric's matrix M / scale in all coordinates, averaged over points."""
+    # What costs nothing to first order, as bending if c = 0, still affects distances between
+    # surfaces further apart: `stiffness` weighs the Dirichlet energy, relative to the diagonals.
     if metric.has_metric_matrix:
         matrix = metric.metric_matrix(points)
         if stiffness > 0 and metric.space.is_surface_space:

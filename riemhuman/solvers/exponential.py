@@ -208,10 +208,7 @@ class DiscreteExponential(Solver, ExpSolver):
         velocity: ndarray | None = None,
         stop_early: bool = False,
     ) -> tuple[ExponentialResult, bool]:
-        """Add points, the first of them by a velocity if there is one.
-
-        Return also whether all steps were possible and short enough; stop early at one that is not.
-        """
+        """Add points, the first of them by a velocity if there is one."""
         displacement = None if velocity is None else velocity / steps_per_unit
         direction = points[-1] - points[-2] if displacement is None else displacement
         basis = None if self.basis is None else self.basis.extend(direction[None])
@@ -260,11 +257,8 @@ class DiscreteExponential(Solver, ExpSolver):
 def _without_shift(
     metric: RiemannianMetric, points: ndarray, covector: ndarray, moved: ndarray
 ) -> ndarray:
-    """Return derivatives by x, y and z of a function of z, where s solves the equation.
-
-    With the equation's multiplier μ the function g(z) − μ ∂E/∂y does not depend on s to first
-    order.
-    """
+    """Return derivatives by x, y and z of a function of z, where s solves the equation."""
+    # With the equation's multiplier μ, g(z) − μ ∂E/∂y does not depend on s to first order.
     shape = points.shape
     along = _second_derivatives(metric, points)
 
@@ -299,10 +293,8 @@ def _least_squares(
     transposed: Callable[[ndarray], ndarray],
     right: ndarray,
 ) -> ndarray:
-    """Return the shortest least-squares solution of A x = b, in variables of the factor.
-
-    Motions that the metric does not measure are in the kernels of A and of its transpose.
-    """
+    """Return the shortest least-squares solution of A x = b, in variables of the factor."""
+    # Motions that the metric does not measure are in the kernels of A and of its transpose.
     shape, size = right.shape, right.size
 
     def preconditioned(apply: Callable[[ndarray], ndarray]) -> Callable[[ndarray], ndarray]:

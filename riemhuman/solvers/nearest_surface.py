@@ -220,11 +220,10 @@ class _ByDefinition:
 
 
 class _OfElasticMetric:
-    """The mean for elastic metrics, in compiled loops.
+    """The mean for elastic metrics, in compiled loops."""
 
-    Fields (g, n) that come from no surface come from one of separate triangles all the same: the
-    metric does not see how these lie.
-    """
+    # Fields (g, n) that come from no surface come from one of separate triangles all the same: the
+    # metric does not see how these lie.
 
     def __init__(self, metric: ElasticMetric, images: ndarray, weights: ndarray) -> None:
         self._template = template = metric.space.template
@@ -245,12 +244,9 @@ class _OfElasticMetric:
         return float(self._weights @ squared), gradient
 
     def nearby(self, surface: ndarray) -> ndarray:
-        """Return the surface whose derivatives are nearest to those of one target's triangles.
-
-        The metric does not see rotations of a triangle within its plane. They are chosen as near as
-        possible to the previous surface, in a few rounds with Anderson acceleration (Peng et al.,
-        "Anderson acceleration for geometry optimization", ACM TOG 37, 2018).
-        """
+        """Return the surface whose derivatives are nearest to those of one target's triangles."""
+        # The metric does not see rotations of a triangle within its plane. They are chosen as on
+        # the last surface, with Anderson acceleration (Peng et al., ACM TOG 37, 2018).
         if len(self._targets) > 1 or not self._has_both_terms:
             return surface
         operator = self._template.differential_operator

@@ -362,10 +362,7 @@ class _ChangeTransfer:
             self._axes = nearest_rotations(gradients)
 
     def solve(self, surface: ndarray, placed_as: ndarray) -> ndarray:
-        """Return the target, deformed as the reference is deformed into this surface.
-
-        The centroid of each connected component is that of `placed_as`.
-        """
+        """Return the target, deformed as the reference is deformed into this surface."""
         frames = triangle_frames(surface, self._operator)
         gradients = deformation_gradients(self._frames, frames)
         if self._axes is not None:

@@ -34,10 +34,8 @@ _FEW_DIGITS = 1e5 * np.finfo(float).eps
 
 @primitive
 def product_minus_square(a: ndarray, b: ndarray, c: ndarray) -> ndarray:
-    """Return ab − c² to working precision, however much the two terms cancel, shape (...).
-
-    Both products are formed with their rounding errors (Dekker's algorithm).
-    """
+    """Return ab − c² to working precision, however much the two terms cancel, shape (...)."""
+    # Both products are formed with their rounding errors (Dekker's algorithm).
     product, product_error = _exact_product(a, b)
     square, square_error = _exact_product(c, c)
     return (product - square) + (product_error - square_error)
@@ -88,10 +86,8 @@ def has_lost_its_shape(g: ndarray) -> ndarray:
 
 
 def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """Return the half-plane coordinates x, y of ĝ and the radius s = (det g)^(1/4).
-
-    A degenerate g is the apex s = 0 of the cone, where x = 0, y = 1 stand for the undefined ĝ.
-    """
+    """Return the half-plane coordinates x, y of ĝ and the radius s = (det g)^(1/4)."""
+    # A degenerate g is the apex s = 0 of the cone, where x = 0, y = 1 stand for the undefined ĝ.
     determinant = determinants(g)
     degenerate = is_rounding_error(determinant, g)
     areas = np.sqrt(np.where(degenerate, 1.0, determinant))
@@ -129,11 +125,8 @@ def size(v: ndarray) -> ndarray:
 
 
 def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
-    """Return L⁻¹ δg L⁻ᵀ with the Cholesky factor of g = L Lᵀ.
-
-    It is symmetric and similar to g⁻¹δg, so that all traces are the same, and keeps the digits
-    that g⁻¹δg loses where g is strongly anisotropic.
-    """
+    """Return L⁻¹ δg L⁻ᵀ with the Cholesky factor of g = L Lᵀ."""
+    # Symmetric and similar to g⁻¹δg, whose digits are lost where g is strongly anisotropic.
     # L = √g₁₁ [[1, 0], [x, y]]; adding zeros broadcasts.
     x, y, _ = coordinates(g)
     e = delta_g[..., 0, 0] + np.zeros_like(x)
@@ -155,11 +148,7 @@ def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
 
 
 def inner_product(a: Parts, b: Parts, point: Parts, cone: ConeTerm) -> ndarray:
-    r"""Return the inner product of tangent vectors (equation 2, both terms under the integral).
-
-    .. math:: \left(a \operatorname{tr}(g^{-1}a_0\, g^{-1}b_0) + b \operatorname{tr}(g^{-1}a)
-              \operatorname{tr}(g^{-1}b) + c\,\langle u, v\rangle\right)\sqrt{\det g}
-    """
+    """Return the inner product of tangent vectors (equation 2, both terms under the integral)."""
     first, second = whiten(a[0], point[0]), whiten(b[0], point[0])
     shear = np.sum(traceless(first) * traceless(second), axis=(-2, -1))
     values = cone.a * shear + cone.b * trace(first) * trace(second)
@@ -182,11 +171,8 @@ def traceless_exp(v: ndarray, factor: ndarray) -> ndarray:
 
 
 def traceless_log(g1: ndarray, g2: ndarray) -> tuple[ndarray, ndarray]:
-    """Return g₁L₀, whitened, and ℓ = √(½ tr L₀²), L₀ the traceless part of log(g₁⁻¹g₂).
-
-    L₀ is a multiple of the traceless part of ĝ₁⁻¹ĝ₂, because the exponential of a traceless
-    2 × 2 matrix is cosh ℓ I + (sinh ℓ/ℓ) L₀.
-    """
+    """Return g₁L₀, whitened, and ℓ = √(½ tr L₀²), L₀ the traceless part of log(g₁⁻¹g₂)."""
+    # exp of a traceless 2 × 2 matrix is cosh ℓ I + (sinh ℓ/ℓ) L₀: L₀ is along that of ĝ₁⁻¹ĝ₂.
     (x1, y1, _), (x2, y2, _) = coordinates(g1), coordinates(g2)
     length = hyperbolic_distance(excess(x1, y1, x2, y2))
     # Moving g₁ to the identity takes ĝ₂ to [[1, x], [x, x² + y²]]/y; in terms of differences
@@ -201,17 +187,11 @@ def traceless_log(g1: ndarray, g2: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def exp(velocity: Parts, point: Parts, cone: ConeTerm) -> tuple[Parts, ndarray]:
-    r"""Follow the geodesic with an initial velocity for unit time.
-
-    With A = g⁻¹δg, v its traceless part, δs = s tr A/4 and ν² = (a tr v² + c |δn|²)/(16b), the cone
-    unrolls to the straight line (s + δs, sν) = r(cos φ, sin φ) and
-
-    .. math:: g(1) = \frac{r^2}{s^2}\, g \exp\left(\tfrac{\varphi}{\nu} v\right),
-
-    while n follows a great circle with velocity (φ/ν) δn. The second result says where, to working
-    precision, the geodesic has left the manifold through the apex g = 0; the end point is
-    meaningless there.
-    """
+    """Follow the geodesic with an initial velocity for unit time."""
+    # With A = g⁻¹δg, v its traceless part, δs = s tr A/4 and ν² = (a tr v² + c |δn|²)/(16b), the
+    # cone unrolls to the line (s + δs, sν) = r(cos φ, sin φ): g(1) = r²/s² g exp(φ/ν v), and n
+    # follows a great circle with velocity (φ/ν) δn. The second result says where, to working
+    # precision, the geodesic has left the manifold through the apex g = 0.
     (delta_g, *turns), (g, *normals) = velocity, point
     shear, along, across = _unroll(velocity, g, cone)
     factor = angle_per_unit(along, across)[..., None]
@@ -259,12 +239,8 @@ def angle_per_unit(along: ndarray, across: ndarray) -> ndarray:
 
 
 def log(start: Parts, end: Parts, cone: ConeTerm) -> tuple[Parts, ndarray]:
-    r"""Return the initial velocity of the minimal geodesic, where ψ < π, and ψ.
-
-    .. math:: \delta g = g_1\left(\frac{s_2\sin\psi}{s_1\psi} L_0
-              + 2\,\frac{s_2\cos\psi - s_1}{s_1} I\right), \qquad
-              \delta n = \frac{s_2\sin\psi}{s_1\psi} \log_{n_1} n_2
-    """
+    """Return the initial velocity of the minimal geodesic, where ψ < π, and ψ."""
+    # δg = g₁ (s₂ sin ψ/(s₁ψ) L₀ + 2 (s₂ cos ψ − s₁)/s₁ I), δn = s₂ sin ψ/(s₁ψ) log n₂.
     (g1, *n1), (g2, *n2) = start, end
     shear, length = traceless_log(g1, g2)
     turns = [sphere.log(a, b) for a, b in zip(n1, n2, strict=True)]
@@ -290,11 +266,8 @@ def runs_through_apex(start: Parts, end: Parts, cone: ConeTerm) -> ndarray:
 
 
 def geodesic(start: Parts, end: Parts, t: ndarray, cone: ConeTerm) -> Parts:
-    """Return the minimal path of the completion at times t in [0, 1].
-
-    For ψ ≥ π, or a degenerate end point, it runs straight through the apex g = 0, where the normal
-    jumps.
-    """
+    """Return the minimal path of the completion at times t in [0, 1]."""
+    # For ψ ≥ π, or a degenerate end point, straight through the apex g = 0, where the normal jumps.
     (g1, *n1), (g2, *n2) = start, end
     inside = ~runs_through_apex(start, end, cone)[..., None]
     safe = (np.where(inside[..., None], g1, np.eye(2)), *n1)
@@ -314,11 +287,9 @@ def geodesic(start: Parts, end: Parts, t: ndarray, cone: ConeTerm) -> Parts:
 
 
 def parallel_transport(vector: Parts, point: Parts, velocity: Parts, cone: ConeTerm) -> Parts:
-    """Transport tangent vectors along the geodesic with an initial velocity for unit time.
-
-    Their part in the plane of the geodesic keeps its Cartesian components; of the rest, hyperbolic
-    plane and sphere carry shears and turns along. The geodesic stays clear of the apex.
-    """
+    """Transport tangent vectors along the geodesic with an initial velocity for unit time."""
+    # The part in the plane of the geodesic keeps its Cartesian components; of the rest, hyperbolic
+    # plane and sphere carry shears and turns along. The geodesic stays clear of the apex.
     g = point[0]
     shear, along, across = _unroll(velocity, g, cone)
     phi, ratio = np.arctan2(across, along), np.sqrt(along**2 + across**2)

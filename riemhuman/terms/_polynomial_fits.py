@@ -98,10 +98,8 @@ def squared_short_arc(chord: float, single: bool | None) -> float:
 def squared_angle(
     x1: float, y1: float, z1: float, x2: float, y2: float, z2: float, single: bool | None
 ) -> float:
-    """Return the squared angle between unit vectors n₁ and n₂ in R³.
-
-    By the shorter squared chord p, n₁ to n₂ or n₁ to −n₂: θ² = p Q(p) or (π − √(p Q(p)))².
-    """
+    """Return the squared angle between unit vectors n₁ and n₂ in R³."""
+    # By the shorter squared chord p, n₁ to ±n₂: θ² = p Q(p) or (π − √(p Q(p)))².
     real = type(x1)
     acute = x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)
     sign = real(1.0) if acute else real(-1.0)
@@ -113,11 +111,8 @@ def squared_angle(
 
 @compiled(forceinline=True, fastmath=FUSED)
 def squared_angle_and_slope(chord: float, acute: bool) -> tuple[float, float]:
-    """Return θ² and dθ²/dp = θ/sin θ of unit vectors n and m, where p = ‖n − m‖².
-
-    `chord` is p if `acute`, and else 4 − p = ‖n + m‖². The slope is 0 at antipodal vectors, where
-    it does not exist.
-    """
+    """Return θ² and dθ²/dp = θ/sin θ of unit vectors n and m, where p = ‖n − m‖²."""
+    # `chord` is p if `acute`, else 4 − p = ‖n + m‖². At antipodal vectors the slope is set to 0.
     ratio = np.sqrt(polynomial(_ARC, chord))
     shorter = np.sqrt(chord) * ratio
     # sin θ = ½ √(p (4 − p)).
@@ -198,10 +193,7 @@ def excess_at_pi(ratio: float) -> float:
 
 @cache
 def half_angle_fit(ratio: float, dtype: np.dtype) -> tuple[float, ...]:
-    """Return the coefficients P of sin²(½ψ) = z P(z), z in [0, 1] the share of `excess_at_pi`.
-
-    For λ = b/a up to `LARGEST_RATIO` and c = 0, in the precision of `dtype`.
-    """
+    """Return the coefficients P of sin²(½ψ) = z P(z), z in [0, 1] the share of `excess_at_pi`."""
     kappa, reach = 0.5 / np.sqrt(2.0 * ratio), excess_at_pi(ratio)
 
     def quotient(z: np.ndarray) -> np.ndarray:

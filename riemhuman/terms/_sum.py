@@ -36,12 +36,10 @@ _IN_CACHE = 8192
 
 
 class SumOfTerms:
-    """A weighted sum of terms on the surfaces over a template, which others have checked.
+    """A weighted sum of terms on the surfaces over a template, which others have checked."""
 
-    Of points that are no surfaces, `fields_of` returns the fields of its one term.
-
-    Features are what distances need to know of surfaces: of each term an array, and its rounding.
-    """
+    # Of points that are no surfaces, `fields_of` returns the fields of its one term. Features are
+    # what distances need to know of surfaces: of each term an array, and its rounding.
 
     term_class = Term
 
@@ -274,42 +272,26 @@ def add_gradient(
 @compiled(forceinline=True, fastmath=FUSED)
 def _join(record: ndarray, slope: ndarray) -> None:
     """Add slopes by what follows from f_u and f_v up to slopes by these."""
-    u0, u1, u2, v0, v1, v2 = record[0], record[1], record[2], record[3], record[4], record[5]
-    normal0, normal1, normal2, areas = record[6], record[7], record[8], record[9]
-    by_u0, by_u1, by_u2, by_v0, by_v1, by_v2 = (
-        slope[0],
-        slope[1],
-        slope[2],
-        slope[3],
-        slope[4],
-        slope[5],
-    )
-    by_normal0, by_normal1, by_normal2 = slope[6], slope[7], slope[8]
-    by_area, by_e, by_m = slope[9], slope[10], slope[11]
     for t in range(record.shape[1]):
-        has_area = areas[t] > 0.0
+        has_area = record[9, t] > 0.0
         # N', the slope in f_u × f_v = A n; that in n counts along the triangle alone.
-        scale = 1.0 / areas[t] if has_area else 0.0
-        radial = normal0[t] * by_normal0[t] + normal1[t] * by_normal1[t]
-        radial += normal2[t] * by_normal2[t]
-        along = by_area[t] - radial * scale
-        n0 = along * normal0[t] + by_normal0[t] * scale
-        n1 = along * normal1[t] + by_normal1[t] * scale
-        n2 = along * normal2[t] + by_normal2[t] * scale
-        doubled, mixed = 2.0 * by_e[t], by_m[t]
-        # f_v × N' and N' × f_u.
-        in_u0 = by_u0[t] + doubled * u0[t] + mixed * v0[t] + (v1[t] * n2 - v2[t] * n1)
-        in_u1 = by_u1[t] + doubled * u1[t] + mixed * v1[t] + (v2[t] * n0 - v0[t] * n2)
-        in_u2 = by_u2[t] + doubled * u2[t] + mixed * v2[t] + (v0[t] * n1 - v1[t] * n0)
-        in_v0 = by_v0[t] + mixed * u0[t] + (n1 * u2[t] - n2 * u1[t])
-        in_v1 = by_v1[t] + mixed * u1[t] + (n2 * u0[t] - n0 * u2[t])
-        in_v2 = by_v2[t] + mixed * u2[t] + (n0 * u1[t] - n1 * u0[t])
-        by_u0[t] = in_u0 if has_area else 0.0
-        by_u1[t] = in_u1 if has_area else 0.0
-        by_u2[t] = in_u2 if has_area else 0.0
-        by_v0[t] = in_v0 if has_area else 0.0
-        by_v1[t] = in_v1 if has_area else 0.0
-        by_v2[t] = in_v2 if has_area else 0.0
+        scale = 1.0 / record[9, t] if has_area else 0.0
+        radial = 0.0
+        for k in range(6, 9):
+            radial += record[k, t] * slope[k, t]
+        along = slope[9, t] - radial * scale
+        doubled, mixed = 2.0 * slope[10, t], slope[11, t]
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            n_i = along * record[6 + i, t] + slope[6 + i, t] * scale
+            n_j = along * record[6 + j, t] + slope[6 + j, t] * scale
+            # f_v × N' and N' × f_u.
+            in_u = record[3 + i, t] * n_j - record[3 + j, t] * n_i
+            in_v = n_i * record[j, t] - n_j * record[i, t]
+            in_u += slope[k, t] + doubled * record[k, t] + mixed * record[3 + k, t]
+            in_v += slope[3 + k, t] + mixed * record[k, t]
+            slope[k, t] = in_u if has_area else 0.0
+            slope[3 + k, t] = in_v if has_area else 0.0
 
 
 # Partial derivatives of three triangles on each of two surfaces, nearly those of the template.

@@ -501,11 +501,9 @@ def _tile(
     within: bool,
     squared: ndarray,
 ) -> None:
-    """Add sums over triangles.
-
-    The scale is ¼ (ψ/ℓ)², or with the coefficients of `half_angle_fit` that of its argument; `turn`
-    is ¼ (ψ/φ)², or None without normals.
-    """
+    """Add sums over triangles."""
+    # The scale is ¼ (ψ/ℓ)², or with the coefficients of `half_angle_fit` that of its argument;
+    # `turn` is ¼ (ψ/φ)², or None without normals.
     n_values = a.shape[2]
     for first in range(0, n_values, CHUNK):
         last = min(first + CHUNK, n_values)
