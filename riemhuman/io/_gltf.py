@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,6 @@ from riemhuman.io.mesh_arrays import check_mesh
 
 _FLOAT, _BYTE, _SHORT, _INT = 5126, 5121, 5123, 5125  # component types of glTF
 _TRIANGLES = 4  # mode of primitives
-_DEEPEST = 100  # levels of nodes that are read
 _LARGEST_STRIDE = 252  # bytes from a vertex to the next, by the specification
 # Corners of triangles for each byte of the file: primitives and nodes may share some.
 _MOST_CORNERS = 4
@@ -85,7 +84,7 @@ def read_glb(file: Path) -> tuple[np.ndarray, np.ndarray]:
     scenes = document.get("scenes") or [{"nodes": range(len(document.get("nodes", ())))}]
     roots = scenes[document.get("scene", 0)].get("nodes", ())
     vertices, faces, n_vertices, n_corners = [], [], 0, 0
-    for mesh, matrix in _placed_meshes(document, roots, np.eye(4), 0, set()):
+    for mesh, matrix in _placed_meshes(document, roots):
         for positions, triangles in _primitives(document, binary, mesh):
             vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
             faces.append(triangles + n_vertices)
@@ -110,14 +109,14 @@ def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
 
 
 def _placed_meshes(
-    document: dict[str, Any], nodes: Iterable[int], parent: np.ndarray, depth: int, seen: set[int]
+    document: dict[str, Any], roots: Sequence[int]
 ) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
-    """Yield the meshes below some nodes, each with its matrix of homogeneous coordinates."""
+    """Yield the meshes of nodes and of those below them, each with its homogeneous matrix."""
     from scipy.spatial.transform import Rotation  # takes long
 
-    if depth > _DEEPEST:
-        raise FileFormatError(f"its nodes are nested more than {_DEEPEST} deep")
-    for number in nodes:
+    waiting, seen = [(number, np.eye(4)) for number in reversed(roots)], set()
+    while waiting:
+        number, parent = waiting.pop()
         # The specification asks for trees. Shared nodes could be reached in 2^100 ways.
         if number in seen:
             raise FileFormatError(f"its node {number} has more than one parent")
@@ -131,10 +130,10 @@ def _placed_meshes(
             rotation = Rotation.from_quat([x, y, z, w]).as_matrix()
             matrix[:3, :3] = rotation * np.asarray(node.get("scale", (1, 1, 1)))
             matrix[:3, 3] = node.get("translation", (0, 0, 0))
+        matrix = parent @ matrix
         if "mesh" in node:
-            yield document["meshes"][node["mesh"]], parent @ matrix
-        children = node.get("children", ())
-        yield from _placed_meshes(document, children, parent @ matrix, depth + 1, seen)
+            yield document["meshes"][node["mesh"]], matrix
+        waiting += [(child, matrix) for child in reversed(node.get("children", ()))]
 
 
 def _primitives(

@@ -129,13 +129,3 @@ def _bind() -> None:
                 if isinstance(value, Compiled):
                     names[name] = value.function
         _waiting.clear()
-
-
-def _renew_lock() -> None:
-    global _lock
-    _lock = threading.RLock()
-
-
-if hasattr(os, "register_at_fork"):
-    # A thread that held it does not survive the fork.
-    os.register_at_fork(after_in_child=_renew_lock)

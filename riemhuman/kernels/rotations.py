@@ -184,12 +184,8 @@ def nearest_rotations(matrices: ndarray) -> ndarray:
 
 @compiled
 def _by_newton(matrices: ndarray, found: ndarray, near: ndarray) -> None:
-    """Fill the limits of X ← ½ (X + X⁻ᵀ), and which of the matrices are near enough for it.
-
-    Faster than singular values and as exact, for means of rotations not too far apart (Higham,
-    "Computing the polar decomposition", SIAM Journal on Scientific and Statistical Computing 7(4),
-    1986).
-    """
+    """Fill the limits of X ← ½ (X + X⁻ᵀ), and which of the matrices are near enough for it."""
+    # Faster than singular values and as exact (Higham, "Computing the polar decomposition", 1986).
     x, cofactors = onp.empty((3, 3)), onp.empty((3, 3))
     for t in range(len(matrices)):
         squares = 0.0

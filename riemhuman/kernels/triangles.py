@@ -14,11 +14,11 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.kernels.compilation import compiled
-from riemhuman.kernels.surface import DEGENERATE, NEARLY_DEGENERATE
-from riemhuman.kernels.threads import in_chunks, of_one_kind
+from riemhuman.kernels.surface import DEGENERATE, NEARLY_DEGENERATE, dot
+from riemhuman.kernels.threads import in_chunks
 
-# Below this many triangles, threads cost more than they bring.
-_WORTH_THREADS = 5_000
+# Below this many triangles of all surfaces, threads cost more than they bring.
+_WORTH_THREADS = 50_000
 
 
 @compiled(forceinline=True)
@@ -55,7 +55,7 @@ def nearly_degenerate_triangles(surfaces: ndarray, faces: ndarray, frames: ndarr
         for f, marked in zip(surfaces[first:last], degenerate[first:last], strict=True):
             _mark_nearly_degenerate(f[:, None], faces, frames, marked)
 
-    in_chunks(run, len(surfaces), threaded=degenerate.size > 10 * _WORTH_THREADS)
+    in_chunks(run, len(surfaces), threaded=degenerate.size > _WORTH_THREADS)
     return degenerate
 
 
@@ -69,59 +69,23 @@ def _mark_nearly_degenerate(f: ndarray, faces: ndarray, frames: ndarray, marked:
         marked[t] = area * area <= NEARLY_DEGENERATE * (area * area + m * m)
 
 
-@compiled
-def _add_blocks(
-    f: ndarray,
-    faces: ndarray,
-    forms: ndarray,
-    first: int,
-    last: int,
-    blocks: ndarray,
-) -> None:
-    axes = np.empty((3, 3))
-    along, of_corners = np.empty((2, 3)), np.empty((3, 3, 3, 3))
-    half = np.empty((3, 3))
-    for t in range(first, last):
-        _, over_p, over_r, skew = fill_axes(f, faces[t], 0, axes)
-        # How ∂₁h and ∂₂h depend on the second and third corners, and so on the first.
-        along[0, 1], along[0, 2] = over_p, 0.0
-        along[1, 1], along[1, 2] = -skew, over_r
-        along[0, 0], along[1, 0] = -along[0, 1], -along[1, 1] - along[1, 2]
-        for i in range(3):
-            for j in range(3):
-                for c in range(3):
-                    in1 = along[0, c] * forms[t, 2 * i, 2 * j]
-                    in1 += along[1, c] * forms[t, 2 * i + 1, 2 * j]
-                    in2 = along[0, c] * forms[t, 2 * i, 2 * j + 1]
-                    in2 += along[1, c] * forms[t, 2 * i + 1, 2 * j + 1]
-                    for d in range(3):
-                        of_corners[c, d, i, j] = in1 * along[0, d] + in2 * along[1, d]
-        for c in range(3):
-            for d in range(c, 3):
-                for i in range(3):
-                    for k in range(3):
-                        half[i, k] = (
-                            of_corners[c, d, i, 0] * axes[0, k]
-                            + of_corners[c, d, i, 1] * axes[1, k]
-                            + of_corners[c, d, i, 2] * axes[2, k]
-                        )
-                for i in range(3):
-                    for k in range(3):
-                        value = axes[0, i] * half[0, k] + axes[1, i] * half[1, k]
-                        value += axes[2, i] * half[2, k]
-                        blocks[t, 3 * c + i, 3 * d + k] += value
-                        if c != d:
-                            blocks[t, 3 * d + k, 3 * c + i] += value
-
-
 def add_blocks(blocks: ndarray, f: ndarray, faces: ndarray, forms: ndarray) -> None:
     """Add quadratic forms of `surface.frame_components` as forms of the nine corner numbers."""
-    surface = of_one_kind(f)[:, None]
-
-    def run(first: int, last: int) -> None:
-        _add_blocks(surface, faces, forms, first, last, blocks)
-
-    in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS)
+    one, two, three = (f[corners] for corners in faces.T)
+    x, y = two - one, three - one
+    normals = np.cross(x, y)
+    squares, xx = dot(normals, normals), dot(x, x)
+    degenerate = squares <= DEGENERATE * xx * dot(y, y)
+    p = np.sqrt(np.where(degenerate, 1.0, xx))
+    over_r = np.where(degenerate, 0.0, p / np.sqrt(np.where(degenerate, 1.0, squares)))
+    e1, e3 = x / p[:, None], normals * (over_r / p)[:, None]
+    axes = np.stack([e1, np.cross(e3, e1), e3], axis=1)
+    # How ∂₁h and ∂₂h depend on the second and third corners, and so on the first.
+    along = np.zeros((len(faces), 2, 3))
+    along[:, 0, 1], along[:, 1, 1], along[:, 1, 2] = 1.0 / p, -dot(y, e1) * over_r / p, over_r
+    along[:, :, 0] = -along[:, :, 1] - along[:, :, 2]
+    maps = (axes[:, :, None, None, :] * along[:, None, :, :, None]).reshape(-1, 6, 9)
+    blocks += np.matmul(np.swapaxes(maps, 1, 2), np.matmul(forms, maps))
 
 
 # Below this many triangles times surfaces, threads cost more than they bring.
@@ -153,18 +117,6 @@ def frame_of(surfaces: ndarray, face: ndarray, i: int) -> tuple[float, ...]:
     z0, z1, z2 = n1 * x2 - n2 * x1, n2 * x0 - n0 * x2, n0 * x1 - n1 * x0
     area = 0.5 * double_area
     return area, over_p, over_r, skew, x0, x1, x2, z0, z1, z2, n0, n1, n2
-
-
-@compiled(inline="always")
-def fill_axes(
-    surfaces: ndarray, face: ndarray, i: int, axes: ndarray
-) -> tuple[float, float, float, float]:
-    """Fill e₁, e₂, e₃ of a triangle at time i as rows, and return what else `frame_of` does."""
-    area, over_p, over_r, skew, a0, a1, a2, b0, b1, b2, c0, c1, c2 = frame_of(surfaces, face, i)
-    axes[0, 0], axes[0, 1], axes[0, 2] = a0, a1, a2
-    axes[1, 0], axes[1, 1], axes[1, 2] = b0, b1, b2
-    axes[2, 0], axes[2, 1], axes[2, 2] = c0, c1, c2
-    return area, over_p, over_r, skew
 
 
 @compiled(inline="always")

@@ -62,16 +62,6 @@ class Spectrum(Record):
             functions=self.functions[:n_eigenvalues],
         )
 
-    def of_unit_area(self) -> Spectrum:
-        """Return the spectrum of the surface scaled to area 1."""
-        area = self.areas.sum()
-        return Spectrum(
-            area * self.eigenvalues,
-            np.sqrt(area) * self.functions,
-            area * self.constants,
-            self.areas / area,
-        )
-
 
 def spectrum(
     vertices: ArrayLike, faces: ArrayLike, n_eigenvalues: int, laplacian: str = "cotangent"

@@ -3,28 +3,11 @@
 import numpy as np
 import pytest
 from block_patterns import couplings
-from cases import open_template, surfaces
 from interpreted import check_bounds
 from scipy.sparse import bsr_array
 
-from riemhuman.kernels import elimination, rotations, triangles
+from riemhuman.kernels import elimination, rotations
 from riemhuman.kernels.elimination import elimination_of
-
-TEMPLATE = open_template()
-FACES = TEMPLATE.faces
-FORMS = np.random.default_rng(0).standard_normal((len(FACES), 6, 6))
-FORMS += np.swapaxes(FORMS, 1, 2)
-
-
-def test_loops_over_single_surfaces(monkeypatch):
-    (start,) = surfaces(TEMPLATE, 1, rng=4, size=0.8)
-
-    def blocks():
-        added = np.zeros((len(FACES), 9, 9))
-        triangles.add_blocks(added, start, FACES, FORMS)
-        return [added]
-
-    check_bounds(monkeypatch, [triangles], [blocks])
 
 
 def test_nearest_rotations(monkeypatch):

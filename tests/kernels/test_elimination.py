@@ -32,19 +32,6 @@ def test_filled_blocks_are_those_of_a_dense_factor(kind):
     assert len(found.rows) == filled.sum()
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_columns_begin_on_the_diagonal_and_rows_end_there(kind):
-    found = pattern_of(couplings(kind))
-    n = len(found.order)
-    np.testing.assert_array_equal(found.rows[found.ends[:-1]], np.arange(n))
-    np.testing.assert_array_equal(found.columns[found.by_row[found.row_ends[1:] - 1]], np.arange(n))
-    np.testing.assert_array_equal(np.sort(found.by_row), np.arange(len(found.rows)))
-    rows, columns = found.rows[found.by_row], found.columns[found.by_row]
-    assert np.all(np.diff(rows * n + columns) > 0)
-    for ends in (found.ends, found.row_ends):
-        assert (ends[0], ends[-1]) == (0, len(found.rows))
-
-
 def test_arrows_are_eliminated_from_their_ends():
     """The tip last, or nothing would stay empty."""
     found = pattern_of(couplings("arrow at the first"))

@@ -105,15 +105,6 @@ def test_no_copy_of_a_multiple_eigenvalue_is_missed(laplacian, n_copies):
         np.testing.assert_allclose(found, alone[:n], rtol=1e-8)
 
 
-def test_unit_area_does_not_know_the_size():
-    vertices, faces = sheet()
-    small, large = (spectrum(k * vertices, faces, 6).of_unit_area() for k in (1, 10))
-    assert large.areas.sum() == pytest.approx(1.0)
-    for name in ("eigenvalues", "functions", "constants", "areas"):
-        one, other = (np.abs(getattr(found, name)) for found in (large, small))
-        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-8)
-
-
 def test_meshes_the_cotangent_laplacian_cannot_take():
     vertices, faces = sheet(9, 7)
     flat = np.concatenate([faces, [[0, 1, 2]]])  # three vertices of one straight side
