@@ -90,14 +90,6 @@ class AmassMotion(ModelMotion):
         betas = _read(self.path, int(self._numbers[-1])).betas[: self.model.n_betas]
         return np.pad(betas, (0, self.model.n_betas - len(betas)))
 
-    @property
-    def pose_vectors(self) -> np.ndarray:
-        return self._parameters(np.arange(len(self)))[0]
-
-    @property
-    def translations(self) -> np.ndarray:
-        return self._parameters(np.arange(len(self)))[1]
-
     def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         recording = _read(self.path, int(self._numbers[-1]))
         chosen = self._numbers[numbers]

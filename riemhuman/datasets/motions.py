@@ -117,18 +117,18 @@ class ModelMotion(Motion):
         """Shape coefficients of the person, shape (B,)."""
 
     @property
-    @abstractmethod
     def pose_vectors(self) -> np.ndarray:
         """Axis-angle joint rotations in every frame, shape (n_frames, J, 3), radians."""
+        return self._parameters(np.arange(len(self)))[0]
 
     @property
-    @abstractmethod
     def translations(self) -> np.ndarray:
         """Translation in every frame, shape (n_frames, 3), metres."""
+        return self._parameters(np.arange(len(self)))[1]
 
+    @abstractmethod
     def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the pose vectors and translations of some frames."""
-        return self.pose_vectors[numbers], self.translations[numbers]
 
     def _frames(self, numbers: range) -> np.ndarray:
         frames = np.empty((len(numbers), self.model.n_vertices, 3))

@@ -44,27 +44,24 @@ class OpenMotion(ModelMotion):
         written = read_table("open_motions")["people"][self.subject]
         return np.pad(written, (0, self.model.n_betas - len(written)))
 
-    @cached_property
-    def pose_vectors(self) -> np.ndarray:
-        return pose_vectors(self._performance.joint_rotations(self._times), self.model)
+    def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        poses, translations = self._performed
+        return poses[numbers], translations[numbers]
 
     @cached_property
-    def translations(self) -> np.ndarray:
+    def _performed(self) -> tuple[np.ndarray, np.ndarray]:
+        times = np.arange(len(self)) / self.frames_per_second
+        poses = pose_vectors(self._performance.joint_rotations(times), self.model)
         names = self.model.joint_names
         feet = [name.endswith(("ankle", "toes")) for name in names]
         standing = [names.index(f"{side}_ankle") for side in self._performance.standing_on]
         rest = self.model.joints(self.betas)
-        moved = rest - self.model.joints(self.betas, self.pose_vectors)
+        moved = rest - self.model.joints(self.betas, poses)
         translations = np.zeros((len(self), 3))
         if standing:
             translations[:] = moved[:, standing].mean(axis=1)
-        height = self._performance.height(self._times)
-        translations[:, 1] = moved[:, feet, 1].max(axis=1) + height
-        return translations
-
-    @property
-    def _times(self) -> np.ndarray:
-        return np.arange(len(self)) / self.frames_per_second
+        translations[:, 1] = moved[:, feet, 1].max(axis=1) + self._performance.height(times)
+        return poses, translations
 
 
 def load_open_motions(
@@ -120,40 +117,26 @@ class _Performance:
             # The right joints of an alternating motion follow half a cycle later.
             follows = joint.startswith("right_") and joint not in written["angles"]
             delay = 0.5 if written["alternating"] and follows else 0.0
-            self._joints[joint] = _JointRotation(axes, curves, rng, delay)
+            delay += rng.uniform(-_LAG, _LAG)
+            amplitude = 1.0 + rng.uniform(-_AMPLITUDE, _AMPLITUDE)
+            habit = rng.uniform(-_HABIT_DEGREES, _HABIT_DEGREES, len(axes))
+            self._joints[joint] = axes, curves, delay, amplitude, habit
 
     def height(self, times: np.ndarray) -> np.ndarray:
         """Return the height of the lower foot above the ground, metres."""
-        return _values(self._height, self._phases(times))
+        return _values(self._height, times / self._cycle + self._start)
 
     def joint_rotations(self, times: np.ndarray) -> np.ndarray:
         """Return the rotations of all joints from the T-pose, shape (n, J, 3, 3)."""
         rotations = np.tile(np.eye(3), (len(times), len(self._joint_names), 1, 1))
-        for joint, rotation in self._joints.items():
-            rotations[:, self._joint_names.index(joint)] = rotation(self._phases(times))
+        phases = times / self._cycle + self._start
+        for joint, (axes, curves, delay, amplitude, habit) in self._joints.items():
+            angles = np.stack([_values(curve, phases - delay) for curve in curves], axis=-1)
+            means = np.array([np.mean(curve) for curve in curves])
+            angles = means + amplitude * (angles - means) + habit
+            matrices = Rotation.from_euler(axes, angles, degrees=True).as_matrix()
+            rotations[:, self._joint_names.index(joint)] = matrices
         return rotations
-
-    def _phases(self, times: np.ndarray) -> np.ndarray:
-        return times / self._cycle + self._start
-
-
-class _JointRotation:
-    """The rotation of one joint over the cycle, with individual amplitude, lag and habit."""
-
-    def __init__(
-        self, axes: str, curves: Sequence[Any], rng: np.random.Generator, delay: float
-    ) -> None:
-        self._axes = axes
-        self._curves = curves
-        self._delay = delay + rng.uniform(-_LAG, _LAG)
-        self._amplitude = 1.0 + rng.uniform(-_AMPLITUDE, _AMPLITUDE)
-        self._habit = rng.uniform(-_HABIT_DEGREES, _HABIT_DEGREES, len(axes))
-
-    def __call__(self, phases: np.ndarray) -> np.ndarray:
-        angles = np.stack([_values(curve, phases - self._delay) for curve in self._curves], axis=-1)
-        means = np.array([np.mean(curve) for curve in self._curves])
-        angles = means + self._amplitude * (angles - means) + self._habit
-        return Rotation.from_euler(self._axes, angles, degrees=True).as_matrix()
 
 
 def _values(curve: Any, phases: np.ndarray) -> np.ndarray:

@@ -152,14 +152,6 @@ class RetargetedMotion(ModelMotion):
         return self._performance[0]
 
     @property
-    def pose_vectors(self) -> ndarray:
-        return self._performance[1]
-
-    @property
-    def translations(self) -> ndarray:
-        return self._performance[2]
-
-    @property
     def errors(self) -> RetargetingErrors:
         """How far the motion is from the recording."""
         return self._performance[3]
@@ -175,6 +167,10 @@ class RetargetedMotion(ModelMotion):
         other.__dict__.pop("_performance", None)
         other._betas = real_array(betas, "betas", (self.model.n_betas,), batched=False)
         return other
+
+    def _parameters(self, numbers: ndarray) -> tuple[ndarray, ndarray]:
+        _, poses, translations, _ = self._performance
+        return poses[numbers], translations[numbers]
 
     @cached_property
     def _performance(self) -> tuple[ndarray, ndarray, ndarray, RetargetingErrors]:

@@ -62,11 +62,7 @@ def test_confusion_of_labels_of_any_hashable_kind(distances):
 
 
 @pytest.mark.parametrize("function", [precision_recall, confusion])
-def test_arguments_are_checked_as_for_scores(function, distances):
-    with pytest.raises(ArgumentError, match="labels must .*12.*found .*11"):
-        function(distances, LABELS[:11])
-    with pytest.raises(ArgumentError, match=r"distances\[0, 1\] is -"):
-        function(-distances, LABELS)
+def test_the_diagonal_is_not_read(function, distances):
     on_diagonal = distances + np.diag(np.full(12, np.nan))
     np.testing.assert_equal(function(on_diagonal, LABELS), function(distances, LABELS))
 

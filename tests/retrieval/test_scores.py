@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.retrieval import RetrievalScores, retrieval_table, scores
+from riemhuman.retrieval import retrieval_table, scores
 
 
 def recount(order, labels, query):
@@ -136,11 +136,6 @@ def test_diagonal_is_not_read(on_diagonal):
 def test_labels_of_any_hashable_kind(labels):
     distances = np.random.default_rng(3).random((4, 4))
     assert scores(distances, labels) == scores(distances.tolist(), [7, 7, 3, 3])
-
-
-def test_row_for_people():
-    text = str(RetrievalScores(100.0, 94.84, 97.1, 96.0, 100))
-    assert text == "NN 100.0 %, FT 94.8 %, ST 97.1 %, mAP 96.0 % (100 queries)"
 
 
 SQUARE = np.ones((4, 4))

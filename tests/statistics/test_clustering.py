@@ -84,14 +84,8 @@ def test_both_find_people_by_default():
 def test_refusals():
     distances, _ = three_groups()
     for estimator in (KMedoids(2), HierarchicalClustering(2)):
-        with pytest.raises(ArgumentError, match=r"X must be a square matrix.*\(16, 17\)"):
-            estimator.fit(distances[:-1])
         with pytest.raises(ArgumentError, match="symmetric.*by 1"):
             estimator.fit(distances + np.eye(17, k=1))
-        with pytest.raises(ArgumentError, match="is -1, the first"):
-            estimator.fit(distances - np.eye(17)[::-1] * (distances + 1.0) * (1 - np.eye(17)))
-        with pytest.raises(ArgumentError, match="is nan"):
-            estimator.fit(distances * np.nan)
         with pytest.raises(ArgumentError, match=r"is 1e\+308"):
             estimator.fit(np.where(np.eye(4), 0.0, 1e308))
     with pytest.raises(ArgumentError, match="n_clusters=18 exceeds the 17 points"):
