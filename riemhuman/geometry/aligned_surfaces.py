@@ -9,7 +9,7 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import SCALES, Rng, check_same_scale, generator, one_of, real_array, values_of
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.surface_metric import ElasticMetric
@@ -56,6 +56,11 @@ class AlignedSurfaces(Manifold):
     def __init__(
         self, template: Template, equip: bool = True, *, scale: str | None = "template"
     ) -> None:
+        if not hasattr(type(template), "frame_coefficients"):
+            raise ArgumentTypeError(
+                "template must be a Template, such as Template(vertices, faces) or the template of "
+                f"a data set; found {type(template).__name__}"
+            )
         self.template = template
         self.scale = one_of(scale, "scale", SCALES)
         self._reference = template.vertices

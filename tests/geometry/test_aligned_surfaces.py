@@ -16,7 +16,7 @@ from cases import (
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.geometry import (
     AlignedSurfaces,
     ElasticMetric,
@@ -374,6 +374,12 @@ def test_triangles_have_faces_areas_and_normals():
     np.testing.assert_array_equal(space.face_areas(np.zeros(space.shape)), np.zeros(80))
     template = space.template
     np.testing.assert_allclose(space.face_areas(template.vertices), template.face_areas, rtol=1e-13)
+
+
+@pytest.mark.parametrize("given", [np.zeros((4, 3)), "mesh.ply"], ids=["array", "path"])
+def test_spaces_are_over_templates(given):
+    with pytest.raises(ArgumentTypeError, match="template must be a Template"):
+        AlignedSurfaces(given)
 
 
 def test_surfaces_in_another_unit_are_refused_wherever_they_meet():
