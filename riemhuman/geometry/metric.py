@@ -657,8 +657,8 @@ class RiemannianMetric(Unchanging):
         r"""Return a geodesic as a function of times in [0, 1], shape (n_times,).
 
         Between two points, without a closed form, it is the path that `geodesic_solver` finds, by
-        default over 60 harmonics of the template, linear between its times. With an initial
-        velocity v it is exp(t v).
+        default over 60 harmonics of the template, linear between its times and beyond them. With
+        an initial velocity v it is exp(t v).
 
         Parameters
         ----------
