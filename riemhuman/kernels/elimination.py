@@ -73,18 +73,14 @@ def _order(ends: ndarray, indices: ndarray) -> ndarray:
 
 
 def _filled(n: int, columns: ndarray, rows: ndarray) -> tuple[ndarray, ndarray]:
-    """Return how many blocks each column of L has, and their rows.
-
-    The column of the first row below the diagonal inherits all others: it is the parent in the
-    elimination tree.
-    """
+    """Return how many blocks each column of L has, and their rows."""
     below: list[set[int]] = [set() for _ in range(n)]
     for j, i in zip(columns.tolist(), rows.tolist(), strict=True):
         below[j].add(i)
     for j in range(n):
         below[j].discard(j)
         if below[j]:
-            parent = min(below[j])
+            parent = min(below[j])  # in the elimination tree, which inherits all others
             below[parent] |= below[j]
     filled = [[j, *sorted(later)] for j, later in enumerate(below)]
     return np.array([len(column) for column in filled]), np.concatenate(filled)

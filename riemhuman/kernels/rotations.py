@@ -223,10 +223,8 @@ def _fill_cofactors(x: ndarray, cofactors: ndarray) -> float:
 
 
 def _turned_back(answer: ndarray, matrices: ndarray, upstream: ndarray) -> ndarray:
-    """Return the transposed derivative of `nearest_rotations`.
-
-    With S = Rᵀ M, dR = R [a]×, where (tr(S) I − S) a is twice the axial vector of Rᵀ dM.
-    """
+    """Return the transposed derivative of `nearest_rotations`."""
+    # With S = Rᵀ M, dR = R [a]×, where (tr(S) I − S) a is twice the axial vector of Rᵀ dM.
     stretch = np.matmul(transpose(answer), matrices)
     trace = (stretch[..., 0, 0] + stretch[..., 1, 1] + stretch[..., 2, 2])[..., None, None]
     system = trace * np.eye(3) - 0.5 * (stretch + transpose(stretch))

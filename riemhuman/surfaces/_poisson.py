@@ -70,10 +70,8 @@ class PoissonInterpolator:
         return bool(np.any(np.sum(gaps * gaps, axis=1) > np.pi**2))
 
     def unwrap(self, rotations: ndarray) -> ndarray:
-        """Return the same rotations plus multiples of 2π, so that neighbours rotate alike.
-
-        From the triangle that rotates least across the edges where rotations differ least.
-        """
+        """Return the same rotations plus multiples of 2π, so that neighbours rotate alike."""
+        # From the triangle that rotates least across the edges where rotations differ least.
         n_faces, angles = len(rotations), np.linalg.norm(rotations, axis=1)
         # sin(angle / 2) / angle, also where the angle is 0.
         shares = 0.5 * np.sinc(angles / (2.0 * np.pi))

@@ -126,10 +126,8 @@ def _try_vertices(
 def _closest_in_triangle(
     query: np.ndarray, points: np.ndarray, corners: np.ndarray, weights: np.ndarray
 ) -> float:
-    """Fill the barycentric coordinates of the closest point, and return its squared distance.
-
-    The regions are those of Ericson, Real-Time Collision Detection, 2005, section 5.1.5.
-    """
+    """Fill the barycentric coordinates of the closest point, and return its squared distance."""
+    # The regions are those of Ericson, Real-Time Collision Detection, 2005, section 5.1.5.
     d1 = d2 = d3 = d4 = d5 = d6 = 0.0
     for x in range(3):
         a, b, c = points[corners[0], x], points[corners[1], x], points[corners[2], x]
