@@ -1,25 +1,15 @@
-"""The least-squares equations of a body model's fit: points, exact derivatives, normal equations.
-
-A vertex v of the shaped surface moves to x = Σ_k w_k (G_k v + t_k), with the joints' motions G, t.
-A rotation of joint j by a small δ, in the axes of the posed body, moves x by δ × a, where
-
-    a = Σ_k w_k (G_k v + t_k − p_j)   over the joints k below j (j included),
-
-and p_j is the position of the joint. So all derivatives with respect to rotations are cross
-products, and one 3 × 3 matrix per joint converts them to derivatives with respect to the
-axis-angle vector, after the sums over vertices.
-"""
+"""The least-squares equations of a body model's fit, with exact derivatives."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy import linalg, sparse
 
+from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
 from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
 
 # Number of points in a patch: their derivatives fit in the processor's cache, and most patches
@@ -34,97 +24,6 @@ Loss = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 # _CROSS_WITH_AXES[c] @ x is the cross product of the axis c with x.
 _CROSS_WITH_AXES = np.cross(np.eye(3)[:, np.newaxis], np.eye(3)).transpose(0, 2, 1)
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """Parameters of one body."""
-
-    betas: np.ndarray
-    pose: np.ndarray
-    trans: np.ndarray
-
-    @property
-    def vector(self) -> np.ndarray:
-        """The numbers in the order of the equations."""
-        return np.concatenate([self.pose.ravel(), self.betas, self.trans])
-
-    def moved(self, step: np.ndarray) -> Parameters:
-        """Return the parameters after a step."""
-        n_angles = self.pose.size
-        return replace(
-            self,
-            pose=self.pose + step[:n_angles].reshape(-1, 3),
-            betas=self.betas + step[n_angles:-3],
-            trans=self.trans + step[-3:],
-        )
-
-
-class Skeleton:
-    """The joints of a body model; coefficients of hand poses are betas that move no joint."""
-
-    def __init__(self, model: Any, with_hands: bool = False) -> None:
-        self.model, self.parents, self.order = model, model.parents, model.joint_order
-        self.limbs = np.flatnonzero(model.parents >= 0)  # joints other than the root
-        self.rest_joints = model.joint_regressor @ model.template.vertices
-        self.directions = model.shapedirs
-        self.joint_shapes = np.einsum("jv,vxb->jxb", model.joint_regressor, model.shapedirs)
-        if with_hands:
-            self.directions = np.concatenate([model.shapedirs, model.hand_directions], axis=-1)
-            n_hands = model.hand_directions.shape[-1]
-            self.joint_shapes = np.pad(self.joint_shapes, ((0, 0), (0, 0), (0, n_hands)))
-        self.n_joints, self.n_betas = model.n_joints, self.directions.shape[-1]
-        # below[j, k]: whether joint k moves with joint j.
-        self.below = np.eye(len(model.parents))
-        for joint in reversed(self.order):
-            if self.parents[joint] >= 0:
-                self.below[self.parents[joint]] += self.below[joint]
-
-
-class JointMotions:
-    """The rigid motions of the joints for some parameters, and their derivatives."""
-
-    def __init__(self, skeleton: Skeleton, parameters: Parameters) -> None:
-        self.skeleton = skeleton
-        self.parameters = parameters
-        joints = skeleton.rest_joints + skeleton.joint_shapes @ parameters.betas
-        self.local = rotation_matrix(parameters.pose)
-        self.rotations = np.empty_like(self.local)
-        self.positions = np.empty_like(joints)
-        # The axes of a joint's own rotation are those of its parent.
-        self.axes = np.tile(np.eye(3), (skeleton.n_joints, 1, 1))
-        # Derivatives of the positions with respect to the betas.
-        self._position_shapes = np.empty_like(skeleton.joint_shapes)
-        for joint in skeleton.order:
-            parent = skeleton.parents[joint]
-            position, shapes = joints[joint], skeleton.joint_shapes[joint]
-            if parent >= 0:
-                self.axes[joint] = rotation = self.rotations[parent]
-                position = self.positions[parent] + rotation @ (position - joints[parent])
-                shapes = self._position_shapes[parent] + rotation @ (
-                    shapes - skeleton.joint_shapes[parent]
-                )
-            self.rotations[joint] = self.axes[joint] @ self.local[joint]
-            self.positions[joint], self._position_shapes[joint] = position, shapes
-        self.shifts = self.positions - np.einsum("jxy,jy->jx", self.rotations, joints)
-
-    @cached_property
-    def shift_shapes(self) -> np.ndarray:
-        """Derivatives of the shifts with respect to the betas, shape (J, 3, B)."""
-        return self._position_shapes - self.rotations @ self.skeleton.joint_shapes
-
-    @cached_property
-    def pose_feature(self) -> np.ndarray:
-        """The entries of R - I, by which pose-dependent displacements are multiplied."""
-        return (self.local[self.skeleton.limbs] - np.eye(3)).ravel()
-
-    @cached_property
-    def pose_feature_rotations(self) -> np.ndarray:
-        """Derivatives of the entries of R by small rotations in space, shape (J - 1, 9, 3)."""
-        limbs = self.skeleton.limbs
-        axes, rotations = self.axes[limbs], self.rotations[limbs]
-        products = np.einsum("jyx,cyz,jzw->jxwc", axes, _CROSS_WITH_AXES, rotations)
-        return products.reshape(len(limbs), 9, 3)
 
 
 @dataclass(frozen=True)
@@ -151,7 +50,7 @@ class _Patch:
 
     def surface(self, motions: JointMotions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the shaped vertices, their blended rotations and the moved vertices."""
-        shaped = self.rest + self.shapedirs @ motions.parameters.betas
+        shaped = self.rest + self.shapedirs @ motions.betas
         if self.posedirs is not None:
             shaped = shaped + self.posedirs @ motions.pose_feature
         blended = self.weights @ motions.rotations[self.bones].reshape(-1, 9)
@@ -163,34 +62,29 @@ class _Patch:
         self, motions: JointMotions, shaped: np.ndarray, rotations: np.ndarray
     ) -> np.ndarray:
         """Return derivatives (n, 3, c) of the points by rotations in space, betas and trans."""
-        n_vertices, n_betas = len(shaped), self.shapedirs.shape[-1]
-        n_angles = 3 * len(self.active)
-        rows = np.zeros((n_vertices, 3, n_angles + n_betas + 3))
-
-        matrices = motions.rotations[self.bones].transpose(2, 1, 0)  # (from, to, bone)
-        moved_by_bone = (shaped @ matrices.reshape(3, -1)).reshape(n_vertices, 3, -1)
-        moved_by_bone = (moved_by_bone + motions.shifts[self.bones].T) * self.weights[:, np.newaxis]
-        levers = moved_by_bone @ self.below
-        shares = self.weights @ self.below
-        levers -= motions.positions[self.active].T * shares[:, np.newaxis]
-        x, y, z = levers[:, 0], levers[:, 1], levers[:, 2]
-        of_rotations = rows[..., :n_angles].reshape(n_vertices, 3, -1, 3)
-        of_rotations[:, 0, :, 1], of_rotations[:, 0, :, 2] = z, -y
-        of_rotations[:, 1, :, 0], of_rotations[:, 1, :, 2] = -z, x
-        of_rotations[:, 2, :, 0], of_rotations[:, 2, :, 1] = y, -x
-        rows[..., :n_angles] = of_rotations.reshape(n_vertices, 3, -1)
+        rows = skinning_derivatives(
+            motions,
+            shaped,
+            rotations,
+            self.weights,
+            self.shapedirs,
+            self.below,
+            self.weights @ self.below,
+            self.bones,
+            self.active,
+        ).transpose(1, 0, 2)
         if self.posedirs is not None:
-            of_features = self.posedirs.reshape(n_vertices * 3, -1, 9)
-            offsets = np.einsum("rjk,jkc->rjc", of_features, motions.pose_feature_rotations)
+            limbs = motions.skeleton.limbs
+            # Derivatives of the entries of R by small rotations in space.
+            products = np.einsum(
+                "jyx,cyz,jzw->cjxw", motions.axes[limbs], _CROSS_WITH_AXES, motions.rotations[limbs]
+            ).reshape(3, len(limbs), 9)
+            of_features = self.posedirs.reshape(*shaped.shape, -1, 9)
+            offsets = np.einsum("nxjk,cjk->nxcj", of_features, products, optimize=True)
+            offsets = np.matmul(rotations, offsets.reshape(*shaped.shape, -1))
             # With pose offsets, all joints are active, in the order of the tree's table.
-            limbs = (3 * motions.skeleton.limbs[:, np.newaxis] + np.arange(3)).ravel()
-            rows[..., limbs] += np.matmul(rotations, offsets.reshape(n_vertices, 3, -1))
-
-        shifts = self.weights @ motions.shift_shapes[self.bones].reshape(len(self.bones), -1)
-        rows[..., n_angles:-3] = np.matmul(rotations, self.shapedirs) + shifts.reshape(
-            -1, 3, n_betas
-        )
-        rows[..., -3:] = np.eye(3)
+            columns = motions.skeleton.n_joints * np.arange(3)[:, np.newaxis] + limbs
+            rows[..., columns.ravel()] += offsets
         return self.combined(rows)
 
 
@@ -215,23 +109,27 @@ class Equations:
         self._numbers = numbers
         self._weights = (combine @ skeleton.model.weights)[numbers]
 
-    def cost(self, parameters: Parameters, target: np.ndarray) -> float:
-        """Return the mean loss of the distances from the points to their targets, and the prior."""
-        motions = JointMotions(self._skeleton, parameters)
-        parts = [patch.combined(patch.surface(motions)[2]) for patch in self._patches]
-        gaps = target[self._numbers] - np.concatenate(parts) - parameters.trans
-        losses, _ = self._loss(np.sum(gaps**2, axis=-1))
-        return float(self._shares[self._numbers] @ losses + self._prior @ parameters.vector**2)
+    def _motions(self, parameters: np.ndarray) -> JointMotions:
+        """Return the motions for parameters: axis-angle vectors of the joints, betas, trans."""
+        pose, betas = np.split(parameters[:-3], [3 * self._skeleton.n_joints])
+        return JointMotions(self._skeleton, rotation_matrix(pose.reshape(-1, 3)), betas)
 
-    def normal(self, parameters: Parameters, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def cost(self, parameters: np.ndarray, target: np.ndarray) -> float:
+        """Return the mean loss of the distances from the points to their targets, and the prior."""
+        motions = self._motions(parameters)
+        parts = [patch.combined(patch.surface(motions)[2]) for patch in self._patches]
+        gaps = target[self._numbers] - np.concatenate(parts) - parameters[-3:]
+        losses, _ = self._loss(np.sum(gaps**2, axis=-1))
+        return float(self._shares[self._numbers] @ losses + self._prior @ parameters**2)
+
+    def normal(self, parameters: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the normal equations: the matrix, and half the negative gradient of the cost."""
-        motions = JointMotions(self._skeleton, parameters)
-        n_angles, n_betas = 3 * self._skeleton.n_joints, self._skeleton.n_betas
-        n_columns = n_angles + n_betas + 3
+        motions = self._motions(parameters)
+        n_angles, n_columns = 3 * self._skeleton.n_joints, len(parameters)
         matrix, right = np.zeros((n_columns, n_columns)), np.zeros(n_columns)
         for patch in self._patches:
             shaped, rotations, moved = patch.surface(motions)
-            gaps = target[patch.points] - patch.combined(moved) - parameters.trans
+            gaps = target[patch.points] - patch.combined(moved) - parameters[-3:]
             factors = np.sqrt(self._shares[patch.points] * self._loss(np.sum(gaps**2, axis=-1))[1])
             rows = patch.derivatives(motions, shaped, rotations)
             rows *= factors[:, np.newaxis, np.newaxis]
@@ -239,10 +137,10 @@ class Equations:
             matrix[np.ix_(patch.columns, patch.columns)] += rows.T @ rows
             right[patch.columns] += rows.T @ (factors[:, np.newaxis] * gaps).ravel()
         # From changes of axis-angle vectors to rotations in space.
-        of_pose = motions.axes @ rotation_derivative(parameters.pose)
-        change = linalg.block_diag(*of_pose, np.eye(n_betas + 3))
+        of_pose = motions.axes @ rotation_derivative(parameters[:n_angles].reshape(-1, 3))
+        change = linalg.block_diag(*of_pose, np.eye(n_columns - n_angles))
         matrix, right = change.T @ matrix @ change, change.T @ right
-        return matrix + np.diag(self._prior), right - self._prior * parameters.vector
+        return matrix + np.diag(self._prior), right - self._prior * parameters
 
     def closed_form_rotations(self, target: np.ndarray, betas: np.ndarray) -> np.ndarray:
         """Return each joint's rotation in space by Kabsch's solution with the skinning weights."""
@@ -277,13 +175,13 @@ def _patch(skeleton: Skeleton, combine: sparse.csr_array, numbers: np.ndarray) -
         vertices = rows.indices
     weights = model.weights[vertices]
     bones = np.flatnonzero(weights.any(axis=0))
-    below = skeleton.below.T[bones]
+    below = skeleton.below[bones]
     posedirs = None if model.posedirs is None else model.posedirs[vertices]
     active = np.flatnonzero(below.any(axis=0))
     if posedirs is not None:
         active = np.arange(skeleton.n_joints)
     n_angles = 3 * skeleton.n_joints
-    rotations = 3 * active[:, np.newaxis] + np.arange(3)
+    rotations = 3 * active + np.arange(3)[:, np.newaxis]
     rest = np.arange(n_angles, n_angles + skeleton.n_betas + 3)
     return _Patch(
         points=numbers,

@@ -17,13 +17,8 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies._fitting_equations import (
-    Equations,
-    Loss,
-    Parameters,
-    Skeleton,
-    least_squares_step,
-)
+from riemhuman.bodies._fitting_equations import Equations, Loss, least_squares_step
+from riemhuman.bodies.skinning import Skeleton
 from riemhuman.checks import (
     check_same_scale,
     integer_array,
@@ -311,44 +306,43 @@ class _Fitter:
             parameters, steps, converged = self._descend(stage, target, parameters)
             n_iterations += steps
         model = self._skeleton.model
-        betas, hands = np.split(parameters.betas, [model.n_betas])
-        given = hands if hands.size else None
-        points = model(betas, parameters.pose, parameters.trans, given)
+        n_angles = 3 * model.n_joints
+        ends = np.cumsum([n_angles, model.n_betas])
+        pose, betas, hands = np.split(parameters[:-3], ends)
+        pose, trans = pose.reshape(-1, 3), parameters[-3:]
+        points = model(betas, pose, trans, hands if hands.size else None)
         gaps = self._combine @ points - target
         return ModelFit(
             betas=betas,
-            pose=Rotation.from_rotvec(parameters.pose).as_rotvec(),
-            trans=parameters.trans,
+            pose=Rotation.from_rotvec(pose).as_rotvec(),
+            trans=trans,
             distances=np.linalg.norm(gaps, axis=-1),
             converged=np.array(converged),
             n_iterations=np.array(n_iterations),
             hands=hands,
         )
 
-    def _start(self, target: np.ndarray) -> Parameters:
+    def _start(self, target: np.ndarray) -> np.ndarray:
         """Return the closed-form start of a fit."""
         equations, skeleton = self._stages[0], self._skeleton
-        betas, trans = np.zeros(skeleton.n_betas), np.zeros(3)
+        n_angles = 3 * skeleton.n_joints
+        parameters = np.zeros(n_angles + skeleton.n_betas + 3)
         for _ in range(_CLOSED_FORM_ROUNDS):
-            rotations = equations.closed_form_rotations(target, betas)
+            rotations = equations.closed_form_rotations(target, parameters[n_angles:-3])
             # Relative to the parent joint, and those of the root to nothing.
             is_limb = (skeleton.parents >= 0)[:, np.newaxis, np.newaxis]
             axes = np.where(is_limb, rotations[skeleton.parents], np.eye(3))
             pose = Rotation.from_matrix(axes.transpose(0, 2, 1) @ rotations).as_rotvec()
-            parameters = Parameters(betas, pose, trans)
+            parameters[:n_angles] = pose.ravel()
             matrix, right = equations.normal(parameters, target)
-            linear = np.arange(pose.size, len(right))
-            step = np.zeros(len(right))
-            step[linear] = least_squares_step(
-                matrix[np.ix_(linear, linear)], right[linear], _LEAST_DAMPING
+            parameters[n_angles:] += least_squares_step(
+                matrix[n_angles:, n_angles:], right[n_angles:], _LEAST_DAMPING
             )
-            parameters = parameters.moved(step)
-            betas, trans = parameters.betas, parameters.trans
         return parameters
 
     def _descend(
-        self, equations: Equations, target: np.ndarray, parameters: Parameters
-    ) -> tuple[Parameters, int, bool]:
+        self, equations: Equations, target: np.ndarray, parameters: np.ndarray
+    ) -> tuple[np.ndarray, int, bool]:
         """Return the last parameters, the number of steps and whether they have converged."""
         damping = _LEAST_DAMPING
         cost = equations.cost(parameters, target)
@@ -356,7 +350,7 @@ class _Fitter:
             matrix, right = equations.normal(parameters, target)
             while True:
                 step = least_squares_step(matrix, right, damping)
-                trial = parameters.moved(step)
+                trial = parameters + step
                 movement = np.sqrt(step @ matrix @ step)
                 if damping < 1.0 and (
                     movement < self._tolerance or step @ right < _ROUNDING * cost

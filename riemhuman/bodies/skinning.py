@@ -97,6 +97,101 @@ def skin_surface(surface: Any, weights: Any, joints: Any, rotations: Any, positi
     )
 
 
+class Skeleton:
+    """The joints of a body model; coefficients of hand poses are betas that move no joint."""
+
+    def __init__(self, model: Any, with_hands: bool) -> None:
+        self.model, self.parents, self.order = model, model.parents, model.joint_order
+        self.limbs = onp.flatnonzero(model.parents >= 0)  # joints other than the root
+        self.rest_joints = model.joint_regressor @ model.template.vertices
+        self.directions = model.shapedirs
+        self.joint_shapes = onp.einsum("jv,vxb->jxb", model.joint_regressor, model.shapedirs)
+        if with_hands:
+            hands = model.hand_directions
+            self.directions = onp.concatenate([model.shapedirs, hands], axis=-1)
+            self.joint_shapes = onp.pad(self.joint_shapes, ((0, 0), (0, 0), (0, hands.shape[-1])))
+        self.n_joints, self.n_betas = model.n_joints, self.directions.shape[-1]
+        self.bone_shapes = self.from_parents(self.joint_shapes)
+        # below[j, k]: whether joint j moves with joint k.
+        self.below = onp.eye(self.n_joints)
+        for joint in self.order:
+            if self.parents[joint] >= 0:
+                self.below[joint] += self.below[self.parents[joint]]
+
+    def from_parents(self, values: onp.ndarray) -> onp.ndarray:
+        """Return the differences of values of joints from those of their parents."""
+        differences: onp.ndarray = values.copy()
+        differences[self.limbs] -= values[self.parents[self.limbs]]
+        return differences
+
+
+class JointMotions:
+    """The rigid motions of joints: joint k moves x to rotations[k] x + shifts[k]."""
+
+    def __init__(self, skeleton: Skeleton, local: onp.ndarray, betas: onp.ndarray) -> None:
+        self.skeleton, self.local, self.betas = skeleton, local, betas
+        joints = skeleton.rest_joints + skeleton.joint_shapes @ betas
+        # The axes of a joint's own rotation are those of its parent.
+        self.rotations, self.axes = onp.empty_like(local), onp.empty_like(local)
+        for k in skeleton.order:
+            parent = skeleton.parents[k]
+            self.axes[k] = self.rotations[parent] if parent >= 0 else onp.eye(3)
+            self.rotations[k] = self.axes[k] @ local[k]
+        bones = _apply(self.axes, skeleton.from_parents(joints))
+        self.positions = skeleton.below @ bones
+        self.shifts = self.positions - _apply(self.rotations, joints)
+
+    @property
+    def pose_feature(self) -> onp.ndarray:
+        """The entries of R - I, by which pose-dependent displacements are multiplied."""
+        return (self.local[self.skeleton.limbs] - onp.eye(3)).ravel()
+
+    @property
+    def shift_shapes(self) -> onp.ndarray:
+        """Derivatives of the shifts with respect to the betas, shape (J, 3 B)."""
+        n_joints, below = self.skeleton.n_joints, self.skeleton.below
+        bones = (self.axes @ self.skeleton.bone_shapes).reshape(n_joints, -1)
+        return below @ bones - (self.rotations @ self.skeleton.joint_shapes).reshape(n_joints, -1)
+
+
+def skinning_derivatives(
+    motions: JointMotions,
+    shaped: onp.ndarray,
+    blended: onp.ndarray,
+    weights: onp.ndarray,
+    shapedirs: onp.ndarray,
+    below: onp.ndarray,
+    weights_below: onp.ndarray,
+    bones: Any = slice(None),
+    active: Any = slice(None),
+) -> onp.ndarray:
+    """Return derivatives (3, n, c) of points by rotations in space, betas and trans.
+
+    The first columns are those of all rotations about x, then y, then z. The points have weights
+    for the joints `bones`, `below` says which of these move with the joints `active`, and `blended`
+    is the rotation part of the skinning. All is computed in the precision of the weights.
+    """
+    real, n, n_betas = weights.dtype, len(shaped), shapedirs.shape[-1]
+    n_active = below.shape[1]
+    rows = onp.zeros((3, n, 3 * n_active + n_betas + 3), real)
+    # A rotation of joint j by a small δ, in the axes of the posed body, moves a point by δ × a,
+    # where a = Σ_k w_k (G_k v + t_k − p_j) over the joints k below j (j included), at p_j.
+    levers = shaped.astype(real) @ motions.rotations[bones].astype(real).transpose(1, 2, 0)
+    levers += motions.shifts[bones].T.astype(real)[:, onp.newaxis]
+    levers *= weights
+    levers = levers @ below
+    levers -= motions.positions[active].T.astype(real)[:, onp.newaxis] * weights_below
+    for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        rows[x, :, y * n_active : (y + 1) * n_active] = levers[z]
+        onp.negative(levers[z], out=rows[y, :, x * n_active : (x + 1) * n_active])
+
+    of_betas = (weights @ motions.shift_shapes[bones].astype(real)).reshape(n, 3, n_betas)
+    of_betas += blended.astype(real) @ shapedirs
+    rows[:, :, 3 * n_active : -3] = of_betas.transpose(1, 0, 2)
+    rows[:, :, -3:] = onp.eye(3)[:, onp.newaxis]
+    return rows
+
+
 def joints_between(parents: Any, first: int, last: int) -> list[int]:
     """Return the joints on the path from one joint to another, both included.
 

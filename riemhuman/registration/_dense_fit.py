@@ -258,7 +258,7 @@ class DenseFit:
             own = self._points_on(arm.vertices)
             if not len(own):
                 continue
-            rotated = rotate_forearm(self.pose, arm.joints, arm.samples.rest_joints)
+            rotated = rotate_forearm(self.pose, arm.joints, arm.samples.skeleton.rest_joints)
             found = list(mapped(fit, rotated, N_THREADS))
             found.sort(key=lambda each: -each[0])
             surfaces = [pose_body(arm.skin, self.pose).points]

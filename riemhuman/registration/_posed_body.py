@@ -25,6 +25,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
 from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.registration._scan_preparation import PreparedScan, thin_points
@@ -55,12 +56,7 @@ class ModelSamples(NamedTuple):
     shapedirs: np.ndarray  # (n, 3, B)
     posedirs: np.ndarray  # (n, 3, P); P is 0 for a model without posedirs
     weights: np.ndarray  # (n, J) skinning weights
-    rest_joints: np.ndarray  # (J, 3) metres
-    joint_shapes: np.ndarray  # (J, 3, B) displacements of joints for each shape coefficient
-    bone_shapes: np.ndarray  # (J, 3, B) the same of joints from their parents
-    parents: np.ndarray  # (J,) -1 for the root
-    order: tuple[int, ...]  # joints, parents before children
-    below: np.ndarray  # (J, J) whether the joint of a row moves with that of a column
+    skeleton: Skeleton
     # The same in single precision, for derivatives.
     single_shapedirs: np.ndarray
     single_weights: np.ndarray
@@ -102,37 +98,24 @@ def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
         owners = cKDTree(near[numbers]).query(near)[1]
         shares = np.bincount(owners, areas, len(numbers))
     n_joints = model.n_joints
-    rest_joints = model.joint_regressor @ vertices
-    hands = model.hand_directions
-    shapedirs = np.concatenate([model.shapedirs, hands], axis=2)
-    joint_shapes = np.einsum("jv,vxb->jxb", model.joint_regressor, model.shapedirs)
-    joint_shapes = np.concatenate([joint_shapes, np.zeros((n_joints, *hands.shape[1:]))], axis=2)
+    skeleton = Skeleton(model, with_hands=True)
     n_features = 0 if model.posedirs is None else model.posedirs.shape[-1]
     posedirs = np.zeros((len(numbers), 3, 0)) if model.posedirs is None else model.posedirs[numbers]
-    below = np.eye(n_joints)
-    for k in model.joint_order:
-        if model.parents[k] >= 0:
-            below[k] += below[model.parents[k]]
     weights = np.concatenate([model.weights[numbers], np.eye(n_joints)])
-    shapedirs = np.concatenate([shapedirs[numbers], joint_shapes])
+    shapedirs = np.concatenate([skeleton.directions[numbers], skeleton.joint_shapes])
     return ModelSamples(
         numbers=np.concatenate([numbers, np.full(n_joints, -1)]),
-        rest=np.concatenate([vertices[numbers], rest_joints]),
+        rest=np.concatenate([vertices[numbers], skeleton.rest_joints]),
         normals=np.concatenate([normals[numbers], np.zeros((n_joints, 3))]),
         areas=np.concatenate([shares / shares.sum(), np.zeros(n_joints)]),
         shapedirs=shapedirs,
         posedirs=np.concatenate([posedirs, np.zeros((n_joints, 3, n_features))]),
         weights=weights,
-        rest_joints=rest_joints,
-        joint_shapes=joint_shapes,
-        bone_shapes=_from_parents(model.parents, joint_shapes),
-        parents=model.parents,
-        order=tuple(model.joint_order),
-        below=below,
+        skeleton=skeleton,
         single_shapedirs=shapedirs.astype(np.float32),
         single_weights=weights.astype(np.float32),
-        single_below=below.astype(np.float32),
-        weights_below=(weights @ below).astype(np.float32),
+        single_below=skeleton.below.astype(np.float32),
+        weights_below=(weights @ skeleton.below).astype(np.float32),
     )
 
 
@@ -145,50 +128,27 @@ class Pose(NamedTuple):
 
 
 class PosedBody(NamedTuple):
-    """Points of a posed body, and what its derivatives need.
-
-    Joint k moves x to rotations[k] x + shifts[k], before the translation.
-    """
+    """Points of a posed body, and what its derivatives need."""
 
     points: np.ndarray  # (n, 3)
     normals: np.ndarray  # (n, 3)
     pose: Pose
     shaped: np.ndarray  # (n, 3) points with shape and pose offsets, before the joints rotate
     blended: np.ndarray  # (n, 3, 3) rotation part of the skinning of each point
-    rotations: np.ndarray  # (J, 3, 3)
-    shifts: np.ndarray  # (J, 3)
-    positions: np.ndarray  # (J, 3) of the joints
-    axes: np.ndarray  # (J, 3, 3) the rotation of each joint's parent
+    motions: JointMotions  # before the translation
     body: ModelSamples
 
 
-def _from_parents(parents: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the differences of values of joints from those of their parents."""
-    differences: np.ndarray = values - values[parents]
-    differences[parents < 0] = values[parents < 0]
-    return differences
-
-
 def pose_body(body: ModelSamples, pose: Pose) -> PosedBody:
-    joints = body.rest_joints + body.joint_shapes @ pose.betas
-    rotations, axes = np.empty_like(pose.local), np.empty_like(pose.local)
-    for k in body.order:
-        axes[k] = rotations[body.parents[k]] if body.parents[k] >= 0 else np.eye(3)
-        rotations[k] = axes[k] @ pose.local[k]
-    bones = (axes @ _from_parents(body.parents, joints)[:, :, np.newaxis])[:, :, 0]
-    positions = body.below @ bones
-    shifts = positions - (rotations @ joints[:, :, np.newaxis])[:, :, 0]
-
+    motions = JointMotions(body.skeleton, pose.local, pose.betas)
     shaped = body.rest + body.shapedirs @ pose.betas
     if body.posedirs.shape[2]:
-        feature = pose.local[body.parents >= 0] - np.eye(3)
-        shaped += body.posedirs @ feature.ravel()
-    blended = (body.weights @ rotations.reshape(-1, 9)).reshape(-1, 3, 3)
-    points = np.einsum("nxy,ny->nx", blended, shaped) + body.weights @ shifts + pose.trans
+        shaped += body.posedirs @ motions.pose_feature
+    blended = (body.weights @ motions.rotations.reshape(-1, 9)).reshape(-1, 3, 3)
+    moved = np.einsum("nxy,ny->nx", blended, shaped)
+    points = moved + body.weights @ motions.shifts + pose.trans
     normals = unit_vectors(np.einsum("nxy,ny->nx", blended, body.normals))
-    return PosedBody(
-        points, normals, pose, shaped, blended, rotations, shifts, positions, axes, body
-    )
+    return PosedBody(points, normals, pose, shaped, blended, motions, body)
 
 
 class Prior(NamedTuple):
@@ -199,33 +159,6 @@ class Prior(NamedTuple):
     precisions: np.ndarray
     betas: np.ndarray  # (B,) mean
     betas_precisions: np.ndarray  # (B,) inverse variances
-
-
-def _derivatives(posed: PosedBody) -> np.ndarray:
-    """Return derivatives (3, n, c) of the points by rotations in space, betas and trans."""
-    # First all rotations about x, then y, then z. The change of the pose offsets is left out.
-    body, single = posed.body, np.float32  # which suffices for steps
-    n, n_joints = body.weights.shape
-    n_angles, n_betas = 3 * n_joints, len(posed.pose.betas)
-    rows = np.zeros((3, n, n_angles + n_betas + 3), single)
-
-    rotations = posed.rotations.astype(single)
-    levers = posed.shaped.astype(single) @ rotations.transpose(1, 2, 0)
-    levers += posed.shifts.T.astype(single)[:, np.newaxis]
-    levers *= body.single_weights
-    levers = levers @ body.single_below
-    levers -= posed.positions.T.astype(single)[:, np.newaxis] * body.weights_below
-    for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        rows[x, :, y * n_joints : (y + 1) * n_joints] = levers[z]
-        np.negative(levers[z], out=rows[y, :, x * n_joints : (x + 1) * n_joints])
-
-    bones = (posed.axes @ body.bone_shapes).reshape(n_joints, -1)
-    shifts = body.below @ bones - (posed.rotations @ body.joint_shapes).reshape(n_joints, -1)
-    of_betas = (body.single_weights @ shifts.astype(single)).reshape(n, 3, n_betas)
-    of_betas += posed.blended.astype(single) @ body.single_shapedirs
-    rows[:, :, n_angles:-3] = of_betas.transpose(1, 0, 2)
-    rows[:, :, -3:] = np.eye(3)[:, np.newaxis]
-    return rows
 
 
 # The cross-product matrices of the axes: v @ _CROSS is that of v.
@@ -269,7 +202,16 @@ def take_step(
     """
     pose, body = posed.pose, posed.body
     scale = np.sqrt(shares, dtype=np.float32)[:, np.newaxis]
-    rows = _derivatives(posed)
+    # In single precision, which suffices for steps, and without the change of the pose offsets.
+    rows = skinning_derivatives(
+        posed.motions,
+        posed.shaped,
+        posed.blended,
+        body.single_weights,
+        body.single_shapedirs,
+        body.single_below,
+        body.weights_below,
+    )
     rows *= scale
     sides = (gaps * scale).T
     if along < 1.0:
@@ -284,18 +226,18 @@ def take_step(
     matrix = (rows.T @ rows).astype(float)
     right = (rows.T @ sides.ravel().astype(np.float32)).astype(float)
 
-    of_place = np.full(3, prior.precisions[body.order[0]])
+    of_place = np.full(3, prior.precisions[body.skeleton.order[0]])
     precisions = np.concatenate([np.tile(prior.precisions, 3), prior.betas_precisions, of_place])
     away = _rotation_vectors(pose.local @ prior.local.transpose(0, 2, 1))
-    in_space = np.einsum("jxy,jy->xj", posed.axes, away)
+    in_space = np.einsum("jxy,jy->xj", posed.motions.axes, away)
     offsets = np.concatenate([in_space.ravel(), pose.betas - prior.betas, np.zeros(3)])
     right -= prior_weight * precisions * offsets
     diagonal = np.diag(matrix) + prior_weight * precisions
     np.fill_diagonal(matrix, 1.0001 * diagonal + 1e-9)
     step = np.linalg.solve(matrix, right)
 
-    n_angles = 3 * len(body.parents)
-    vectors = np.einsum("jyx,yj->jx", posed.axes, step[:n_angles].reshape(3, -1))
+    n_angles = 3 * len(pose.local)
+    vectors = np.einsum("jyx,yj->jx", posed.motions.axes, step[:n_angles].reshape(3, -1))
     angles = np.linalg.norm(vectors, axis=1, keepdims=True)
     vectors *= longest / np.maximum(angles, longest)
     local = _rotation_matrices(vectors, np.minimum(angles, longest)) @ pose.local

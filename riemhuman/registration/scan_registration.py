@@ -119,6 +119,7 @@ class RegisteredScan:
         )
 
 
+_SIDES = ("left", "right")
 _UP = dict(zip(AXES, (*np.eye(3), *-np.eye(3)), strict=True))
 
 _N_DENSE = 3000
@@ -477,9 +478,9 @@ class ScanRegistration:
         names = self._parts.names
         if not {"left_ankle", "right_ankle", "neck"} <= {*names}:
             return up
-        posed = pose_body(self._search.samples(1000), pose)
-        left, right = (posed.rotations[names.index(f"{s}_ankle")][:, 1] for s in ("left", "right"))
-        trunk = posed.positions[names.index("neck")] - posed.positions[self._search.root]
+        motions = pose_body(self._search.samples(1000), pose).motions
+        left, right = (motions.rotations[names.index(f"{s}_ankle")][:, 1] for s in _SIDES)
+        trunk = motions.positions[names.index("neck")] - motions.positions[self._search.root]
         trunk, feet = (each / np.linalg.norm(each) for each in (trunk, left + right))
         leans = max(feet @ up, trunk @ up) < _LEANING and left @ right > _FEET_AGREE
         return feet if leans else up

@@ -48,14 +48,14 @@ def test_rotating_a_forearm_moves_no_joint(model):
     pose = Pose(search.poses["hips"], betas, np.array([0.1, 0.2, 0.3]))
     for arm in BodyParts(model).arms:
         *_, elbow, wrist = arm
-        turned = list(rotate_forearm(pose, arm, body.rest_joints))
+        turned = list(rotate_forearm(pose, arm, body.skeleton.rest_joints))
         turns = []
         for each in turned:
             np.testing.assert_array_equal(
                 np.delete(each.local, arm[2:], 0), np.delete(pose.local, arm[2:], 0)
             )
             np.testing.assert_array_equal(each.local[wrist], np.eye(3))
-            places = [pose_body(body, one).positions for one in (pose, each)]
+            places = [pose_body(body, one).motions.positions for one in (pose, each)]
             np.testing.assert_allclose(*places, atol=1e-12)
             turns.append(pose.local[elbow].T @ each.local[elbow])
         angles = Rotation.from_matrix(np.stack(turns)).magnitude()
