@@ -1,7 +1,7 @@
 """Body models: surfaces as functions of shape coefficients and joint rotations."""
 
 from riemhuman.bodies.body_model import BodyModel, convert_model
-from riemhuman.bodies.fitting import ModelFit, convert_fit, correspondence_matrix, fit_model
+from riemhuman.bodies.fitting import ModelFit, correspondence_matrix, fit_model
 from riemhuman.bodies.model_files import ModelContents, model_contents
 from riemhuman.bodies.skinning import joint_motions, joints_between, skin_surface
 from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
@@ -10,7 +10,6 @@ __all__ = [
     "BodyModel",
     "ModelContents",
     "ModelFit",
-    "convert_fit",
     "convert_model",
     "correspondence_matrix",
     "fit_model",

@@ -270,12 +270,12 @@ class BodyModel(Unchanging):
         if betas is None:
             return self._rest
         betas = self._rounded(real_array(betas, "betas", (self.n_betas,)))
-        return self._rest + self._offsets(betas, self._shape_matrix)
+        return self._rest + self._offsets(betas, "shapedirs")
 
     def _hand_offsets(self, hands: Any) -> Any:
         self._check_hands()
         hands = self._rounded(real_array(hands, "hands", (self.hand_directions.shape[-1],)))
-        return self._offsets(hands, self._hand_matrix)
+        return self._offsets(hands, "hand_directions")
 
     def _check_hands(self) -> None:
         if not self.hand_poses:
@@ -300,11 +300,15 @@ class BodyModel(Unchanging):
         limbs = onp.flatnonzero(self.parents >= 0)
         feature = rotations[..., limbs, :, :] - np.eye(3, dtype=self.dtype)
         feature = np.reshape(feature, (*np.shape(feature)[:-3], 9 * len(limbs)))
-        return self._offsets(feature, self._pose_matrix)
+        return self._offsets(feature, "posedirs")
 
-    def _offsets(self, coefficients: Any, matrix: onp.ndarray) -> Any:
+    def _offsets(self, coefficients: Any, name: str) -> Any:
+        if name not in self._matrices:
+            directions = getattr(self, name)
+            rows = directions.reshape(-1, directions.shape[-1]).T
+            self._matrices[name] = onp.ascontiguousarray(rows, dtype=self.dtype)
         shape = (*np.shape(coefficients)[:-1], self.n_vertices, 3)
-        return np.reshape(np.dot(coefficients, matrix), shape)
+        return np.reshape(np.dot(coefficients, self._matrices[name]), shape)
 
     def _translated(self, points: Any, trans: Any) -> Any:
         if trans is None:
@@ -312,20 +316,8 @@ class BodyModel(Unchanging):
         return points + self._rounded(real_array(trans, "trans", (3,)))[..., None, :]
 
     @cached_property
-    def _shape_matrix(self) -> onp.ndarray:
-        return self._as_rows(self.shapedirs)
-
-    @cached_property
-    def _pose_matrix(self) -> onp.ndarray:
-        return self._as_rows(self.posedirs)
-
-    @cached_property
-    def _hand_matrix(self) -> onp.ndarray:
-        return self._as_rows(self.hand_directions)
-
-    def _as_rows(self, directions: Any) -> onp.ndarray:
-        matrix = directions.reshape(-1, directions.shape[-1]).T
-        return onp.ascontiguousarray(matrix, dtype=self.dtype)
+    def _matrices(self) -> dict[str, onp.ndarray]:
+        return {}
 
 
 def convert_model(

@@ -185,34 +185,6 @@ def fit_model(
     )
 
 
-def convert_fit(
-    fit: ModelFit, model: Any, *, to: Any, correspondence: Any, **options: Any
-) -> ModelFit:
-    """Fit another body model to the surfaces of a fit.
-
-    Parameters
-    ----------
-    fit : ModelFit
-        Parameters of `model`.
-    model, to : BodyModel
-        The models, for instance the open one and SMPL.
-    correspondence : array_like of int, pair, or sparse matrix
-        Place of each vertex of `model` on the other, as for `fit_model`.
-    **options
-        Further arguments of `fit_model`.
-
-    Examples
-    --------
-    >>> model = rh.datasets.load_open_model("coarse")
-    >>> fit = model.fit(model())
-    >>> same = rh.bodies.convert_fit(fit, model, to=model, correspondence=range(1202))
-    >>> bool(same.mean_distance < 1e-4)
-    True
-    """
-    surfaces = model(fit.betas, fit.pose, fit.trans, fit.hands)
-    return fit_model(to, surfaces, correspondence=correspondence, **options)
-
-
 def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_array:
     """Return the matrix (n_points, V) from a model's vertices to the points of a correspondence.
 

@@ -165,12 +165,9 @@ def skinning_derivatives(
     bones: Any = slice(None),
     active: Any = slice(None),
 ) -> onp.ndarray:
-    """Return derivatives (3, n, c) of points by rotations in space, betas and trans.
-
-    The first columns are those of all rotations about x, then y, then z. The points have weights
-    for the joints `bones`, `below` says which of these move with the joints `active`, and `blended`
-    is the rotation part of the skinning. All is computed in the precision of the weights.
-    """
+    """Return derivatives (3, n, c) of points by rotations in space, betas and trans."""
+    # First all rotations about x, then y, then z. The points have weights for the joints `bones`,
+    # and `below` says which of these move with the joints `active`.
     real, n, n_betas = weights.dtype, len(shaped), shapedirs.shape[-1]
     n_active = below.shape[1]
     rows = onp.zeros((3, n, 3 * n_active + n_betas + 3), real)

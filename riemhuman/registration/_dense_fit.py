@@ -92,11 +92,9 @@ def fit_elastic(
     scale: float = _FREE_SCALE,
     visible: np.ndarray | bool = True,
 ) -> tuple[np.ndarray, Matches]:
-    """Return a surface near a scan, elastically near a reference, and the matches of its vertices.
-
-    Gauss–Newton steps, one for each stiffness, minimise the cost of `TemplateRegistration` with the
-    matrix of the metric at the reference. Only visible vertices are matched, by default all.
-    """
+    """Return a surface near a scan, elastically near a reference, and the matches of vertices."""
+    # Gauss–Newton steps, one for each stiffness, minimise the cost of `TemplateRegistration` with
+    # the matrix of the metric at the reference.
     template = metric.space.template
     faces, areas = template.faces, template.vertex_areas
 

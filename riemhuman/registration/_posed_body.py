@@ -4,11 +4,6 @@ Registration follows a few hundred or a few thousand points of the surface inste
 vertices. Each has its skinning weights, shape directions, normal and share of the area. No coarser
 mesh is needed, so that any `BodyModel` can be used.
 
-The equations are those of `riemhuman.bodies.fit_model`. Joints have rotation matrices, and a step
-rotates a joint by a small δ in the axes of space: x moves by δ × a, with the lever
-
-    a = Σ_k w_k (G_k v + t_k − p_j)   over the joints k below j (j included).
-
 In the soft assignment, a scan point x with normal m belongs to the body's point v with normal n and
 share of area A with the probability P ∝ A exp(−|v − x|²/2σ² + κ (n·m − 1)); a uniform density
 models points that belong to none. This is the mixture of coherent point drift (Myronenko and Song
@@ -60,26 +55,12 @@ class ModelSamples(NamedTuple):
     # The same in single precision, for derivatives.
     single_shapedirs: np.ndarray
     single_weights: np.ndarray
-    single_below: np.ndarray
     weights_below: np.ndarray  # (n, J) weights of each joint and of those that it moves
 
     def only(self, chosen: np.ndarray) -> ModelSamples:
         """Return some of the points."""
-        return self._replace(**{name: getattr(self, name)[chosen] for name in _OF_POINTS})
-
-
-_OF_POINTS = (
-    "numbers",
-    "rest",
-    "normals",
-    "areas",
-    "shapedirs",
-    "posedirs",
-    "weights",
-    "single_shapedirs",
-    "single_weights",
-    "weights_below",
-)
+        points = {name: value for name, value in self._asdict().items() if name != "skeleton"}
+        return self._replace(**{name: value[chosen] for name, value in points.items()})
 
 
 def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
@@ -114,7 +95,6 @@ def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
         skeleton=skeleton,
         single_shapedirs=shapedirs.astype(np.float32),
         single_weights=weights.astype(np.float32),
-        single_below=skeleton.below.astype(np.float32),
         weights_below=(weights @ skeleton.below).astype(np.float32),
     )
 
@@ -194,12 +174,10 @@ def take_step(
     along: float,
     longest: float,
 ) -> Pose:
-    """Return the parameters after one damped Gauss–Newton step.
-
-    It decreases Σ_i s_i (τ |r_i|² + (1 − τ) (d_i·r_i)²), with shares s, gaps r, directions d and
-    τ = `along`, plus `prior_weight` (square metres) times the prior. No joint rotates by more than
-    `longest`, radians.
-    """
+    """Return the parameters after one damped Gauss–Newton step."""
+    # It decreases Σ_i s_i (τ |r_i|² + (1 − τ) (d_i·r_i)²), with shares s, gaps r, directions d and
+    # τ = `along`, plus `prior_weight` (square metres) times the prior. No joint rotates by more
+    # than `longest`, radians.
     pose, body = posed.pose, posed.body
     scale = np.sqrt(shares, dtype=np.float32)[:, np.newaxis]
     # In single precision, which suffices for steps, and without the change of the pose offsets.
@@ -209,7 +187,7 @@ def take_step(
         posed.blended,
         body.single_weights,
         body.single_shapedirs,
-        body.single_below,
+        body.skeleton.below.astype(np.float32),
         body.weights_below,
     )
     rows *= scale
@@ -268,11 +246,9 @@ def assign(
     masses: np.ndarray,
     targets: np.ndarray,
 ) -> float:
-    """Fill masses and targets of the body's points, and return the mean log-likelihood.
-
-    Masses are the expected numbers of scan points that belong to each point of the body, targets
-    the sums of these scan points. Points and normals of the body are float32, shape (3, n).
-    """
+    """Fill masses and targets of the body's points, and return the mean log-likelihood."""
+    # Masses are the expected numbers of scan points that belong to each point of the body, targets
+    # the sums of these scan points.
     n = points.shape[1]
     share = np.empty(n, np.float32)
     # exp(−t) as (1 − t/1024)^1024, which needs only multiplications.
@@ -331,10 +307,7 @@ def anneal(
     sigmas: np.ndarray,
     end: End | None,
 ) -> tuple[Pose, float]:
-    """Fit a body to a scan by a step for each standard deviation, metres, but the last.
-
-    The mean log-likelihood for the last is returned too. Points beyond the end have no area.
-    """
+    """Fit a body to a scan by a step for each deviation but the last, that of the likelihood."""
     n, n_joints = body.weights.shape
     areas = body.areas.astype(np.float32)
     points, scan_normals = scan.points.astype(np.float32), scan.normals.astype(np.float32)

@@ -271,11 +271,8 @@ def has_one_side(faces: np.ndarray) -> bool:
 
 
 def thin_points(points: np.ndarray, n_points: int, rng: np.random.Generator) -> np.ndarray:
-    """Return the numbers of about a given number of points, spread evenly, in ascending order.
-
-    One point is chosen in each cube of a grid, whose width is found by bisection, so that dense
-    parts do not outweigh others.
-    """
+    """Return the numbers of about a given number of points, spread evenly, in ascending order."""
+    # One in each cube of a grid, whose width is found by bisection.
     if len(points) <= n_points:
         return np.arange(len(points))
     order = rng.permutation(len(points))

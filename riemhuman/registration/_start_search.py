@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -79,10 +78,7 @@ class Candidate:
 
 
 class StartSearch:
-    """The search over starts for one body model.
-
-    A scan may end above (`cut` is 1) or below (-1), without legs, where the body goes on.
-    """
+    """The search over starts for one body model, without legs (`cut` is -1) or all above (1)."""
 
     def __init__(self, model: BodyModel, cut: int = 0) -> None:
         self.model, self.cut, self.parts = model, cut, BodyParts(model)
@@ -90,6 +86,11 @@ class StartSearch:
         self.arms = self.parts.arms
         self._shown = ~self.parts.halves[0] if cut < 0 else np.ones(model.n_vertices, dtype=bool)
         self._samples: dict[int | None, ModelSamples] = {}
+        self.poses = start_poses(model)
+        self.precisions = joint_precisions(model)
+        # Hands stay relaxed until the dense fit.
+        n_hands = model.hand_directions.shape[2]
+        self.betas_precisions = np.repeat([1.0, _STILL_HANDS], [model.n_betas, n_hands])
 
     def samples(self, n_samples: int | None) -> ModelSamples:
         """Return about this number of points of the model, all by None; computed once."""
@@ -109,28 +110,9 @@ class StartSearch:
         end = self.end_of(scan, up)
         return self._shown if end is None else self._shown & end.shows(surface)
 
-    @cached_property
-    def poses(self) -> dict[str, np.ndarray]:
-        """The start poses."""
-        return start_poses(self.model)
-
-    @cached_property
-    def precisions(self) -> np.ndarray:
-        """Inverse variances of the joints' rotations from a start pose."""
-        return joint_precisions(self.model)
-
-    @cached_property
-    def betas_precisions(self) -> np.ndarray:
-        """Inverse variances of the coefficients; hands stay relaxed until the dense fit."""
-        n_hands = self.model.hand_directions.shape[2]
-        return np.repeat([1.0, _STILL_HANDS], [self.model.n_betas, n_hands])
-
     def run(self, scan: PreparedScan, *, again: bool = False) -> list[Candidate]:
-        """Return the bodies from the likeliest starts, the best first; all axes are tried as up.
-
-        Each arm of the best has been tried in the positions of all start poses. A search that is
-        done again starts from the headings between, and follows more starts.
-        """
+        """Return the bodies from the likeliest starts, the best first."""
+        # A search that is done again starts from the headings between, and follows more starts.
         offset, more = (0.5, 2) if again else (0.0, 1)
         first, *others = [replace(each, n_best=more * each.n_best) for each in _ROUNDS]
         ups = _AXES if scan.up is None else scan.up[np.newaxis]

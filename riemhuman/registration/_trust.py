@@ -58,10 +58,7 @@ def near_matched(template: Template, matched: np.ndarray) -> np.ndarray:
 
 
 def find_overlaps(template: Template, points: np.ndarray, matched: np.ndarray) -> np.ndarray:
-    """Return which matched vertices lie in the same place as another matched part of the body.
-
-    Limbs that a scan does not show may be fitted to what it shows of others.
-    """
+    """Return which matched vertices lie in the same place as another matched part of the body."""
     overlaps = np.zeros(len(points), dtype=bool)
     own = np.flatnonzero(matched)
     if not len(own):

@@ -95,7 +95,7 @@ def register_folder(
     keep_axes: bool = False,
     progress: bool = False,
 ) -> list[ScanRecord]:
-    """Register the scans of a folder.
+    """Register the scans of a folder, and return their records in order.
 
     A scan that the output holds already, from the same file by the same model, is skipped. A scan
     that cannot be read or registered is recorded with the reason. A warning names bodies whose
@@ -115,11 +115,6 @@ def register_folder(
         (`RegisteredScan.transform`); those of a sequence are moved like its first body.
     progress : bool
         Whether to show a progress bar.
-
-    Returns
-    -------
-    records : list of ScanRecord
-        In the order of the scans.
 
     Raises
     ------
@@ -181,10 +176,6 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
     ----------
     folder : path_like
         The output of `register_folder`.
-
-    Returns
-    -------
-    records : list of ScanRecord
 
     Examples
     --------
@@ -251,10 +242,7 @@ def _body_file(folder: Path, record: ScanRecord) -> Path:
 
 
 def _read_output(folder: Path, names: set[str]) -> dict[tuple[str, str], ScanRecord]:
-    """Return records of scans whose files are complete, by name and key.
-
-    Bodies that were changed are refused; a warning names those whose scans are gone.
-    """
+    """Return records of scans whose files are complete, by name and key; refuse changed bodies."""
     complete = {}
     for file in sorted((folder / RECORDS).glob("*.npz")):
         try:

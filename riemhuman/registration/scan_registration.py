@@ -206,10 +206,6 @@ class ScanRegistration:
         start : RegisteredScan, optional
             Registration of the same person a moment before.
 
-        Returns
-        -------
-        result : RegisteredScan
-
         Raises
         ------
         ArgumentError
@@ -247,10 +243,6 @@ class ScanRegistration:
             Scans as for `solve`, in order.
         progress : bool
             Whether to show a progress bar.
-
-        Returns
-        -------
-        results : list of RegisteredScan
         """
         results: list[RegisteredScan] = []
         with suppress(KeyboardInterrupt):
@@ -432,15 +424,12 @@ class ScanRegistration:
         return candidates, replace(scan, normals=normals)
 
     def _orient_normals(self, scan: PreparedScan, pose: Pose) -> tuple[np.ndarray, float]:
-        """Return normals oriented like the body's, and the share that were before.
-
-        Parts of a mesh are oriented as a whole, estimated normals one by one.
-        """
+        """Return normals oriented like the body's, and the share that were before."""
         body = self._search.samples(_N_DENSE)
         posed, skin = pose_body(body, pose), body.numbers >= 0
         near = cKDTree(posed.points[skin]).query(scan.points, k=5)[1]
         cosines = np.einsum("nkx,nx->n", posed.normals[skin][near], scan.normals)
-        if scan.parts is not None:
+        if scan.parts is not None:  # which are oriented as a whole
             cosines = np.bincount(scan.parts, cosines)[scan.parts]
         signs = np.where(cosines < 0, -1.0, 1.0)
         return signs[:, np.newaxis] * scan.normals, float(np.mean(cosines >= 0))
@@ -520,13 +509,11 @@ def _other_units(scan: Scan, background: np.ndarray) -> list[str]:
     """Return what to say if the size of a scan is that of a body in another unit too."""
     extent = float(np.ptp(scan.points[~background], axis=0).max())
     others = [unit for unit in likely_units(extent * UNITS[scan.unit]) if unit != scan.unit]
-    if not others:
-        return []
-    said = (
-        f"the scan may be in {others[0]}: it is {extent:.2f} m long, and {scan.unit} were inferred "
+    return [
+        f"the scan may be in {unit}: it is {extent:.2f} m long, and {scan.unit} were inferred "
         "from this size; the argument unit, or --unit, decides"
-    )
-    return [said]
+        for unit in others[:1]
+    ]
 
 
 def apply_transform(transform: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -598,7 +585,7 @@ class TemplateRegistration:
             raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")
 
     def solve(self, scan: Any, *, start: Any = None) -> RegisteredScan:
-        """Register a scan.
+        """Register a scan, without a likelihood and a fit in the result.
 
         Parameters
         ----------
@@ -606,11 +593,6 @@ class TemplateRegistration:
             As for `ScanRegistration.solve`.
         start : array_like, shape (V, 3), optional
             The template roughly at the place of the scan; by default its own vertices.
-
-        Returns
-        -------
-        result : RegisteredScan
-            Without likelihood and fit.
         """
         template = self.template
         whole = as_scan(scan, "metres")  # which leaves any unit as it is
@@ -694,10 +676,6 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     model : BodyModel
     body : Template
         A body with the other mesh, metres, in any pose without contacts.
-
-    Returns
-    -------
-    model : BodyModel
 
     Raises
     ------

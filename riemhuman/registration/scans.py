@@ -63,7 +63,7 @@ class Scan:
 
 
 def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
-    """Read a scan from a file.
+    """Read a scan from a file, in metres.
 
     Parameters
     ----------
@@ -72,11 +72,6 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
         NPY files hold x, y, z and possibly a unit normal.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
         Unit of the file; by default it is inferred from the size.
-
-    Returns
-    -------
-    scan : Scan
-        In metres.
 
     Raises
     ------
@@ -94,17 +89,13 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
 
 
 def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """Read landmarks of a scan for `ScanRegistration.solve`.
+    """Read landmarks of a scan, shape (3,) each, for `ScanRegistration.solve`.
 
     Parameters
     ----------
     path : path_like
         A .csv file with a line ``name,x,y,z`` for each landmark: a joint of the body model, and its
         position in the unit of the scan. A first line that begins with ``name`` is a header.
-
-    Returns
-    -------
-    dict of str to array, shape (3,)
 
     Examples
     --------
@@ -123,7 +114,7 @@ def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 
 
 def find_inward_triangles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return which triangles face inward; scanners join parts of opposite orientations.
+    """Return which triangles face inward, shape (F,); scanners join parts of both orientations.
 
     A part is what consistently oriented neighbours connect. It faces outward if its triangles look
     away from its centre; parts that are small or nearly flat are oriented like the whole mesh.
@@ -134,10 +125,6 @@ def find_inward_triangles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
         Vertices.
     faces : array of int, shape (F, 3)
         Triangles.
-
-    Returns
-    -------
-    inward : array of bool, shape (F,)
 
     Examples
     --------

@@ -101,10 +101,6 @@ def simulated_scan(
     n_strays : int
         Number of stray points in the air.
 
-    Returns
-    -------
-    scan : SimulatedScan
-
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")

@@ -11,7 +11,7 @@ from model_pickles import smpl_fields
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel, ModelFit, convert_fit, correspondence_matrix
+from riemhuman.bodies import BodyModel, ModelFit, correspondence_matrix
 from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, ConvergenceWarning
 from riemhuman.measurements import open_measurements
@@ -250,12 +250,13 @@ def test_a_flat_point_cloud_is_fitted_as_well_as_can_be(model):
 def test_from_coarse_to_full_and_back(model):
     full, fit = load_open_model("full"), model.fit(load_open_bodies("coarse").points[9:10])
     there = open_measurements(model).correspondence_to(full)
-    converted = convert_fit(fit, model, to=full, correspondence=there)
+    converted = full.fit(model(fit.betas, fit.pose, fit.trans), correspondence=there)
     assert converted.betas.shape == fit.betas.shape
     assert converted.mean_distance.max() < 1e-3
     np.testing.assert_allclose(converted.betas, fit.betas, atol=0.2)
     here = open_measurements(full).correspondence_to(model)
-    back = convert_fit(converted, full, to=model, correspondence=here)
+    posed = full(converted.betas, converted.pose, converted.trans)
+    back = model.fit(posed, correspondence=here)
     # Vertices of the full skin lie up to some millimetres off the coarse triangles.
     assert back.mean_distance.max() < 5e-3
     surfaces = [model(each.betas, each.pose, each.trans) for each in (back, fit)]
