@@ -21,11 +21,12 @@ from riemhuman.solvers import (
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1e-4, 0.0), (1.0, 0.1, 0.1)]
 MOST_EVALUATIONS = 3
 
+# Made when they are used: the basis takes a second, also where no test of this file runs.
 PATHS = {
-    "basis": BasisPath(bodies.basis(), n_nodes=5),
-    "straightening": PathStraightening(n_nodes=5),
-    "linear": LinearPath(5),
-    "poisson": PoissonPath(5),
+    "basis": lambda: BasisPath(bodies.basis(), n_nodes=5),
+    "straightening": lambda: PathStraightening(n_nodes=5),
+    "linear": lambda: LinearPath(5),
+    "poisson": lambda: PoissonPath(5),
 }
 
 
@@ -44,7 +45,7 @@ def test_paths_from_a_body_to_itself(weights, solver):
     metric = ElasticMetric(bodies.space(), *weights)
     body = bodies.body("elbow bent")
     for end in (body, moved(body, turn=False)):
-        result = solver.solve(metric, body, end)
+        result = solver().solve(metric, body, end)
         assert result.converged
         assert result.n_evaluations <= MOST_EVALUATIONS
         assert result.energy <= 1e-20
@@ -57,7 +58,7 @@ def test_paths_of_a_body_that_only_turns(name):
     metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
     body = bodies.body("elbow bent")
     end = moved(body, turn=True)
-    result = PATHS[name].solve(metric, body, end)
+    result = PATHS[name]().solve(metric, body, end)
     assert result.converged
     assert result.n_evaluations <= MOST_EVALUATIONS
     assert result.energy <= 1e-20
@@ -65,16 +66,16 @@ def test_paths_of_a_body_that_only_turns(name):
 
 
 @pytest.mark.parametrize("weights", WEIGHTS, ids=str)
-@pytest.mark.parametrize("basis", [bodies.basis(), None], ids=["basis", "free"])
+@pytest.mark.parametrize("basis", [bodies.basis, lambda: None], ids=["basis", "free"])
 def test_logarithm_and_exponential_that_stay(weights, basis):
     metric = ElasticMetric(bodies.space(), *weights)
     body = bodies.body("elbow bent")
     for end in (body, moved(body, turn=False)):
-        logarithm = DiscreteLogarithm(basis, n_steps=4).solve(metric, end, body)
+        logarithm = DiscreteLogarithm(basis(), n_steps=4).solve(metric, end, body)
         assert logarithm.converged
         assert logarithm.n_evaluations <= 3 * MOST_EVALUATIONS
         assert metric.norm(logarithm.tangent_vec, body) <= 1e-9
-    still = DiscreteExponential(basis, n_steps=4).solve(metric, np.zeros_like(body), body)
+    still = DiscreteExponential(basis(), n_steps=4).solve(metric, np.zeros_like(body), body)
     assert still.converged
     np.testing.assert_allclose(still.end, body, atol=1e-12)
 
@@ -114,7 +115,7 @@ def test_transport_that_stays():
     metric = ElasticMetric(bodies.space(), 1.0, 1.0, 1.0)
     body = bodies.body("elbow bent")
     vector = bodies.basis().vectors[3]
-    ladder = PoleLadder(geodesic_solver=PATHS["straightening"], basis=bodies.basis())
+    ladder = PoleLadder(geodesic_solver=PATHS["straightening"](), basis=bodies.basis())
     for end in (body, moved(body, turn=False)):
         result = ladder.solve(metric, vector, body, end_point=end)
         assert result.converged
