@@ -43,12 +43,24 @@ def face_forward(space: Manifold, frames: ndarray) -> ndarray:
     """Rotate each frame about the vertical axis, y, to its best fit with the template."""
     if not isinstance(space, AlignedSurfaces):
         return frames
+    return rotate_upright(frames, angles_to(space, frames, space.template.vertices))
+
+
+def angles_to(space: AlignedSurfaces, frames: ndarray, others: ndarray) -> ndarray:
+    """Return the angles about the vertical axis, y, that rotate frames to best fit others."""
     weights = space.template.vertex_areas[:, None]
-    to = (space.template.vertices * weights)[:, ::2]
-    to = to - weights * (to.sum(axis=0) / weights.sum())
+    to = others[..., ::2] - np.average(
+        others[..., ::2], axis=-2, weights=weights[:, 0], keepdims=True
+    )
+    x, z, to_x, to_z = frames[..., 0], frames[..., 2], *np.moveaxis(weights * to, -1, 0)
+    along, across = x * to_x + z * to_z, x * to_z - z * to_x
+    return np.arctan2(across.sum(axis=-1), along.sum(axis=-1))
+
+
+def rotate_upright(frames: ndarray, angles: ndarray) -> ndarray:
+    """Rotate each frame about the vertical axis, y, through the origin."""
     x, z = frames[..., 0], frames[..., 2]
-    angles = np.arctan2(x @ to[:, 1] - z @ to[:, 0], x @ to[:, 0] + z @ to[:, 1])[:, None]
-    cosines, sines = np.cos(angles), np.sin(angles)
+    cosines, sines = np.cos(angles)[..., None], np.sin(angles)[..., None]
     return np.stack([cosines * x - sines * z, frames[..., 1], sines * x + cosines * z], axis=-1)
 
 

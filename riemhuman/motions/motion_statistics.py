@@ -12,7 +12,14 @@ from numpy import ndarray
 from riemhuman.checks import real_array, whole_number
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import ElasticMetric, ProductManifold, ProductMetric
-from riemhuman.motions._frames import Motion, check_motions, frame_count, surfaces_between
+from riemhuman.motions._frames import (
+    Motion,
+    angles_to,
+    check_motions,
+    frame_count,
+    rotate_upright,
+    surfaces_between,
+)
 from riemhuman.motions.motion_space import MotionSpace, RateDependentMetric
 from riemhuman.motions.time_warping import DynamicTimeWarping, MotionDistance, Warp
 from riemhuman.progress import ProgressBar
@@ -140,7 +147,8 @@ class MotionMean(Estimator):
 
     Motions are aligned with the one that is nearest to all others, then with their mean: the
     Karcher mean of the surfaces at every time, over all vertices. Its times are the means of
-    theirs. Motions should face one way, see `MotionSpace.face_forward`.
+    theirs. Which way bodies face does not count: at every time, all are rotated in place about the
+    vertical axis, y, to the mean of their directions.
 
     Parameters
     ----------
@@ -163,7 +171,7 @@ class MotionMean(Estimator):
     times_ : array, shape (n, n_times)
         Times of every motion that correspond to those of the mean, as shares of its duration.
     aligned_ : array, shape (n, n_times, V, 3)
-        The motions at these times.
+        The motions at these times, rotated as the mean faces.
     variance_ : float
         Mean over motions and time of the squared distance to the mean.
 
@@ -219,9 +227,10 @@ class MotionMean(Estimator):
             # The times of the reference are replaced by the means of all.
             common = np.interp(even, times.mean(axis=0), even)
             times = np.stack([np.interp(common, even, row) for row in times])
-            aligned = [_at_shares(space, m, times[k], f"X[{k}]") for k, m in enumerate(X)]
-            reference = mean = self._means(np.stack(aligned))
-        self.estimate_, self.times_, self.aligned_ = mean, times, np.stack(aligned)
+            motions = [_at_shares(space, m, times[k], f"X[{k}]") for k, m in enumerate(X)]
+            aligned = _facing_together(space, np.stack(motions))
+            reference = mean = self._means(aligned)
+        self.estimate_, self.times_, self.aligned_ = mean, times, aligned
         over_time = RateDependentMetric(space, self._metric)
         self.variance_ = float(np.mean([over_time.squared_dist(m, mean) for m in aligned]))
         return self
@@ -245,6 +254,14 @@ class MotionMean(Estimator):
             shift = np.average(surfaces.mean(axis=0) - mean, axis=0, weights=areas)
             means.append(mean + shift)
         return np.stack(means)
+
+
+def _facing_together(space: MotionSpace, motions: ndarray) -> ndarray:
+    """Rotate bodies in place, at every time, to the mean of the directions that they face."""
+    areas = space.frames.template.vertex_areas
+    angles = np.unwrap(angles_to(space.frames, motions, motions[0]), axis=1)
+    places = np.average(motions, axis=2, weights=areas, keepdims=True)
+    return rotate_upright(motions - places, angles - angles.mean(axis=0)) + places
 
 
 class MotionComponents(Estimator):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 
@@ -53,6 +54,17 @@ class TestMean:
         turning = rh.motions.MotionSpace(space, n_times=5)
         mean = rh.motions.MotionMean(turning, n_iterations=1).fit([motion, motion])
         np.testing.assert_allclose(mean.estimate_, mean.aligned_[0], atol=1e-3)
+
+    def test_directions_of_bodies_do_not_count(self, motion_space, knees, components):
+        angles = 2.5, 0.0, -1.5
+        turned = [
+            motion @ Rotation.from_euler("y", angle).as_matrix().T + [angle, 0.0, 0.0]
+            for motion, angle in zip(knees, angles, strict=True)
+        ]
+        mean = rh.motions.MotionMean(motion_space).fit(turned)
+        for found, expected in zip(mean.estimate_, components.mean.estimate_, strict=True):
+            moved = rh.procrustes(expected, to=found)
+            np.testing.assert_allclose(found, moved, atol=1e-3)
 
     def test_limbs_do_not_shrink(self, space, components):
         """Roots of areas are averaged, as λ of the metric weighs them; a straight mean is less."""
