@@ -95,7 +95,7 @@ def _run(given: Sequence[str]) -> int:
     reporter = Reporter(options.quiet)
     options.task, options.bars, options.written = reporter.task, reporter.bars, []
     try:
-        with short_warnings():
+        with short_warnings() as unconverged:
             for check in options.checks:
                 check(options)
             answer: Answer = options.run(options)
@@ -110,7 +110,7 @@ def _run(given: Sequence[str]) -> int:
             note(f"unexpected {type(error).__name__}: {error}; --debug shows the traceback")
         return _NOT_DONE
     sys.stdout.write(f"{_text(answer, options)}\n")
-    return _DONE if answer.trusted else _NOT_TRUSTED
+    return _NOT_TRUSTED if unconverged or not answer.trusted else _DONE
 
 
 def _text(answer: Answer, options: argparse.Namespace) -> str:

@@ -127,7 +127,8 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
     records = rh.report.benchmark(bodies, compared, **how)
     if options.all:
         return cli.Answer(f"{head}\n\n{rh.report.format_benchmark(records)}", records)
-    titles, found = rh.report.retrieval_benchmark.TITLES, {}
+    titles = rh.report.retrieval_benchmark.TITLES
+    found: dict[str, dict[str, Any]] = {}
     for each in records:
         if each.scores is None:
             raise ArgumentError(f"{each.representation} cannot be computed: {each.problem}")
@@ -433,7 +434,7 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
     if options.labels is None:
         distances, names = _read_matrix(options.matrix)
         items, classes = np.zeros(len(names), dtype=int), None
-        settings = {"item_names": [Path(name).stem for name in names]}
+        settings: dict[str, Any] = {"item_names": [Path(name).stem for name in names]}
     else:
         distances, both = _read_labelled_matrix(options)
         classes, items = np.unique(both[options.by], return_inverse=True)

@@ -161,8 +161,9 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     "motions find",
     "occurrences of a short motion in a long one",
     "Prints the parts of a motion that are most similar to a query, at any speed, nearest\n"
-    "first: distance, first and last frame. The motion is read once, frame by frame;\n"
-    "recordings (.bvh) are read at most 30 times a second.",
+    "first: distance, first and last frame, and their seconds where the motion is a recording\n"
+    "(.bvh, AMASS): of these, at most 30 frames a second are read and counted. The motion is\n"
+    "read once, frame by frame.",
     "  riemhuman motions find lifted_knee/ hour/\n  riemhuman motions find jump.bvh day.bvh\n"
     "  riemhuman motions find lifted_knee/ hour/ -k 20 --json\n",
     cli.path_option("a_motion", "QUERY", "motion to find"),
@@ -176,7 +177,14 @@ def _find(options: argparse.Namespace) -> cli.Answer:
     parts = search.find(*read.motions, options.k)
     record = [{"distance": p.dist, "first": p.start, "last": p.stop - 1} for p in parts]
     rows = [f"{p.dist:10.6g}  {p.start:6d}  {p.stop - 1:6d}" for p in parts]
-    return cli.Answer("\n".join(["  distance   first    last", *rows]), record)
+    head, rate = "  distance   first    last", getattr(read.motions[1], "frames_per_second", None)
+    if rate is not None:
+        head += "   seconds"
+        for number, part in enumerate(record):
+            seconds = [part[end] / rate for end in ("first", "last")]
+            part["seconds"] = seconds
+            rows[number] += f"   {seconds[0]:.2f} to {seconds[1]:.2f}"
+    return cli.Answer("\n".join([head, *rows]), record)
 
 
 @cli.command(

@@ -70,7 +70,7 @@ def _readable(value: Any) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
-def solved(result: Result, text: dict[str, object], **record: object) -> Answer:
+def solved(result: Result, text: dict[str, Any], **record: object) -> Answer:
     """Return the answer of a solver, with whether and how it has converged."""
     iterations = "iteration" if result.n_iterations == 1 else "iterations"
     said = f"{'yes' if result.converged else 'no'}, after {result.n_iterations} {iterations}"
@@ -125,13 +125,16 @@ class Reporter:
 
 
 @contextmanager
-def short_warnings() -> Iterator[None]:
-    """Show each warning in one line, without its place in the code."""
+def short_warnings() -> Iterator[list[Warning | str]]:
+    """Show each warning in one line, without its place in the code; return those of searches."""
+    unconverged: list[Warning | str] = []
 
     def show(message: Warning | str, *rest: object, **settings: object) -> None:
         note(f"warning: {message}")
+        if isinstance(message, ConvergenceWarning):
+            unconverged.append(message)
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", ConvergenceWarning)
         warnings.showwarning = show
-        yield
+        yield unconverged

@@ -115,9 +115,11 @@ class RetargetedMotion(ModelMotion):
     Parameters
     ----------
     recording : SkeletonMotion, or function that returns it
+    model : BodyModel
+        As for `retarget`.
     names : (str, str)
         Of the person and of the motion.
-    model, frames_per_second, n_frames, betas, joints, up
+    frames_per_second, n_frames, betas, joints, up
         As for `retarget`.
 
     Examples
@@ -204,7 +206,8 @@ def retarget(
     model : BodyModel, optional
         Model with named joints, or with those of SMPL; by default the open model, "coarse".
     betas : array_like, shape (B,), optional
-        Shape coefficients of the person; by default one with the proportions of the recording.
+        Shape coefficients of the person; by default from the lengths of the recorded bones, which
+        do not tell the build: girths and mass may be those of nobody.
     joints : mapping of str to str, optional
         Names of joints in the recording by those of the open model, such as
         ``{"left_hip": "LeftUpLeg"}``, where they are not recognised. Names of Mixamo, Biped, Xsens,
@@ -516,7 +519,7 @@ def _bent(to_end: ndarray, a: float, b: float, axis: ndarray) -> tuple[ndarray, 
 
 
 def _similar_person(source: RecordedSkeleton, model: BodyModel) -> ndarray:
-    """Return the shape coefficients of a person with the recorded proportions."""
+    """Return the shape coefficients of a person whose bones have the recorded proportions."""
     places = {name: source.positions[:, joint] for name, joint in source.joints.items()}
     bones = np.stack([*(places[b] - places[a] for a, b in _LENGTHS), source.trunk], axis=1)
     recorded = np.median(np.linalg.norm(bones, axis=-1), axis=0) / source.leg

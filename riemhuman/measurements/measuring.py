@@ -273,9 +273,9 @@ class Measurements:
             )(surfaces)
             values.append(value)
             slopes.append(pull_back(np.ones(len(surfaces))))
-        measured, gradient = np.stack(values, axis=-1), np.stack(slopes, axis=1)
-        gradient[np.isnan(measured)] = np.nan
-        return measured, gradient
+        measured, slope = np.stack(values, axis=-1), np.stack(slopes, axis=1)
+        slope[np.isnan(measured)] = np.nan
+        return measured, slope
 
     def _not_trusted(
         self, surfaces: ndarray, trusted: ndarray, axes: str

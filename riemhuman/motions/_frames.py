@@ -52,7 +52,8 @@ def angles_to(space: AlignedSurfaces, frames: ndarray, others: ndarray) -> ndarr
     to = others[..., ::2] - np.average(
         others[..., ::2], axis=-2, weights=weights[:, 0], keepdims=True
     )
-    x, z, to_x, to_z = frames[..., 0], frames[..., 2], *np.moveaxis(weights * to, -1, 0)
+    x, z = frames[..., 0], frames[..., 2]
+    to_x, to_z = np.moveaxis(weights * to, -1, 0)
     along, across = x * to_x + z * to_z, x * to_z - z * to_x
     return np.arctan2(across.sum(axis=-1), along.sum(axis=-1))
 

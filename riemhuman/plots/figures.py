@@ -73,8 +73,9 @@ def new_axes(ax: Axes | None, width: float, height: float) -> Axes:
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure on white to a file, in the format of its ending."""
-    with atomic_file(path) as temporary:
-        ending = file_path(path).suffix[1:].lower()
+    file = file_path(path)
+    with atomic_file(file) as temporary:
+        ending = file.suffix[1:].lower()
         figure.savefig(temporary, dpi=200, facecolor="white", format=ending)
 
 

@@ -325,15 +325,16 @@ def view_path(
     """
     paths = path if isinstance(path, Mapping) else {"": path}
     frames = {}
+    triangles: Any = faces
     for name, given in paths.items():
-        surfaces, faces = as_surfaces(given, faces)
+        surfaces, triangles = as_surfaces(given, triangles)
         frames[name] = real_array(surfaces, "path", ("n_times", "n_vertices", 3), batched=False)
     if side_by_side:
         choices = {title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
     else:
         choices = {name: [ViewedBody("", surfaces)] for name, surfaces in frames.items()}
     real_number(seconds, "seconds", minimum=0, strict=True)
-    return Viewer(faces, choices, legend, title, description, seconds)
+    return Viewer(triangles, choices, legend, title, description, seconds)
 
 
 def view_bodies(
@@ -360,12 +361,12 @@ def view_bodies(
     >>> viewer = rh.plots.view_bodies(bodies.points[:2], bodies.template.faces)
     >>> viewer.save("bodies.html")
     """
-    points, faces = as_surfaces(points, faces)
+    points, triangles = as_surfaces(points, faces)
     surfaces = real_array(points, "points", ("n_vertices", 3))
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
     names = [""] * len(surfaces) if names is None else names
     bodies = _labelled(names, surfaces, [SKIN] * len(surfaces))
-    return Viewer(faces, {title: bodies}, title=title)
+    return Viewer(triangles, {title: bodies}, title=title)
 
 
 def _labelled(

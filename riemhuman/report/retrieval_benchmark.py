@@ -164,7 +164,8 @@ def benchmark(
         try:
             with task(f"{name}: {n_pairs:,} distances"):
                 own = described.get(name)
-                distances, *times = timed_distances(representation, bodies, own)
+                distances, *both = timed_distances(representation, bodies, own)
+                times = both[0], both[1]
             found = score(dict.fromkeys(labels, distances))
         except RiemhumanError as error:
             problem = f"{type(error).__name__}: {error}"

@@ -162,7 +162,8 @@ def _are_batches(metric: RiemannianMetric, points: Any) -> bool:
             "points are read several times and must be an array, or batches that can be read "
             f"again, such as a list of arrays; found {type(points).__name__}"
         )
-    return np.ndim(next(iter(points), None)) == len(metric.space.shape) + 1
+    first: Any = next(iter(points), None)
+    return np.ndim(first) == len(metric.space.shape) + 1
 
 
 def metric_of_search(metric: Any, companion_weight: float) -> Any:

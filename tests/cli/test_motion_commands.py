@@ -1,5 +1,6 @@
 """The commands of motions print and write what the library finds."""
 
+import functools
 import json
 from pathlib import Path
 
@@ -114,6 +115,8 @@ def test_recordings(run, tmp_path):
     (found,) = json.loads(finished.out)
     assert abs(found["first"] - 20) <= 1
     assert abs(found["last"] - 31) <= 1
+    rate = rh.datasets.load_bvh(jump).frames_per_second
+    assert np.allclose(found["seconds"], np.array([found["first"], found["last"]]) / min(rate, 30))
     page = tmp_path / "part.html"
     assert run("view", tmp_path / "part.bvh", "-o", page, "-q").code == 0
     assert "part.bvh" in page.read_text(encoding="utf-8")
@@ -132,3 +135,13 @@ def test_recordings_of_amass(run, tmp_path):
     assert (still.code, float(still.out)) == (0, 0.0)
     assert run("view", tmp_path / "a.npz", "-o", tmp_path / "a.html").code == 0
     assert '"n_frames":4' in (tmp_path / "a.html").read_text(encoding="utf-8")
+
+
+def test_a_mean_that_did_not_converge_is_not_trusted(run, folder, tmp_path, monkeypatch):
+    hasty = functools.partial(rh.solvers.NearestSurface, max_iter=1, tolerance=1e-300)
+    monkeypatch.setattr("riemhuman.motions.motion_statistics.NearestSurface", hasty)
+    mean = tmp_path / "mean.npz"
+    finished = run("motions", "mean", folder, "-o", mean, "--n-times", "3", "-q")
+    assert "NearestSurface stopped without converging" in finished.err
+    assert finished.code == 1
+    assert mean.exists()
