@@ -94,20 +94,62 @@ def pack_vector(vector: ndarray, kept: ndarray) -> float:
 
 @compiled
 def _tile(a: ndarray, b: ndarray, within: bool, squared: ndarray) -> None:
+    """Add the squared distances of rows, 4 × 4 pairs at a time; rows at the edge come again."""
+    end_a, end_b = len(a) - 1, len(b) - 1
     for first in range(0, a.shape[1], _CHUNK):
         last = min(first + _CHUNK, a.shape[1])
-        for i in range(len(a)):
-            for j in range(i + 1 if within else 0, len(b)):
-                squared[i, j] += _squared_difference(a[i, first:last], b[j, first:last])
+        for j in range(0, len(b), 4):
+            columns = (j, min(j + 1, end_b), min(j + 2, end_b), min(j + 3, end_b))
+            for i in range(0, min(j + 4, len(a)) if within else len(a), 4):
+                rows = (i, min(i + 1, end_a), min(i + 2, end_a), min(i + 3, end_a))
+                sums = _block(a, b, rows, columns, first, last)
+                for k in range(4):
+                    for m in range(4):
+                        if i + k <= end_a and j + m <= end_b:
+                            squared[i + k, j + m] += sums[k][m]
+
+
+Four = tuple[float, float, float, float]
 
 
 @compiled(forceinline=True, fastmath=SUM)
-def _squared_difference(a: ndarray, b: ndarray) -> float:
-    total = a.dtype.type(0.0)
-    for k in range(len(a)):
-        difference = a[k] - b[k]
-        total += difference * difference
-    return total
+def _block(
+    a: ndarray,
+    b: ndarray,
+    rows: tuple[int, int, int, int],
+    columns: tuple[int, int, int, int],
+    first: int,
+    last: int,
+) -> tuple[Four, Four, Four, Four]:
+    """Return Σ_t (a[k, t] − b[m, t])² for four rows and four columns.
+
+    As in a product of matrices, each number that is read serves four sums.
+    """
+    a0, a1, a2, a3 = (
+        a[rows[0], first:last],
+        a[rows[1], first:last],
+        a[rows[2], first:last],
+        a[rows[3], first:last],
+    )
+    b0, b1, b2, b3 = (
+        b[columns[0], first:last],
+        b[columns[1], first:last],
+        b[columns[2], first:last],
+        b[columns[3], first:last],
+    )
+    zero = a.dtype.type(0.0)
+    s0 = s1 = s2 = s3 = (zero, zero, zero, zero)
+    for t in range(last - first):
+        y = (b0[t], b1[t], b2[t], b3[t])
+        s0, s1 = _add(s0, a0[t], y), _add(s1, a1[t], y)
+        s2, s3 = _add(s2, a2[t], y), _add(s3, a3[t], y)
+    return s0, s1, s2, s3
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _add(sums: Four, x: float, y: Four) -> Four:
+    d0, d1, d2, d3 = x - y[0], x - y[1], x - y[2], x - y[3]
+    return sums[0] + d0 * d0, sums[1] + d1 * d1, sums[2] + d2 * d2, sums[3] + d3 * d3
 
 
 def flat_distances(a: ndarray, b: ndarray) -> ndarray:

@@ -101,8 +101,9 @@ def test_pairs(monkeypatch, module, term):
 
 @pytest.mark.parametrize("shape", [(7, 6), (4, 1), (3, 9)])
 def test_flat_pairs(monkeypatch, shape):
+    """Four rows and four columns at a time, at the edges fewer."""
     monkeypatch.setattr(flat, "_tile", flat._tile.py_func)
-    monkeypatch.setattr(flat, "_squared_difference", flat._squared_difference.py_func)
+    monkeypatch.setattr(flat, "_block", flat._block.py_func)
     monkeypatch.setattr(flat, "_CHUNK", 5)
     a, b = (of_one_kind(np.random.default_rng(n).standard_normal((n, 12))) for n in shape)
     np.testing.assert_allclose(flat.flat_distances(a, b), cdist(a, b) ** 2)
