@@ -51,9 +51,14 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
     start = time.perf_counter()
     with options.task(f"Geodesic, {inputs.metric_name(metric)}"):
         result = solver.solve(metric, *surfaces[:])
-    record = {"from": options.a_file, "to": options.b_file, "n_nodes": len(result.path)}
-    record |= {"metric": inputs.metric_record(metric), "energies": result.energies}
-    record |= {"seconds": time.perf_counter() - start}
+    record = {
+        "from": options.a_file,
+        "to": options.b_file,
+        "n_nodes": len(result.path),
+        "metric": inputs.metric_record(metric),
+        "energies": result.energies,
+        "seconds": time.perf_counter() - start,
+    }
     length = float(metric.length(result.path))
     distance = float(metric.dist(result.path[0], result.path[-1]))  # no path is shorter
     values = {"energy": result.energy, "length": length, "distance": distance}
@@ -145,11 +150,17 @@ def _components(options: argparse.Namespace) -> cli.Answer:
         pca = rh.statistics.TangentPCA(metric.space, count, nearest=nearest).fit(points)
     with options.task(f"{1 + 2 * count + options.samples} bodies"):
         bodies = _bodies_of_components(pca, options)
-    record = {"files": surfaces.files, "metric": inputs.metric_record(metric)}
-    fitted = ("n_components", "explained_variance", "explained_variance_ratio")
-    record |= {name: getattr(pca, f"{name}_") for name in fitted}
-    record |= {"deviations": _DEVIATIONS, "coordinates": pca.transform(points)}
-    record |= {"samples": options.samples, "seed": options.seed}
+    record = {
+        "files": surfaces.files,
+        "metric": inputs.metric_record(metric),
+        "n_components": pca.n_components_,
+        "explained_variance": pca.explained_variance_,
+        "explained_variance_ratio": pca.explained_variance_ratio_,
+        "deviations": _DEVIATIONS,
+        "coordinates": pca.transform(points),
+        "samples": options.samples,
+        "seed": options.seed,
+    }
     meshes = {f"{name}.ply": surface for name, surface in bodies.items()}
     names = [name.replace("_", " ") for name in bodies]
     with inputs.mesh_folder(options, meshes, surfaces.faces, record) as folder:
@@ -383,9 +394,14 @@ def _basis(options: argparse.Namespace) -> cli.Answer:
         )
     basis.save(options.output)
     explained = float(basis.explained_variance_ratio.sum())
-    record = {"n_components": basis.n_components, "n_vertices": basis.n_vertices}
-    record |= {"n_motions": len(motions), "n_frames": n_frames, "step": options.step}
-    record |= {"explained_variance": explained}
+    record = {
+        "n_components": basis.n_components,
+        "n_vertices": basis.n_vertices,
+        "n_motions": len(motions),
+        "n_frames": n_frames,
+        "step": options.step,
+        "explained_variance": explained,
+    }
     said = (
         f"{basis.n_components} deformations of {basis.n_vertices:,} vertices\n"
         f"{100 * explained:.3f} % of the variance of the motions"
@@ -504,8 +520,14 @@ def _register_file(registration: Any, options: argparse.Namespace) -> cli.Answer
     trusted, message, unit = bool(result.trusted), result.message, result.unit
     median = float(np.median(result.distances[~result.background]))
     share = float(result.matched.mean())
-    record = {"scan": options.scans, "trusted": trusted, "message": message}
-    record |= {"median_distance": median, "matched_share": share, "unit": unit}
+    record = {
+        "scan": options.scans,
+        "trusted": trusted,
+        "message": message,
+        "median_distance": median,
+        "matched_share": share,
+        "unit": unit,
+    }
     text = (
         f"{1000 * median:.1f} mm from the scan in the median, {100 * share:.0f} % of the vertices "
         f"matched; scan in {unit}, body in metres"

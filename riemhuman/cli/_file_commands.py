@@ -107,9 +107,13 @@ def _mesh_facts(file: Path) -> dict[str, Any]:
 
 def _scan_facts(file: Path) -> dict[str, Any]:
     scan = rh.registration.load_scan(file)
-    facts = {"kind": "scan: points without triangles", "points": len(scan)}
-    facts |= {"normals": scan.normals is not None, "extents": _extents(scan.points)}
-    return facts | {"next": inputs.advice(file)}
+    return {
+        "kind": "scan: points without triangles",
+        "points": len(scan),
+        "normals": scan.normals is not None,
+        "extents": _extents(scan.points),
+        "next": inputs.advice(file),
+    }
 
 
 def _extents(points: ndarray) -> Any:
@@ -180,8 +184,12 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
     except FileFormatError as error:
         advised = inputs.advice(folder).replace("body.ply", "bodies/")
         return facts | {"registered": f"no: {error}", "next": advised}
-    facts |= {"registered": True, "vertices": points.shape[1], "triangles": len(meshes.faces)}
-    return facts | {"largest_extents": np.ptp(points, axis=1).max(axis=0).tolist()}
+    return facts | {
+        "registered": True,
+        "vertices": points.shape[1],
+        "triangles": len(meshes.faces),
+        "largest_extents": np.ptp(points, axis=1).max(axis=0).tolist(),
+    }
 
 
 def _npz_facts(file: Path) -> dict[str, Any]:
@@ -192,15 +200,21 @@ def _npz_facts(file: Path) -> dict[str, Any]:
     if {"vectors", "format_version"} <= arrays.keys():
         basis = rh.DeformationBasis.load(file)
         ratio = basis.explained_variance_ratio
-        facts = {"kind": "basis of deformations", "deformations": basis.n_components}
-        facts |= {"vertices": basis.n_vertices}
-        return facts | {"explained_variance": None if ratio is None else float(ratio.sum())}
+        return {
+            "kind": "basis of deformations",
+            "deformations": basis.n_components,
+            "vertices": basis.n_vertices,
+            "explained_variance": None if ratio is None else float(ratio.sum()),
+        }
     if {"v_template", "shapedirs"} <= arrays.keys():
         return _model_facts(file)
     if {"distances", "names"} <= arrays.keys():
-        facts = {"kind": "distance matrix", "names": len(arrays["names"])}
-        facts |= {"metric": str(arrays["metric"])} if "metric" in arrays else {}
-        return facts | {"largest": float(arrays["distances"].max(initial=0.0))}
+        return {
+            "kind": "distance matrix",
+            "names": len(arrays["names"]),
+            "metric": str(arrays["metric"]) if "metric" in arrays else None,
+            "largest": float(arrays["distances"].max(initial=0.0)),
+        }
     if {"path", "faces"} <= arrays.keys() and arrays["path"].ndim == 3:
         n_times, n_vertices = arrays["path"].shape[:2]
         sizes = {"times": n_times, "vertices": n_vertices, "triangles": len(arrays["faces"])}
@@ -211,10 +225,15 @@ def _npz_facts(file: Path) -> dict[str, Any]:
 
 def _model_facts(file: Path) -> dict[str, Any]:
     model = rh.BodyModel.from_file(file)
-    facts = {"kind": "body model", "vertices": model.n_vertices, "triangles": len(model.faces)}
-    facts |= {"joints": model.n_joints, "shape_coefficients": model.n_betas}
-    facts |= {"pose_blend_shapes": model.posedirs is not None}
-    return facts | {"joint_names": ", ".join(model.joint_names)}
+    return {
+        "kind": "body model",
+        "vertices": model.n_vertices,
+        "triangles": len(model.faces),
+        "joints": model.n_joints,
+        "shape_coefficients": model.n_betas,
+        "pose_blend_shapes": model.posedirs is not None,
+        "joint_names": ", ".join(model.joint_names),
+    }
 
 
 def _measurement_facts(file: Path) -> dict[str, Any]:
@@ -244,19 +263,25 @@ def _table_facts(file: Path) -> dict[str, Any]:
 
 def _hdf5_facts(file: Path) -> dict[str, Any]:
     motions = rh.datasets.load_dfaust(file)
-    faces, people = motions[0].faces, sorted({motion.subject for motion in motions})
-    facts = {"kind": "motions of Dynamic FAUST", "motions": len(motions), "people": people}
-    facts |= {"frames": sum(map(len, motions))}
-    facts |= {"vertices": int(faces.max()) + 1, "triangles": len(faces)}
-    sequences = [f"{m.subject}_{m.sequence}: {len(m):,} frames" for m in motions]
-    return facts | {"sequences": sequences}
+    return {
+        "kind": "motions of Dynamic FAUST",
+        "motions": len(motions),
+        "people": sorted({motion.subject for motion in motions}),
+        "frames": sum(map(len, motions)),
+        "vertices": int(motions[0].faces.max()) + 1,
+        "triangles": len(motions[0].faces),
+        "sequences": [f"{m.subject}_{m.sequence}: {len(m):,} frames" for m in motions],
+    }
 
 
 def _recording_facts(file: Path) -> dict[str, Any]:
     motion = rh.datasets.load_bvh(file)
-    names = ", ".join(motion.joint_names)
-    facts = {"kind": "motion capture recording", "joints": len(motion.joint_names)}
-    return facts | _times(motion) | {"joint_names": names}
+    return {
+        "kind": "motion capture recording",
+        "joints": len(motion.joint_names),
+        **_times(motion),
+        "joint_names": ", ".join(motion.joint_names),
+    }
 
 
 def _times(motion: Any) -> dict[str, Any]:

@@ -160,10 +160,14 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
     missing, said_missing = _missing(files, result)
     moved = 1000.0 * result.displacements
     outward = moved[np.isfinite(moved)] if np.isfinite(moved).any() else moved
-    shown = ("names", "units", "changes", "thresholds")
-    record = {"before": options.before, "after": options.after, "missing": missing}
-    record |= {name: getattr(result, name) for name in shown}
-    record |= {
+    record = {
+        "before": options.before,
+        "after": options.after,
+        "names": result.names,
+        "units": result.units,
+        "missing": missing,
+        "changes": result.changes,
+        "thresholds": result.thresholds,
         "exceeds_threshold": result.is_significant,
         "expected_beyond_threshold_by_chance": result.expected_by_chance,
         "outward_millimetres": {"least": outward.min(), "most": outward.max()},
