@@ -9,7 +9,7 @@ import math
 import operator
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from autograd.tracer import getval
@@ -130,6 +130,18 @@ def check_shape(
     if not fits:
         expected = ", ".join(str(length) for length in (["..."] if batched else []) + list(shape))
         raise ArgumentError(f"{name} must have shape ({expected}); found {values.shape}")
+
+
+def joint_shape(**stacks: Any) -> tuple[int, ...]:
+    """Return the shape that stacks of points or vectors broadcast to; there must be one."""
+    shapes = [np.shape(stack) for stack in stacks.values()]
+    try:
+        return np.broadcast_shapes(*shapes)
+    except ValueError as error:
+        raise ArgumentError(
+            f"{' and '.join(stacks)} must be stacks of the same length, or single; found "
+            f"{' and '.join(map(str, shapes))}"
+        ) from error
 
 
 def path_array(path: Any, space: Any, *, batched: bool = True) -> Any:
@@ -320,6 +332,18 @@ def check_same_scale(
         f"{place} is {factor:.3g} times as {kind} as {reference_name}{_unit_hint(ratio)}; bring "
         f"both to one unit; {remedy}"
     )
+
+
+def refuse_type(value: Any, name: str, expected: str) -> NoReturn:
+    """Raise an ArgumentTypeError that says which class was found, or that it was a class itself."""
+    found = f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
+    raise ArgumentTypeError(f"{name} must be {expected}; found {found}")
+
+
+def check_methods(value: Any, name: str, expected: str, *methods: str) -> None:
+    """Raise an ArgumentTypeError unless this is an object, no class, with these methods."""
+    if isinstance(value, type) or not all(callable(getattr(value, each, None)) for each in methods):
+        refuse_type(value, name, expected)
 
 
 def _shown(value: Any) -> str:

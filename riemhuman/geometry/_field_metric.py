@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array
+from riemhuman.checks import Rng, generator, joint_shape, real_array
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk
@@ -53,6 +53,7 @@ class FieldMetric(RiemannianMetric):
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         first, second = self._fields(point_a, "point_a"), self._fields(point_b, "point_b")
+        joint_shape(point_a=first[0], point_b=second[0])
         return self._integral(self._term.squared_dist(first, second))
 
     @property
@@ -75,6 +76,7 @@ class FieldMetric(RiemannianMetric):
         point = self.space.check_point(point, "base_point")
         a = real_array(a, "tangent_vec_a", self.space.shape)
         b = real_array(b, "tangent_vec_b", self.space.shape)
+        joint_shape(tangent_vec_a=a, tangent_vec_b=b, base_point=point)
         values = self._integral(of_triangles(a, b, point))
         return values + np.zeros(point.shape[: -self.space.point_ndim])
 

@@ -14,10 +14,12 @@ from numpy import ndarray
 from riemhuman.checks import (
     Rng,
     check_shape,
+    joint_shape,
     metric_weight,
     one_of,
     path_array,
     real_array,
+    refuse_type,
     whole_number,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
@@ -39,6 +41,7 @@ from riemhuman.geometry.strategies import (
     LogSolver,
     Solvers,
     TransportSolver,
+    check_strategy,
     solve_geodesic,
 )
 from riemhuman.kernels.surface import differential, square_root
@@ -109,6 +112,10 @@ class RiemannianMetric(Unchanging):
                 f"AlignedSurfaces(template); found {type(space).__name__}"
             )
         self.space: Any = space
+        given = geodesic_solver, exp_solver, log_solver, transport_solver
+        for name, solver in zip(Solvers.__annotations__, given, strict=True):
+            if solver is not None:
+                check_strategy(solver, name)
         self.geodesic_solver = geodesic_solver
         self.exp_solver = exp_solver
         self.log_solver = log_solver
@@ -127,8 +134,7 @@ class RiemannianMetric(Unchanging):
     @property
     def solvers(self) -> Solvers:
         """The strategies that it was given, by name."""
-        names = "geodesic_solver", "exp_solver", "log_solver", "transport_solver"
-        given = {name: getattr(self, name) for name in names}
+        given = {name: getattr(self, name) for name in Solvers.__annotations__}
         return cast(Solvers, {name: value for name, value in given.items() if value is not None})
 
     def _solver(self, name: str) -> Any:
@@ -186,7 +192,7 @@ class RiemannianMetric(Unchanging):
         """
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         base_point = real_array(base_point, "base_point", self.space.shape)
-        shape = np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point))
+        shape = joint_shape(tangent_vec=tangent_vec, base_point=base_point)
         # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.
         tangent_vec, base_point = tangent_vec + np.zeros(shape), base_point + np.zeros(shape)
         return differential(self.map, tangent_vec, base_point)
@@ -580,7 +586,9 @@ class RiemannianMetric(Unchanging):
         tangent_vec, base_point : array, shape (..., \*shape)
         """
         base_point = self.space.check_point(base_point, "base_point")
-        return self._exp(real_array(tangent_vec, "tangent_vec", self.space.shape), base_point)
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        joint_shape(tangent_vec=tangent_vec, base_point=base_point)
+        return self._exp(tangent_vec, base_point)
 
     def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
         solver = self._solver("exp_solver")
@@ -599,7 +607,9 @@ class RiemannianMetric(Unchanging):
         point, base_point : array, shape (..., \*shape)
         """
         point = self.space.check_point(point, "point")
-        return self._log(point, self.space.check_point(base_point, "base_point"))
+        base_point = self.space.check_point(base_point, "base_point")
+        joint_shape(point=point, base_point=base_point)
+        return self._log(point, base_point)
 
     def _log(self, point: ndarray, start: ndarray) -> ndarray:
         solver = self._solver("log_solver")
@@ -630,14 +640,14 @@ class RiemannianMetric(Unchanging):
         shape = self.space.shape
         tangent_vec = real_array(tangent_vec, "tangent_vec", shape)
         base_point = self.space.check_point(base_point, "base_point")
-        if self.has_closed_form_transport:
-            if end_point is not None:
-                direction = self.log(end_point, base_point)
-            direction = real_array(direction, "direction", shape)
-            return self._transport(tangent_vec, base_point, direction)
-        solver = self._solver("transport_solver")
+        if self.has_closed_form_transport and end_point is not None:
+            direction = self.log(end_point, base_point)
         name = "end_point" if direction is None else "direction"
         goals = real_array(end_point if direction is None else direction, name, shape)
+        joint_shape(tangent_vec=tangent_vec, base_point=base_point, **{name: goals})
+        if self.has_closed_form_transport:
+            return self._transport(tangent_vec, base_point, goals)
+        solver = self._solver("transport_solver")
 
         def carry(vector: ndarray, start: ndarray, goal: ndarray) -> ndarray:
             return solver.solve(self, vector, start, **{name: goal}).tangent_vec
@@ -817,6 +827,12 @@ for _power, _names in {
 for _name in dir(RiemannianMetric):
     if _name.startswith(("has_", "is_")):
         setattr(ScalarProductMetric, _name, property(attrgetter(f"underlying_metric.{_name}")))
+
+
+def check_metric(metric: Any, name: str = "metric") -> None:
+    """Raise an ArgumentTypeError unless a solver was given a metric where it takes one."""
+    if not isinstance(metric, RiemannianMetric):
+        refuse_type(metric, name, "a metric, such as ElasticMetric(space), before the points")
 
 
 def metric_of(space: Any) -> RiemannianMetric:

@@ -7,7 +7,7 @@ from typing import Unpack
 
 from numpy import ndarray
 
-from riemhuman.checks import real_array
+from riemhuman.checks import joint_shape, real_array
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, SumOfFactors
@@ -71,17 +71,17 @@ class PullbackMetric(RiemannianMetric):
     ) -> ndarray:
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
-        image_a = self.differential(tangent_vec_a, base_point)
-        if tangent_vec_b is tangent_vec_a:
-            image_b = image_a
-        else:
+        image_a = image_b = self.differential(tangent_vec_a, base_point)
+        if tangent_vec_b is not tangent_vec_a:
             tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
+            joint_shape(tangent_vec_a=tangent_vec_a, tangent_vec_b=tangent_vec_b)
             image_b = self.differential(tangent_vec_b, base_point)
         return self.target_metric.inner_product(image_a, image_b, self.map(base_point))
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
+        joint_shape(point_a=point_a, point_b=point_b)
         return self.target_metric.squared_dist(self.map(point_a), self.map(point_b))
 
     @property

@@ -12,6 +12,7 @@ import numpy as np
 from autograd.extend import defvjp_argnums, primitive
 from numpy import ndarray
 
+from riemhuman.checks import check_methods
 from riemhuman.errors import NotDefinedError, OutsideManifoldError
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "PathEnergy",
     "Solvers",
     "TransportSolver",
+    "check_strategy",
     "solve_geodesic",
 ]
 
@@ -102,6 +104,14 @@ class Solvers(TypedDict, total=False):
     exp_solver: ExpSolver | None
     log_solver: LogSolver | None
     transport_solver: TransportSolver | None
+
+
+_STRATEGY = "a strategy with a method solve, as LinearPath() for paths, BasisMean() for means"
+
+
+def check_strategy(solver: Any, name: str) -> None:
+    """Raise an ArgumentTypeError for what has no method `solve`, and for classes."""
+    check_methods(solver, name, _STRATEGY, "solve")
 
 
 @primitive

@@ -14,7 +14,7 @@ from autograd.tracer import isbox
 from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.checks import metric_weight, path_array, values_of
+from riemhuman.checks import joint_shape, metric_weight, path_array, values_of
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
@@ -68,6 +68,7 @@ class MetricOfTerms(RiemannianMetric):
         k = h
         if tangent_vec_b is not tangent_vec_a:
             k = self.space.check_tangent_vec(tangent_vec_b, "tangent_vec_b")
+        joint_shape(tangent_vec_a=h, tangent_vec_b=k, base_point=base_point)
         return self._sum.inner_product(h, k, base_point)
 
     def metric_matrix(self, base_point: ndarray) -> sparse.csr_array:
@@ -161,8 +162,11 @@ class SurfaceMetric(MetricOfTerms):
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         """Return the sum of the squared distances of fields (equation 5)."""
-        first_a = self._derivatives(self.space.check_point(point_a, "point_a"))
-        first_b = self._derivatives(self.space.check_point(point_b, "point_b"))
+        point_a = self.space.check_point(point_a, "point_a")
+        point_b = self.space.check_point(point_b, "point_b")
+        if point_a.shape != point_b.shape:
+            joint_shape(point_a=point_a, point_b=point_b)
+        first_a, first_b = self._derivatives(point_a), self._derivatives(point_b)
         total: Any = 0.0
         for term in self.terms:
             total = total + self._integral(term, term.fields(first_a), term.fields(first_b))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, metric_weight, real_array
+from riemhuman.checks import Rng, generator, joint_shape, metric_weight, real_array
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, Features
@@ -81,15 +81,17 @@ class FlatMetric(RiemannianMetric):
     ) -> ndarray:
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
-        product = tangent_vec_a * tangent_vec_b
-        if base_point is not None:
-            # It takes part in broadcasting alone.
-            product = product + np.zeros_like(self.space.check_point(base_point, "base_point"))
+        start = np.zeros(self.space.shape) if base_point is None else base_point
+        start = self.space.check_point(start, "base_point")
+        joint_shape(tangent_vec_a=tangent_vec_a, tangent_vec_b=tangent_vec_b, base_point=start)
+        # The base point takes part in broadcasting alone.
+        product = tangent_vec_a * tangent_vec_b + np.zeros_like(start)
         return np.sum(self._weights * product, axis=self.space._point_axes)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
+        joint_shape(point_a=point_a, point_b=point_b)
         difference = point_a - point_b
         return np.sum(self._weights * difference * difference, axis=self.space._point_axes)
 

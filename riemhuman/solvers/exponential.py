@@ -15,6 +15,7 @@ from scipy.sparse.linalg import LinearOperator, lsmr
 from riemhuman.checks import real_array, values_of, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, NotDefinedError, warn
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import ExpSolver
 from riemhuman.solvers._geodesic_equation import (
     GeodesicEquation,
@@ -119,6 +120,7 @@ class DiscreteExponential(Solver, ExpSolver):
     def solve(
         self, metric: RiemannianMetric, tangent_vec: ndarray, base_point: ndarray
     ) -> ExponentialResult:
+        check_metric(metric)
         base_point = metric.check_points(values_of(base_point, "base_point")[None], "base_point")[0]
         velocity = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
         return finish(self, self._follow(metric, velocity, base_point))

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, Self, cast
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import values_of, whole_number
+from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
-from riemhuman.geometry.metric import metric_of
-from riemhuman.geometry.strategies import MeanSolver
+from riemhuman.geometry.metric import check_metric, metric_of
+from riemhuman.geometry.strategies import MeanSolver, check_strategy
 from riemhuman.solvers._dispersion import AreaCheck, Dispersion, metric_of_search, with_weight
 from riemhuman.solvers._lbfgs import LBFGS, Minimum, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
@@ -97,10 +97,6 @@ class BasisMean(Solver, MeanSolver):
     callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
 
-    def __post_init__(self) -> None:
-        whole_number(self.sample_size, "sample_size", minimum=1)
-        super().__post_init__()
-
     def solve(
         self,
         metric: RiemannianMetric,
@@ -130,6 +126,7 @@ class BasisMean(Solver, MeanSolver):
             `variance` is that of the metric alone; `variances` include the companion metric, and
             are mean distances for medians.
         """
+        check_metric(metric)
         of_search = metric_of_search(metric, self.companion_weight)
         dispersion = Dispersion(of_search, points, weights, self.sample_size)
         point = self._origin(dispersion.sample, initial_point)
@@ -264,6 +261,7 @@ class GradientDescentMean(Solver, MeanSolver):
         The other parameters are those of `BasisMean.solve`. A point without a logarithm at a point
         on the way raises an OutsideManifoldError.
         """
+        check_metric(metric)
         if metric.log_solver is None and not metric.has_closed_form_geodesic:
             raise NotDefinedError(
                 f"GradientDescentMean needs a closed form of log, or a log_solver; "
@@ -407,6 +405,7 @@ class FrechetMean(Estimator):
             # Logarithms found by strategies belong to geodesics, whose lengths are not the
             # distances of pull-backs: their mean is no descent direction.
             solver = GradientDescentMean() if metric.has_closed_form_geodesic else BasisMean()
+        check_strategy(solver, "solver")
         return solver.solve(metric, points, weights, **settings)
 
 

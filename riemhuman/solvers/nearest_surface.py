@@ -11,9 +11,10 @@ from autograd import value_and_grad
 from numpy import ndarray
 from scipy.sparse import csr_array
 
-from riemhuman.checks import real_array, weight_shares
+from riemhuman.checks import integer_array, real_array, weight_shares
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, RiemannianMetric
+from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.surface import apply_operator, stacked_derivatives, triangle_frames
 from riemhuman.solvers._lbfgs import LBFGS, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
@@ -102,6 +103,7 @@ class NearestSurface(Solver):
         MeanResult
             `variances` include the companion's part, `variance` does not.
         """
+        check_metric(metric)
         target = metric.target_metric
         images = target.check_points(images, "images")
         weights = weight_shares(weights, len(images))
@@ -169,6 +171,7 @@ def inverted_triangles(points: ndarray, reference: ndarray, faces: ndarray) -> n
     """
     reference = real_array(reference, "reference", ("n_vertices", 3), batched=False)
     points = real_array(points, "points", reference.shape)
+    faces = integer_array(faces, "faces", ("n_faces", 3))
     frames, unit = _frames(points, faces), _frames(reference, faces)
     areas = np.linalg.det(unit)
     if not np.all(areas > 0):

@@ -13,6 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, Triple
 from riemhuman.solvers.paths import check_end_points, rounding_energy
@@ -107,6 +108,7 @@ class PoleLadder(Solver, TransportSolver):
         path : array, shape (n_nodes, \*shape), optional
             Path from the base point, with one rung per segment; exactly one of the three is given.
         """
+        check_metric(metric)
         if sum(way is not None for way in (direction, end_point, path)) != 1:
             raise ArgumentError("solve needs exactly one of direction, end_point and path")
         vector = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)

@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import real_array
+from riemhuman.checks import check_methods, real_array, refuse_type
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver
+from riemhuman.geometry.metric import check_metric
+from riemhuman.geometry.strategies import GeodesicSolver, check_strategy
 from riemhuman.representation import Record
 from riemhuman.solvers.paths import solve_pairs
 from riemhuman.solvers.results import PathResult, Result, Status, complete
@@ -117,7 +118,15 @@ def compare_paths(
     >>> [(row.name, row.metric) for row in rows]
     [('straight', 'elastic')]
     """
-    for name, (_, metric_name) in solvers.items():
+    check_methods(metrics, "metrics", "a dictionary of metrics", "items")
+    for name, metric in metrics.items():
+        check_metric(metric, f"metrics[{name!r}]")
+    check_methods(solvers, "solvers", "a dictionary of solvers with names of metrics", "items")
+    for name, pair in solvers.items():
+        if not isinstance(pair, tuple) or len(pair) != 2:
+            refuse_type(pair, f"solvers[{name!r}]", "a pair of a solver and the name of its metric")
+        solver, metric_name = pair
+        check_strategy(solver, f"solvers[{name!r}][0]")
         if metric_name not in metrics:
             raise ArgumentError(
                 f"solvers[{name!r}] names the metric {metric_name!r}; metrics holds "

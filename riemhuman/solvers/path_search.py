@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 from numpy import ndarray
@@ -112,11 +112,15 @@ class PathSearch(PathSolver):
             starts.append(rotating[0][0])
             alternatives = [path for path, _ in rotating[1:]]
         if self.initial is not None:
-            starts.append(self.initial.solve(metric, start, end).path)
+            starts.append(self._initial_path(metric, start, end))
             alternatives = []
         starts = [_on_manifold(metric, path) for path in starts]
         best = min(starts, key=lambda path: _energy(metric, self.energy, path))
         return [best, *alternatives]
+
+    def _initial_path(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> ndarray:
+        path = cast("GeodesicSolver", self.initial).solve(metric, start, end).path
+        return check_initial_path(metric, start, end, self.n_nodes, path)
 
     def _best_of(self, metric: RiemannianMetric, paths: list[ndarray]) -> PathResult:
         """Descend from the start that leads to the least energy, as far as a short run tells."""
@@ -249,7 +253,7 @@ class BasisPath(PathSearch):
 
     def _starts(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> list[ndarray]:
         if self.initial is not None:
-            return [self.initial.solve(metric, start, end).path]
+            return [self._initial_path(metric, start, end)]
         return super()._starts(metric, start, end)
 
     def _factor(self, metric: RiemannianMetric, path: ndarray) -> CholeskyFactor:

@@ -22,7 +22,8 @@ from riemhuman.errors import (
     warn,
 )
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
+from riemhuman.geometry.metric import check_metric
+from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy, check_strategy
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.solvers.results import PathResult, Solver, complete
@@ -123,6 +124,8 @@ def solve_pairs(
     progress: bool = False,
 ) -> list[PathResult]:
     """Return paths of any solver between many pairs of points, see `PathSolver.solve_many`."""
+    check_strategy(solver, "solver")
+    check_metric(metric)
     bar = ProgressBar(total=len(pairs), desc="Geodesics", disable=not progress, unit=" paths")
     results: list[PathResult] = []
     with warnings.catch_warnings(), single_threaded_libraries(), bar:
@@ -204,12 +207,12 @@ class ClosedFormGeodesic(PathSolver):
     n_nodes: int = 11
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+        start, end = check_end_points(metric, start, end)
         if not metric.has_closed_form_geodesic:
             raise NotDefinedError(
                 f"{type(metric).__name__} has no closed-form geodesics; use BasisPath or "
                 "PathStraightening"
             )
-        start, end = check_end_points(metric, start, end)
         path = metric.geodesic(start, end_point=end)(np.linspace(0.0, 1.0, self.n_nodes))
         return known_path(metric, path, "closed form", gap=0.0)
 
@@ -218,6 +221,7 @@ def check_end_points(
     metric: RiemannianMetric, start: ndarray, end: ndarray
 ) -> tuple[ndarray, ndarray]:
     """Return two single points as float64 arrays after checking them."""
+    check_metric(metric)
     checked = []
     for point, name in ((start, "start"), (end, "end")):
         checked.append(real_array(point, name, metric.space.shape, batched=False, rows=True))

@@ -13,8 +13,9 @@ from typing import Any, Self, TypeVar, cast
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import real_number, whole_number
+from riemhuman.checks import check_methods, real_number, whole_number
 from riemhuman.errors import ConvergenceWarning, FileFormatError, warn
+from riemhuman.geometry.strategies import check_strategy
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.representation import Record, field_texts
 
@@ -201,22 +202,36 @@ class MeanResult(Result):
 
 
 # Least values of settings that are whole numbers, and settings that must be above 0.
-_LEAST = {"n_nodes": 2, "n_steps": 1, "n_rungs": 1, "max_iter": 1, "n_doublings": 0}
+_LEAST = {"n_nodes": 2, "n_doublings": 0}
+_LEAST |= dict.fromkeys(("n_steps", "n_rungs", "max_iter", "sample_size"), 1)
 _ABOVE_ZERO = {"tolerance", "end_tolerance", "pose_weight", "bone_smoothing"}
+# Methods of settings that are objects, and what they are.
+_METHODS = {
+    "basis": ("a DeformationBasis", "check_fits", "extend"),
+    "energy": ("an energy such as SegmentEnergy()", "value", "value_and_gradient"),
+    **dict.fromkeys(("callback", "model", "parameters"), ("a function", "__call__")),
+}
+_STRATEGIES = {"initial", "geodesic_solver"}
 
 
 class Solver:
     """A base of solvers that checks their settings by name; None stands for a default."""
 
     def __post_init__(self) -> None:
-        for name in (field.name for field in fields(cast(Any, self))):
-            value = getattr(self, name)
+        for field in fields(cast(Any, self)):
+            value, name = getattr(self, field.name), field.name
+            if value is None and field.default is None:
+                continue
             if name in _LEAST:
                 whole_number(value, name, minimum=_LEAST[name])
-            elif name in _ABOVE_ZERO and value is not None:
+            elif name in _ABOVE_ZERO:
                 real_number(value, name, minimum=0.0, strict=True)
             elif name == "companion_weight":
                 real_number(value, name, minimum=0.0)
+            elif name in _METHODS:
+                check_methods(value, name, *_METHODS[name])
+            elif name in _STRATEGIES:
+                check_strategy(value, name)
 
 
 ResultType = TypeVar("ResultType", bound=Result)

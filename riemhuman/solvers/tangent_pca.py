@@ -8,12 +8,13 @@ from typing import Any, Self
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, one_of, real_array, whole_number
+from riemhuman.checks import Rng, generator, one_of, real_array, refuse_type, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import sample_count, stack_samples
 from riemhuman.geometry.metric import metric_of
+from riemhuman.geometry.strategies import check_strategy
 from riemhuman.solvers.means import BasisMean, GradientDescentMean
 from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
 
@@ -57,7 +58,11 @@ class ImageEstimator(Estimator):
 
     @property
     def _nearest(self) -> NearestSurface:
-        return self.nearest or NearestSurface()
+        if self.nearest is None:
+            return NearestSurface()
+        if not isinstance(self.nearest, NearestSurface):
+            refuse_type(self.nearest, "nearest", "a NearestSurface(...)")
+        return self.nearest
 
     def _embed(self, points: ndarray) -> ndarray:
         return self._metric.map(points) if self._takes_fields else points
@@ -77,7 +82,8 @@ class ImageEstimator(Estimator):
             mean = BasisMean(companion_weight=nearest.companion_weight, progress=nearest.progress)
         elif mean is None:
             mean = GradientDescentMean()
-        if hasattr(mean, "solve"):
+        if isinstance(mean, type) or hasattr(mean, "solve"):
+            check_strategy(mean, "mean")
             return mean.solve(metric, points).point
         mean = real_array(mean, "mean", metric.space.shape, batched=False)
         return metric.space.check_point(mean, "mean")

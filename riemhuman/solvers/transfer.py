@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import one_of
+from riemhuman.checks import check_methods, one_of
 from riemhuman.errors import ArgumentError
+from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives, triangle_frames
 from riemhuman.solvers._lbfgs import LBFGS, Minimum, minimize_from
@@ -116,7 +117,7 @@ class MotionTransfer:
                 'reference must be left out where transfer="pose": poses are transferred as they '
                 "are, whatever the pose of the target"
             )
-        areas, moved = space.template.vertex_areas, []
+        moved: list[ndarray] = []
         for k, frame in enumerate(motion):
             frame = _one_surface(space, frame, f"motion[{k}]")
             if k == 0:
@@ -134,7 +135,7 @@ class MotionTransfer:
                 surface = changes.solve(frame, target + (frame - source))
             # Mean displacements agree, above all those of what is at rest.
             change = frame - source
-            weights = areas / (_AT_REST**2 + np.sum(change**2, axis=1))
+            weights = space.template.vertex_areas / (_AT_REST**2 + np.sum(change**2, axis=1))
             moved.append(surface + np.average(start + change - surface, axis=0, weights=weights))
         if not moved:
             raise ArgumentError("motion must have at least one frame; found none")
@@ -270,6 +271,8 @@ class Disentangling(Solver):
         pose : array, shape (V, 3)
             Body B, which gives the pose.
         """
+        check_metric(shape_metric, "shape_metric")
+        check_metric(pose_metric, "pose_metric")
         space: Any = shape_metric.space
         if not space.is_surface_space or space.shape != pose_metric.space.shape:
             raise ArgumentError(
@@ -431,6 +434,9 @@ def _flow(half: LinearOperator, rotations: ndarray) -> ndarray:
 
 
 def _one_surface(space: AlignedSurfaces, surface: Any, name: str) -> ndarray:
+    check_methods(
+        space, "space", "a space of surfaces, AlignedSurfaces(template)", "check_immersed"
+    )
     surface = np.asarray(space.check_immersed(surface, name))
     if surface.ndim != len(space.shape):
         raise ArgumentError(

@@ -28,6 +28,7 @@ from riemhuman.geometry import (
     SRNFMetric,
     VectorSpace,
 )
+from riemhuman.solvers import LinearPath
 
 ONE = triangle_template()
 SPACES = {
@@ -146,8 +147,8 @@ def test_spaces_of_users():
     with pytest.raises(ArgumentTypeError, match="HalfPlane has no default metric"):
         space.equip_with_metric()
     assert isinstance(space.equip_with_metric(HyperbolicDistance).metric, HyperbolicDistance)
-    space.equip_with_metric(HyperbolicInnerProduct, geodesic_solver="any")
-    assert space.metric.geodesic_solver == "any"
+    space.equip_with_metric(HyperbolicInnerProduct, geodesic_solver=LinearPath())
+    assert space.metric.geodesic_solver == LinearPath()
 
 
 @pytest.mark.parametrize("name", ["belongs", "to_tangent", "random_point", "check_point"])

@@ -26,6 +26,7 @@ from oracles import taylor_slope
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
 from riemhuman.geometry import (
     AlignedSurfaces,
+    ElasticMetric,
     NormalFields,
     RiemannianMetric,
     VectorSpace,
@@ -567,6 +568,33 @@ BAD_POINTS = {
 }
 
 LIBRARY_CASES = [case for case in KINDS if not case.name.startswith("half-plane")]
+
+
+@pytest.mark.parametrize("case", LIBRARY_CASES, ids=name_of)
+def test_stacks_of_different_lengths_are_refused(case):
+    metric, points, vectors = case.metric, case.points, case.tangent_vecs
+    calls = [lambda: metric.norm(vectors[:3], points[:2])]
+    if "dist" in case.can:
+        calls.append(lambda: metric.dist(points[:3], points[:2]))
+    if "exp" in case.can:
+        calls += [
+            lambda: metric.exp(vectors[:3], points[:2]),
+            lambda: metric.log(points[:3], points[:2]),
+            lambda: metric.parallel_transport(vectors[:3], points[:3], end_point=points[:2]),
+        ]
+    for call in calls:
+        with pytest.raises(
+            ArgumentError, match=r"must be stacks of the same length, or single; found"
+        ):
+            call()
+
+
+@pytest.mark.parametrize("name", ["geodesic", "exp", "log", "transport"])
+def test_what_is_no_strategy_is_refused(name):
+    for wrong, found in ((SimpleNamespace, "the class SimpleNamespace"), (CASES, "dict")):
+        message = f"{name}_solver must be a strategy with a method solve, .*; found {found}"
+        with pytest.raises(ArgumentTypeError, match=message):
+            ElasticMetric(CASES["mixed open"].space, **{f"{name}_solver": wrong})
 
 
 @pytest.mark.parametrize(("spoil", "found"), BAD_POINTS.values(), ids=BAD_POINTS)

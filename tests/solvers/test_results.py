@@ -11,13 +11,20 @@ import pytest
 from cases import CASES
 
 from riemhuman import solvers
-from riemhuman.errors import ArgumentError, ConvergenceWarning, FileFormatError
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    ConvergenceWarning,
+    FileFormatError,
+)
 from riemhuman.geometry import ElasticMetric, VectorSpace
 from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.solvers import BasisMean, GradientDescentMean, PathStraightening, TangentPCA
 from riemhuman.solvers._lbfgs import Minimum
 from riemhuman.solvers.parallel_transport import TransportResult
 from riemhuman.solvers.results import MeanResult, PathResult, Status, finish
 from riemhuman.statistics import FrechetMean, GeometricMedian
+from riemhuman.surfaces import DeformationBasis
 
 
 class Solver:
@@ -67,7 +74,15 @@ def test_solvers_and_results_are_frozen(cls):
 
 
 LEAST = {"n_nodes": 2, "max_iter": 1, "n_steps": 1, "n_rungs": 1}
-MODELS = ("basis", "model", "parameters")
+MODELS = {"basis": DeformationBasis(np.eye(1, 3)[None]), "model": print, "parameters": print}
+WRONG = {
+    "basis": (np.zeros((1, 1, 3)), "a DeformationBasis; found ndarray"),
+    "energy": (solvers.SegmentEnergy, r"an energy such as SegmentEnergy\(\); found the class Seg"),
+    "initial": (solvers.LinearPath, "a strategy with a method solve.*; found the class LinearPath"),
+    "geodesic_solver": (MODELS["basis"], "a strategy with a method.*; found DeformationBasis"),
+    "callback": (3, "a function; found int"),
+    "parameters": (3, "a function; found int"),
+}
 
 
 def settings_of(bounds):
@@ -82,9 +97,9 @@ def settings_of(bounds):
 
 
 def build(cls, **settings):
-    """Return a solver; none looks at its basis or model before it solves."""
-    given = {f.name: None for f in dataclasses.fields(cls) if f.init and f.name in MODELS}
-    return cls(**given, **settings)
+    """Return a solver, with a basis or a body model of a kind where it needs one."""
+    given = {f.name: MODELS[f.name] for f in dataclasses.fields(cls) if f.name in MODELS and f.init}
+    return cls(**given | settings)
 
 
 @pytest.mark.parametrize(("cls", "name"), settings_of(LEAST))
@@ -92,6 +107,46 @@ def test_least_numbers_are_legal(cls, name):
     assert getattr(build(cls, **{name: LEAST[name]}), name) == LEAST[name]
     with pytest.raises(ArgumentError, match=f"{name} must be a whole number of at least"):
         build(cls, **{name: LEAST[name] - 1})
+
+
+@pytest.mark.parametrize(("cls", "name"), settings_of(WRONG))
+def test_settings_of_another_kind_are_refused(cls, name):
+    if cls is not PathStraightening or name != "basis":
+        with pytest.raises(ArgumentTypeError, match=f"{name} must be {WRONG[name][1]}"):
+            build(cls, **{name: WRONG[name][0]})
+
+
+def test_what_is_given_in_place_of_the_metric_is_refused():
+    case = CASES["mixed open"]
+    metric, points, space = case.metric, case.points, case.space
+    calls = {
+        "ndarray": lambda: solvers.LinearPath().solve(*points[:2], metric),
+        "AlignedSurfaces": lambda: solvers.PathStraightening().solve(space, *points[:2]),
+        "the class ElasticMetric": lambda: BasisMean().solve(ElasticMetric, points),
+        "list": lambda: solvers.LinearPath().solve_many([points[:2]], metric),
+        "int": lambda: solvers.DiscreteExponential().solve(3, *points[:2]),
+        "float": lambda: solvers.DiscreteLogarithm().solve(0.5, *points[:2]),
+        "tuple": lambda: GradientDescentMean().solve((), points),
+        "str": lambda: solvers.PoleLadder().solve("metric", *points[:2], end_point=points[2]),
+        "dict": lambda: solvers.NearestSurface().solve({}, *points[:2]),
+        "set": lambda: solvers.Disentangling().solve(set(), set(), *points[:2]),
+    }
+    for found, call in calls.items():
+        with pytest.raises(ArgumentTypeError, match=f"metric must be a metric, .*; found {found}$"):
+            call()
+    with pytest.raises(ArgumentTypeError, match="space must be a space of surfaces.*ElasticMetric"):
+        solvers.ShapeTransfer().solve(metric, *points[:3])
+    for estimator in (FrechetMean(metric, BasisMean), TangentPCA(metric, mean=BasisMean)):
+        with pytest.raises(ArgumentTypeError, match="with a method solve.*the class BasisMean"):
+            estimator.fit(points)
+    with pytest.raises(ArgumentTypeError, match="nearest must be a NearestSurface"):
+        TangentPCA(metric, nearest=3).fit(points)
+    for pair, found in (
+        (solvers.LinearPath(), "a pair"),
+        ((solvers.LinearPath, "m"), "a strategy"),
+    ):
+        with pytest.raises(ArgumentTypeError, match=rf"solvers\['one'\].* must be {found}"):
+            solvers.compare_paths({"m": metric}, *points[:2], {"one": pair})
 
 
 RESULTS = [
