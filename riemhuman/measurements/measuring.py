@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from autograd import make_vjp
 from numpy import ndarray
+from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel
+from riemhuman.bodies import BodyModel, joints_between
 from riemhuman.checks import likely_units, one_of, real_array, real_number
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
@@ -35,6 +36,8 @@ _MOST_UNSEEN = 0.05
 # Weight in square metres of the coefficients of hand poses, which do not tell people apart: where
 # hands were relaxed in the fit, fists would rotate the wrists.
 _HANDS_PRIOR = 1e-6
+# Uneven bends of a spine, root of the sum of their squares in radians, that poses can have.
+_BENDS_OF_POSES = np.radians(7.0)
 # Number of vertices from which the size of a body is estimated.
 _N_SAMPLES = 256
 
@@ -310,6 +313,8 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
     The body model is fitted to each body, hands included. `riemhuman.solvers.ShapeTransfer` then
     transfers the difference between the body and its fit to the fitted person in the standard pose,
     with relaxed hands: triangles stretch by the same amounts, along axes that rotate with them.
+    A spine that the fit bends unevenly, forward and back, keeps these bends: they are the person's
+    own shape, which the model explains as posture.
 
     Parameters
     ----------
@@ -334,14 +339,36 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
     hands_prior = _HANDS_PRIOR if model.hand_directions.shape[-1] else None
     fit = model.fit(points, weights=model.template.vertex_areas, hands_prior=hands_prior)
     space = AlignedSurfaces(model.template, equip=False, scale=None)
-    transfer, pose = ShapeTransfer(), description.standard_pose_vector
+    transfer = ShapeTransfer()
     straight = np.empty_like(points)
     for index in np.ndindex(points.shape[:-2]):
         hands = None if fit.hands is None else fit.hands[index]
         fitted = model(fit.betas[index], fit.pose[index], fit.trans[index], hands)
-        target = model(fit.betas[index], pose)
+        target = model(fit.betas[index], _standard_pose_of(description, fit.pose[index]))
         straight[index] = transfer.solve(space, fitted, points[index], target)
     return straight
+
+
+def _standard_pose_of(description: MeasurementSet, fitted: ndarray) -> ndarray:
+    """Return the standard pose, with the uneven bends of a fitted spine between upright ends."""
+    pose = description.standard_pose_vector.copy()
+    assert description.model is not None
+    names, left = description.model.joint_names, description.axes[:, 0]
+    frame = [names.index(name) for name in description.frame if name in names]
+    spine = joints_between(description.model.parents, *frame[:2])[1:-1] if len(frame) == 4 else []
+    if not spine:
+        return pose
+    bends = fitted[spine] @ left
+    bends -= bends.mean()
+    # The shrinkage of James and Stein: no bends remain where poses explain them.
+    bends *= max(0.0, 1.0 - _BENDS_OF_POSES**2 / max(bends @ bends, np.finfo(float).tiny))
+    # The trunk as a whole is upright, and the legs stand as in the standard pose.
+    tilt = -np.mean(np.cumsum([0.0, *bends])) * left
+    pose[spine] += bends[:, np.newaxis] * left
+    pose[frame[0]] += tilt
+    hips = Rotation.from_rotvec(-tilt) * Rotation.from_rotvec(pose[frame[2:]])
+    pose[frame[2:]] = hips.as_rotvec()
+    return pose
 
 
 def _checked_trust(trusted_vertices: Any, shape: tuple[int, ...]) -> ndarray:

@@ -187,6 +187,21 @@ def test_bodies_of_the_model_come_back_to_the_standard_pose(bodies, own):
     np.testing.assert_allclose(straight, expected, atol=2e-5)
 
 
+def test_upright_people_keep_their_backs(own):
+    """Bends of a spine that make up for each other are the shape of a back, not a pose."""
+    model, pose = load_open_model("coarse"), own.definitions.standard_pose_vector.copy()
+    spine = [model.joint_names.index(f"{part}_spine") for part in ("lower", "middle", "upper")]
+    pose[[0, *spine, 4], 0] = np.radians([-11.0, 20.0, 12.0, -22.0, -10.0])
+    hips = [model.joint_names.index(f"{side}_hip") for side in ("left", "right")]
+    pose[hips, 0] += np.radians(11.0)
+    waist = Measurements(own.definitions, [*LARGE, "waist height", "stature", "back length"])
+    upright = model(np.zeros(32), pose)
+    straight = waist.measure(upright, pose="standard").values
+    np.testing.assert_allclose(straight, waist.measure(upright, axes="space").values, atol=0.005)
+    bent = waist.measure(model(np.zeros(32), own.definitions.standard_pose_vector), axes="space")
+    assert np.abs(straight - bent.values).max() > 0.02
+
+
 def test_fists_measure_as_relaxed_hands(bodies, own):
     model = bodies.model
     which = np.array([0, 13, 27])
