@@ -77,8 +77,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         discard_output()
         return _BROKEN_PIPE
     except OSError as error:  # of standard output: `_run` tells all others
-        if "--debug" in given:
-            raise
         discard_output()
         note(f"standard output cannot be written: {error.strerror or error}")
         return _NOT_DONE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
@@ -13,13 +13,9 @@ from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError, FileError
 
-if TYPE_CHECKING:
-    from numpy import ndarray
-
 _COMPONENTS_METRIC = (1.0, 1.0, 0.0)  # with a much smaller λ, triangles have no logarithm
 _PARTS = ((1.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # metrics of shape and of pose
 _DEVIATIONS = 2.0
-_SIDES = {"minus": -_DEVIATIONS, "plus": _DEVIATIONS}
 _COMPONENT_FILES = (
     r"(mean|component_\d+_(minus|plus)|sample_\d{4,})\.ply|components\.html|summary\.json"
 )
@@ -49,7 +45,7 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
     basis = inputs.chosen_basis(options, surfaces.template)
     solver = rh.solvers.BasisPath(basis, options.n_nodes, progress=options.bars)
     start = time.perf_counter()
-    with options.task(f"Geodesic, {inputs.metric_name(metric)}"):
+    with options.task(f"Geodesic, {metric}"):
         result = solver.solve(metric, *surfaces[:])
     record = {
         "from": options.a_file,
@@ -65,7 +61,7 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
     answer: Any = terminal.solved(result, values, **record)
     description = (
         f"From {options.a_file.name} to {options.b_file.name} in {len(result.path)} surfaces: "
-        f"a path of least energy under the metric {inputs.metric_name(metric)}. Energy "
+        f"a path of least energy under the metric {metric}. Energy "
         f"{result.energy:.4g}, length {length:.4g}\u00a0m; no path is shorter than "
         f"{distance:.4g}\u00a0m. Converged: {answer.text['converged']}."
     )
@@ -95,7 +91,7 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     points = surfaces[:]
     metric = inputs.chosen_metric(options, surfaces.template)
     basis = inputs.chosen_basis(options, surfaces.template)
-    with options.task(f"Mean of {len(points)}, {inputs.metric_name(metric)}"):
+    with options.task(f"Mean of {len(points)}, {metric}"):
         result = rh.solvers.BasisMean(basis, progress=options.bars).solve(metric, points)
     rh.save_mesh(options.output, result.point, surfaces.faces)
     shown = None
@@ -129,7 +125,7 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     inputs.metric_options(_COMPONENTS_METRIC),
 )
 def _components(options: argparse.Namespace) -> cli.Answer:
-    from riemhuman.checks import whole_number
+    import numpy as np
 
     if options.metric == "shape":
         raise ArgumentError(
@@ -137,19 +133,25 @@ def _components(options: argparse.Namespace) -> cli.Answer:
             "default, -a 1 -l 1 -c 0, also describes body shape"
         )
     count = options.n_components
-    for name in ("samples", "seed"):
-        whole_number(getattr(options, name), f"--{name}", minimum=0)
     surfaces = inputs.read_surfaces(options, options.meshes)
     if not 0 < count < len(surfaces):
         raise ArgumentError(f"-n {count} must be below the number of meshes, {len(surfaces)}")
     points = surfaces[:]
     metric = inputs.chosen_metric(options, surfaces.template)
     metric.space.metric = metric
-    with options.task(f"Components of {len(points)}, {inputs.metric_name(metric)}"):
+    with options.task(f"Components of {len(points)}, {metric}"):
         nearest = rh.statistics.NearestSurface(progress=options.bars)
         pca = rh.statistics.TangentPCA(metric.space, count, nearest=nearest).fit(points)
-    with options.task(f"{1 + 2 * count + options.samples} bodies"):
-        bodies = _bodies_of_components(pca, options)
+    numbers = range(1, pca.n_components_ + 1)
+    names = ["mean", *(f"component_{k}_{side}" for k in numbers for side in ("minus", "plus"))]
+    names += [f"sample_{k:04d}" for k in range(options.samples)]
+    with options.task(f"{len(names)} bodies"):
+        ends = np.diag(_DEVIATIONS * np.sqrt(pca.explained_variance_))
+        coordinates = [sign * end for end in ends for sign in (-1.0, 1.0)]
+        bodies = [pca.mean_, *pca.inverse_transform(coordinates)]
+        if options.samples:
+            samples = pca.sample(options.samples, options.seed)
+            bodies += list(samples.reshape(-1, *pca.mean_.shape))
     record = {
         "files": surfaces.files,
         "metric": inputs.metric_record(metric),
@@ -161,32 +163,14 @@ def _components(options: argparse.Namespace) -> cli.Answer:
         "samples": options.samples,
         "seed": options.seed,
     }
-    meshes = {f"{name}.ply": surface for name, surface in bodies.items()}
-    names = [name.replace("_", " ") for name in bodies]
+    meshes = dict(zip((f"{name}.ply" for name in names), bodies, strict=True))
     with inputs.mesh_folder(options, meshes, surfaces.faces, record) as folder:
-        page, shown = folder / "components.html", [*bodies.values()]
-        title = "Mean, components and samples"
-        rh.plots.save_picture(page, shown, surfaces.faces, names, title=title)
-    said = [
-        f"component {k + 1}  {100 * share:.1f} % of the variance"
-        for k, share in enumerate(pca.explained_variance_ratio_)
-    ]
+        titles, title = [name.replace("_", " ") for name in names], "Mean, components and samples"
+        page = folder / "components.html"
+        rh.plots.save_picture(page, bodies, surfaces.faces, titles, title=title)
+    shares = zip(numbers, pca.explained_variance_ratio_, strict=True)
+    said = [f"component {k}  {100 * share:.1f} % of the variance" for k, share in shares]
     return cli.Answer("\n".join(said), record)
-
-
-def _bodies_of_components(pca: Any, options: argparse.Namespace) -> dict[str, ndarray]:
-    """Return the surfaces to write by name: the mean, the ends of components, and samples."""
-    import numpy as np
-
-    deviations = np.sqrt(pca.explained_variance_)
-    names = [f"component_{k + 1}_{side}" for k in range(len(deviations)) for side in _SIDES]
-    ends = [times * row for row in np.diag(deviations) for times in _SIDES.values()]
-    bodies = {"mean": pca.mean_, **dict(zip(names, pca.inverse_transform(ends), strict=True))}
-    if options.samples:
-        samples = pca.sample(options.samples, options.seed)
-        for k, surface in enumerate(samples.reshape(options.samples, *pca.mean_.shape)):
-            bodies[f"sample_{k:04d}"] = surface
-    return bodies
 
 
 @cli.command(
@@ -203,12 +187,11 @@ def _bodies_of_components(pca: Any, options: argparse.Namespace) -> dict[str, nd
     cli.FILES,
     cli.mesh_option("--onto", "MESH", "body to move", required=True),
     inputs.MOTION_OUTPUT,
-    cli.option(
+    cli.choice(
         "--axes",
         "axes about which triangles rotate: those of the world, or those of the body, for a body "
         "in another pose than the first mesh",
-        choices=("world", "body"),
-        default="world",
+        *("world", "body"),
     ),
     cli.choice("--transfer", "replay changes since the first mesh, or poses", "change", "pose"),
     cli.UNIT,
@@ -409,13 +392,13 @@ def _basis(options: argparse.Namespace) -> cli.Answer:
     return cli.Answer(said, record)
 
 
-def _basis_motions(options: argparse.Namespace) -> list[Any]:
+def _basis_motions(options: argparse.Namespace) -> Any:
     """Return the chosen motions, whose frames are read when they are needed."""
     if options.open == bool(options.motions):
         raise ArgumentError("give either files or folders of motions, or --open")
     chosen = {"subjects": options.subjects, "sequences": options.sequences}
     if options.open:
-        return list(rh.datasets.load_open_motions(options.resolution, **chosen))
+        return rh.datasets.load_open_motions(options.resolution, **chosen)
     return inputs.read_motions(options, *options.motions, **chosen).motions
 
 
@@ -438,30 +421,7 @@ def _convert_model(options: argparse.Namespace) -> cli.Answer:
     contents = rh.bodies.model_contents(options.source, options.n_betas)
     record = {"vertices": model.n_vertices, "joints": model.n_joints}
     record |= {"shape_coefficients": model.n_betas}
-    return cli.Answer({"used": contents, **record}, record)
-
-
-def _check_registration(options: argparse.Namespace) -> None:
-    """Raise an error if options do not fit each other, or the output could not be written."""
-    from riemhuman.io.outputs import check_output_file
-
-    if options.model is not None and options.coarse:
-        raise ArgumentError("--coarse cannot be combined with --model; leave out one")
-    if not options.scans.is_dir():
-        if options.sequence:
-            raise ArgumentError(
-                f"--sequence needs a folder of scans; {options.scans} is not a folder"
-            )
-        check_output_file(options.output, cli.MESH_ENDINGS, force=options.force)
-    elif options.untrusted:
-        raise ArgumentError(
-            "--untrusted is for one scan; for a folder, see untrusted/ in the output"
-        )
-    elif options.landmarks is not None:
-        raise ArgumentError("--landmarks is for one scan; register the scans one by one")
-    elif options.output.resolve() == options.scans.resolve():
-        raise FileError(f"{options.output} holds the scans; name another folder for the bodies")
-    options.written.append(options.output)
+    return cli.Answer({"used": str(contents), **record}, record)
 
 
 @cli.command(
@@ -479,13 +439,13 @@ def _check_registration(options: argparse.Namespace) -> None:
     "  riemhuman register scan.obj -o body.ply --model SMPL_NEUTRAL.npz\n"
     "  riemhuman register scan.ply -o body.ply --landmarks joints.csv\n",
     cli.path_option("scans", "SCAN", "a scan or a folder"),
+    cli.path_option("-o --output", "BODY", "mesh to write, or folder of meshes", required=True),
+    cli.FORCE,
     cli.several(
-        cli.path_option("-o --output", "BODY", "mesh to write, or folder of meshes", required=True),
-        cli.FORCE,
-        check=_check_registration,
+        cli.MODEL,
+        cli.flag("--coarse", "use the open model with 1,202 vertices (faster)"),
+        exclusive=True,
     ),
-    cli.MODEL,
-    cli.flag("--coarse", "use the open model with 1,202 vertices (faster)"),
     cli.option("--unit", "unit of the scans (default: by their size)", choices=cli.UNITS),
     cli.option(
         "--up", "axis that points up in the scans (default: found by the fit)", choices=cli.AXES
@@ -501,13 +461,27 @@ def _check_registration(options: argparse.Namespace) -> None:
     cli.flag("--keep-axes", "leave bodies where the scans are (default: on the ground, facing z)"),
 )
 def _register(options: argparse.Namespace) -> cli.Answer:
+    from riemhuman.io.outputs import check_output_file
+
+    is_folder = options.scans.is_dir()
+    for name, what in {
+        "untrusted": "one scan",
+        "landmarks": "one scan",
+        "sequence": "a folder",
+    }.items():
+        if getattr(options, name) and is_folder != (what == "a folder"):
+            raise ArgumentError(f"--{name} is for {what}; {options.scans} is not")
+    if not is_folder:
+        check_output_file(options.output, cli.MESH_ENDINGS, force=options.force)
+    elif options.output.resolve() == options.scans.resolve():
+        raise FileError(f"{options.output} holds the scans; name another folder for the bodies")
+    options.written.append(options.output)
     if options.model is not None:
         model = rh.BodyModel.from_file(options.model)
     else:
         model = rh.datasets.load_open_model("coarse" if options.coarse else "full")
     registration = rh.registration.ScanRegistration(model, unit=options.unit, up=options.up)
-    register = _register_folder if options.scans.is_dir() else _register_file
-    return register(registration, options)
+    return (_register_folder if is_folder else _register_file)(registration, options)
 
 
 def _register_file(registration: Any, options: argparse.Namespace) -> cli.Answer:
@@ -517,28 +491,21 @@ def _register_file(registration: Any, options: argparse.Namespace) -> cli.Answer
     scan = rh.registration.load_scan(options.scans, options.unit)
     with options.task(f"Registering {len(scan):,} points"):
         result = registration.solve(scan, landmarks=landmarks)
-    trusted, message, unit = bool(result.trusted), result.message, result.unit
     median = float(np.median(result.distances[~result.background]))
     share = float(result.matched.mean())
-    record = {
-        "scan": options.scans,
-        "trusted": trusted,
-        "message": message,
-        "median_distance": median,
-        "matched_share": share,
-        "unit": unit,
-    }
-    text = (
-        f"{1000 * median:.1f} mm from the scan in the median, {100 * share:.0f} % of the vertices "
-        f"matched; scan in {unit}, body in metres"
-    )
+    record = {name: getattr(result, name) for name in ("trusted", "message", "unit")}
+    record |= {"scan": options.scans, "median_distance": median, "matched_share": share}
     _note_message(options.scans, result)
-    if not (trusted or options.untrusted):
+    if not (result.trusted or options.untrusted):
         text = "no body is written; --untrusted writes it nevertheless"
         return cli.Answer(text, record, trusted=False, written=False)
     points = result.points if options.keep_axes else result.upright_points
     rh.save_mesh(options.output, points, registration.model.faces, result.trusted_vertices)
-    return cli.Answer(text, record, trusted=trusted)
+    text = (
+        f"{1000 * median:.1f} mm from the scan in the median, {100 * share:.0f} % of the vertices "
+        f"matched; scan in {result.unit}, body in metres"
+    )
+    return cli.Answer(text, record, trusted=result.trusted)
 
 
 def _note_message(name: object, result: Any) -> None:

@@ -1,7 +1,4 @@
-"""Declaration of commands: their help, their arguments, and the function that each runs.
-
-An argument's declaration may come with a check, which raises an error before the command runs.
-"""
+"""Declaration of commands: their help, their arguments, and the function that each runs."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ from typing import Any, NoReturn, TypeAlias
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
 
-_CHOICE = re.compile(r"(?s)(.*invalid choice: '(?P<found>[^']*)') \(choose from (?P<known>.*)\)")
+_WRONG_WORD = re.compile(r"(?:unrecognized arguments: .*(?=--)|invalid choice: ')([^\s'=]+)")
 
 UNITS = ("metres", "centimetres", "millimetres", "inches")
 AXES = ("x", "y", "z", "-x", "-y", "-z")
@@ -41,19 +38,8 @@ Run: TypeAlias = Callable[[argparse.Namespace], Answer]
 Argument: TypeAlias = Callable[[argparse.ArgumentParser], object]
 
 
-@dataclass(frozen=True)
-class Command:
-    """The declaration of a command; a name of two words is a command of a group."""
-
-    name: str
-    summary: str
-    description: str
-    examples: str
-    arguments: Sequence[Argument]
-    run: Run
-
-
-COMMANDS: list[Command] = []
+# The texts, arguments and functions of commands; a name of two words is a command of a group.
+COMMANDS: dict[str, tuple[dict[str, Any], Sequence[Argument], Run]] = {}
 GROUPS = {
     "motions": (
         "compare, align, average and search motions",
@@ -67,9 +53,10 @@ file with an array path, as `riemhuman transfer` writes it.""",
 def command(
     name: str, summary: str, description: str, examples: str, *arguments: Argument
 ) -> Callable[[Run], Run]:
+    texts = {"help": summary, "description": description, "epilog": f"examples:\n{examples}"}
 
     def declare(run: Run) -> Run:
-        COMMANDS.append(Command(name, summary, description, examples, arguments, run))
+        COMMANDS[name] = texts, arguments, run
         return run
 
     return declare
@@ -95,30 +82,27 @@ def choice(flags: str, text: str, *choices: str) -> Argument:
 
 
 def several(
-    *arguments: Argument,
-    exclusive: bool = False,
-    check: Callable[[argparse.Namespace], None] | None = None,
+    *arguments: Argument, exclusive: bool = False, title: str | None = None, text: str = ""
 ) -> Argument:
     """Return one declaration of several arguments, of which one may be given if exclusive."""
 
     def declare(parser: argparse.ArgumentParser) -> None:
-        target: Any = parser.add_mutually_exclusive_group() if exclusive else parser
+        target: Any = parser.add_argument_group(title, text) if title else parser
+        if exclusive:
+            target = target.add_mutually_exclusive_group()
         for argument in arguments:
             argument(target)
-        if check is not None:
-            parser.set_defaults(checks=(*parser.get_default("checks"), check))
 
     return declare
 
 
-def check_needs(options: argparse.Namespace, names: Sequence[str], *needed: str) -> None:
+def check_needs(options: argparse.Namespace, names: str, *needed: str) -> None:
     """Raise an error if an option is given without any of those that it needs."""
     if any(getattr(options, need.split()[0].strip("-")) for need in needed):
         return
-    for name in names:
-        if getattr(options, name):
-            flag = name.replace("_", "-")
-            raise ArgumentError(f"--{flag} needs {' or '.join(needed)}; add that, or leave it out")
+    for name in names.split():
+        if getattr(options, name.strip("-").replace("-", "_")):
+            raise ArgumentError(f"{name} needs {' or '.join(needed)}; add that, or leave it out")
 
 
 def path(text: str) -> Path:
@@ -128,22 +112,23 @@ def path(text: str) -> Path:
     return file_path(text)
 
 
+def mesh(text: str) -> Path:
+    """Return the path of an argument that is one mesh, not a folder of meshes."""
+    place = path(text)
+    if place.is_dir():
+        raise argparse.ArgumentTypeError(
+            f"must be one mesh, but {place} is a folder; `riemhuman retrieve` and `riemhuman "
+            "matrix` compare folders"
+        )
+    return place
+
+
 def path_option(flags: str, metavar: str, text: str, **settings: Any) -> Argument:
-    return option(flags, text, type=path, metavar=metavar, **settings)
+    return option(flags, text, metavar=metavar, **{"type": path, **settings})
 
 
 def mesh_option(flags: str, metavar: str, text: str = "mesh file", **settings: Any) -> Argument:
-    """Return the declaration of an argument that is one mesh, not a folder of meshes."""
-
-    def check(options: argparse.Namespace) -> None:
-        place = getattr(options, flags.strip("-"))
-        if place.is_dir():
-            raise ArgumentError(
-                f"{metavar} must be one mesh, but {place} is a folder; `riemhuman retrieve` and "
-                "`riemhuman matrix` compare folders"
-            )
-
-    return several(path_option(flags, metavar, text, **settings), check=check)
+    return path_option(flags, metavar, text, type=mesh, **settings)
 
 
 def output(
@@ -156,13 +141,11 @@ def output(
 ) -> Argument:
     """Return the declaration of an output: a file or, with a pattern of names in it, a folder.
 
-    Its check makes it a path and adds it to `options.written`; `options.ending` is that of the
-    file, or empty, and `options.is_ours` tells whether the command writes files of a name.
+    Its check, before the command runs, makes it a path and adds it to `options.written`;
+    `options.ending` is that of the file, or empty, and `options.is_ours` tells whether the command
+    writes files of a name.
     """
     dest = flags.split()[-1].strip("-")
-
-    def is_ours(name: str) -> bool:
-        return names is not None and re.fullmatch(names, name) is not None
 
     def check(options: argparse.Namespace) -> None:
         from riemhuman.io.outputs import check_output_file, check_output_folder
@@ -173,21 +156,27 @@ def output(
         place = path(given)
         may_be_folder = not endings or given.endswith("/") or place.is_dir() or not place.suffix
         if names is not None and may_be_folder:
-            options.ending, options.is_ours = "", is_ours
-            check_output_folder(place, is_ours, force=options.force)
+            options.ending, options.is_ours = "", re.compile(names).fullmatch
+            check_output_folder(place, options.is_ours, force=options.force)
         else:
             options.ending = place.suffix.lower()
             known = [*endings, *["/ (a folder)"] * (names is not None)]
             check_output_file(place, known, force=options.force)
-            if options.ending in FIGURE_ENDINGS:
-                import_optional("matplotlib", "plot")  # before the work, not after it
+        if options.ending in FIGURE_ENDINGS or (not options.ending and options.has_figure):
+            import_optional("matplotlib", "plot")  # before the work, not after it
         setattr(options, dest, place)
         options.written.append(place)
 
     kinds = ["folder"] * (names is not None) + ["file"] * bool(endings)
-    text = text or f"{' or '.join(kinds)} to write"
-    own = option(flags, text, metavar=metavar, required=required)
-    return several(own, *[FORCE] * (dest == "output"), check=check)
+    own = option(
+        flags, text or f"{' or '.join(kinds)} to write", metavar=metavar, required=required
+    )
+
+    def declare(parser: argparse.ArgumentParser) -> None:
+        several(own, *[FORCE] * (dest == "output"))(parser)
+        parser.set_defaults(checks=(*parser.get_default("checks"), check))
+
+    return declare
 
 
 def template(default: str, use: str = "whose triangle areas weight the metric") -> Argument:
@@ -222,36 +211,26 @@ _DEBUG = option(
     "--debug", "show the traceback of an error", action="store_true", default=argparse.SUPPRESS
 )
 # Options that commands read but need not declare.
-_DEFAULTS = {"template": None, "any_scale": False, "align": False, "force": False, "picture": None}
+_DEFAULTS = dict.fromkeys(("any_scale", "align", "force", "has_figure"), False)
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose errors suggest similar names."""
+    """A parser whose errors suggest the nearest name."""
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         options, unknown = self.parse_known_args(args, namespace)
         if unknown:
+            # The parser of the command knows its options.
             parser: argparse.ArgumentParser = getattr(options, "parser", self)
-            known = [name for action in parser._actions for name in action.option_strings]
-            named = [name.split("=")[0] for name in unknown if name.startswith("-")]
-            near = [match for name in named for match in _nearest(name, known)]
-            parser.error(f"unrecognized arguments: {' '.join(unknown)}{_suggestion(near)}")
+            parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         return options
 
     def error(self, message: str) -> NoReturn:
-        choice = _CHOICE.fullmatch(message)
-        if choice:
-            near = _nearest(choice["found"], re.findall(r"[^\s,']+", choice["known"]))
-            message = choice[1] + _suggestion(near) if near else message
-        super().error(message)
-
-
-def _nearest(name: str, known: Sequence[str]) -> list[str]:
-    return difflib.get_close_matches(name, known, 1)
-
-
-def _suggestion(names: Sequence[str]) -> str:
-    return f"; did you mean {' and '.join(names)}?" if names else ""
+        known = [*self._option_string_actions]
+        known += [word for action in self._actions for word in action.choices or ()]
+        wrong = _WRONG_WORD.search(message)
+        near = difflib.get_close_matches(wrong[1], known, 1) if wrong else []
+        super().error(message + "".join(f"; did you mean {name}?" for name in near))
 
 
 def make_parser(version: str, description: str, epilog: str) -> Parser:
@@ -263,22 +242,16 @@ def make_parser(version: str, description: str, epilog: str) -> Parser:
     parser.add_argument("--version", action="version", version=f"riemhuman {version}")
     _DEBUG(parser)
     commands = {"": parser.add_subparsers(metavar="COMMAND", title="commands")}
-    for declared in COMMANDS:
-        group, _, name = declared.name.rpartition(" ")
+    for whole_name, (texts, arguments, run) in COMMANDS.items():
+        group, _, name = whole_name.rpartition(" ")
         if group not in commands:
             summary, text = GROUPS[group]
             inner = commands[""].add_parser(group, help=summary, description=text, **style)
             commands[group] = inner.add_subparsers(
                 metavar="COMMAND", title="commands", required=True
             )
-        own = commands[group].add_parser(
-            name,
-            help=declared.summary,
-            description=declared.description,
-            epilog=f"examples:\n{declared.examples}",
-            **style,
-        )
-        own.set_defaults(**_DEFAULTS, run=declared.run, parser=own, checks=())
-        for argument in (*declared.arguments, *_COMMON, _DEBUG):
+        own = commands[group].add_parser(name, **texts, **style)
+        own.set_defaults(**_DEFAULTS, template=None, run=run, parser=own, checks=())
+        for argument in (*arguments, *_COMMON, _DEBUG):
             argument(own)
     return parser

@@ -10,31 +10,18 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
-from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError
+from riemhuman.errors import ArgumentError, FileFormatError
 
 if TYPE_CHECKING:
     from numpy import ndarray
 
     from riemhuman.datasets import Bodies
-    from riemhuman.solvers import PathDistances
 
 _QUESTIONS = {"subject": "Who is it?", "pose": "How do they stand?"}
 _N_COMPONENTS = 100  # of the basis of Dynamic FAUST
 _N_NODES = 11  # surfaces of a path
 # Rotation between two bodies in degrees that differences of poses do not explain.
 _LARGE_ROTATION = 40.0
-# Open bodies to which a distance is compared: some people in some poses.
-_N_TYPICAL_PEOPLE, _N_TYPICAL_POSES = 5, 5
-
-
-def _check_body_set(options: argparse.Namespace) -> None:
-    """Raise an error if an option does not apply to the chosen bodies."""
-    cli.check_needs(options, ("labels", "unit", "up"), "--bodies FOLDER")
-    cli.check_needs(options, ("template", "allow_missing"), "--faust FOLDER", "--bodies FOLDER")
-    if options.people is not None and (options.bodies or options.faust or options.reader):
-        raise ArgumentError("--people SEED is for the open bodies")
-    if options.reader is not None:
-        rh.extensions.extension("readers", options.reader[0])
 
 
 _BODY_SET = cli.several(
@@ -70,12 +57,15 @@ _BODY_SET = cli.several(
         "--allow-missing", "with --faust or --bodies: leave out bodies without a file or a label"
     ),
     cli.UNIT,
-    check=_check_body_set,
 )
 
 
 def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
     """Return the bodies that the options choose, the open bodies at a resolution."""
+    cli.check_needs(options, "--labels --unit --up", "--bodies FOLDER")
+    cli.check_needs(options, "--template --allow-missing", "--faust FOLDER", "--bodies FOLDER")
+    if options.people is not None and (options.bodies or options.faust or options.reader):
+        raise ArgumentError("--people SEED is for the open bodies")
     template, allow_missing = options.template, options.allow_missing
     bodies: Bodies
     if options.faust is not None:
@@ -166,8 +156,8 @@ def _dist(options: argparse.Namespace) -> cli.Answer:
     record = {"distance": distance, "metric": inputs.metric_record(metric)}
     record |= {"files": surfaces.files, "template": options.template or options.a_file}
     record |= {"aligned": options.align}
-    if not (options.quiet or options.json or options.any_scale):
-        _note_typical_distances(options)
+    if not (options.quiet or options.json or options.any_scale or options.extension):
+        _note_usual_distances(options)
     return cli.Answer(f"{distance:.10g}", record)
 
 
@@ -185,23 +175,17 @@ def _note_rotation(first: ndarray, second: ndarray) -> None:
         )
 
 
-def _note_typical_distances(options: argparse.Namespace) -> None:
+def _note_usual_distances(options: argparse.Namespace) -> None:
     """Say how far the open bodies are from each other under the metric."""
     import numpy as np
 
     bodies = rh.datasets.load_open_bodies("coarse")
-    some = (bodies.subject < _N_TYPICAL_PEOPLE) & (bodies.pose < _N_TYPICAL_POSES)
-    person, pose = bodies.subject[some], bodies.pose[some]
-    try:
-        distances = inputs.chosen_metric(options, bodies.template).dist_pairwise(
-            bodies.points[some]
-        )
-    except RiemhumanError:  # a metric of another package may not apply to them
-        return
-    same_person = person[:, None] == person
-    same_pose = pose[:, None] == pose
-    one_person = np.median(distances[same_person & ~same_pose])
-    one_pose = np.median(distances[same_pose & ~same_person])
+    distances = inputs.chosen_metric(options, bodies.template).dist_pairwise(bodies.points)
+    person, pose = (np.equal.outer(labels, labels) for labels in (bodies.subject, bodies.pose))
+    one_person, one_pose = (
+        np.median(distances[person & ~pose]),
+        np.median(distances[pose & ~person]),
+    )
     terminal.note(
         f"among the open bodies, the same person in another pose is at about {one_person:.2g}, "
         f"another person in the same pose at about {one_pose:.2g}"
@@ -247,19 +231,20 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
 
     from riemhuman.io.files import write_text
 
-    _check_matrix_options(options)
+    if options.output is None and options.csv is None:
+        raise ArgumentError("nothing to write; give -o NPZ, --csv CSV, or both")
+    if options.json and options.csv == "-":
+        raise ArgumentError("--json and --csv - both write to standard output; leave one out")
+    cli.check_needs(options, "--n-nodes --basis --n-components", "--paths")
+    if options.paths and options.precision != "double":
+        raise ArgumentError("--precision single cannot be combined with --paths; leave out one")
     surfaces = inputs.read_surfaces(options, rh.datasets.find_meshes(options.folder))
     metric = inputs.chosen_metric(options, surfaces.template)
-    name = inputs.metric_name(metric)
-    counted = f"{len(surfaces) * (len(surfaces) - 1) // 2:,} distances"
+    said = f"{len(surfaces) * (len(surfaces) - 1) // 2:,} distances, {metric}"
     try:
-        if options.paths:
-            paths = _path_distances(metric, surfaces, options)
-            matrices = {"distances": paths.bounds, "lengths": paths.lengths}
-            about = [f"{_excess(paths)}; {paths.message}"]
-        else:
-            with options.task(f"{counted}, {name}"):
-                matrices, about = {"distances": _distances(metric, surfaces, options)}, []
+        with options.task(said):
+            compute = _path_distances if options.paths else _distances
+            matrices, *about = compute(metric, surfaces, options)
     except KeyboardInterrupt:
         if options.resume is not None:
             terminal.note(
@@ -270,56 +255,41 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
     names = [file.name for file in surfaces.files]
     text = terminal.matrix_text(names, matrices["lengths" if options.paths else "distances"])
     if options.output is not None:
-        arrays = {**matrices, "names": np.array(names), "metric": np.array(name)}
+        arrays = {**matrices, "names": np.array(names), "metric": np.array(str(metric))}
         rh.io.save_arrays(options.output, arrays)
     record = {"names": names, **matrices, "metric": inputs.metric_record(metric)}
     if options.csv == "-":
         return cli.Answer(text.rstrip("\n"), record, written=False)
     if options.csv is not None:
         write_text(options.csv, text)
-    return cli.Answer("\n".join([f"{len(names)} meshes, {counted}, {name}", *about]), record)
+    return cli.Answer("\n".join([f"{len(names)} meshes, {said}", *about]), record)
 
 
-def _check_matrix_options(options: argparse.Namespace) -> None:
-    if options.output is None and options.csv is None:
-        raise ArgumentError("nothing to write; give -o NPZ, --csv CSV, or both")
-    if options.json and options.csv == "-":
-        raise ArgumentError("--json and --csv - both write to standard output; leave one out")
-    cli.check_needs(options, ("n_nodes", "basis", "n_components"), "--paths")
-    if options.paths and options.precision != "double":
-        raise ArgumentError("--precision single cannot be combined with --paths; leave out one")
-
-
-def _distances(metric: Any, surfaces: inputs.Surfaces, options: argparse.Namespace) -> ndarray:
+def _distances(metric: Any, surfaces: inputs.Surfaces, options: argparse.Namespace) -> Any:
     settings = {"n_jobs": options.jobs, "precision": options.precision, "progress": options.bars}
     if options.resume is None:
-        matrix: ndarray = metric.dist_pairwise(surfaces, **settings)
-        return matrix
-    return rh.retrieval.pairwise_job(metric, surfaces, options.resume, **settings)
+        return [{"distances": metric.dist_pairwise(surfaces, **settings)}]
+    return [{"distances": rh.pairwise_job(metric, surfaces, options.resume, **settings)}]
 
 
 def _path_distances(metric: Any, surfaces: inputs.Surfaces, options: argparse.Namespace) -> Any:
-    if len(surfaces) < 2:
-        raise ArgumentError(f"{options.folder} holds one mesh; paths need two")
+    import numpy as np
+
     basis = inputs.chosen_basis(options, surfaces.template)
     solver, points = rh.solvers.BasisPath(basis, options.n_nodes or _N_NODES), surfaces[:]
     settings = {"n_jobs": options.jobs, "progress": options.bars}
-    with options.task(f"Paths, {inputs.metric_name(metric)}"):
-        if options.resume is None:
-            return rh.solvers.path_distances(solver, metric, points, **settings)
-        return rh.retrieval.path_job(solver, metric, points, options.resume, **settings)
-
-
-def _excess(paths: PathDistances) -> str:
-    import numpy as np
-
-    excess = paths.excess[np.isfinite(paths.excess)]
-    if not len(excess):
-        return "all distances are zero under this metric"
-    return (
-        f"paths are longer than distances by {np.median(excess):.2f} % in the median, "
-        f"{excess.max():.2f} % at most"
-    )
+    if options.resume is None:
+        paths = rh.solvers.path_distances(solver, metric, points, **settings)
+    else:
+        paths = rh.path_job(solver, metric, points, options.resume, **settings)
+    said = [paths.message]
+    excess = paths.excess[np.isfinite(paths.excess)]  # not of bodies whose distance is zero
+    if len(excess):
+        said.append(
+            f"paths are longer than distances by {np.median(excess):.2f} % in the median, "
+            f"{excess.max():.2f} % at most"
+        )
+    return {"distances": paths.bounds, "lengths": paths.lengths}, *said
 
 
 @cli.command(
@@ -343,15 +313,14 @@ def _retrieve(options: argparse.Namespace) -> cli.Answer:
     if options.k < 1:
         raise ArgumentError(f"-k must be at least 1; found {options.k}")
     query = options.query
-    meshes = rh.datasets.find_meshes(options.folder)
-    files = [file for file in meshes if not (query.exists() and query.samefile(file))]
-    if not files:
-        raise ArgumentError(f"{options.folder} holds no mesh other than the query")
     options.template = options.template or query
     asked: Any = inputs.read_surfaces(options, [query])
+    files = [f for f in rh.datasets.find_meshes(options.folder) if not f.samefile(query)]
+    if not files:
+        raise ArgumentError(f"{options.folder} holds no mesh other than the query")
     others: Any = inputs.read_surfaces(options, files)
     metric = inputs.chosen_metric(options, asked.template)
-    with options.task(f"{len(files):,} distances, {inputs.metric_name(metric)}"):
+    with options.task(f"{len(files):,} distances, {metric}"):
         (distances,) = metric.cdist(asked[:], others, -1, precision="double", progress=options.bars)
     nearest = np.argsort(distances, kind="stable")[: options.k]
     results = [{"file": files[i], "distance": distances[i]} for i in nearest]
@@ -407,11 +376,7 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
     }
     if not scores:
         raise ArgumentError(f"{options.labels}: no two meshes share a subject or a pose")
-    said = [f"{'':<20}{'NN':>8}{'FT':>8}{'ST':>8}{'mAP':>8}"]
-    for name, own in scores.items():
-        values = (own.nn, own.first_tier, own.second_tier, own.mean_average_precision)
-        said.append(f"{_QUESTIONS[name]:<20}{''.join(f'{value:8.1f}' for value in values)}")
-    return cli.Answer("\n".join(said), scores)
+    return cli.Answer({_QUESTIONS[name]: str(own) for name, own in scores.items()}, scores)
 
 
 @cli.command(

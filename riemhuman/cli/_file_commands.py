@@ -46,11 +46,10 @@ def _view(options: argparse.Namespace) -> cli.Answer:
         else:
             surfaces = inputs.read_surfaces(options, options.meshes)
             names = [file.stem for file in surfaces.files]
+            title = f"{names[0]} to {names[-1]}" if len(names) > 1 else names[0]
             if options.motion:
-                title = f"{names[0]} to {names[-1]}"
                 viewer = rh.plots.view_path(surfaces[:], surfaces.faces, title=title)
             else:
-                title = ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
                 viewer = rh.plots.view_bodies(surfaces[:], surfaces.faces, names, title=title)
         viewer.save(options.output)
     if options.open:
@@ -106,18 +105,16 @@ def _mesh_facts(file: Path) -> dict[str, Any]:
 
 
 def _scan_facts(file: Path) -> dict[str, Any]:
+    import numpy as np
+
     scan = rh.registration.load_scan(file)
     return {
         "kind": "scan: points without triangles",
         "points": len(scan),
         "normals": scan.normals is not None,
-        "extents": _extents(scan.points),
+        "extents": np.ptp(scan.points, axis=0),
         "next": inputs.advice(file),
     }
-
-
-def _extents(points: ndarray) -> Any:
-    return (points.max(axis=0) - points.min(axis=0)).tolist()
 
 
 def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
@@ -131,10 +128,10 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
     _, n_triangles = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
     used = np.unique(faces)
     _, part = connected_components(mesh.edges_sparse, directed=False)
-    extents = _extents(vertices[used])
+    extents = np.ptp(vertices[used], axis=0)
     inward = rh.registration.find_inward_triangles(vertices, faces)
     _, n_directed = np.unique(mesh.edges, axis=0, return_counts=True)
-    oriented = bool((n_directed == 1).all()) and len(np.unique(inward)) == 1
+    oriented = (n_directed == 1).all() and len(np.unique(inward)) == 1
     longest = mesh.edges_unique_length[mesh.faces_unique_edges].max(axis=1)
     units = " or ".join(likely_units(max(extents)))
     try:
@@ -147,18 +144,18 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
         "triangles": len(faces),
         "edges": len(n_triangles),
         "parts": len(np.unique(part[used])),
-        "closed": bool(mesh.is_watertight),
-        "boundary_edges": int((n_triangles == 1).sum()),
-        "non_manifold_edges": int((n_triangles > 2).sum()),
+        "closed": mesh.is_watertight,
+        "boundary_edges": (n_triangles == 1).sum(),
+        "non_manifold_edges": (n_triangles > 2).sum(),
         "consistently_oriented": oriented,
-        "triangles_facing_inward": int(inward.sum()),
+        "triangles_facing_inward": inward.sum(),
         "unused_vertices": len(vertices) - len(used),
         "coincident_vertices": len(vertices) - len(np.unique(vertices, axis=0)),
         # Those whose height is zero up to rounding.
-        "degenerate_triangles": int((2 * mesh.area_faces <= 1e-12 * longest**2).sum()),
+        "degenerate_triangles": (2 * mesh.area_faces <= 1e-12 * longest**2).sum(),
         "extents": extents,
-        "area": float(mesh.area),
-        "volume": float(mesh.volume) if mesh.is_watertight and oriented else None,
+        "area": mesh.area,
+        "volume": mesh.volume if mesh.is_watertight and oriented else None,
         "unit_guess": units or "none: no human body has this size",
         "usable_as_template": usable,
     }
@@ -188,7 +185,7 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
         "registered": True,
         "vertices": points.shape[1],
         "triangles": len(meshes.faces),
-        "largest_extents": np.ptp(points, axis=1).max(axis=0).tolist(),
+        "largest_extents": np.ptp(points, axis=1).max(axis=0),
     }
 
 
@@ -204,7 +201,7 @@ def _npz_facts(file: Path) -> dict[str, Any]:
             "kind": "basis of deformations",
             "deformations": basis.n_components,
             "vertices": basis.n_vertices,
-            "explained_variance": None if ratio is None else float(ratio.sum()),
+            "explained_variance": None if ratio is None else ratio.sum(),
         }
     if {"v_template", "shapedirs"} <= arrays.keys():
         return _model_facts(file)
@@ -213,7 +210,7 @@ def _npz_facts(file: Path) -> dict[str, Any]:
             "kind": "distance matrix",
             "names": len(arrays["names"]),
             "metric": str(arrays["metric"]) if "metric" in arrays else None,
-            "largest": float(arrays["distances"].max(initial=0.0)),
+            "largest": arrays["distances"].max(initial=0.0),
         }
     if {"path", "faces"} <= arrays.keys() and arrays["path"].ndim == 3:
         n_times, n_vertices = arrays["path"].shape[:2]
@@ -239,15 +236,14 @@ def _model_facts(file: Path) -> dict[str, Any]:
 def _measurement_facts(file: Path) -> dict[str, Any]:
     import json
 
-    from riemhuman.io.files import read_text
+    from riemhuman.io.files import format_errors, read_text
 
-    try:
+    kind = "definitions of measurements"
+    with format_errors(file, kind):
         fields = json.loads(read_text(file))
         names = [str(measurement["name"]) for measurement in fields["measurements"]]
         sizes = {"vertices": int(fields["n_vertices"]), "triangles": int(fields["n_faces"])}
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
-        raise FileFormatError(f"{file} does not hold definitions of measurements") from error
-    return {"kind": "definitions of measurements", **sizes, "measurements": names}
+    return {"kind": kind, **sizes, "measurements": names}
 
 
 def _table_facts(file: Path) -> dict[str, Any]:

@@ -6,9 +6,8 @@ import argparse
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import riemhuman as rh
 from riemhuman.cli._commands import (
@@ -21,7 +20,6 @@ from riemhuman.cli._commands import (
 )
 from riemhuman.cli._terminal import as_json
 from riemhuman.errors import ArgumentError
-from riemhuman.optional import import_optional
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -81,19 +79,17 @@ class Surfaces:
         return points
 
 
-def read_surfaces(
-    options: argparse.Namespace, paths: Sequence[Path], scale: str | None = "template"
-) -> Surfaces:
+def read_surfaces(options: argparse.Namespace, paths: Sequence[Path]) -> Surfaces:
     """Return the surfaces in mesh files and folders; by default, the first is the template."""
     files = list_meshes(paths)
     meshes = rh.datasets.RegisteredMeshes(
         files,
         options.template,
-        None if options.any_scale else scale,
+        None if options.any_scale else "template",
         unit=options.unit,
         up=options.up,
     )
-    size = float((meshes.reference.max(axis=0) - meshes.reference.min(axis=0)).max())
+    size = (meshes.reference.max(axis=0) - meshes.reference.min(axis=0)).max()
     if options.unit and not (options.any_scale or _SIZES[0] < size < _SIZES[1]):
         raise ArgumentError(
             f"{options.template or files[0]} would be {size:.3g} m long; --unit {options.unit} is "
@@ -118,77 +114,59 @@ def advice(scan: Path) -> str:
 
 
 def metric_options(default: tuple[float, float, float] = _PRESETS["shape"]) -> Argument:
+    """Return the declaration of the metric, with default weights a, λ and c."""
+    name = "--shape" if default == _PRESETS["shape"] else "-a {:g} -l {:g} -c {:g}".format(*default)
+
+    def preset(name: str, text: str) -> Argument:
+        return option(f"--{name}", text, dest="metric", action="store_const", const=name)
+
+    def weight(flags: str, text: str, value: float, metavar: str) -> Argument:
+        return option(flags, f"{text} (default: {value:g})", type=float, metavar=metavar)
+
     a, lam, c = default
-    name = "--shape" if default == _PRESETS["shape"] else f"-a {a:g} -l {lam:g} -c {c:g}"
-
-    def declare(parser: argparse.ArgumentParser) -> None:
-        group = parser.add_argument_group(
-            "metric",
-            f"a · Ebin(λ) + c · normals (default: {name}); -a, -l and -c change one weight each",
-        )
-        presets = group.add_mutually_exclusive_group()
-        for preset, text in (
-            ("shape", "compares people: (a, λ, c) = (1, 0.0001, 0)"),
-            ("pose", "compares poses: (a, λ, c) = (0, 0, 1)"),
-            ("srnf", "square root normal fields, for comparison"),
-        ):
-            presets.add_argument(
-                f"--{preset}", dest="metric", action="store_const", const=preset, help=text
-            )
-        presets.add_argument(
-            "--metric",
-            dest="extension",
-            metavar="NAME",
-            help="metric of another package, see riemhuman.extensions",
-        )
-        for flags, metavar, text, weight in (
-            ("-a", "A", "weight of the metric part", a),
-            ("-l --lam", "LAMBDA", "weight λ of area within the metric part", lam),
-            ("-c", "C", "weight of the normal part", c),
-        ):
-            text = f"{text} (default: {weight:g})"
-            group.add_argument(*flags.split(), type=float, metavar=metavar, help=text)
-        parser.set_defaults(default_metric=default)
-
-    return several(declare, check=_check_metric)
-
-
-def _check_metric(options: argparse.Namespace) -> None:
-    weights = [name for name in ("a", "lam", "c") if getattr(options, name) is not None]
-    preset = options.metric or (options.extension and f"metric {options.extension}")
-    if preset and weights:
-        flags = ", ".join("-l" if name == "lam" else f"-{name}" for name in weights)
-        raise ArgumentError(f"--{preset} sets all weights; leave it out, or leave out {flags}")
-    if options.extension:
-        rh.extensions.extension("metrics", options.extension)
+    return several(
+        several(
+            preset("shape", "compares people: (a, λ, c) = (1, 0.0001, 0)"),
+            preset("pose", "compares poses: (a, λ, c) = (0, 0, 1)"),
+            preset("srnf", "square root normal fields, for comparison"),
+            option(
+                "--metric",
+                "metric of another package, see riemhuman.extensions",
+                dest="extension",
+                metavar="NAME",
+            ),
+            exclusive=True,
+        ),
+        weight("-a", "weight of the metric part", a, "A"),
+        weight("-l --lam", "weight λ of area within the metric part", lam, "LAMBDA"),
+        weight("-c", "weight of the normal part", c, "C"),
+        lambda parser: parser.set_defaults(default_metric=default),
+        title="metric",
+        text=f"a · Ebin(λ) + c · normals (default: {name}); -a, -l and -c change one weight each",
+    )
 
 
 def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
     # Surfaces share a unit: this is checked when they are read.
     space = rh.AlignedSurfaces(template, equip=False, scale=None)
+    given = {"-a": options.a, "-l": options.lam, "-c": options.c}
+    flags = ", ".join(flag for flag, weight in given.items() if weight is not None)
+    preset = options.metric or (options.extension and f"metric {options.extension}")
+    if preset and flags:
+        raise ArgumentError(f"--{preset} sets all weights; leave it out, or leave out {flags}")
     if options.extension:
         return rh.extensions.extension("metrics", options.extension)(space)
     if options.metric == "srnf":
         return rh.SRNFMetric(space)
     default = _PRESETS.get(options.metric, options.default_metric)
-    given = (options.a, options.lam, options.c)
-    a, lam, c = (d if weight is None else weight for weight, d in zip(given, default, strict=True))
-    return rh.ElasticMetric(space, a=a, lam=lam, c=c)
+    pairs = zip(given.values(), default, strict=True)
+    return rh.ElasticMetric(space, *(d if weight is None else weight for weight, d in pairs))
 
 
 def metric_record(metric: Any) -> dict[str, Any]:
     """Return the name and the weights of a metric, for JSON."""
-    if type(metric) is rh.ElasticMetric:
-        return {"name": "elastic", "a": metric.a, "lam": metric.lam, "c": metric.c}
-    return {"name": "SRNF" if type(metric) is rh.SRNFMetric else type(metric).__name__}
-
-
-def metric_name(metric: Any) -> str:
-    """Return the name of a metric, for messages."""
-    record = metric_record(metric)
-    if record["name"] != "elastic":
-        return str(record["name"])
-    return f"(a, λ, c) = ({record['a']:g}, {record['lam']:g}, {record['c']:g})"
+    weights = {name: getattr(metric, name) for name in ("a", "lam", "c") if hasattr(metric, name)}
+    return {"name": type(metric).__name__, **weights}
 
 
 BASIS = several(
@@ -217,18 +195,15 @@ def chosen_basis(options: argparse.Namespace, template: Template) -> Deformation
 def path_output(mesh: str, *pages: str) -> Argument:
     """Return the declaration of a path to write: a file, or a folder of meshes and of pages."""
     written = "|".join(map(re.escape, (*pages, _SUMMARY)))
-    names = rf"{mesh}_\d{{4,}}\.ply|{written}"
-
-    def check(options: argparse.Namespace) -> None:
-        options.mesh, options.pages = mesh, pages
-        if not options.ending and any(name.endswith(".png") for name in pages):
-            import_optional("matplotlib", "plot")  # before the work, not after it
-
     text = (
         "folder to write, or only an animation with morph targets (.glb), a film strip (.png), an "
         "interactive page (.html) or the array path (.npz)"
     )
-    return several(output("PATH", *_PATH_ENDINGS, text=text, names=names), check=check)
+    has_figure = any(name.endswith(".png") for name in pages)
+    return several(
+        output("PATH", *_PATH_ENDINGS, text=text, names=rf"{mesh}_\d{{4,}}\.ply|{written}"),
+        lambda parser: parser.set_defaults(mesh=mesh, pages=pages, has_figure=has_figure),
+    )
 
 
 MOTION_OUTPUT = path_output("frame", "motion.html")
@@ -283,33 +258,23 @@ def mesh_folder(
         yield folder
 
 
-@dataclass(frozen=True, eq=False)
-class Motions:
-    """Motions of one triangulation, whose frames are read when needed, with a template's vertices.
+class Motions(NamedTuple):
+    """Motions of one triangulation, whose frames are read when needed, and their template."""
 
-    The template is the given one, else the first frame.
-    """
-
-    names: list[str]
-    motions: list[Any]
-    faces: ndarray
-    body: ndarray
+    names: Sequence[str]
+    motions: Sequence[Any]
+    template: Template
 
 
 def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> Motions:
-    """Return the motions in files and folders.
+    """Return the motions in files and folders; the first frame is the default template.
 
     `chosen` are the people and sequences of files of Dynamic FAUST.
     """
-    from riemhuman.io.mesh_arrays import face_difference
-
     if (options.unit or options.up) and not any(place.is_dir() for place in places):
         raise ArgumentError("--unit and --up are for folders of meshes; other files are in metres")
     units = {"unit": options.unit, "up": options.up}
     found: list[tuple[str, Any, ndarray]] = []
-    if options.template is not None:
-        meshes = rh.datasets.RegisteredMeshes([options.template], **units)
-        found.append((options.template.name, meshes, meshes.faces))
     for place in places:
         files = sorted(place.rglob("*")) if place.is_dir() else [place]
         recorded = [file for file in files if file.suffix.lower() in (".npz", ".bvh")]
@@ -322,12 +287,12 @@ def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> M
             load = rh.datasets.load_dfaust if is_hdf5 else rh.datasets.load_mesh_motions
             motions = load(place, **(chosen if is_hdf5 else units))
             found += [(motion.sequence, motion, motion.faces) for motion in motions]
-    names, read, triangles = (list(column) for column in zip(*found, strict=True))
+    names, motions, triangles = zip(*found, strict=True)
+    if options.template is None:
+        body, source = rh.Template(motions[0][0], triangles[0]), names[0]
+    else:
+        meshes = rh.datasets.RegisteredMeshes([options.template], **units)
+        body, source = rh.Template(meshes.reference, meshes.faces), options.template.name
     for name, faces in zip(names, triangles, strict=True):
-        if difference := face_difference(faces, triangles[0]):
-            raise ArgumentError(
-                f"all motions must share one triangulation; {name} and {names[0]} do not: "
-                f"{difference}"
-            )
-    first = options.template is not None
-    return Motions(names[first:], read[first:], triangles[0], read[0][0])
+        body.check_faces(faces, f"with {source} as the template, the triangles of {name}")
+    return Motions(names, motions, body)

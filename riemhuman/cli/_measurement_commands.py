@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
-from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -105,12 +104,6 @@ def _trusted_vertices(files: Sequence[Path], n_vertices: int) -> ndarray:
     for row, file in zip(trusted, files, strict=True):
         known = rh.io.load_trusted(file)
         row[:] = True if known is None else known
-        folders = (file.parent, file.parent.parent)
-        if known is None and any((folder / "registrations").is_dir() for folder in folders):
-            terminal.note(
-                f"warning: {file} does not say which of its vertices register trusted, so that all "
-                "count; an earlier release wrote it: register its scan again"
-            )
     return trusted
 
 
@@ -196,7 +189,7 @@ def _read(
     files: Sequence[Path], options: argparse.Namespace, pose: str = "standing"
 ) -> tuple[Any, ndarray]:
     """Return the measurements, and the meshes in files."""
-    cli.check_needs(options, ("definitions",), "--model NPZ")
+    cli.check_needs(options, "--definitions", "--model NPZ")
     files = inputs.list_meshes(files)
     meshes = rh.datasets.RegisteredMeshes(files, scale=None, unit=options.unit, up=options.up)
     template = rh.Template(meshes[0], meshes.faces)

@@ -23,12 +23,11 @@ _SEVERAL = cli.several(
     cli.path_option("motions", "MOTIONS", "folders of meshes or motions, .npz or .bvh", nargs="+"),
     _TEMPLATE,
 )
-_BY = cli.option(
+_BY = cli.choice(
     "--by",
     "dynamic time warping of poses, of their changes from the mean of each motion, or of "
     "velocities; or the rate-invariant metric",
-    choices=("warping", "changes", "velocities", "rate-invariant"),
-    default="warping",
+    *("warping", "changes", "velocities", "rate-invariant"),
 )
 _N_TIMES = cli.option("--n-times", "times of the result", default=40, metavar="N")
 
@@ -45,7 +44,7 @@ def _read_pair(options: argparse.Namespace) -> inputs.Motions:
 
 def _space(read: inputs.Motions, n_times: int = 40) -> Any:
     """Return the space of motions with the pose metric."""
-    space = rh.AlignedSurfaces(rh.Template(read.body, read.faces), equip=False)
+    space = rh.AlignedSurfaces(read.template, equip=False)
     space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
     return rh.motions.MotionSpace(space, n_times)
 
@@ -128,7 +127,9 @@ def _align(options: argparse.Namespace) -> cli.Answer:
         arrays |= {"first_times": warp.first, "second_times": warp.second}
         rh.io.save_arrays(options.output, arrays)
     else:
-        rh.plots.view_alignment(first, second, read.faces, warp, names).save(options.output)
+        rh.plots.view_alignment(first, second, read.template.faces, warp, names).save(
+            options.output
+        )
     record = {"a": names[0], "b": names[1], "by": options.by, "distance": warp.dist}
     return cli.Answer({"distance": float(warp.dist)}, record)
 
@@ -152,7 +153,9 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     estimator = rh.motions.MotionMean(space, alignment=alignment, progress=bars)
     with options.task(f"Mean of {len(read.names)} motions"):
         mean = estimator.fit(read.motions)
-    inputs.write_path(options, mean.estimate_, read.faces, "Mean of motions", times=mean.times_)
+    inputs.write_path(
+        options, mean.estimate_, read.template.faces, "Mean of motions", times=mean.times_
+    )
     text = {"motions": len(read.names), "variance": float(mean.variance_)}
     return cli.Answer(text, {"motions": read.names, "variance": mean.variance_})
 

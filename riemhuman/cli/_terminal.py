@@ -50,7 +50,7 @@ def matrix_text(names: Sequence[str], matrix: Any, corner: str = "file") -> str:
 
 def lines(values: Mapping[str, object]) -> str:
     """Return a line for each value that is not None, with its name; values in one column."""
-    given = {name.replace("_", " "): v for name, v in values.items() if v is not None}
+    given = {k.replace("_", " "): _plain(v) for k, v in values.items() if v is not None}
     width = max(map(len, given))
     said = []
     for name, value in given.items():
@@ -112,12 +112,7 @@ class Reporter:
         if self.bars:
             sys.stderr.write(f"{name} ...")
             sys.stderr.flush()
-        try:
-            yield
-        except BaseException:
-            if self.bars:
-                sys.stderr.write("\n")
-            raise
+        yield
         if not self.quiet:
             # On a terminal, this replaces the name of the task.
             begin = "\r" if self.bars else ""

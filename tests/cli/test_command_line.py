@@ -16,7 +16,7 @@ from riemhuman.cli._commands import COMMANDS, make_parser
 from riemhuman.cli._terminal import Reporter, as_json, note
 from riemhuman.progress import ProgressBar
 
-NAMES = tuple(command.name for command in COMMANDS)
+NAMES = tuple(COMMANDS)
 PARSER = make_parser("", "", "")
 COMMAND = (sys.executable, "-m", "riemhuman")
 
@@ -174,6 +174,8 @@ def test_interruption_from_the_keyboard(scans, tmp_path):
         (["tables", "--resolution", "corse"], "did you mean coarse?"),
         (["dist"], "usage: riemhuman dist"),
         (["dist", "a", "b", "--pose", "--shape"], "not allowed with argument"),
+        (["dist", "a.ply", "."], "argument B: must be one mesh, but . is a folder"),
+        (["register", "a.ply", "-o", "b.ply", "--model", "c", "--coarse"], "not allowed with"),
     ],
 )
 def test_what_may_have_been_meant(capsys, arguments, meant):
@@ -205,9 +207,6 @@ def test_a_terminal_is_told_at_once(capsys, monkeypatch):
     with reporter.task("Reading"):
         assert capsys.readouterr().err == "Reading ..."
     assert re.fullmatch(r"\rReading: \d\.\d s\n", capsys.readouterr().err)
-    with pytest.raises(ZeroDivisionError), reporter.task("Reading"):
-        raise ZeroDivisionError
-    assert capsys.readouterr().err == "Reading ...\n"
 
 
 def test_notes_stand_above_bars(capsys, monkeypatch):

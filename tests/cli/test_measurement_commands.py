@@ -72,14 +72,6 @@ def test_parts_that_a_scan_does_not_show(run, bodies, tmp_path):
     assert next(iter(record["bodies"].values()))["head girth"] > 0.5
 
 
-def test_bodies_registered_by_an_earlier_release(run, bodies, tmp_path):
-    (tmp_path / "registrations").mkdir()
-    save_mesh(tmp_path / "anna.ply", bodies.points[0], bodies.template.faces)
-    finished = run("measure", tmp_path / "anna.ply", "--only", "head girth", "--as-is", "--quiet")
-    assert finished.code == 0
-    assert "does not say which of its vertices register trusted" in finished.err
-
-
 def test_people_who_sit(run, scans):
     record = json.loads(run("measure", scans / "body_0.ply", "--seated", "--json").out)
     assert record["pose"] == "seated"

@@ -68,7 +68,7 @@ def test_one_file_by_its_ending_with_own_basis_and_metric(run, ends, bodies, tmp
     basis.save(tmp_path / "basis.npz")
     options = ("--basis", tmp_path / "basis.npz", "-c", 0, "--n-nodes", 3, "--json", "-q")
     record = json.loads(run("geodesic", *ends, "-o", tmp_path / "path.npz", *options).out)
-    assert record["metric"] == {"name": "elastic", "a": 1.0, "lam": 1.0, "c": 0.0}
+    assert record["metric"] == {"name": "ElasticMetric", "a": 1.0, "lam": 1.0, "c": 0.0}
     template = Template(bodies.points[0], bodies.template.faces)
     metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=0.0)
     result = BasisPath(basis, n_nodes=3).solve(metric, *bodies.points[:2])

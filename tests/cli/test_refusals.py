@@ -11,8 +11,6 @@ from riemhuman.surfaces import DeformationBasis
 # Command lines with the files of the fixture, and what the message says.
 REFUSALS = """
 dist body_0.ply other.ply                                   | other.ply is not registered to
-dist body_0.ply alone                                       | B must be one mesh, but alone is a
-compare body_0.ply alone                                    | AFTER must be one mesh
 dist body_0.ply body_1.ply --pose -a 1                      | leave it out
 dist body_0.ply body_1.ply -a 0 -c 0                        | must not both be 0
 matrix .                                                    | nothing to write
@@ -50,8 +48,7 @@ measure body_0.ply --definitions d.json                     | needs --model
 measure tetrahedron.ply                                     | not those of the open body model
 measure mm.ply --as-is                                      | a body in millimetres
 motions dist a.npz b.npz --up z                             | --unit and --up are for folders
-register scan.xyz -o body.ply --sequence                    | --sequence needs a folder
-register scan.xyz -o body.ply --model S.npz --coarse        | --coarse cannot be combined
+register scan.xyz -o body.ply --sequence                    | --sequence is for a folder
 register scan.xyz -o body.ply --landmarks none.csv          | none.csv cannot be read
 register alone -o alone                                     | name another folder
 register alone -o out --untrusted                           | --untrusted is for one scan

@@ -99,7 +99,7 @@ def test_scores_are_those_of_the_library(run, scans, matrix):
     assert found["subject"]["nn"] == people.nn
     assert found["subject"]["mean_average_precision"] == people.mean_average_precision
     printed = run("scores", matrix, "--labels", scans / LABELS).out
-    assert f"{people.first_tier:8.1f}" in printed.splitlines()[1]
+    assert printed.splitlines()[0] == f"Who is it?          {people}"
 
 
 def test_meshes_without_labels_are_left_out_if_they_may(run, refused, scans, matrix, tmp_path):
