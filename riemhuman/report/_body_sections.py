@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
+from scipy.spatial.distance import cdist
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.measurements import (
@@ -78,7 +79,8 @@ def _retrieval(report: Report, task: Task) -> dict[str, Any]:
         "table": report.output.table(f"retrieval-{task.name}", list(rows.values())),
         "better": {key: numbers for key, numbers in better.items() if numbers},
         "opposite": rows[POSE_METRIC if task.metric == SHAPE_METRIC else SHAPE_METRIC],
-        "chance": chance_of_tier(task.labels),
+        # Of equal distances, scores are expected ones over all orders.
+        "chance": scores(np.ones_like(matrix), task.labels).first_tier,
         "curves": report.output.figure(
             f"precision-recall-{task.name}",
             plot_precision_recall,
@@ -90,14 +92,6 @@ def _retrieval(report: Report, task: Task) -> dict[str, Any]:
             f"confusion-{task.name}", plot_confusion, matrix, task.labels, names, size=square
         ),
     }
-
-
-def chance_of_tier(labels: ndarray) -> float:
-    """Return the mean first tier of items in random order, per cent."""
-    _, inverse, counts = np.unique(labels, return_inverse=True, return_counts=True)
-    n_relevant = counts[inverse] - 1
-    asked = n_relevant > 0
-    return float(100 * (n_relevant[asked] / (len(labels) - 1)).mean())
 
 
 def map_section(report: Report) -> Section:
@@ -125,7 +119,7 @@ def _map(report: Report, task: Task, method: str, positions: ndarray) -> dict[st
     return {
         "task": task,
         "image": image,
-        "neighbours": kept_neighbours(positions, task.labels),
+        "neighbours": scores(cdist(positions, positions), task.labels).nn if task.has_pairs else 0,
         "stress": stress(report.matrix(task.metric), positions) if method == "mds" else None,
     }
 
@@ -141,15 +135,8 @@ def _maps(report: Report) -> Step:
             for method in _METHODS.values()
         }, {}
 
-    by = {task.name: report.distances[task.metric] for task in report.tasks}
+    by = {task.name: report.distances[task.metric].fingerprint for task in report.tasks}
     return report.step("maps", compute, "Maps", by=by, seed=seed)
-
-
-def kept_neighbours(positions: ndarray, labels: ndarray) -> float:
-    """Return the percentage of items whose nearest neighbour on a map shares their class."""
-    gaps = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
-    np.fill_diagonal(gaps, np.inf)
-    return float(100 * (labels[gaps.argmin(axis=1)] == labels).mean())
 
 
 def sweep_section(report: Report) -> Section | None:
@@ -209,10 +196,9 @@ def best_weights(rows: Sequence[Mapping[str, Any]], tasks: Sequence[Task]) -> li
     best = []
     for task in tasks:
         values = [row[f"{task.name}_mean_average_precision"] for row in rows]
-        first = values.index(max(values))
-        classes = "people" if task.kind == "person" else "poses"
-        ties = {"n_ties": values.count(values[first]) - 1, "value": values[first]}
-        best.append({"classes": classes, "row": rows[first], **ties})
+        value, classes = max(values), "people" if task.kind == "person" else "poses"
+        own = {"row": rows[values.index(value)], "n_ties": values.count(value) - 1}
+        best.append({"classes": classes, "value": value, **own})
     return best
 
 

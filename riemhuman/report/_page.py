@@ -144,7 +144,10 @@ class Output:
             files = {"svg": svg.encode(), "png": png}
             return {kind: np.frombuffer(data, np.uint8) for kind, data in files.items()}, {}
 
-        given = [None if hasattr(argument, "points") else argument for argument in arguments]
+        given = [
+            None if hasattr(given, "points") else getattr(given, "fingerprint", given)
+            for given in arguments
+        ]
         inputs = {"draw": draw.__name__, "bodies": self.digest, "arguments": given, "size": size}
         step = self.figures.step(name, inputs | settings, compute, f"Figure {name}")
         for kind, data in step.arrays.items():

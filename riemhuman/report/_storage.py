@@ -18,6 +18,7 @@ from numpy import ndarray
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import convert_errors, file_path, write_text
+from riemhuman.io.fingerprint import describe
 
 _MARKER = "provenance.json"
 _MADE_BY = "riemhuman report"
@@ -33,22 +34,16 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
     folder = file_path(path, "output", "folder")
     if folder.exists() and not folder.is_dir():
         raise FileError(f"{folder} is a file; the report needs a folder of its own")
+    marker = folder / _MARKER
     with convert_errors(folder, "cannot be read"):
         is_used = folder.is_dir() and any(folder.iterdir())
-    if is_used and not _is_report(folder):
+        is_ours = marker.is_file() and _MADE_BY.encode() in marker.read_bytes()
+    if is_used and not is_ours:
         raise FileError(
             f"{folder} holds other files; the report needs a new or empty folder, or one with an "
             "earlier report"
         )
     return folder
-
-
-def _is_report(folder: Path) -> bool:
-    try:
-        record = json.loads((folder / _MARKER).read_text(encoding="utf-8"))
-        return bool(record["made_by"] == _MADE_BY)
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
 
 
 def open_folder(path: str | os.PathLike[str]) -> Path:
@@ -96,46 +91,33 @@ class ResultStore:
         """Return the result of a step, computed unless its file holds one from the same inputs."""
         key = fingerprint({"step": name, "common": self._common, "inputs": dict(inputs)})
         file = self._folder / f"{name}.npz"
-        step = _read(file, name, key, title)
-        if step is None:
+        found = _read(file, key)
+        if found is None:
             with self._progress(title):
                 start = time.perf_counter()
                 arrays, record = compute()
                 seconds = time.perf_counter() - start
-            header = {"fingerprint": key, "seconds": seconds, "record": record}
+            header: dict[str, Any] = {"fingerprint": key, "seconds": seconds, "record": record}
             save_arrays(file, {**arrays, "about": np.array(json.dumps(header))})
-            step = Step(name, dict(arrays), dict(record), key, seconds, title, is_reused=False)
+        else:
+            header, arrays = found
+        seconds, record = header["seconds"], header["record"]
+        step = Step(name, dict(arrays), record, key, seconds, title, found is not None)
         self.steps.append(step)
         return step
 
 
 def fingerprint(value: Any) -> str:
-    """Return a fingerprint of a value made of what JSON can hold, arrays and steps."""
-    text = json.dumps(value, sort_keys=True, default=_plain)
-    return hashlib.sha256(text.encode()).hexdigest()
+    """Return a fingerprint of a value, see `describe`."""
+    return hashlib.sha256(json.dumps(describe(value), sort_keys=True).encode()).hexdigest()
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, Step):
-        return value.fingerprint
-    array = np.ascontiguousarray(value)
-    if array.dtype.hasobject:
-        raise TypeError(f"{type(value).__name__} has no fingerprint")
-    return [array.dtype.str, array.shape, hashlib.sha256(array.tobytes()).hexdigest()]
-
-
-def _read(file: Path, name: str, key: str, title: str) -> Step | None:
-    """Return the step in a file, or None if the file holds no step with this fingerprint."""
-    if not file.is_file():
-        return None
+def _read(file: Path, key: str) -> tuple[dict[str, Any], dict[str, ndarray]] | None:
+    """Return the header and the arrays of a step, or None if the file holds another or none."""
     try:
         arrays = load_arrays(file, ["about"])
-        about = str(arrays.pop("about"))
         # Parsed JSON takes far more memory than its text, which itself was compressed.
-        header = json.loads(about[:_LONGEST_RECORD])
-        if header["fingerprint"] == key:
-            seconds = header["seconds"]
-            return Step(name, arrays, header["record"], key, seconds, title, is_reused=True)
+        header = json.loads(str(arrays.pop("about"))[:_LONGEST_RECORD])
+        return (header, arrays) if header["fingerprint"] == key else None
     except (FileError, FileFormatError, ValueError, KeyError, TypeError, RecursionError):
         return None
-    return None

@@ -8,7 +8,6 @@ import pytest
 from riemhuman.measurements import Measurements
 from riemhuman.report import _body_sections as sections
 from riemhuman.report._report import Task, choose_pair, group_within
-from riemhuman.retrieval import scores
 
 SUBJECT = np.repeat([0, 1, 2], 3)
 POSE = np.tile([0, 1, 2], 3)
@@ -30,19 +29,7 @@ def test_groups_hold_one_of_each():
     np.testing.assert_array_equal(group_within(uneven, np.array([0, 0, 1, 1, 1]), 5), [0, 4])
 
 
-RNG = np.random.default_rng(0)
 LABELS = np.repeat(np.arange(5), 4)
-
-
-def test_chance_is_what_random_orders_give():
-    labels = RNG.permutation(LABELS)
-    found = []
-    for _ in range(300):
-        distances = RNG.uniform(size=(20, 20))
-        distances = distances + distances.T
-        np.fill_diagonal(distances, 0)
-        found.append(scores(distances, labels).first_tier)
-    assert np.mean(found) == pytest.approx(sections.chance_of_tier(labels), abs=1.5)
 
 
 TASKS = [
@@ -60,12 +47,6 @@ def test_best_weights_are_those_of_the_rows():
     people, poses = sections.best_weights(rows, TASKS)
     assert (people["classes"], people["row"], people["n_ties"]) == ("people", rows[1], 0)
     assert (poses["value"], poses["row"], poses["n_ties"]) == (50, rows[0], 1)
-
-
-def test_neighbours_of_a_map():
-    positions = np.stack([LABELS, 0.01 * np.arange(20)], axis=1).astype(float)
-    assert sections.kept_neighbours(positions, LABELS) == 100
-    assert sections.kept_neighbours(positions, np.arange(20) % 2) < 100
 
 
 def test_people_have_their_measurements(report_page, nine_bodies):
