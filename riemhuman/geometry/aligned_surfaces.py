@@ -16,8 +16,7 @@ from riemhuman.geometry.surface_metric import ElasticMetric
 from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.kernels import surface
-from riemhuman.kernels.threads import of_one_kind
-from riemhuman.kernels.triangles import nearly_degenerate_triangles
+from riemhuman.terms._sum import nearly_degenerate
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -71,11 +70,8 @@ class AlignedSurfaces(Manifold):
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
         point, finite = self._candidates(point, "point")
-        template, leading = self.template, point.shape[:-2]
-        degenerate = nearly_degenerate_triangles(
-            of_one_kind(point.reshape(-1, *self.shape)), template.faces, template.frame_coefficients
-        )
-        return finite & ~np.any(degenerate, axis=-1).reshape(leading)
+        degenerate = nearly_degenerate(point.reshape(-1, *self.shape), self.template)
+        return finite & ~np.any(degenerate, axis=-1).reshape(point.shape[:-2])
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         return real_array(vector, "vector", self.shape)

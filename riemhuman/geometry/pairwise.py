@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from riemhuman.checks import check_shape, one_of, unflatten, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.threads import for_each, mapped, thread_count
+from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.progress import ProgressBar
 
 __all__ = ["MEMORY", "PRECISIONS", "Bulk", "Features", "Points", "squared_dist_rectangle"]
@@ -71,7 +71,7 @@ class PairByPair(Bulk):
                 if a is b:
                     squared[j, i] = squared[i, j]
 
-        for_each(fill_row, range(len(squared)), n_threads)
+        list(mapped(fill_row, range(len(squared)), n_threads))
         return squared
 
 

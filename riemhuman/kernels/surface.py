@@ -12,7 +12,7 @@ surface f with corners q₁, q₂, q₃ has
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import autograd.numpy as np
@@ -82,6 +82,48 @@ def frame_components(first: Derivatives, h_u: ndarray, h_v: ndarray) -> ndarray:
     along, across = h_u / p, (h_v - x * h_u) / (y * p)
     axes = (e1, e2, first.area_vectors / first.areas[..., None])
     return np.stack([dot(axis, h) for axis in axes for h in (along, across)], axis=-1)
+
+
+Forms = Sequence[tuple[ndarray, ndarray]]
+"""Quadratic forms, shape (6, 6) or (..., F, 6, 6), each with a scale for every triangle."""
+
+
+def product_by_forms(
+    h: ndarray, k: ndarray, first: Derivatives, operator: csr_matrix, forms: Forms
+) -> ndarray:
+    """Return the sums over triangles of quadratic forms of `frame_components` of h and k."""
+    along_h = frame_components(first, *partial_derivatives(h, operator))
+    along_k = along_h
+    if k is not h:
+        along_k = frame_components(first, *partial_derivatives(k, operator))
+    total: Any = 0.0
+    for form, scale in forms:
+        if form.ndim == 2:
+            values = dot(np.matmul(along_h, form), along_k)
+        else:
+            values = np.einsum("...i,...ij,...j->...", along_h, form, along_k)
+        total = total + np.sum(scale * values, axis=-1)
+    return total
+
+
+def add_blocks(blocks: ndarray, f: ndarray, faces: ndarray, forms: Forms) -> None:
+    """Add quadratic forms of `frame_components` as forms of the nine numbers of corners."""
+    one, two, three = (f[corners] for corners in faces.T)
+    x, y = two - one, three - one
+    normals = onp.cross(x, y)
+    squares, xx = dot(normals, normals), dot(x, x)
+    degenerate = squares <= DEGENERATE * xx * dot(y, y)
+    p = onp.sqrt(onp.where(degenerate, 1.0, xx))
+    over_r = onp.where(degenerate, 0.0, p / onp.sqrt(onp.where(degenerate, 1.0, squares)))
+    e1, e3 = x / p[:, None], normals * (over_r / p)[:, None]
+    axes = onp.stack([e1, onp.cross(e3, e1), e3], axis=1)
+    # How ∂₁h and ∂₂h depend on the second and third corners, and so on the first.
+    along = onp.zeros((len(faces), 2, 3))
+    along[:, 0, 1], along[:, 1, 1], along[:, 1, 2] = 1.0 / p, -dot(y, e1) * over_r / p, over_r
+    along[:, :, 0] = -along[:, :, 1] - along[:, :, 2]
+    maps = (axes[:, :, None, None, :] * along[:, None, :, :, None]).reshape(-1, 6, 9)
+    total: Any = sum(scale[:, None, None] * form for form, scale in forms)
+    blocks += onp.matmul(onp.swapaxes(maps, 1, 2), onp.matmul(total, maps))
 
 
 def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray, ndarray]:
@@ -244,19 +286,12 @@ def cotangent_laplacian(f: ndarray, faces: ndarray) -> csr_array:
     :math:`h^T L h = \sum_t w_t (h_u^2 + h_v^2)`; open and non-manifold meshes have it as well.
     """
     corners = f[faces]
-    rows, columns, entries = [], [], []
-    for corner in range(3):
-        # The angle at a corner weighs the edge between the two others.
-        left, right = faces[:, (corner + 1) % 3], faces[:, (corner + 2) % 3]
-        one = corners[:, (corner + 1) % 3] - corners[:, corner]
-        other = corners[:, (corner + 2) % 3] - corners[:, corner]
-        sine = onp.linalg.norm(onp.cross(one, other), axis=1)
-        half_cotangent = 0.5 * onp.sum(one * other, axis=1) / sine
-        rows += [left, right, left, right]
-        columns += [left, right, right, left]
-        entries += [half_cotangent, half_cotangent, -half_cotangent, -half_cotangent]
-    places = onp.concatenate(rows), onp.concatenate(columns)
-    return csr_array((onp.concatenate(entries), places), shape=(len(f), len(f)))
+    # Half the cotangents of the angles are inner products of the edges opposite them, over 4 areas.
+    edges = onp.roll(corners, -1, axis=1) - onp.roll(corners, 1, axis=1)
+    double_areas = onp.linalg.norm(onp.cross(edges[:, 0], edges[:, 1]), axis=1)
+    entries = edges @ onp.swapaxes(edges, 1, 2) / (2.0 * double_areas)[:, None, None]
+    places = onp.repeat(faces, 3, axis=1).ravel(), onp.tile(faces, 3).ravel()
+    return csr_array((entries.ravel(), places), shape=(len(f), len(f)))
 
 
 def vertex_normals(points: ndarray, faces: ndarray) -> ndarray:

@@ -80,12 +80,6 @@ def mapped(
         pool.shutdown(cancel_futures=True)
 
 
-def for_each(task: Callable[[Item], Any], items: Iterable[Item], n_threads: int) -> None:
-    """Do a task for every item, as `mapped` does."""
-    for _ in mapped(task, items, n_threads):
-        pass
-
-
 _lock = threading.Lock()
 _n_limited = 0
 _limiter: Any = None

@@ -33,21 +33,20 @@ from scipy.sparse import csr_array, diags_array, eye_array, kron
 
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.kernels import surface, triangles
+from riemhuman.kernels import surface
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import apply_operator, cotangent_laplacian
 from riemhuman.kernels.threads import sums_in_chunks
-from riemhuman.kernels.triangles import (
-    add_area_slope,
-    add_to_corners,
-    by_vertex,
-    derivatives_in_frame,
-    fill_edges,
-    frame_of,
-    is_worth_threads,
-)
+
+# Below this many triangles times surfaces, threads cost more than they bring.
+_WORTH_THREADS = 20_000
 
 Slopes = tuple[float, ndarray, ndarray]
+
+
+def by_vertex(surfaces: ndarray) -> ndarray:
+    """Return surfaces vertex by vertex, or back."""
+    return onp.ascontiguousarray(onp.swapaxes(surfaces, 0, 1))
 
 
 class QuadraticTerm(ABC):
@@ -164,26 +163,19 @@ class FirstOrderTerm(QuadraticTerm):
         self.is_stretch_invariant = weights.a1 == 0.0 and weights.b1 == 0.0
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
-        operator, areas = self.template.differential_operator, self.template.face_areas
+        operator = self.template.differential_operator
         first = surface.derivatives(f, operator)
-        along_h = surface.frame_components(first, *surface.partial_derivatives(h, operator))
-        along_k = along_h
-        if k is not h:
-            along_k = surface.frame_components(first, *surface.partial_derivatives(k, operator))
-        moving, still = self.weights.forms()
-        values = first.areas * surface.dot(np.matmul(along_h, moving), along_k)
-        values = values + surface.dot(np.matmul(along_h, still), along_k)
-        return np.sum(values * areas, axis=-1)
+        return surface.product_by_forms(h, k, first, operator, self._forms(first))
+
+    def _forms(self, first: surface.Derivatives) -> surface.Forms:
+        areas, (moving, still) = self.template.face_areas, self.weights.forms()
+        return [(moving, areas * first.areas), (still, areas)]
 
     def matrix(self, f: ndarray) -> csr_array:
-        template = self.template
-        first = surface.derivatives(f, template.differential_operator)
-        moving, still = template.face_areas * first.areas, template.face_areas
-        moving_form, still_form = self.weights.forms()
-        forms = moving[:, None, None] * moving_form + still[:, None, None] * still_form
-        blocks = onp.zeros((template.n_faces, 9, 9))
-        triangles.add_blocks(blocks, f, template.faces, forms)
-        return template.assembler.assemble(blocks)
+        first = surface.derivatives(f, self.template.differential_operator)
+        blocks = onp.zeros((self.template.n_faces, 9, 9))
+        surface.add_blocks(blocks, f, self.template.faces, self._forms(first))
+        return self.template.assembler.assemble(blocks)
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
         weights = self.template.face_areas, tuple(self.weights)
@@ -196,12 +188,96 @@ def _in_chunks(
 ) -> tuple[Any, ...]:
     """Return the value of a loop over the triangles of surfaces, and the arrays it adds up."""
     surfaces, faces = given[:2]
+    threaded = len(faces) * surfaces.shape[1] > _WORTH_THREADS
 
     def run(first: int, last: int) -> tuple[Any, ...]:
         added = [onp.zeros(shape) for shape in shapes]
         return loop(*given, first, last, *added), *added
 
-    return sums_in_chunks(run, len(faces), threaded=is_worth_threads(surfaces, faces))
+    return sums_in_chunks(run, len(faces), threaded=threaded)
+
+
+@compiled(inline="always")
+def _frame_of(surfaces: ndarray, face: ndarray, i: int) -> tuple[float, ...]:
+    """Return the frame of a triangle at time i."""
+    # e₁ runs along q₂ − q₁ = p e₁, e₂ across it, and q₃ − q₁ = q e₁ + r e₂.
+    one, two, three = face[0], face[1], face[2]
+    x0 = surfaces[two, i, 0] - surfaces[one, i, 0]
+    x1 = surfaces[two, i, 1] - surfaces[one, i, 1]
+    x2 = surfaces[two, i, 2] - surfaces[one, i, 2]
+    y0 = surfaces[three, i, 0] - surfaces[one, i, 0]
+    y1 = surfaces[three, i, 1] - surfaces[one, i, 1]
+    y2 = surfaces[three, i, 2] - surfaces[one, i, 2]
+    n0, n1, n2 = x1 * y2 - x2 * y1, x2 * y0 - x0 * y2, x0 * y1 - x1 * y0
+    squared = n0 * n0 + n1 * n1 + n2 * n2
+    xx = x0 * x0 + x1 * x1 + x2 * x2
+    if squared <= surface.DEGENERATE * xx * (y0 * y0 + y1 * y1 + y2 * y2):
+        squared, xx = 0.0, 1.0
+    double_area, p = math.sqrt(squared), math.sqrt(xx)
+    over_p = 1.0 / p
+    over_r = p / double_area if squared > 0.0 else 0.0
+    flat = over_p * over_r
+    x0, x1, x2 = x0 * over_p, x1 * over_p, x2 * over_p
+    n0, n1, n2 = n0 * flat, n1 * flat, n2 * flat
+    skew = (y0 * x0 + y1 * x1 + y2 * x2) * flat
+    z0, z1, z2 = n1 * x2 - n2 * x1, n2 * x0 - n0 * x2, n0 * x1 - n1 * x0
+    area = 0.5 * double_area
+    return area, over_p, over_r, skew, x0, x1, x2, z0, z1, z2, n0, n1, n2
+
+
+@compiled(inline="always")
+def _derivatives_in_frame(
+    vectors: ndarray, face: ndarray, i: int, frame: tuple[float, ...]
+) -> tuple[float, ...]:
+    """Return M_kj = e_k·∂_j h, the derivatives of a deformation h along e₁ and e₂."""
+    _, over_p, over_r, skew, a0, a1, a2, b0, b1, b2, c0, c1, c2 = frame
+    one, two, three = face[0], face[1], face[2]
+    x0 = vectors[two, i, 0] - vectors[one, i, 0]
+    x1 = vectors[two, i, 1] - vectors[one, i, 1]
+    x2 = vectors[two, i, 2] - vectors[one, i, 2]
+    y0 = over_r * (vectors[three, i, 0] - vectors[one, i, 0]) - skew * x0
+    y1 = over_r * (vectors[three, i, 1] - vectors[one, i, 1]) - skew * x1
+    y2 = over_r * (vectors[three, i, 2] - vectors[one, i, 2]) - skew * x2
+    x0, x1, x2 = over_p * x0, over_p * x1, over_p * x2
+    return (
+        a0 * x0 + a1 * x1 + a2 * x2,
+        a0 * y0 + a1 * y1 + a2 * y2,
+        b0 * x0 + b1 * x1 + b2 * x2,
+        b0 * y0 + b1 * y1 + b2 * y2,
+        c0 * x0 + c1 * x1 + c2 * x2,
+        c0 * y0 + c1 * y1 + c2 * y2,
+    )
+
+
+@compiled(inline="always")
+def _add_to_corners(
+    slopes: ndarray, face: ndarray, i: int, frame: tuple[float, ...], entries: tuple[float, ...]
+) -> None:
+    """Add the slopes at the corners of a function with slopes Γ_kj in e_k·∂_j h.
+
+    The transpose of `_derivatives_in_frame`.
+    """
+    _, over_p, over_r, skew, a0, a1, a2, b0, b1, b2, c0, c1, c2 = frame
+    k11, k12, k21, k22, k31, k32 = entries
+    k11, k21, k31 = (
+        over_p * k11 - skew * k12,
+        over_p * k21 - skew * k22,
+        over_p * k31 - skew * k32,
+    )
+    k12, k22, k32 = over_r * k12, over_r * k22, over_r * k32
+    one, two, three = face[0], face[1], face[2]
+    x0, y0 = k11 * a0 + k21 * b0 + k31 * c0, k12 * a0 + k22 * b0 + k32 * c0
+    x1, y1 = k11 * a1 + k21 * b1 + k31 * c1, k12 * a1 + k22 * b1 + k32 * c1
+    x2, y2 = k11 * a2 + k21 * b2 + k31 * c2, k12 * a2 + k22 * b2 + k32 * c2
+    slopes[one, i, 0] -= x0 + y0
+    slopes[one, i, 1] -= x1 + y1
+    slopes[one, i, 2] -= x2 + y2
+    slopes[two, i, 0] += x0
+    slopes[two, i, 1] += x1
+    slopes[two, i, 2] += x2
+    slopes[three, i, 0] += y0
+    slopes[three, i, 1] += y1
+    slopes[three, i, 2] += y2
 
 
 @compiled
@@ -220,12 +296,12 @@ def _first_order_norms(
     total = 0.0
     for t in range(first, last):
         for i in range(surfaces.shape[1]):
-            frame = frame_of(surfaces, faces[t], i)
+            frame = _frame_of(surfaces, faces[t], i)
             area = frame[0]
             if area == 0.0:
                 total = math.inf
                 continue
-            m11, m12, m21, m22, m31, m32 = derivatives_in_frame(vectors, faces[t], i, frame)
+            m11, m12, m21, m22, m31, m32 = _derivatives_in_frame(vectors, faces[t], i, frame)
             across, along = m11 - m22, m12 + m21
             trace, turn = m11 + m22, m12 - m21
             tilt = m31 * m31 + m32 * m32
@@ -238,7 +314,7 @@ def _first_order_norms(
             bending = 2.0 * (c1 * area + bend * areas[t])
             k31, k32 = bending * m31, bending * m32
             slopes = (k11, k12, k21, k22, k31, k32)
-            add_to_corners(vector_slopes, faces[t], i, frame, slopes)
+            _add_to_corners(vector_slopes, faces[t], i, frame, slopes)
             # Of the surface's own derivatives in the frame, the symmetric part stretches the
             # triangle, the antisymmetric part turns the frame, and the last row tilts it.
             shear = m11 * k12 + m12 * k11 + m21 * k22 + m22 * k21 + m31 * k32 + m32 * k31
@@ -251,7 +327,7 @@ def _first_order_norms(
                 k11 * m31 + k12 * m32 - k31 * m11 - k32 * m12,
                 k21 * m31 + k22 * m32 - k31 * m21 - k32 * m22,
             )
-            add_to_corners(surface_slopes, faces[t], i, frame, slopes)
+            _add_to_corners(surface_slopes, faces[t], i, frame, slopes)
     return total
 
 
@@ -287,36 +363,114 @@ class ZerothOrderTerm(QuadraticTerm):
         return csr_array(kron(diags_array(self.weight * masses), eye_array(3)))
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        given = surfaces, self.template.faces, vectors, self.weight
-        return _in_chunks(_zeroth_order_norms, given, surfaces.shape, surfaces.shape)
+        densities = self.weight * surface.dot(vectors, vectors)
+        value, masses, _, _, slopes = _vertex_sums(surfaces, self.template, by_areas=densities)
+        value += onp.sum(masses * densities)
+        return value, 2.0 * self.weight * masses[..., None] * vectors, slopes
+
+
+def _vertex_sums(
+    surfaces: ndarray,
+    template: Any,
+    h: ndarray | None = None,
+    z: ndarray | None = None,
+    by_areas: ndarray | None = None,
+    by_normals: ndarray | None = None,
+) -> tuple[Any, ...]:
+    """Return what `_add_vertex_sums` adds up: A, N, L z and slopes, each where it is asked for."""
+    given, shape = (surfaces, template.faces, h, z, by_areas, by_normals), surfaces.shape
+    images, slopes = z is not None, by_areas is not None or by_normals is not None
+    wanted = not (images or slopes), images, slopes
+    shapes = [shape if one else (0, 0, 0) for one in wanted]
+    return _in_chunks(_add_vertex_sums, given, shape[:2], *shapes)
 
 
 @compiled
-def _zeroth_order_norms(
+def _add_vertex_sums(
     surfaces: ndarray,
     faces: ndarray,
-    vectors: ndarray,
-    weight: float,
+    h: Any,
+    z: Any,
+    by_areas: ndarray | None,
+    by_normals: ndarray | None,
     first: int,
     last: int,
-    vector_slopes: ndarray,
-    surface_slopes: ndarray,
+    areas: ndarray,
+    normals: ndarray,
+    images: ndarray,
+    slopes: ndarray,
 ) -> float:
-    edges = onp.empty((2, 3))
+    """Add vertex areas A, sums N of area vectors, L z, and the slopes of 2 zᵀL h + Σ (a A + b·N).
+
+    L is the cotangent Laplacian of the surface; a and b are the slopes `by_areas` and `by_normals`.
+    The result is infinite if a triangle has no area.
+    """
+    x, y, n, b = onp.empty(3), onp.empty(3), onp.empty(3), onp.empty(3)
     total = 0.0
     for t in range(first, last):
+        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
         for i in range(surfaces.shape[1]):
-            area = fill_edges(surfaces, faces[t], i, edges)
-            if area == 0.0:
+            xx = xy = yy = squared = 0.0
+            for d in range(3):
+                x[d] = surfaces[two, i, d] - surfaces[one, i, d]
+                y[d] = surfaces[three, i, d] - surfaces[one, i, d]
+                xx += x[d] * x[d]
+                xy += x[d] * y[d]
+                yy += y[d] * y[d]
+            for d in range(3):
+                e, g = (d + 1) % 3, (d + 2) % 3
+                n[d] = x[e] * y[g] - x[g] * y[e]
+                squared += n[d] * n[d]
+            if squared <= surface.DEGENERATE * xx * yy:
                 total = math.inf
                 continue
-            factor, squared = 2.0 / 3.0 * weight * area, 0.0
+            area = 0.5 * math.sqrt(squared)
             for corner in faces[t]:
+                areas[corner, i] += area / 3.0
+                if len(normals) > 0:
+                    for d in range(3):
+                        normals[corner, i, d] += 0.5 * n[d]
+            # The half cotangents of the angles are inner products of edges over 4 A.
+            factor = 0.25 / area
+            at_one, at_two, at_three = factor * xy, factor * (xx - xy), factor * (yy - xy)
+            if z is not None:
                 for d in range(3):
-                    squared += vectors[corner, i, d] ** 2
-                    vector_slopes[corner, i, d] += factor * vectors[corner, i, d]
-            total += 0.5 * factor * squared
-            add_area_slope(surface_slopes, faces[t], i, edges, area, weight * squared / 3.0)
+                    toward_two = at_three * (z[two, i, d] - z[one, i, d])
+                    toward_three = at_two * (z[three, i, d] - z[one, i, d])
+                    between = at_one * (z[three, i, d] - z[two, i, d])
+                    images[one, i, d] -= toward_two + toward_three
+                    images[two, i, d] += toward_two - between
+                    images[three, i, d] += toward_three + between
+            if by_areas is not None:
+                by_area = (by_areas[one, i] + by_areas[two, i] + by_areas[three, i]) / 3.0
+                product12 = product13 = product23 = 0.0
+                if h is not None:
+                    for d in range(3):
+                        h12, h13 = h[two, i, d] - h[one, i, d], h[three, i, d] - h[one, i, d]
+                        z12, z13 = z[two, i, d] - z[one, i, d], z[three, i, d] - z[one, i, d]
+                        product12 += z12 * h12
+                        product13 += z13 * h13
+                        product23 += (z13 - z12) * (h13 - h12)
+                    energy = product23 * at_one + product13 * at_two + product12 * at_three
+                    by_area -= 2.0 * energy / area
+                in_xx = factor * (4.0 * product13 + yy * by_area)
+                in_xy = factor * (2.0 * (product23 - product13 - product12) - xy * by_area)
+                in_yy = factor * (4.0 * product12 + xx * by_area)
+                for d in range(3):
+                    step_two, step_three = in_xx * x[d] + in_xy * y[d], in_xy * x[d] + in_yy * y[d]
+                    slopes[two, i, d] += step_two
+                    slopes[three, i, d] += step_three
+                    slopes[one, i, d] -= step_two + step_three
+            if by_normals is not None:
+                for d in range(3):
+                    b[d] = by_normals[one, i, d] + by_normals[two, i, d] + by_normals[three, i, d]
+                for d in range(3):
+                    e, g = (d + 1) % 3, (d + 2) % 3
+                    step_two = 0.5 * (y[e] * b[g] - y[g] * b[e])
+                    step_three = 0.5 * (b[e] * x[g] - b[g] * x[e])
+                    slopes[two, i, d] += step_two
+                    slopes[three, i, d] += step_three
+                    slopes[one, i, d] -= step_two + step_three
     return total
 
 
@@ -371,120 +525,23 @@ class SecondOrderTerm(QuadraticTerm):
         return self._laplacians(vectors, surfaces)[0]
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        value, ratios = self._laplacians(vectors, surfaces)
-        if value == math.inf:
-            return value, onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
-        given = surfaces, self.template.faces, vectors, ratios, self.weight
-        _, *slopes = _in_chunks(_add_laplacian_slopes, given, surfaces.shape, surfaces.shape)
-        return value, *slopes
+        value, z = self._laplacians(vectors, surfaces)
+        # Those of 2 zᵀL h − Σ |z|² A/w, where z = w/A L h is held.
+        by_areas = -surface.dot(z, z) / self.weight
+        *_, images, slopes = _vertex_sums(surfaces, self.template, vectors, z, by_areas)
+        return value, 2.0 * images, slopes
 
     def _laplacians(self, vectors: ndarray, surfaces: ndarray) -> tuple[float, ndarray]:
         """Return the sum of the squared norms, infinite without areas, and w/A L h."""
-        given, shape = (surfaces, self.template.faces, vectors), surfaces.shape
-        value, images, masses = _in_chunks(_add_laplacians, given, shape, shape[:2])
+        value, masses, _, images, _ = _vertex_sums(surfaces, self.template, z=vectors)
         if value > 0.0:
             return math.inf, images
-        ratios = self._shares(masses.T).T[..., None] * images
-        return float(onp.sum(ratios * images)), ratios
+        z = self._shares(masses.T).T[..., None] * images
+        return float(onp.sum(z * images)), z
 
     def _shares(self, masses: ndarray) -> ndarray:
         """Return w/A at the vertices surrounded, 0 at the others."""
         return self.weight * self.surrounded / np.where(self.surrounded, masses, 1.0)
-
-
-@compiled(inline="always")
-def _half_cotangents(edges: ndarray, area: float) -> tuple[float, float, float]:
-    """Return half the cotangents of the angles at the three corners."""
-    xx = xy = yy = 0.0
-    for d in range(3):
-        xx += edges[0, d] * edges[0, d]
-        xy += edges[0, d] * edges[1, d]
-        yy += edges[1, d] * edges[1, d]
-    factor = 0.25 / area
-    return factor * xy, factor * (xx - xy), factor * (yy - xy)
-
-
-@compiled
-def _add_laplacians(
-    surfaces: ndarray,
-    faces: ndarray,
-    vectors: ndarray,
-    first: int,
-    last: int,
-    images: ndarray,
-    masses: ndarray,
-) -> float:
-    """Add L h to `images` and vertex areas to `masses`; return infinity if there is no area."""
-    edges = onp.empty((2, 3))
-    total = 0.0
-    for t in range(first, last):
-        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
-        for i in range(surfaces.shape[1]):
-            area = fill_edges(surfaces, faces[t], i, edges)
-            if area == 0.0:
-                total = math.inf
-                continue
-            at_one, at_two, at_three = _half_cotangents(edges, area)
-            for d in range(3):
-                toward_two = at_three * (vectors[two, i, d] - vectors[one, i, d])
-                toward_three = at_two * (vectors[three, i, d] - vectors[one, i, d])
-                between = at_one * (vectors[three, i, d] - vectors[two, i, d])
-                images[one, i, d] -= toward_two + toward_three
-                images[two, i, d] += toward_two - between
-                images[three, i, d] += toward_three + between
-            for corner in faces[t]:
-                masses[corner, i] += area / 3.0
-    return total
-
-
-@compiled
-def _add_laplacian_slopes(
-    surfaces: ndarray,
-    faces: ndarray,
-    vectors: ndarray,
-    ratios: ndarray,
-    weight: float,
-    first: int,
-    last: int,
-    vector_slopes: ndarray,
-    surface_slopes: ndarray,
-) -> float:
-    """Add the slopes of w Σ |L h|²/A: those of 2 zᵀL h − Σ |z|² A/w with z = w L h/A held."""
-    edges = onp.empty((2, 3))
-    for t in range(first, last):
-        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
-        for i in range(surfaces.shape[1]):
-            area = fill_edges(surfaces, faces[t], i, edges)
-            at_one, at_two, at_three = _half_cotangents(edges, area)
-            product12 = product13 = product23 = squared = 0.0
-            for d in range(3):
-                z1, z2, z3 = ratios[one, i, d], ratios[two, i, d], ratios[three, i, d]
-                h12 = vectors[two, i, d] - vectors[one, i, d]
-                h13 = vectors[three, i, d] - vectors[one, i, d]
-                product12 += (z2 - z1) * h12
-                product13 += (z3 - z1) * h13
-                product23 += (z3 - z2) * (h13 - h12)
-                squared += z1 * z1 + z2 * z2 + z3 * z3
-                toward_two = 2.0 * at_three * (z2 - z1)
-                toward_three = 2.0 * at_two * (z3 - z1)
-                between = 2.0 * at_one * (z3 - z2)
-                vector_slopes[one, i, d] -= toward_two + toward_three
-                vector_slopes[two, i, d] += toward_two - between
-                vector_slopes[three, i, d] += toward_three + between
-            energy = product23 * at_one + product13 * at_two + product12 * at_three
-            # The half cotangents are inner products of edges over 4 areas.
-            factor = 0.5 / area
-            mixed = product23 - product13 - product12
-            for d in range(3):
-                x, y = edges[0, d], edges[1, d]
-                step_two = factor * (mixed * y + 2.0 * product13 * x)
-                step_three = factor * (mixed * x + 2.0 * product12 * y)
-                surface_slopes[two, i, d] += step_two
-                surface_slopes[three, i, d] += step_three
-                surface_slopes[one, i, d] -= step_two + step_three
-            by_area = -2.0 * energy / area - squared / (3.0 * weight)
-            add_area_slope(surface_slopes, faces[t], i, edges, area, by_area)
-    return 0.0
 
 
 # Below this share of the areas around a vertex, the sum of the area vectors is rounding error.
@@ -535,58 +592,14 @@ def projection_matrix(normals: ndarray) -> csr_array:
     return csr_array((blocks.ravel(), columns.ravel(), ends), shape=(normals.size,) * 2)
 
 
-@compiled
-def _add_area_vectors(
-    surfaces: ndarray, faces: ndarray, first: int, last: int, sums: ndarray, around: ndarray
-) -> float:
-    edges = onp.empty((2, 3))
-    for t in range(first, last):
-        for i in range(surfaces.shape[1]):
-            area = fill_edges(surfaces, faces[t], i, edges)
-            for corner in faces[t]:
-                around[corner, i] += 2.0 * area
-            for d in range(3):
-                e, g = (d + 1) % 3, (d + 2) % 3
-                entry = edges[0, e] * edges[1, g] - edges[0, g] * edges[1, e]
-                for corner in faces[t]:
-                    sums[corner, i, d] += entry
-    return 0.0
-
-
-@compiled
-def _add_normal_slopes(
-    surfaces: ndarray,
-    faces: ndarray,
-    sum_slopes: ndarray,
-    first: int,
-    last: int,
-    surface_slopes: ndarray,
-) -> float:
-    edges, slope = onp.empty((2, 3)), onp.empty(3)
-    for t in range(first, last):
-        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
-        for i in range(surfaces.shape[1]):
-            fill_edges(surfaces, faces[t], i, edges)
-            for d in range(3):
-                slope[d] = sum_slopes[one, i, d] + sum_slopes[two, i, d] + sum_slopes[three, i, d]
-            for d in range(3):
-                e, g = (d + 1) % 3, (d + 2) % 3
-                at_two = edges[1, e] * slope[g] - edges[1, g] * slope[e]
-                at_three = slope[e] * edges[0, g] - slope[g] * edges[0, e]
-                surface_slopes[two, i, d] += at_two
-                surface_slopes[three, i, d] += at_three
-                surface_slopes[one, i, d] -= at_two + at_three
-    return 0.0
-
-
 class NormalProjections:
     """The projections at surfaces, and the way back for slopes, in compiled loops."""
 
-    def __init__(self, surfaces: ndarray, faces: ndarray) -> None:
-        self._given, shape = (surfaces, faces), surfaces.shape
-        _, sums, around = _in_chunks(_add_area_vectors, self._given, shape, shape[:2])
+    def __init__(self, surfaces: ndarray, template: Any) -> None:
+        self._surfaces, self._template = surfaces, template
+        _, areas, sums, *_ = _vertex_sums(surfaces, template)
         lengths = onp.linalg.norm(sums, axis=-1, keepdims=True)
-        self.exist = not onp.any((lengths[..., 0] <= _CANCELLED * around) & (around > 0.0))
+        self.exist = not onp.any((lengths[..., 0] <= 3.0 * _CANCELLED * areas) & (areas > 0.0))
         self._lengths = onp.where(lengths > 0.0, lengths, 1.0)
         self._normals = sums / self._lengths
 
@@ -599,8 +612,8 @@ class NormalProjections:
         along = self._along(slopes)
         in_normals = self._along(vectors) * slopes + along * vectors
         tangential = in_normals - self._along(in_normals) * self._normals
-        given = *self._given, tangential / self._lengths
-        _, surface_slopes = _in_chunks(_add_normal_slopes, given, slopes.shape)
+        by_normals = tangential / self._lengths
+        *_, surface_slopes = _vertex_sums(self._surfaces, self._template, by_normals=by_normals)
         return along * self._normals, surface_slopes
 
     def _along(self, vectors: ndarray) -> ndarray:
@@ -636,7 +649,7 @@ class NormalPartTerm(QuadraticTerm):
         return projection @ self.term.matrix(f) @ projection
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        projections = NormalProjections(surfaces, self.template.faces)
+        projections = NormalProjections(surfaces, self.template)
         parts = projections.project(vectors)
         value, in_parts, in_surfaces = self.term.squared_norms_and_slopes(parts, surfaces)
         in_vectors, through_normals = projections.slopes(vectors, in_parts)

@@ -13,7 +13,6 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import autograd.numpy as np
 import numpy as onp
 from numpy import ndarray
 from scipy.sparse import csr_array
@@ -23,7 +22,6 @@ from riemhuman.kernels import surface
 from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.kernels.surface import follow_up
 from riemhuman.kernels.threads import LANES, in_tiles, of_one_kind, sums_in_chunks
-from riemhuman.kernels.triangles import add_blocks, first_forms
 from riemhuman.terms.flat import FlatTerm
 from riemhuman.terms.term import LENGTH, Fields, Term
 
@@ -62,21 +60,12 @@ class SumOfTerms:
         """Return the inner product of the derivatives of the fields along h and k."""
         operator = self.template.differential_operator
         first = surface.derivatives(f, operator)
+        return surface.product_by_forms(h, k, first, operator, self._forms(first))
+
+    def _forms(self, first: surface.Derivatives) -> surface.Forms:
         surface.refuse_degenerate(first.degenerate, "base_point")
-        along_h = surface.frame_components(first, *surface.partial_derivatives(h, operator))
-        along_k = along_h
-        if k is not h:
-            along_k = surface.frame_components(first, *surface.partial_derivatives(k, operator))
-        total: Any = 0.0
-        for term in self.terms:
-            form = term.form(first)
-            if form.ndim == 2:
-                values = surface.dot(np.matmul(along_h, form), along_k)
-            else:
-                values = np.einsum("...i,...ij,...j->...", along_h, form, along_k)
-            scale = term.weight * self.areas * first.areas**term.area_power
-            total = total + np.sum(scale * values, axis=-1)
-        return total
+        scales = [term.weight * self.areas * first.areas**term.area_power for term in self.terms]
+        return [(term.form(first), scale) for term, scale in zip(self.terms, scales, strict=True)]
 
     def features(self, points: ndarray, precision: str) -> Features:
         """Return the features of surfaces."""
@@ -129,12 +118,11 @@ class SumOfTerms:
         """Return the closed-form path energy n Σ d²(f_i, f_{i+1}) and its gradient."""
         faces, frames, areas = self._faces, self._frames, self.areas
         # Vertex by vertex, all times together: what one triangle reads lies close together.
-        by_vertex = onp.ascontiguousarray(onp.swapaxes(path, 0, 1))
-        by_vertex.flags.writeable = False  # the kind that loops are compiled for
-        n_times = len(path)
+        surfaces, n_times = onp.ascontiguousarray(onp.swapaxes(path, 0, 1)), len(path)
+        surfaces.flags.writeable = False  # the kind that loops are compiled for
 
         def run(first: int, last: int) -> tuple[Any, ...]:
-            total, found = 0.0, onp.zeros(by_vertex.shape if gradient else 0)
+            total, found = 0.0, onp.zeros(surfaces.shape if gradient else 0)
             size = max(1, min(_IN_CACHE // n_times, last - first))
             records, slopes = onp.empty((2, n_times, LENGTH, size))
             for start in range(first, last, size):
@@ -142,7 +130,7 @@ class SumOfTerms:
                 if end - start < size:
                     records, slopes = onp.empty((2, n_times, LENGTH, end - start))
                 slopes[:] = 0.0
-                fill_records(by_vertex, faces, frames, start, end, records)
+                fill_records(surfaces, faces, frames, start, end, records)
                 for term in self.terms:
                     total += term.add_segments(records, slopes, areas[start:end])
                 if gradient:
@@ -197,20 +185,21 @@ class SumOfTerms:
         blocks = onp.zeros((len(self._faces), 9, 9))
         for f in surfaces:
             first = surface.derivatives(f, self.template.differential_operator)
-            surface.refuse_degenerate(first.degenerate, "base_point")
-            forms = [term.form(first) for term in self.terms]
-            shares = self.areas / len(surfaces)
-            scales = [term.weight * shares * first.areas**term.area_power for term in self.terms]
-            # Those of terms that treat all triangles alike are one product of matrices.
-            alike = [k for k, form in enumerate(forms) if form.ndim == 2]
-            constant = onp.reshape([forms[k] for k in alike], (len(alike), 36))
-            weights = onp.reshape([scales[k] for k in alike], (len(alike), len(blocks)))
-            total = (weights.T @ constant).reshape(-1, 6, 6)
-            for form, scale in zip(forms, scales, strict=True):
-                if form.ndim > 2:
-                    total = total + scale[:, None, None] * form
-            add_blocks(blocks, f, self._faces, total)
-        return self.template.assembler.assemble(blocks)
+            surface.add_blocks(blocks, f, self._faces, self._forms(first))
+        return self.template.assembler.assemble(blocks / len(surfaces))
+
+
+@compiled(forceinline=True)
+def first_forms(
+    u0: float, u1: float, u2: float, v0: float, v1: float, v2: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return e = f_u·f_u, m = f_u·f_v, f_u × f_v and its length A, 0 for triangles without area."""
+    n0, n1, n2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
+    squared = n0 * n0 + n1 * n1 + n2 * n2
+    e = u0 * u0 + u1 * u1 + u2 * u2
+    g = v0 * v0 + v1 * v1 + v2 * v2
+    area = math.sqrt(squared) if squared > surface.DEGENERATE * e * g else 0.0
+    return e, u0 * v0 + u1 * v1 + u2 * v2, n0, n1, n2, area
 
 
 @compiled
@@ -292,6 +281,19 @@ def _join(record: ndarray, slope: ndarray) -> None:
             in_v += slope[3 + k, t] + mixed * record[k, t]
             slope[k, t] = in_u if has_area else 0.0
             slope[3 + k, t] = in_v if has_area else 0.0
+
+
+def nearly_degenerate(surfaces: ndarray, template: Any) -> ndarray:
+    """Tell the triangles of surfaces that have no area, or hardly more than none."""
+    found = onp.empty((len(surfaces), template.n_faces), dtype=bool)
+    records = onp.empty((1, LENGTH, template.n_faces))
+    over = template.faces, template.frame_coefficients, 0, template.n_faces
+    for f, marked in zip(surfaces, found, strict=True):
+        fill_records(of_one_kind(f)[:, None], *over, records)
+        squared, mixed = records[0, 9] ** 2, records[0, 11]
+        # A² + m² = e g.
+        marked[:] = squared <= surface.NEARLY_DEGENERATE * (squared + mixed**2)
+    return found
 
 
 # Partial derivatives of three triangles on each of two surfaces, nearly those of the template.

@@ -45,7 +45,7 @@ from riemhuman.terms._polynomial_fits import (
     squared_length,
     squared_length_and_slope,
 )
-from riemhuman.terms.normals import nearer_normal, squared_arc
+from riemhuman.terms.normals import add_segment, nearer_normal, squared_arc
 from riemhuman.terms.term import LENGTH, Fields, Term
 
 
@@ -360,7 +360,7 @@ def _segment(
         by_y1[t] += rate * (dy - m * y2[t])
         by_y2[t] -= rate * (dy + m * y1[t])
     if turn is not None:
-        _add_normal_slopes(record1, record2, slopes1, slopes2, turn, rates)
+        add_segment(record1, record2, slopes1, slopes2, rates, turn)
     return total
 
 
@@ -370,24 +370,6 @@ def _fill_angles(one: ndarray, other: ndarray, turn: float, angles: ndarray) -> 
     for t in range(len(angles)):
         _, _, _, _, angle, _ = nearer_normal(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
         angles[t] = turn * angle
-
-
-@compiled(forceinline=True, fastmath=SUM)
-def _add_normal_slopes(
-    one: ndarray, other: ndarray, by_one: ndarray, by_other: ndarray, turn: float, rates: ndarray
-) -> None:
-    x1, y1, z1, x2, y2, z2 = one[6], one[7], one[8], other[6], other[7], other[8]
-    by_x1, by_y1, by_z1 = by_one[6], by_one[7], by_one[8]
-    by_x2, by_y2, by_z2 = by_other[6], by_other[7], by_other[8]
-    for t in range(len(rates)):
-        x, y, z, sign, _, slope = nearer_normal(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
-        rate = 2.0 * turn * slope * rates[t]
-        by_x1[t] += rate * x * sign
-        by_y1[t] += rate * y * sign
-        by_z1[t] += rate * z * sign
-        by_x2[t] -= rate * x
-        by_y2[t] -= rate * y
-        by_z2[t] -= rate * z
 
 
 @compiled(forceinline=True, fastmath=FUSED)

@@ -175,12 +175,12 @@ def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) 
                 return math.inf
     total = 0.0
     for i in range(len(records) - 1):
-        total += _segment(records[i], records[i + 1], slopes[i], slopes[i + 1], areas, weight)
+        total += add_segment(records[i], records[i + 1], slopes[i], slopes[i + 1], areas, weight)
     return total
 
 
 @compiled(forceinline=True, fastmath=SUM)
-def _segment(
+def add_segment(
     one: ndarray,
     other: ndarray,
     by_one: ndarray,

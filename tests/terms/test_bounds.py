@@ -7,9 +7,8 @@ from interpreted import check_bounds
 from packed_fields import field_features
 from scipy.spatial.distance import cdist
 
-from riemhuman.kernels import surface, triangles
+from riemhuman.kernels import surface
 from riemhuman.kernels.threads import of_one_kind
-from riemhuman.kernels.triangles import by_vertex
 from riemhuman.terms import (
     ConeTerm,
     EbinTerm,
@@ -22,6 +21,7 @@ from riemhuman.terms import (
     flat,
     normals,
 )
+from riemhuman.terms._quadratic import by_vertex
 from riemhuman.terms._sum import SumOfTerms
 
 TEMPLATE = open_template()
@@ -34,7 +34,7 @@ FIRST_ORDER = _quadratic.FirstOrderTerm(
 QUADRATIC = [FIRST_ORDER, _quadratic.NormalPartTerm(TEMPLATE, FIRST_ORDER)]
 QUADRATIC += [_quadratic.ZerothOrderTerm(TEMPLATE, 0.4)]
 QUADRATIC += [_quadratic.SecondOrderTerm(TEMPLATE, 0.1)]
-MODULES = (_sum, triangles, cone, flat, normals)
+MODULES = (_sum, cone, flat, normals)
 
 
 def collapsed(points):
@@ -67,12 +67,11 @@ def test_features(monkeypatch, precision):
 @pytest.mark.parametrize("quadratic", QUADRATIC, ids=lambda term: type(term).__name__)
 def test_squared_norms(monkeypatch, quadratic):
     h, f = (by_vertex(make(TEMPLATE, 2, rng=6)) for make in (deformations, surfaces))
-    modules = (_quadratic, triangles)
     calls = [
         lambda: quadratic.squared_norms_and_slopes(h, f),
         lambda: [quadratic.squared_norms(h, f)],
     ]
-    check_bounds(monkeypatch, modules, calls)
+    check_bounds(monkeypatch, [_quadratic], calls)
 
 
 LOOPS = [

@@ -14,6 +14,7 @@ from riemhuman.geometry import (
     SRNFMetric,
     SurfaceMetric,
 )
+from riemhuman.kernels import surface
 from riemhuman.kernels.threads import of_one_kind
 from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RootNormalTerm, _sum
 from riemhuman.terms._sum import SumOfTerms
@@ -74,6 +75,27 @@ def test_degenerate_triangles(template_name):
     energy, gradient = ElasticMetric(space, 1.0, 0.3, 0.2).energy_and_gradient(path)
     assert energy == np.inf
     assert np.all(np.isfinite(gradient))
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01], ids=["below", "above"])
+def test_how_thin_a_triangle_may_be(share):
+    """Whatever the lengths of its sides: the sine of the angle between them counts."""
+    for along, across in ((1e-3, 1e3), (1e3, 1e-3), (30.0, 20.0)):
+        height = across * share * np.sqrt(surface.DEGENERATE)
+        *_, area = _sum.first_forms.py_func(along, 0.0, 0.0, across, height, 0.0)
+        assert area == pytest.approx(along * height if share > 1 else 0.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("at", [0.0, 0.4, 1.0], ids=str)
+def test_nearly_degenerate_triangles_are_those_of_the_definition(at):
+    template = TEMPLATES["open"]()
+    path = surfaces(template, 3, rng=3)
+    one, two, three = template.faces[5]
+    path[1, three] = (1 - at) * path[1, one] + at * path[1, two]
+    marked = _sum.nearly_degenerate(path, template)
+    assert marked[1, 5]
+    derivatives = surface.partial_derivatives(path, template.differential_operator)
+    np.testing.assert_array_equal(marked, surface.is_degenerate(*derivatives))
 
 
 class Uncompiled(FlatTerm):

@@ -9,8 +9,6 @@ from cases import TEMPLATES, deformations, open_template, sphere_template, surfa
 from oracles import taylor_slope
 
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.kernels import triangles
-from riemhuman.kernels.triangles import by_vertex
 from riemhuman.surfaces.template import Template
 from riemhuman.terms import _quadratic
 from riemhuman.terms._quadratic import (
@@ -21,6 +19,7 @@ from riemhuman.terms._quadratic import (
     SecondOrderTerm,
     SumOfQuadraticTerms,
     ZerothOrderTerm,
+    by_vertex,
     corner_averages,
 )
 
@@ -84,7 +83,7 @@ def test_threads_give_the_same_bits(name, monkeypatch):
     term = terms_over(template)[name]
     f, h = surfaces(template, 4, rng=6), deformations(template, 4, rng=7)
     alone = compiled(term, h, f)
-    monkeypatch.setattr(triangles, "_WORTH_THREADS", 0)
+    monkeypatch.setattr(_quadratic, "_WORTH_THREADS", 0)
     for one, other in zip(alone, compiled(term, h, f), strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -168,7 +167,7 @@ def test_normals_cancel_up_to_a_share_of_the_areas(size):
     for share, cancels in ((0.0, True), (0.95e-12, True), (1.05e-12, False), (0.5, False)):
         template, both = nearly_folded(share, size)
         over = template, corner_averages(template.faces, template.n_vertices)
-        projections = NormalProjections(by_vertex(both), template.faces)
+        projections = NormalProjections(by_vertex(both), template)
         assert projections.exist == (not cancels)
         if cancels:
             with pytest.raises(DegenerateSurfaceError, match="around vertex 1 cancel"):
