@@ -181,27 +181,24 @@ def metric_of_search(metric: Any, companion_weight: float) -> Any:
     return metric
 
 
-class AreaCheck:
-    """Raises an error where triangles have collapsed, compared with those of the points."""
-
+def area_check(space: Any, points: ndarray) -> Callable[[ndarray], None]:
+    """Return a check that no triangles have collapsed, compared with those of the points."""
     # Where most metric fields are more than a right angle apart on their cone, θ > π/2, the mean
     # squared distance decreases towards its tip, a triangle without area.
+    if not space.is_surface_space:
+        return lambda point: None
+    faces = space.template.faces
+    # One by one: the corners of all triangles at once would take much memory.
+    areas = np.median([triangle_areas(f, faces) for f in points], axis=0)
 
-    def __init__(self, space: Any, points: ndarray) -> None:
-        self._faces = None
-        if space.is_surface_space:
-            self._faces = space.template.faces
-            # One by one: the corners of all triangles at once would take much memory.
-            self._areas = np.median([triangle_areas(f, self._faces) for f in points], axis=0)
-
-    def __call__(self, point: ndarray) -> None:
-        if self._faces is None:
-            return
-        shrunk = triangle_areas(point, self._faces) < _SHRUNK * self._areas
-        if np.any(shrunk):
+    def check(point: ndarray) -> None:
+        n_shrunk = int(np.sum(triangle_areas(point, faces) < _SHRUNK * areas))
+        if n_shrunk:
             raise DegenerateSurfaceError(
-                f"the mean has collapsed: {int(shrunk.sum())} of {len(self._faces)} triangles have "
-                "shrunk to less than a hundredth of their area, and the variance decreases as they "
-                "shrink. The points are too dissimilar for so small a lam, or for a metric that "
-                "does not measure areas: use lam = 1, or a medoid (riemhuman.statistics.KMedoids)"
+                f"the mean has collapsed: {n_shrunk} of {len(faces)} triangles have shrunk to less "
+                "than a hundredth of their area, and the variance decreases as they shrink. The "
+                "points are too dissimilar for so small a lam, or for a metric that does not "
+                "measure areas: use lam = 1, or a medoid (riemhuman.statistics.KMedoids)"
             )
+
+    return check

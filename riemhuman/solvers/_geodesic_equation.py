@@ -12,9 +12,10 @@ start is ours, and makes the scheme second order in the time step).
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from autograd.core import make_vjp
@@ -26,9 +27,7 @@ from riemhuman.kernels.drift import centroid
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.paths import rounded, rounding_energy
-
-if TYPE_CHECKING:
-    from riemhuman.surfaces.deformation_basis import DeformationBasis
+from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # A triangle whose normal rotates further within one time step, by more than 120°, has turned over.
 _LEAST_COSINE = -0.5
@@ -63,10 +62,10 @@ class Triple(NamedTuple):
     r"""Points x, y and z, shape (3, \*shape); `error` is a share of the length of two segments."""
 
     points: ndarray
-    n_iterations: int
-    n_evaluations: int
-    error: float
-    converged: bool
+    n_iterations: int = 0
+    n_evaluations: int = 0
+    error: float = 0.0
+    converged: bool = True
 
 
 @dataclass(frozen=True)
@@ -105,6 +104,10 @@ class GeodesicEquation:
             return np.stack([start, self._project(guess + shift), end])
 
         return self._solve(triple, guess, 8.0, self._squared_dist(start, end))
+
+    def velocity(self, before: ndarray, middle: ndarray, after: ndarray) -> ndarray:
+        """Return the velocity at y, for unit time from x to y and from y to z."""
+        return self.metric.space.to_tangent(0.5 * (after - before), middle)
 
     def _project(self, point: ndarray) -> ndarray:
         return self.metric.space.projection(point)
@@ -254,11 +257,15 @@ def find_root(
         return Root(start, np.inf, 0, n_evaluations)
     value, dual = values
     best = Root(x, _length(value, dual), 0, n_evaluations)
-    memory = _Memory(start.size)
+    memory: deque[tuple[ndarray, ndarray, ndarray]] = deque(maxlen=_MEMORY)
     for iteration in range(1, max_iter + 1):
         if best.residual <= tolerance:
             break
-        direction = memory.direction(value, dual)
+        direction = -value
+        if memory:
+            steps, changes, duals = map(np.array, zip(*memory, strict=True))
+            weights = np.linalg.lstsq(changes @ duals.T, changes @ dual, rcond=None)[0]
+            direction = weights @ (changes - steps) - value
         for _ in range(_MOST_HALVINGS):
             values = function(x + direction)
             n_evaluations += 1
@@ -269,32 +276,11 @@ def find_root(
             direction = 0.5 * direction
         if values is None:
             break
-        memory.add(direction, values[0] - value, values[1] - dual)
+        memory.append((direction, values[0] - value, values[1] - dual))
         x, (value, dual) = x + direction, values
         if residual < best.residual:
             best = Root(x, residual, iteration, n_evaluations)
     return best._replace(n_evaluations=n_evaluations)
-
-
-class _Memory:
-    """The last steps, with their changes of F and of A F, in any order."""
-
-    def __init__(self, size: int) -> None:
-        self._rows = np.empty((3, _MEMORY, size))
-        self._count = 0
-
-    def add(self, step: ndarray, change: ndarray, dual: ndarray) -> None:
-        """Remember a step in place of the oldest one."""
-        self._rows[:, self._count % _MEMORY] = step, change, dual
-        self._count += 1
-
-    def direction(self, value: ndarray, dual: ndarray) -> ndarray:
-        """Return the next step from a point with the values F and A F."""
-        steps, changes, duals = self._rows[:, : min(self._count, _MEMORY)]
-        if not self._count:
-            return -value
-        weights = np.linalg.lstsq(changes @ duals.T, changes @ dual, rcond=None)[0]
-        return weights @ (changes - steps) - value
 
 
 def _length(value: ndarray, dual: ndarray) -> float:

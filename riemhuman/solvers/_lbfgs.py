@@ -41,8 +41,6 @@ _SLOW = 10
 _PATIENCE = 15
 _STILL = 0.01
 
-_AT_ZERO = "the value is no more than rounding errors"
-
 
 @dataclass(frozen=True, repr=False)
 class Minimum(Result):
@@ -54,159 +52,138 @@ class Minimum(Result):
     gap: float = np.nan
 
 
-@dataclass(frozen=True)
-class LBFGS:
+@dataclass
+class Descent:
     """A preconditioned quasi-Newton method for functions that are smooth almost everywhere."""
 
     # The search ends when a Newton step would gain at most the share `tolerance` of the value and
     # the second half of many iterations has gained at most the share `recent_decrease`; or when
     # many together have gained a small part of `tolerance`. The operator is formed anew after
-    # `refresh` iterations, and after a step of less than the share `shortest` of a full one.
+    # `refresh` iterations, and after a step of less than the share `shortest` of a full one. Values
+    # of at most `floor` are rounding errors and count as zero; those of iterations before these,
+    # `earlier`, count for `recent_decrease`.
+    objective: Objective
+    x: ndarray
+    inverse_hessian_at: Callable[[ndarray], Operator]
     tolerance: float
     max_iter: int = 1000
     recent_decrease: float = np.inf
     refresh: int = 50
+    shortest: float = 0.0
+    floor: float = -np.inf
+    earlier: Sequence[float] | ndarray = ()
     callback: Callable[[int, float, ndarray], object] | None = None
     progress: str = ""
-    shortest: float = 0.0
 
-    def minimize(
-        self,
-        objective: Objective,
-        start: ndarray,
-        inverse_hessian_at: Callable[[ndarray], Operator],
-        *,
-        floor: float = -np.inf,
-        earlier: Sequence[float] | ndarray = (),
-    ) -> Minimum:
-        """Minimise a function; if interrupted from the keyboard, return the best point so far."""
-        # Values of at most `floor` are rounding errors and count as zero; those of iterations
-        # before these, `earlier`, count for `recent_decrease`.
-        descent = _Descent(self, objective, start, floor, earlier, inverse_hessian_at)
+    def minimize(self) -> Minimum:
+        """Return the minimum; if interrupted from the keyboard, the best point so far."""
+        self._begin()
         bar = ProgressBar(
             total=None, desc=self.progress, disable=not self.progress, unit=" iterations"
         )
         try:
             with bar:
-                while descent.status is None:
-                    if descent.advance():
+                while self._status is None:
+                    if self._advance():
                         bar.update()
-                        bar.set_postfix_str(f"value {descent.value:.6g}", refresh=False)
+                        bar.set_postfix_str(f"value {self._value:.6g}", refresh=False)
                         if self.callback is not None:
-                            self.callback(len(descent.values) - 1, descent.value, descent.x)
+                            self.callback(len(self._values) - 1, self._value, self.x)
         except KeyboardInterrupt:
-            descent.end(Status.INTERRUPTED, "interrupted from the keyboard")
-        return descent.result()
+            self._end(Status.INTERRUPTED, "interrupted from the keyboard")
+        gap = 0.0
+        if self._value > self.floor:
+            # A Newton step's gain is nan where slopes do not show it, as at a kink.
+            gap = float(np.fmax(_CAUTION * self._newton, self._recent_gain))
+        return Minimum(
+            self.x,
+            self._value,
+            np.array(self._values),
+            gap,
+            n_iterations=len(self._values) - 1,
+            n_evaluations=self._n_evaluations,
+            status=self._status or Status.MAX_ITER,
+            message=self._message,
+        )
 
-
-class _Descent:
-    """The state of one minimisation."""
-
-    def __init__(
-        self,
-        settings: LBFGS,
-        objective: Objective,
-        start: ndarray,
-        floor: float,
-        earlier: Sequence[float] | ndarray,
-        inverse_hessian_at: Callable[[ndarray], Operator],
-    ) -> None:
-        self._settings, self._objective = settings, objective
-        self._floor, self._earlier = floor, list(earlier)
-        self.x = start
-        self.value, self._gradient = objective(start)
-        self.values, self._n_evaluations = [self.value], 1
-        self.status: Status | None = None
+    def _begin(self) -> None:
+        self._value, self._gradient = self.objective(self.x)
+        self._values, self._n_evaluations = [self._value], 1
+        self._status: Status | None = None
         self._message, self._newton, self._newton_was_small = "", np.inf, False
-        self._operator_at = inverse_hessian_at
         self._operator: Operator | None = None
-        if not np.isfinite(self.value):
+        if not np.isfinite(self._value):
             self._newton = np.nan
-            self.end(Status.OUTSIDE_MANIFOLD, "the start has no finite value")
-        elif self.value <= floor:
-            self.end(Status.CONVERGED, _AT_ZERO)
-        elif not start.size:
+            self._end(Status.OUTSIDE_MANIFOLD, "the start has no finite value")
+        elif not self.x.size:
             self._newton = 0.0
-            self.end(Status.CONVERGED, "there is no direction to search in")
+            self._end(Status.CONVERGED, "there is no direction to search in")
 
-    def advance(self) -> bool:
+    def _advance(self) -> bool:
         """Test whether to stop, and otherwise make a step; return whether one was made."""
+        if self._value <= self.floor:
+            self._end(Status.CONVERGED, "the value is no more than rounding errors")
+            return False
         if self._operator is None:
-            self._operator = self._operator_at(self.x)
-            self._formed_after = len(self.values) - 1
+            self._operator = self.inverse_hessian_at(self.x)
+            self._formed_after = len(self._values) - 1
             self._image, self._memory = self._operator(self._gradient), _Memory()
         direction = self._memory.direction(self._gradient, self._image)
         slope = float(self._gradient @ direction)
         self._test(slope)
-        if self.status is not None:
+        if self._status is not None:
             return False
-        if self._n_since_formed == self._settings.refresh:
+        if self._n_since_formed == self.refresh:
             self._operator = None
             return False
-        trial = _search(self._objective, self.x, direction, self.value, slope)
+        trial = _search(self.objective, self.x, direction, self._value, slope)
         self._n_evaluations += trial.n_evaluations
         if trial.step > 0:
             step, image = trial.step * direction, self._operator(trial.gradient)
             self._memory.add(step, trial.gradient - self._gradient, image - self._image)
-            self.x, self.value = self.x + step, trial.value
+            self.x, self._value = self.x + step, trial.value
             self._gradient, self._image = trial.gradient, image
-            self.values.append(self.value)
-        shortest = 0.0 if self._newton_was_small else self._settings.shortest
+            self._values.append(self._value)
+        shortest = 0.0 if self._newton_was_small else self.shortest
         if trial.step == 0 or trial.step < shortest:
             self._restart(trial.step)
         return trial.step > 0
 
-    def end(self, status: Status, message: str) -> None:
-        self.status, self._message = status, message
-
-    def result(self) -> Minimum:
-        gap = 0.0
-        if self.value > self._floor:
-            # A Newton step's gain is nan where slopes do not show it, as at a kink.
-            recent = _gain_of_second_half([*self._earlier, *self.values])
-            gap = float(np.fmax(_CAUTION * self._newton, recent))
-        return Minimum(
-            self.x,
-            self.value,
-            np.array(self.values),
-            gap,
-            n_iterations=len(self.values) - 1,
-            n_evaluations=self._n_evaluations,
-            status=self.status or Status.MAX_ITER,
-            message=self._message,
-        )
+    def _end(self, status: Status, message: str) -> None:
+        self._status, self._message = status, message
 
     @property
     def _n_since_formed(self) -> int:
-        return len(self.values) - 1 - self._formed_after
+        return len(self._values) - 1 - self._formed_after
+
+    @property
+    def _recent_gain(self) -> float:
+        return _gain_of_second_half([*self.earlier, *self._values])
 
     def _test(self, slope: float) -> None:
         """Stop if a test is met, given the slope along the next step."""
-        settings, value = self._settings, self.value
+        value = self._value
         quadratic = self._memory.scales.max() * float(self._gradient @ self._image)
         self._newton = 0.5 * max(quadratic, -slope)
-        is_small = bool(self._newton <= settings.tolerance * value)
+        is_small = bool(self._newton <= self.tolerance * value)
         self._newton_was_small |= is_small
-        recent = _gain_of_second_half([*self._earlier, *self.values])
-        since = self.values[self._formed_after :][-1 - _PATIENCE :]
-        still = _STILL * settings.tolerance * abs(value)
-        if value <= self._floor:
-            self.end(Status.CONVERGED, _AT_ZERO)
-        elif is_small and not recent > settings.recent_decrease * value:
-            self.end(Status.CONVERGED, "the expected decrease is below the tolerance")
+        since = self._values[self._formed_after :][-1 - _PATIENCE :]
+        still = _STILL * self.tolerance * abs(value)
+        if is_small and not self._recent_gain > self.recent_decrease * value:
+            self._end(Status.CONVERGED, "the expected decrease is below the tolerance")
         elif len(since) > _PATIENCE and since[0] - value <= still:
             self._newton = np.nan
-            self.end(Status.CONVERGED, "the value stands still")
-        elif len(self.values) > settings.max_iter:
-            self.end(Status.MAX_ITER, "the most iterations were made")
+            self._end(Status.CONVERGED, "the value stands still")
+        elif len(self._values) > self.max_iter:
+            self._end(Status.MAX_ITER, "the most iterations were made")
 
     def _restart(self, step: float) -> None:
         """Go on with a new operator where hardly a step lowers the value, or stop."""
         self._newton = np.nan
         if step == 0 and self._newton_was_small:
-            self.end(Status.CONVERGED, "no step lowers the value further")
+            self._end(Status.CONVERGED, "no step lowers the value further")
         elif self._n_since_formed < 2:
-            self.end(Status.STALLED, "hardly a step lowers the value")
+            self._end(Status.STALLED, "hardly a step lowers the value")
         self._operator = None
 
 
@@ -284,15 +261,16 @@ def minimize_from(
     origin: ndarray,
     space: Manifold,
     directions: ndarray | None,
-    minimizer: LBFGS,
-    function: Callable[[ndarray], tuple[float, ndarray]],
+    function: Objective,
     inverse_hessian_at: Callable[[ndarray], Operator],
+    callback: Callable[[int, float, ndarray], object] | None = None,
     **settings: Any,
 ) -> Minimum:
     """Return the points projection(origin + Σ_j x_j D_j) of least value, D_j the directions."""
     # The origin may be several points, each with coordinates x of its own. Without directions, x
     # are all their entries. The function returns a value, infinite where points are not allowed,
     # and its gradient at points; operators, formed at points, act on gradients in coordinates.
+    # Settings are those of `Descent`.
     n_origins = origin.size // int(np.prod(space.shape))
 
     def shifted(x: ndarray) -> ndarray:
@@ -314,12 +292,16 @@ def minimize_from(
         return value if np.isfinite(value) else np.inf, rows.ravel()
 
     def report(iteration: int, value: float, x: ndarray) -> None:
-        if minimizer.callback is not None:
-            minimizer.callback(iteration, value, points(x))
+        if callback is not None:
+            callback(iteration, value, points(x))
 
     size = origin.size if directions is None else n_origins * len(directions)
     with single_threaded_libraries():
-        minimum = replace(minimizer, callback=report).minimize(
-            objective, np.zeros(size), lambda x: inverse_hessian_at(points(x)), **settings
-        )
+        minimum = Descent(
+            objective,
+            np.zeros(size),
+            lambda x: inverse_hessian_at(points(x)),
+            callback=report,
+            **settings,
+        ).minimize()
     return replace(minimum, x=points(minimum.x))

@@ -12,7 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry import Manifold, ProductMetric, RiemannianMetric
-from riemhuman.solvers._lbfgs import LBFGS, Minimum
+from riemhuman.solvers._lbfgs import Descent, Minimum
 from riemhuman.solvers._preconditioners import metric_factor
 from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.results import MeanResult, finish
@@ -123,14 +123,14 @@ class GeodesicRegression(ImageEstimator):
         self.mean_ = self._mean_point(self.mean, points)
         images, base = self._embed(points), self._embed(self.mean_[None])[0]
         line = _tangent_regression(metric, base, times, images)
+        spread = float(np.mean(metric.squared_dist(base, images))) if self.max_iter else 0.0
         minimum = None
-        if self.max_iter:
-            line, minimum = self._refine(metric, times, images, base, *line)
+        if spread > 0:
+            line, minimum = self._refine(metric, times, images, spread, *line)
         self.intercept_, self.velocity_ = line[0], line[1] / unit
         self.n_iter_ = minimum.n_iterations if minimum else 0
         if minimum:
-            result = MeanResult(line[0], minimum.value, minimum.values, **minimum.outcome)
-            finish(self, result)
+            finish(self, MeanResult(line[0], minimum.value, minimum.values, **minimum.outcome))
         return self
 
     def predict(self, X: ndarray) -> ndarray:
@@ -173,22 +173,19 @@ class GeodesicRegression(ImageEstimator):
         self._require_fit("mean_")
         metric, base = self._image_metric, self._embed(self.mean_[None])[0]
         logs = metric.log(self._embed(self._metric.check_points(y, "y")), base)
-        return np.array([[float(metric.inner_product(a, b, base)) for b in logs] for a in logs])
+        return metric.gram_matrix(logs, base)
 
     def _refine(
         self,
         metric: RiemannianMetric,
         times: ndarray,
         images: ndarray,
-        mean: ndarray,
+        spread: float,
         point: ndarray,
         velocity: ndarray,
-    ) -> tuple[tuple[ndarray, ndarray], Minimum | None]:
+    ) -> tuple[tuple[ndarray, ndarray], Minimum]:
         """Minimise the sum in both, in variables in which it is nearly a sum of squares."""
         space, shape = metric.space, point.shape
-        spread = float(np.mean(metric.squared_dist(mean, images)))
-        if spread == 0:
-            return (point, velocity), None
         inverse = _inverse_matrix(metric, point, 0.5 * spread)
         slowness = 1.0 / np.sqrt(np.mean(times**2))
         columns = times.reshape(-1, *(1,) * point.ndim)
@@ -220,9 +217,10 @@ class GeodesicRegression(ImageEstimator):
             by_point, by_velocity = gradient.reshape(2, -1, 1)
             return np.concatenate([inverse(by_point), slowness**2 * inverse(by_velocity)])[:, 0]
 
-        found = LBFGS(self.tolerance, self.max_iter).minimize(
-            objective, np.zeros(2 * point.size), lambda x: inverse_hessian
-        )
+        start = np.zeros(2 * point.size)
+        found = Descent(
+            objective, start, lambda x: inverse_hessian, self.tolerance, self.max_iter
+        ).minimize()
         intercept, speed = line(found.x.reshape(2, *shape))
         return (intercept, speed), found
 

@@ -65,25 +65,22 @@ class PoissonPath(PathSolver):
 def rotating_paths(
     metric: RiemannianMetric, energy: PathEnergy, start: ndarray, end: ndarray, n_nodes: int
 ) -> list[tuple[ndarray, float]]:
-    """Return paths whose triangles rotate, with their energies: the best, then alternatives.
-
-    In these a whole limb rotates the other way, and their energy is only a little higher.
-    """
+    """Return paths whose triangles rotate, with their energies: the best, then alternatives."""
+    # In these a whole limb rotates the other way, and their energy is only a little higher.
     space = metric.space
     space.check_immersed(start, "start")
     space.check_immersed(end, "end")
     interpolator = space.template.interpolator
 
-    shorter = interpolator.rotations(start, end)
-    if not interpolator.has_jumps(shorter):
-        path = rotating_path(metric, start, end, n_nodes, shorter)
-        return [(path, energy.value(metric, path))]
-    alike = interpolator.unwrap(shorter)
-    parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)
-    areas = space.template.face_areas
-    n_limbs = sum(areas[part].sum() >= _LIMB * areas.sum() for part in parts[:_MOST_LIMBS])
-    if parts[n_limbs:]:
-        parts = [*parts[:n_limbs], np.concatenate(parts[n_limbs:])]
+    alike = shorter = interpolator.rotations(start, end)
+    parts, n_limbs = [], 0
+    if interpolator.has_jumps(shorter):
+        alike = interpolator.unwrap(shorter)
+        parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)
+        areas = space.template.face_areas
+        n_limbs = sum(areas[part].sum() >= _LIMB * areas.sum() for part in parts[:_MOST_LIMBS])
+        if parts[n_limbs:]:
+            parts = [*parts[:n_limbs], np.concatenate(parts[n_limbs:])]
 
     @cache
     def candidate(ways: tuple[bool, ...]) -> tuple[float, ndarray]:
@@ -91,7 +88,9 @@ def rotating_paths(
         rotations = shorter.copy()
         for part, is_alike in zip(parts, ways, strict=True):
             rotations[part] = (alike if is_alike else shorter)[part]
-        path = rotating_path(metric, start, end, n_nodes, rotations)
+        path = linear_path(start, end, n_nodes)
+        times = np.linspace(0.0, 1.0, n_nodes)[1:-1]
+        path[1:-1] = interpolator.interpolate(start, end, times, rotations)
         return energy.value(metric, path), path
 
     def cost(ways: tuple[bool, ...]) -> float:
@@ -105,16 +104,6 @@ def rotating_paths(
             alternatives.append(worse)
     alternatives = [ways for ways in alternatives if cost(ways) <= _CLOSE * cost(best)]
     return [candidate(ways)[::-1] for ways in (best, *alternatives)]
-
-
-def rotating_path(
-    metric: RiemannianMetric, start: ndarray, end: ndarray, n_nodes: int, rotations: ndarray
-) -> ndarray:
-    """Return the path whose triangles rotate by given rotation vectors, shape (F, 3)."""
-    path = linear_path(start, end, n_nodes)
-    times = np.linspace(0.0, 1.0, n_nodes)[1:-1]
-    path[1:-1] = metric.space.template.interpolator.interpolate(start, end, times, rotations)
-    return path
 
 
 class ModelParameters(NamedTuple):

@@ -13,7 +13,12 @@ from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, LogSolver
 from riemhuman.kernels.drift import steady_path
-from riemhuman.solvers._geodesic_equation import GeodesicEquation, degeneration, has_long_step
+from riemhuman.solvers._geodesic_equation import (
+    GeodesicEquation,
+    Triple,
+    degeneration,
+    has_long_step,
+)
 from riemhuman.solvers.exponential import DiscreteExponential
 from riemhuman.solvers.path_search import BasisPath, PathSearch, PathStraightening, refine_path
 from riemhuman.solvers.paths import check_end_points, linear_path
@@ -138,6 +143,11 @@ class DiscreteLogarithm(Solver, LogSolver):
     def _joined_basis(self, path: ndarray) -> DeformationBasis | None:
         return None if self.basis is None else self.basis.extend(path[1:] - path[0])
 
+    def _step_before(self, metric: RiemannianMetric, path: ndarray) -> Triple:
+        basis = self._joined_basis(path)
+        equation = GeodesicEquation(metric, basis, self.tolerance, self.max_iter)
+        return equation.next_point(path[1], path[0])
+
     def _by_doubling(
         self, metric: RiemannianMetric, start: ndarray, end: ndarray
     ) -> LogarithmResult:
@@ -164,8 +174,7 @@ class DiscreteLogarithm(Solver, LogSolver):
         # Over a basis the exponential alone tells: it often comes back from long steps.
         if self.basis is None and has_long_step(metric, path, all_coordinates=True):
             return True
-        equation = GeodesicEquation(metric, self._joined_basis(path), self.tolerance, self.max_iter)
-        backward = equation.next_point(path[1], path[0])
+        backward = self._step_before(metric, path)
         return not backward.converged or bool(degeneration(metric, path[0], backward.points[2]))
 
     def _logarithm(
@@ -177,8 +186,7 @@ class DiscreteLogarithm(Solver, LogSolver):
             # As the exponential moves surfaces along translations, which the metric ignores.
             space: Any = metric.space
             path = steady_path(path, space.template.vertex_areas)
-        equation = GeodesicEquation(metric, self._joined_basis(path), self.tolerance, self.max_iter)
-        backward = equation.next_point(path[1], path[0])
+        backward = self._step_before(metric, path)
         tangent_vec = 0.5 * (len(path) - 1) * (path[1] - backward.points[2])
         result = LogarithmResult(tangent_vec, path, found.energy)
         forward = self.inverse(result)._follow(metric, tangent_vec, path[0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy import ndarray
@@ -15,13 +15,11 @@ from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.metric import check_metric, metric_of
 from riemhuman.geometry.strategies import MeanSolver, check_strategy
-from riemhuman.solvers._dispersion import AreaCheck, Dispersion, metric_of_search, with_weight
-from riemhuman.solvers._lbfgs import LBFGS, Minimum, minimize_from
+from riemhuman.solvers._dispersion import Dispersion, area_check, metric_of_search, with_weight
+from riemhuman.solvers._lbfgs import Minimum, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.results import MeanResult, Solver, Status, complete, finish
-
-if TYPE_CHECKING:
-    from riemhuman.surfaces.deformation_basis import DeformationBasis
+from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # Default tolerances: over a basis each iteration gains much, in all coordinates the last ones gain
 # little and cost a second each at full resolution.
@@ -162,9 +160,8 @@ class BasisMean(Solver, MeanSolver):
             return medoid
         return min(medoid, average, key=dispersion.value)
 
-    def _directions(self, points: ndarray, origin: ndarray) -> ndarray:
+    def _directions(self, flat: ndarray, points: ndarray, origin: ndarray) -> ndarray:
         """Return the basis and, across it, the differences of points, as rows."""
-        flat = cast("DeformationBasis", self.basis).flat
         if flat.shape[1] != origin.size:
             raise ArgumentError(
                 f"basis must hold vectors of {origin.size} numbers, those of a point; "
@@ -183,8 +180,10 @@ class BasisMean(Solver, MeanSolver):
     def _search(self, dispersion: Dispersion, origin: ndarray) -> Minimum:
         """Return the best point over the basis and the differences of the points, or over all."""
         metric, space = dispersion.metric, dispersion.metric.space
-        variance, check_areas = dispersion.value(origin), AreaCheck(space, dispersion.points)
-        directions = None if self.basis is None else self._directions(dispersion.points, origin)
+        variance, check_areas = dispersion.value(origin), area_check(space, dispersion.points)
+        directions = None
+        if self.basis is not None:
+            directions = self._directions(self.basis.flat, dispersion.points, origin)
 
         def function(point: ndarray) -> tuple[float, ndarray]:
             if not np.all(space.belongs(point)):
@@ -204,18 +203,20 @@ class BasisMean(Solver, MeanSolver):
                 self.callback(iteration, value, point)
 
         over_all = directions is None
-        minimizer = LBFGS(
-            self.tolerance or (_TOLERANCE_OF_ALL if over_all else _TOLERANCE),
-            self.max_iter,
-            _RECENT_DECREASE if over_all and self.tolerance is None else np.inf,
-            _REFRESH_OF_ALL if over_all else _REFRESH,
-            report,
-            "mean" if self.progress else "",
-        )
-        # Distances of points that coincide to rounding error have no gradient to follow.
-        floor = dispersion.floor(origin)
         minimum = minimize_from(
-            origin, space, directions, minimizer, function, factor_at, floor=floor
+            origin,
+            space,
+            directions,
+            function,
+            factor_at,
+            report,
+            tolerance=self.tolerance or (_TOLERANCE_OF_ALL if over_all else _TOLERANCE),
+            max_iter=self.max_iter,
+            recent_decrease=_RECENT_DECREASE if over_all and self.tolerance is None else np.inf,
+            refresh=_REFRESH_OF_ALL if over_all else _REFRESH,
+            # Distances of points that coincide to rounding error have no gradient to follow.
+            floor=dispersion.floor(origin),
+            progress="mean" if self.progress else "",
         )
         if directions is None:
             return minimum
@@ -285,31 +286,29 @@ class GradientDescentMean(Solver, MeanSolver):
         status, message = Status.MAX_ITER, "the most iterations were made"
         try:
             for _ in range(self.max_iter):
-                if values[-1] <= floor:
-                    status = Status.CONVERGED
-                    message = "the variance is no more than rounding errors"
-                    break
                 direction = _mean_of_logarithms(dispersion, point)
                 size = float(metric.norm(direction, point))
                 spread = np.sqrt(values[-1]) if dispersion.smoothing is None else values[-1]
-                if size <= self.tolerance * spread:
+                if values[-1] <= floor or size <= self.tolerance * spread:
                     status = Status.CONVERGED
-                    message = "the mean of the logarithms is below the tolerance"
+                    message = (
+                        "the mean of the logarithms is below the tolerance, or all points coincide"
+                    )
                     break
                 # Without it, rounding errors off the manifold would double with every step.
                 candidate = metric.space.projection(metric.exp(step * direction, point))
                 value = dispersion.value(candidate)
                 n_evaluations += 1
                 # Near the mean the variance falls by less than its rounding error.
-                if value > values[-1] * (1 + 1e-12):
-                    step *= 0.5
-                    if step < _SMALLEST_STEP:
-                        status = Status.STALLED
-                        message = "no step along the mean of the logarithms lowers the variance"
-                        break
+                if value <= values[-1] * (1 + 1e-12):
+                    point = candidate
+                    values.append(value)
                     continue
-                point = candidate
-                values.append(value)
+                step *= 0.5
+                if step < _SMALLEST_STEP:
+                    status = Status.STALLED
+                    message = "no step along the mean of the logarithms lowers the variance"
+                    break
         except KeyboardInterrupt:
             status, message = Status.INTERRUPTED, "interrupted from the keyboard"
         variance = values[-1]
@@ -373,6 +372,7 @@ class FrechetMean(Estimator):
     variance_: float
     n_iter_: int
     result_: MeanResult
+    _settings: ClassVar[dict[str, Any]] = {}
 
     def __init__(self, space: Manifold, solver: MeanSolver | None = None) -> None:
         self.space = space
@@ -392,21 +392,18 @@ class FrechetMean(Estimator):
         weights : array, shape (n,), optional
             Weights of at least 0; by default all are the same.
         """
-        result = complete(self._solve(X, weights), MeanResult)
-        self.result_ = result
-        self.estimate_ = result.point
-        self.variance_ = result.variance
-        self.n_iter_ = result.n_iterations
-        return self
-
-    def _solve(self, points: Any, weights: ndarray | None, **settings: Any) -> Any:
         metric, solver = metric_of(self.space), self.solver
         if solver is None:
             # Logarithms found by strategies belong to geodesics, whose lengths are not the
             # distances of pull-backs: their mean is no descent direction.
             solver = GradientDescentMean() if metric.has_closed_form_geodesic else BasisMean()
         check_strategy(solver, "solver")
-        return solver.solve(metric, points, weights, **settings)
+        result = complete(solver.solve(metric, X, weights, **self._settings), MeanResult)
+        self.result_ = result
+        self.estimate_ = result.point
+        self.variance_ = result.variance
+        self.n_iter_ = result.n_iterations
+        return self
 
 
 class GeometricMedian(FrechetMean):
@@ -431,5 +428,4 @@ class GeometricMedian(FrechetMean):
     [0.5, 0.5]
     """
 
-    def _solve(self, points: Any, weights: ndarray | None, **settings: Any) -> Any:
-        return super()._solve(points, weights, exponent=1)
+    _settings: ClassVar = {"exponent": 1}

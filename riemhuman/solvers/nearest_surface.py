@@ -16,7 +16,7 @@ from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.surface import apply_operator, stacked_derivatives, triangle_frames
-from riemhuman.solvers._lbfgs import LBFGS, minimize_from
+from riemhuman.solvers._lbfgs import minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
 from riemhuman.solvers.paths import rounding_energy
 from riemhuman.solvers.results import MeanResult, Solver, finish
@@ -43,7 +43,7 @@ _SMALLEST = 1e-6
 
 @dataclass(frozen=True)
 class NearestSurface(Solver):
-    """The surface f that minimises Σ_i w_i d(Φ(f), y_i)²/Σ_i w_i over all its vertices.
+    """The surface f that minimises the mean of d(Φ(f), y_i)² over all its vertices.
 
     With one target y, a point of the image space that need not come from a surface, it is the
     projection of y to surfaces; with the images of several surfaces it is their Karcher mean.
@@ -84,7 +84,6 @@ class NearestSurface(Solver):
         metric: RiemannianMetric,
         images: ndarray,
         start: ndarray,
-        weights: ndarray | None = None,
     ) -> MeanResult:
         r"""Find the surface.
 
@@ -95,8 +94,6 @@ class NearestSurface(Solver):
         images : array, shape (n, \*target_shape)
             Targets y_i, points of the space of ``metric.target_metric``.
         start : array, shape (V, 3)
-        weights : array, shape (n,), optional
-            Weights of at least 0; by default all are the same.
 
         Returns
         -------
@@ -104,13 +101,11 @@ class NearestSurface(Solver):
             `variances` include the companion's part, `variance` does not.
         """
         check_metric(metric)
-        target = metric.target_metric
-        images = target.check_points(images, "images")
-        weights = weight_shares(weights, len(images))
+        images = metric.target_metric.check_points(images, "images")
         start = real_array(start, "start", metric.space.shape, batched=False)
         companion = metric.complementary_metric if self.companion_weight else None
 
-        distances = image_distances(metric, images, weights)
+        distances = image_distances(metric, images)
 
         def function(f: ndarray) -> tuple[float, ndarray]:
             value, gradient = distances.value_and_gradient(f)
@@ -131,15 +126,17 @@ class NearestSurface(Solver):
             raise DegenerateSurfaceError("every triangle of start must have an area")
         guess = distances.nearby(start)
         is_near = function(guess)[0] < _NEARBY * first_value
-        text = "surface" if self.progress else ""
         minimum = minimize_from(
             guess if is_near else start,
             metric.space,
             None,
-            LBFGS(self.tolerance, self.max_iter, refresh=_REFRESH, progress=text),
             function,
             half_inverse_hessian_at,
+            tolerance=self.tolerance,
+            max_iter=self.max_iter,
+            refresh=_REFRESH,
             floor=max(min(_ROUNDING, self.tolerance) * first_value, rounding_energy(metric, start)),
+            progress="surface" if self.progress else "",
         )
         variance, _ = distances.value_and_gradient(minimum.x)
         return finish(self, MeanResult(minimum.x, variance, minimum.values, **minimum.outcome))
@@ -205,9 +202,9 @@ def _frames(points: ndarray, faces: ndarray) -> ndarray:
 class _ByDefinition:
     """The mean for any pull-back, by autograd."""
 
-    def __init__(self, metric: Any, images: ndarray, weights: ndarray) -> None:
+    def __init__(self, metric: Any, images: ndarray) -> None:
         def mean(surface: ndarray) -> Any:
-            return anp.dot(weights, metric.target_metric.squared_dist(metric.map(surface), images))
+            return anp.mean(metric.target_metric.squared_dist(metric.map(surface), images))
 
         self._slope = value_and_grad(mean)
 
@@ -228,17 +225,15 @@ class _OfElasticMetric:
     # Fields (g, n) that come from no surface come from one of separate triangles all the same: the
     # metric does not see how these lie.
 
-    def __init__(self, metric: ElasticMetric, images: ndarray, weights: ndarray) -> None:
+    def __init__(self, metric: ElasticMetric, images: ndarray) -> None:
         self._template = template = metric.space.template
         self._separate = separate = Template(
             template.vertices[template.faces].reshape(-1, 3),
             np.arange(3 * template.n_faces).reshape(-1, 3),
         )
-        self._sum, used = SumOfTerms(metric.terms, template), weights > 0
-        self._weights = weights[used]
-        self._targets = np.stack(
-            [_separate_triangles(metric, separate, image) for image in images[used]]
-        )
+        self._sum = SumOfTerms(metric.terms, template)
+        self._weights = weight_shares(None, len(images))
+        self._targets = np.stack([_separate_triangles(metric, separate, y) for y in images])
         self._has_both_terms = metric.a > 0 and metric.c > 0
 
     def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
@@ -292,13 +287,11 @@ class _OfElasticMetric:
         return best
 
 
-def image_distances(
-    metric: RiemannianMetric, images: ndarray, weights: ndarray
-) -> _ByDefinition | _OfElasticMetric:
+def image_distances(metric: RiemannianMetric, images: ndarray) -> _ByDefinition | _OfElasticMetric:
     """Return the mean of squared distances from points of the image space."""
     if isinstance(metric, ElasticMetric):
-        return _OfElasticMetric(metric, images, weights)
-    return _ByDefinition(metric, images, weights)
+        return _OfElasticMetric(metric, images)
+    return _ByDefinition(metric, images)
 
 
 def _separate_triangles(metric: ElasticMetric, template: Template, image: ndarray) -> ndarray:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -142,17 +141,14 @@ class PoleLadder(Solver, TransportSolver):
         return np.asarray(solver.solve(metric, start, end).path)
 
     def _climb(self, metric: RiemannianMetric, vector: ndarray, path: ndarray) -> TransportResult:
-        geometry: _ClosedForms | _SingleSegments
-        if metric.has_closed_form_geodesic:
-            geometry = _ClosedForms(metric)
-        else:
+        equation: _ClosedForms | GeodesicEquation = _ClosedForms(metric)
+        if not metric.has_closed_form_geodesic:
             basis = self.basis
             if basis is not None:
                 basis = basis.extend(np.stack([path[-1] - path[0], vector]))
-            geometry = _SingleSegments(
-                GeodesicEquation(metric, basis, self.tolerance, self.max_iter)
-            )
+            equation = GeodesicEquation(metric, basis, self.tolerance, self.max_iter)
         vectors, floor = [vector], np.sqrt(rounding_energy(metric, path[0]))
+        solved: list[Triple] = []
         for start, end in pairwise(path):
             length = float(metric.norm(vectors[-1], start))
             rung = float(metric.length(np.stack([start, end])))
@@ -160,26 +156,29 @@ class PoleLadder(Solver, TransportSolver):
                 vectors.append(vectors[-1])
                 continue
             share = rung / length  # the sides exp_p(±w) are as long as the segment
-            vectors.append(self._rung(geometry, start, end, share * vectors[-1]) / share)
-        converged = geometry.error <= self.tolerance
-        unsolved = "" if converged else f"; an equation is solved to {geometry.error:.1e} only"
+            solved += self._rung(equation, start, end, share * vectors[-1])
+            before, after = (triple.points[2] for triple in solved[-2:])
+            vectors.append(equation.velocity(before, end, after) / share)
+        error = max((triple.error for triple in solved), default=0.0)
+        converged = error <= self.tolerance
+        unsolved = "" if converged else f"; an equation is solved to {error:.1e} only"
         result = TransportResult(
             vectors[-1],
             np.stack(vectors),
             path,
-            n_iterations=geometry.n_iterations,
-            n_evaluations=geometry.n_evaluations,
+            n_iterations=sum(triple.n_iterations for triple in solved),
+            n_evaluations=sum(triple.n_evaluations for triple in solved),
             status=Status.CONVERGED if converged else Status.MAX_ITER,
             message=f"{len(path) - 1} rungs{unsolved}",
         )
         return finish(self, result)
 
-    def _rung(self, geometry: Any, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:
-        middle = geometry.halfway(start, end)
-        behind, ahead = geometry.sides(start, vector)
-        return geometry.displacement(
-            geometry.reflected(ahead, middle), end, geometry.reflected(behind, middle)
-        )
+    def _rung(self, equation: Any, start: ndarray, end: ndarray, vector: ndarray) -> list[Triple]:
+        """Return the equations of a rung, the last two of which end at exp_q(∓w')."""
+        halves = equation.middle_point(start, end)
+        sides = equation.both_sides(start, vector)
+        ends = [equation.next_point(sides.points[k], halves.points[1]) for k in (2, 0)]
+        return [halves, sides, *ends]
 
 
 @dataclass(frozen=True)
@@ -202,67 +201,32 @@ class SchildLadder(PoleLadder):
     array([1.])
     """
 
-    def _rung(self, geometry: Any, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:
-        behind, ahead = (
-            geometry.reflected(start, geometry.halfway(side, end))
-            for side in geometry.sides(start, vector)
-        )
-        return geometry.displacement(behind, end, ahead)
+    def _rung(self, equation: Any, start: ndarray, end: ndarray, vector: ndarray) -> list[Triple]:
+        sides = equation.both_sides(start, vector)
+        halves = [equation.middle_point(side, end) for side in sides.points[::2]]
+        ends = [equation.next_point(start, half.points[1]) for half in halves]
+        return [sides, *halves, *ends]
 
 
-@dataclass
-class _ClosedForms:
-    """Geodesics by the metric's own exponential and logarithm."""
+class _ClosedForms(NamedTuple):
+    """What `GeodesicEquation` solves, by the metric's own exponential and logarithm."""
 
-    _metric: RiemannianMetric
-    n_iterations: int = 0
-    n_evaluations: int = 0
-    error: float = 0.0
+    metric: RiemannianMetric
 
-    def sides(self, middle: ndarray, displacement: ndarray) -> tuple[ndarray, ndarray]:
-        return self._metric.exp(-displacement, middle), self._metric.exp(displacement, middle)
+    def next_point(self, before: ndarray, middle: ndarray) -> Triple:
+        after = self.metric.exp(-self.metric.log(before, middle), middle)
+        return Triple(np.stack([before, middle, after]))
 
-    def halfway(self, start: ndarray, end: ndarray) -> ndarray:
-        return self._metric.exp(0.5 * self._metric.log(end, start), start)
+    def both_sides(self, middle: ndarray, displacement: ndarray) -> Triple:
+        before, after = (self.metric.exp(way, middle) for way in (-displacement, displacement))
+        return Triple(np.stack([before, middle, after]))
 
-    def reflected(self, point: ndarray, middle: ndarray) -> ndarray:
-        return self._metric.exp(-self._metric.log(point, middle), middle)
+    def middle_point(self, start: ndarray, end: ndarray) -> Triple:
+        middle = self.metric.exp(0.5 * self.metric.log(end, start), start)
+        return Triple(np.stack([start, middle, end]))
 
-    def displacement(self, before: ndarray, middle: ndarray, after: ndarray) -> ndarray:
-        return 0.5 * (self._metric.log(after, middle) - self._metric.log(before, middle))
-
-
-@dataclass
-class _SingleSegments:
-    """Geodesics of one discrete segment."""
-
-    _equation: GeodesicEquation
-    n_iterations: int = 0
-    n_evaluations: int = 0
-    error: float = 0.0
-
-    def sides(self, middle: ndarray, displacement: ndarray) -> tuple[ndarray, ndarray]:
-        points = self._solved(self._equation.both_sides, middle, displacement)
-        return points[0], points[2]
-
-    def halfway(self, start: ndarray, end: ndarray) -> ndarray:
-        return self._solved(self._equation.middle_point, start, end)[1]
-
-    def reflected(self, point: ndarray, middle: ndarray) -> ndarray:
-        return self._solved(self._equation.next_point, point, middle)[2]
-
-    def displacement(self, before: ndarray, middle: ndarray, after: ndarray) -> ndarray:
-        return self._equation.metric.space.to_tangent(0.5 * (after - before), middle)
-
-    def _solved(
-        self, equation: Callable[[ndarray, ndarray], Triple], first: ndarray, second: ndarray
-    ) -> ndarray:
-        """Return the points that solve an equation, and count what it took."""
-        triple = equation(first, second)
-        self.n_iterations += triple.n_iterations
-        self.n_evaluations += triple.n_evaluations
-        self.error = max(self.error, triple.error)
-        return triple.points
+    def velocity(self, before: ndarray, middle: ndarray, after: ndarray) -> ndarray:
+        return 0.5 * (self.metric.log(after, middle) - self.metric.log(before, middle))
 
 
 def _check_path(metric: RiemannianMetric, base_point: ndarray, path: Any) -> ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy import ndarray
@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, 
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.solvers._lbfgs import LBFGS, Operator, minimize_from
+from riemhuman.solvers._lbfgs import Operator, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, PathPreconditioner, metric_factor
 from riemhuman.solvers.interpolated_paths import rotating_paths
 from riemhuman.solvers.paths import (
@@ -29,9 +29,7 @@ from riemhuman.solvers.paths import (
     path_floor,
 )
 from riemhuman.solvers.results import PathResult, Status, finish
-
-if TYPE_CHECKING:
-    from riemhuman.surfaces.deformation_basis import DeformationBasis
+from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # Tolerance of the first runs from several starts, of which the best goes on to the end.
 _FIRST_TOLERANCE = 1e-3
@@ -162,25 +160,20 @@ class PathSearch(PathSolver):
             if self.callback is not None:
                 self.callback(iteration, value, _with_interior(path, nodes))
 
-        recent_decrease = max(self._recent_decrease, self._recent_tolerances * self.tolerance)
-        text = "geodesic" if self.progress else ""
-        minimizer = LBFGS(
-            self.tolerance,
-            self.max_iter,
-            recent_decrease,
-            callback=report,
-            progress=text,
-            shortest=_SHORT if over_all and metric.space.is_surface_space else 0.0,
-        )
         minimum = minimize_from(
             path[1:-1],
             metric.space,
             directions,
-            minimizer,
             energy,
             inverse_hessian_at,
+            report,
+            tolerance=self.tolerance,
+            max_iter=self.max_iter,
+            recent_decrease=max(self._recent_decrease, self._recent_tolerances * self.tolerance),
+            shortest=_SHORT if over_all and metric.space.is_surface_space else 0.0,
             floor=path_floor(metric, self.energy, path),
             earlier=earlier,
+            progress="geodesic" if self.progress else "",
         )
         if not np.isfinite(minimum.value):
             if metric.space.is_surface_space:

@@ -186,11 +186,6 @@ class TangentPCA(ImageEstimator):
             raise ArgumentError(f"X must hold at least two points; found {len(points)}")
         if self.n_components is not None:
             whole_number(self.n_components, "n_components", minimum=1)
-            if self.n_components > len(points) - 1:
-                raise ArgumentError(
-                    f"n_components={self.n_components} exceeds what {len(points)} points can "
-                    f"span: at most {len(points) - 1}"
-                )
         metric = self._image_metric
         self.mean_ = self._mean_point(self.mean if base_point is None else base_point, points)
         self._base = self._embed(self.mean_[None])[0]
@@ -198,9 +193,7 @@ class TangentPCA(ImageEstimator):
         self.offset_ = logs.mean(axis=0)
         logs = logs - self.offset_
         rows = logs.reshape(len(logs), -1)
-        covectors = metric.covector(logs, self._base).reshape(len(logs), -1)
-        products = covectors @ rows.T
-        values, vectors = np.linalg.eigh(0.5 * (products + products.T))
+        values, vectors = np.linalg.eigh(metric.gram_matrix(logs, self._base))
         values, vectors = values[::-1], vectors[:, ::-1]
         rank = int(np.sum(values > _ROUNDING * max(values[0], 0.0)))
         if values[0] <= (_ROUNDING * np.abs(self._base).max()) ** 2:

@@ -13,27 +13,24 @@ are transferred by `PoseTransfer`, from which `Disentangling` starts.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
+from scipy.sparse.linalg import LinearOperator
 
 from riemhuman.checks import check_methods, one_of
 from riemhuman.errors import ArgumentError
+from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives, triangle_frames
-from riemhuman.solvers._lbfgs import LBFGS, Minimum, minimize_from
+from riemhuman.solvers._lbfgs import minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
 from riemhuman.solvers.paths import rounded
 from riemhuman.solvers.results import Result, Solver, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.measures import triangle_areas
-
-if TYPE_CHECKING:
-    from scipy.sparse.linalg import LinearOperator
-
-    from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
 
 AXES = ("world", "body")
 TRANSFERS = ("change", "pose")
@@ -285,7 +282,25 @@ class Disentangling(Solver):
             self.basis.check_fits(len(shape))
         posed = PoseTransfer(space, self.bone_smoothing).solve(shape, pose)
         sum_ = _WeightedSum((shape_metric, 1.0, shape), (pose_metric, self.pose_weight, posed))
-        minimum = self._minimize(sum_, space, shape, posed)
+        faces = space.template.faces
+        least_areas = np.minimum(*(triangle_areas(body, faces) for body in (shape, posed)))
+
+        def objective(surface: ndarray) -> tuple[float, ndarray]:
+            if np.any(triangle_areas(surface, faces) < _LEAST_AREA * least_areas):
+                return np.inf, np.zeros_like(surface)
+            return sum_.value_and_gradient(surface)
+
+        minimum = minimize_from(
+            posed,
+            space,
+            None,
+            objective,
+            sum_.factor,
+            tolerance=self.tolerance,
+            max_iter=self.max_iter,
+            floor=sum_.rounding(posed),
+            progress="disentangling" if self.progress else "",
+        )
         surface, value = minimum.x, minimum.value
         if self.basis is not None:
             # Translations change neither metric.
@@ -304,24 +319,6 @@ class Disentangling(Solver):
             **minimum.outcome,
         )
         return finish(self, result)
-
-    def _minimize(
-        self, sum_: _WeightedSum, space: AlignedSurfaces, shape: ndarray, start: ndarray
-    ) -> Minimum:
-        """Return the surface of least value."""
-        faces = space.template.faces
-        least_areas = np.minimum(*(triangle_areas(body, faces) for body in (shape, start)))
-
-        def objective(surface: ndarray) -> tuple[float, ndarray]:
-            if np.any(triangle_areas(surface, faces) < _LEAST_AREA * least_areas):
-                return np.inf, np.zeros_like(surface)
-            return sum_.value_and_gradient(surface)
-
-        text = "disentangling" if self.progress else ""
-        minimizer = LBFGS(self.tolerance, self.max_iter, progress=text)
-        return minimize_from(
-            start, space, None, minimizer, objective, sum_.factor, floor=sum_.rounding(start)
-        )
 
 
 class _WeightedSum:

@@ -20,7 +20,7 @@ from riemhuman.geometry import (
     VectorSpace,
 )
 from riemhuman.solvers import Interrupted, Status
-from riemhuman.solvers._lbfgs import LBFGS
+from riemhuman.solvers._lbfgs import Descent
 from riemhuman.statistics import GeodesicRegression
 
 
@@ -143,14 +143,14 @@ def test_sphere_agrees_with_a_search_in_angles():
 
 def test_an_interrupted_refinement_leaves_the_best_geodesic(monkeypatch):
     space = FIELDS["normals"]
-    points, minimize = scattered(space), LBFGS.minimize
+    points, minimize = scattered(space), Descent.minimize
 
     def interrupted(minimizer, *arguments, **options):
         minimum = minimize(minimizer, *arguments, **options)
         return replace(minimum, status=Status.INTERRUPTED)
 
     found = GeodesicRegression(space).fit(TIMES, points)
-    monkeypatch.setattr(LBFGS, "minimize", interrupted)
+    monkeypatch.setattr(Descent, "minimize", interrupted)
     stopped = GeodesicRegression(space)
     with pytest.raises(Interrupted) as caught:
         stopped.fit(TIMES, points)

@@ -7,7 +7,7 @@ import pytest
 
 from riemhuman.geometry import FlatMetric, VectorSpace
 from riemhuman.solvers import BasisMean, GradientDescentMean, Interrupted, Status
-from riemhuman.solvers._lbfgs import LBFGS
+from riemhuman.solvers._lbfgs import Descent
 
 
 class InterruptedVectors(FlatMetric):
@@ -41,7 +41,7 @@ def test_a_descent_ends_with_the_best_so_far(number):
 def test_no_search_of_a_median_in_batches_swallows_an_interrupt():
     """Each of its searches, from a mean of a sample to a median of all, ends all of them."""
     interrupts, metric = 0, VectorSpace((2,)).metric
-    minimize = LBFGS.minimize
+    minimize = Descent.minimize
     for number in range(1, 4):
         calls = iter(range(1, 10))
 
@@ -50,7 +50,7 @@ def test_no_search_of_a_median_in_batches_swallows_an_interrupt():
             return replace(minimum, status=Status.INTERRUPTED) if next(calls) == number else minimum
 
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(LBFGS, "minimize", interrupted)
+            patch.setattr(Descent, "minimize", interrupted)
             try:
                 BasisMean().solve(metric, [SQUARE[:2], SQUARE[2:]], exponent=1)
             except Interrupted:

@@ -5,7 +5,7 @@ import pytest
 from scipy import optimize
 
 from riemhuman.solvers import _lbfgs
-from riemhuman.solvers._lbfgs import LBFGS
+from riemhuman.solvers._lbfgs import Descent
 from riemhuman.solvers.results import Status
 
 SETTINGS = {"max_iter": 500, "tolerance": 1e-10}
@@ -13,7 +13,7 @@ SETTINGS = {"max_iter": 500, "tolerance": 1e-10}
 
 def minimize(function, start, operator_at, floor=-np.inf, **settings):
     """Return the minimum, with an operator that depends on the point."""
-    return LBFGS(**settings).minimize(function, start, operator_at, floor=floor)
+    return Descent(function, start, operator_at, floor=floor, **settings).minimize()
 
 
 def descend(function, start, operator, **settings):

@@ -1,6 +1,6 @@
 """Fréchet means and medians: below every alternative, whatever the order, start and batches."""
 
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import bodies_in_motion as bodies
 import numpy as np
@@ -27,23 +27,14 @@ from riemhuman.geometry import (
     VectorSpace,
 )
 from riemhuman.solvers import BasisMean, FrechetMean, GeometricMedian, GradientDescentMean
-from riemhuman.solvers._dispersion import (
-    AreaCheck,
-    Dispersion,
-    metric_of_search,
-)
+from riemhuman.solvers._dispersion import Dispersion, area_check, metric_of_search
 from riemhuman.surfaces import DeformationBasis
 from riemhuman.surfaces.measures import edge_lengths, triangle_areas
 
 
 def basis_of(vectors):
     """Return a basis of orthonormal rows, for points of any shape."""
-
-    @dataclass(frozen=True)
-    class Rows:
-        flat: np.ndarray
-
-    return Rows(vectors)
+    return SimpleNamespace(flat=vectors, check_fits=len, extend=len)
 
 
 def every_direction(space):
@@ -428,7 +419,7 @@ def test_triangles_that_collapse_are_refused():
         BasisMean(bodies.basis()).solve(metric, points)
     space = AlignedSurfaces(triangle_template(), equip=False)
     flat = space.template.vertices
-    check = AreaCheck(space, np.stack([flat, 2.0 * flat, 3.0 * flat]))
+    check = area_check(space, np.stack([flat, 2.0 * flat, 3.0 * flat]))
     # A hundredth of the median area, that of the second.
     check(0.2 * np.sqrt(1.02) * flat)
     with pytest.raises(DegenerateSurfaceError, match="1 of 1 triangles"):

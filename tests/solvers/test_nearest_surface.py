@@ -1,5 +1,6 @@
 """From fields back to surfaces: what came from a surface returns, and means have no slope."""
 
+import autograd.numpy as anp
 import numpy as np
 import pytest
 from autograd import value_and_grad
@@ -45,11 +46,8 @@ def test_a_surface_among_its_own_fields_stays(abc):
 
 def test_mean_has_no_slope_and_agrees_with_the_mean_over_all_deformations():
     metric = metric_of(1.0, 1.0, 1.0)
-    weights = np.array([1.0, 2.0, 0.0, 1.0, 0.5])
-    found = NearestSurface(tolerance=1e-13).solve(
-        metric, metric.map(POINTS), POINTS[0], weights=weights
-    )
-    dispersion = Dispersion(metric, POINTS, weights)
+    found = NearestSurface(tolerance=1e-13).solve(metric, metric.map(POINTS), POINTS[0])
+    dispersion = Dispersion(metric, POINTS)
     assert found.variance == pytest.approx(dispersion.value(found.point), rel=1e-12)
     assert np.all(np.diff(found.variances) < 0)
     _, slope = dispersion.value_and_gradient(found.point)
@@ -58,9 +56,7 @@ def test_mean_has_no_slope_and_agrees_with_the_mean_over_all_deformations():
 
     everything = DeformationBasis(np.eye(POINTS[0].size).reshape(-1, *POINTS[0].shape))
     over_basis = BasisMean(everything, with_differences=False, tolerance=1e-12)
-    assert found.variance == pytest.approx(
-        over_basis.solve(metric, POINTS, weights).variance, rel=1e-6
-    )
+    assert found.variance == pytest.approx(over_basis.solve(metric, POINTS).variance, rel=1e-6)
 
 
 @pytest.mark.parametrize("abc", [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
@@ -103,13 +99,9 @@ def test_refusals():
         NearestSurface().solve(metric, images, POINTS)
     with pytest.raises(ArgumentError, match="images"):
         NearestSurface().solve(metric, images[:, :-1], POINTS[0])
-    with pytest.raises(ArgumentError, match="weights"):
-        NearestSurface().solve(metric, images, POINTS[0], weights=[1.0])
 
 
 # Distances from fields that come from no surface.
-
-WEIGHTS = np.array([0.5, 0.0, 0.5])
 
 
 @pytest.mark.parametrize("abc", [(1.0, 0.5, 0.3), (2.0, 1.0, 0.0), (0.0, 0.0, 1.0), None])
@@ -119,9 +111,9 @@ def test_values_and_slopes_are_those_of_the_definition(abc):
     images = target.space.projection(1.1 * metric.map(POINTS[1:4]))
 
     def mean(surface):
-        return np.dot(WEIGHTS, target.squared_dist(metric.map(surface), images))
+        return anp.mean(target.squared_dist(metric.map(surface), images))
 
-    value, slope = image_distances(metric, images, WEIGHTS).value_and_gradient(POINTS[0])
+    value, slope = image_distances(metric, images).value_and_gradient(POINTS[0])
     expected, expected_slope = value_and_grad(mean)(POINTS[0])
     assert value == pytest.approx(expected, rel=1e-11)
     np.testing.assert_allclose(slope, expected_slope, atol=1e-10 * np.abs(expected_slope).max())
@@ -136,7 +128,7 @@ def test_fields_between_poses_lead_near_their_surface():
     for pose in (1, 2, 6):
         way = target.log(metric.map(bodies.points[pose]), standing)
         image = target.exp(0.8 * way, standing)[None]
-        distances = image_distances(metric, image, np.ones(1))
+        distances = image_distances(metric, image)
         before = distances.value_and_gradient(bodies.points[0])[0]
         near = distances.nearby(bodies.points[0])
         assert distances.value_and_gradient(near)[0] < 0.008 * before

@@ -62,6 +62,7 @@ DATACLASSES = [
     if dataclasses.is_dataclass(cls)
     and getattr(cls, "__module__", "") == module.__name__
     and not inspect.isabstract(cls)
+    and (hasattr(cls, "solve") or issubclass(cls, solvers.Result))
 ]
 
 
