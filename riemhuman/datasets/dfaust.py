@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -32,31 +33,40 @@ class DynamicFaustMotion(Motion):
     """One sequence of Dynamic FAUST, of which every `step`-th frame is read on access."""
 
     def __init__(
-        self, path: Path, subject: str, sequence: str, n_frames: int, faces: np.ndarray, step: int
+        self, path: Path, subject: str, sequence: str, faces: np.ndarray, step: int
     ) -> None:
-        rate, n_used = _FRAMES_PER_SECOND / step, -(-n_frames // step)
+        self.path, self._step, self._key = path, step, f"{subject}_{sequence}"
+        self._n_vertices = int(faces.max()) + 1
+        with _open(path) as contents:
+            data = _stored(contents, self._key, path)
+            shape = getattr(data, "shape", None) or ()
+            if getattr(data, "dtype", np.dtype(object)).kind not in "fiu":
+                raise FileFormatError(f"{self._key} of {path} does not hold numbers")
+        if len(shape) != 3 or shape[:2] != (self._n_vertices, 3) or shape[2] == 0:
+            raise FileFormatError(
+                f"{self._key} of {path} must have shape ({self._n_vertices}, 3, n_frames), as its "
+                f"triangles ask for; found {shape}"
+            )
+        rate, n_used = _FRAMES_PER_SECOND / step, -(-shape[2] // step)
         super().__init__(subject, sequence, rate, n_used, faces)
-        self.path = path
-        self._step = step
 
     def _frames(self, numbers: range) -> np.ndarray:
         step = self._step
         numbers = range(step * numbers.start, step * numbers.stop, step * numbers.step)
-        key = f"{self.subject}_{self.sequence}"
-        n_vertices = int(self.faces.max()) + 1
-        frames = np.empty((len(numbers), n_vertices, 3))
+        frames = np.empty((len(numbers), self._n_vertices, 3))
         run = max(1, _SPAN // abs(numbers.step))
         with _open(self.path) as file:
             for start in range(0, len(numbers), run):
                 some = np.asarray(numbers[start : start + run])
                 first, end = int(some.min()), int(some.max()) + 1
-                read = file[key][:, :, first:end]
+                read = file[self._key][:, :, first:end]
                 frames[start : start + run] = np.moveaxis(read[:, :, some - first], -1, 0)
         finite = np.isfinite(frames).all(axis=(1, 2))
         if not finite.all():
             bad = [str(number) for number in np.array(numbers)[~finite]]
             raise FileFormatError(
-                f"{self.path}: NaN or infinite coordinates in frames {join_names(bad)} of {key}"
+                f"{self.path}: NaN or infinite coordinates in frames {join_names(bad)} of "
+                f"{self._key}"
             )
         return frames
 
@@ -114,66 +124,53 @@ def load_dfaust(
     if not files:
         raise FileError(f"{root} holds neither {_FILES[0]} nor {_FILES[1]}")
     places = " and ".join(str(file) for file in files)
-    recorded: dict[str, dict[str, tuple[Path, int, str]]] = {}
+    recorded: dict[str, dict[str, Path]] = {}
     faces: np.ndarray | None = None
     for file in files:
         with _open(file) as contents:
             # h5py returns names that are not UTF-8 as bytes; no sequence has such a name.
             names = [name for name in contents if isinstance(name, str)]
             own = _read_faces(contents, names, file)
-            difference = None if faces is None else face_difference(own, faces)
-            if difference:
-                raise FileFormatError(
-                    f"{file}: triangles must be those of {_FILES[0]}: {difference}"
-                )
-            faces = own
-            for key in names:
-                match = re.fullmatch(r"(\d+)_(\w+)", key)
-                if match:
-                    entry = file, *_inspect(contents, key, int(faces.max()) + 1)
-                    recorded.setdefault(match[1], {})[match[2]] = entry
+        difference = None if faces is None else face_difference(own, faces)
+        if difference:
+            raise FileFormatError(f"{file}: triangles must be those of {_FILES[0]}: {difference}")
+        faces = own
+        for match in filter(None, (re.fullmatch(r"(\d+)_(\w+)", name) for name in names)):
+            recorded.setdefault(match[1], {})[match[2]] = file
     if faces is None or not recorded:
         raise FileFormatError(f"{places} holds no sequence, such as 50002_hips")
-    motions, problems = [], []
-    for subject, sequence in _choose_pairs(recorded, subjects, sequences, f" in {places}"):
-        file, n_frames, problem = recorded[subject][sequence]
-        motions.append(DynamicFaustMotion(file, subject, sequence, n_frames, faces, step))
-        if problem:
-            problems.append(f"{subject}_{sequence} of {file} {problem}")
-    if problems:
-        raise FileFormatError(
-            f"sequences must be numbers of shape ({int(faces.max()) + 1}, 3, n_frames), as their "
-            f"triangles ask for; {'; '.join(problems)}"
+    performed = sorted(set().union(*recorded.values()))
+    names = list(choose_names(sequences, "sequences", performed, f" in {places}"))
+    people = choose_names(subjects, "subjects", tuple(recorded), f" in {places}")
+    motions, missing = [], []
+    for subject, sequence in itertools.product(people, names):
+        if sequence in recorded[subject]:
+            file = recorded[subject][sequence]
+            motions.append(DynamicFaustMotion(file, subject, sequence, faces, step))
+        else:
+            missing.append(f"{subject}_{sequence}")
+    if missing and sequences is not None and subjects is not None:
+        raise ArgumentError(
+            f"sequences must be there for all subjects asked for in {places}; missing: "
+            f"{join_names(missing)}"
         )
     return Motions(motions)
 
 
-def _inspect(contents: Any, key: str, n_vertices: int) -> tuple[int, str]:
-    """Return the number of frames of a sequence, and what is wrong with its data, if anything."""
-    if not _is_stored_here(contents, key):
-        return 0, "lies outside the file, or is larger than it can hold"
-    dataset = contents[key]
-    shape = tuple(getattr(dataset, "shape", None) or ())
-    if getattr(dataset, "dtype", np.dtype(object)).kind not in "fiu":
-        return 0, "does not hold numbers"
-    if len(shape) != 3 or shape[:2] != (n_vertices, 3) or shape[2] == 0:
-        return 0, f"has shape {shape}"
-    return shape[2], ""
-
-
-def _is_stored_here(contents: Any, key: str) -> bool:
-    """Return whether data are in the file itself, and not much larger than their storage."""
+def _stored(contents: Any, key: str, file: Path) -> Any:
+    """Return what a file itself holds under a key, unless it is much larger than its storage."""
     h5py = import_optional("h5py", "data")
-    if not isinstance(contents.get(key, getlink=True), h5py.HardLink):
-        return False
-    dataset = contents[key]
-    if not isinstance(dataset, h5py.Dataset):
-        return True
-    limit = memory_limit(dataset.id.get_storage_size())
-    # HDF5 unpacks a whole chunk to read a part of it, even if it is much larger than the data.
-    shapes = [shape for shape in (dataset.shape, dataset.chunks) if shape is not None]
-    fits = all(memory_size(shape, dataset.dtype) <= limit for shape in shapes)
-    return fits and not dataset.external and not dataset.is_virtual
+    if isinstance(contents.get(key, getlink=True), h5py.HardLink):
+        data = contents[key]
+        if not isinstance(data, h5py.Dataset):
+            return data
+        limit = memory_limit(data.id.get_storage_size())
+        # HDF5 unpacks a whole chunk to read a part of it, even if it is larger than the data.
+        shapes = [shape for shape in (data.shape, data.chunks) if shape is not None]
+        fits = all(memory_size(shape, data.dtype) <= limit for shape in shapes)
+        if fits and not data.external and not data.is_virtual:
+            return data
+    raise FileFormatError(f"{key} of {file} lies outside the file, or is larger than it can hold")
 
 
 @contextmanager
@@ -190,30 +187,7 @@ def _read_faces(contents: Any, names: Sequence[str], file: Path) -> np.ndarray:
             f"{file} holds no dataset {_FACES!r} of triangles; found "
             f"{join_names(sorted(names)) or 'nothing'}"
         )
-    if not _is_stored_here(contents, _FACES):
-        raise FileFormatError(
-            f"{_FACES} of {file} lies outside the file, or is larger than it can hold"
-        )
-    faces = integer_array(contents[_FACES], f"{_FACES} of {file}", ("n_faces", 3))
+    faces = integer_array(_stored(contents, _FACES, file), f"{_FACES} of {file}", ("n_faces", 3))
     if faces.min(initial=0) < 0 or not faces.size:
         raise FileFormatError(f"{_FACES} of {file} must be numbers of vertices, from 0 on")
     return read_only(faces)
-
-
-def _choose_pairs(
-    recorded: Mapping[str, Mapping[str, Any]], subjects: Any, sequences: Any, source: str
-) -> list[tuple[str, str]]:
-    """Return the pairs of subject and sequence to load; unknown names raise an error."""
-    performed = sorted(set().union(*recorded.values()))
-    names = choose_names(sequences, "sequences", performed, source)
-    people = choose_names(subjects, "subjects", tuple(recorded), source)
-    pairs = [(subject, name) for subject in people for name in names if name in recorded[subject]]
-    missing = [
-        f"{person}_{name}" for person in people for name in names if (person, name) not in pairs
-    ]
-    if missing and sequences is not None and subjects is not None:
-        raise ArgumentError(
-            f"sequences must be there for all subjects asked for{source}; missing: "
-            f"{join_names(missing)}"
-        )
-    return pairs

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -26,42 +26,64 @@ _SEED = 2022
 
 
 class OpenMotion(ModelMotion):
-    """One person in one of the open motions, with the parameters of the body model."""
+    """An open motion, with a person's own tempo, start, amplitudes and habits."""
 
     def __init__(
         self, subject: str, sequence: str, model: BodyModel, frames_per_second: float
     ) -> None:
         people, motions = read_table("open_motions").values()
         seed = [_SEED, list(people).index(subject), list(motions).index(sequence)]
-        self._performance = _Performance(
-            motions[sequence], model.joint_names, np.random.default_rng(seed)
-        )
-        n_frames = int(self._performance.seconds * frames_per_second) + 1
+        rng = np.random.default_rng(seed)
+        self._written = written = motions[sequence]
+        self._cycle = written["seconds"] * (1.0 + rng.uniform(-_TEMPO, _TEMPO))
+        self._start = rng.uniform(-_START, _START)
+        self._joints = {}
+        for joint, (axes, *curves) in with_both_sides(written["angles"], model.joint_names).items():
+            # The right joints of an alternating motion follow half a cycle later.
+            follows = joint.startswith("right_") and joint not in written["angles"]
+            delay = 0.5 if written["alternating"] and follows else 0.0
+            delay += rng.uniform(-_LAG, _LAG)
+            amplitude = 1.0 + rng.uniform(-_AMPLITUDE, _AMPLITUDE)
+            habit = rng.uniform(-_HABIT_DEGREES, _HABIT_DEGREES, len(axes))
+            self._joints[joint] = axes, curves, delay, amplitude, habit
+        n_frames = int(self._cycle * written["cycles"] * frames_per_second) + 1
         super().__init__(subject, sequence, frames_per_second, n_frames, model)
 
-    @cached_property
+    @property
     def betas(self) -> np.ndarray:
-        written = read_table("open_motions")["people"][self.subject]
-        return np.pad(written, (0, self.model.n_betas - len(written)))
+        return np.array(read_table("open_motions")["people"][self.subject])
 
     def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        poses, translations = self._performed
+        poses, translations = self._performance
         return poses[numbers], translations[numbers]
 
     @cached_property
-    def _performed(self) -> tuple[np.ndarray, np.ndarray]:
+    def _performance(self) -> tuple[np.ndarray, np.ndarray]:
         times = np.arange(len(self)) / self.frames_per_second
-        poses = pose_vectors(self._performance.joint_rotations(times), self.model)
+        poses = pose_vectors(self.joint_rotations(times), self.model)
         names = self.model.joint_names
         feet = [name.endswith(("ankle", "toes")) for name in names]
-        standing = [names.index(f"{side}_ankle") for side in self._performance.standing_on]
+        standing = [names.index(f"{side}_ankle") for side in self._written["standing_on"]]
         rest = self.model.joints(self.betas)
         moved = rest - self.model.joints(self.betas, poses)
         translations = np.zeros((len(self), 3))
         if standing:
             translations[:] = moved[:, standing].mean(axis=1)
-        translations[:, 1] = moved[:, feet, 1].max(axis=1) + self._performance.height(times)
+        height = _values(self._written["height"], times / self._cycle + self._start)
+        translations[:, 1] = moved[:, feet, 1].max(axis=1) + height
         return poses, translations
+
+    def joint_rotations(self, times: np.ndarray) -> np.ndarray:
+        """Return the rotations of all joints from the T-pose at any times, (n, J, 3, 3)."""
+        rotations = np.tile(np.eye(3), (len(times), self.model.n_joints, 1, 1))
+        phases = times / self._cycle + self._start
+        for joint, (axes, curves, delay, amplitude, habit) in self._joints.items():
+            angles = np.stack([_values(curve, phases - delay) for curve in curves], axis=-1)
+            means = np.array([np.mean(curve) for curve in curves])
+            angles = means + amplitude * (angles - means) + habit
+            matrices = Rotation.from_euler(axes, angles, degrees=True).as_matrix()
+            rotations[:, self.model.joint_names.index(joint)] = matrices
+        return rotations
 
 
 def load_open_motions(
@@ -98,45 +120,6 @@ def load_open_motions(
     rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
     model = load_open_model(resolution)
     return Motions(OpenMotion(person, name, model, rate) for person in people for name in names)
-
-
-class _Performance:
-    """A motion performed by one person, with individual tempo, start, amplitudes and habits."""
-
-    def __init__(
-        self, written: Mapping[str, Any], joint_names: Sequence[str], rng: np.random.Generator
-    ) -> None:
-        self._height = written["height"]
-        self.standing_on = tuple(written["standing_on"])
-        self._joint_names = joint_names
-        self._cycle = written["seconds"] * (1.0 + rng.uniform(-_TEMPO, _TEMPO))
-        self._start = rng.uniform(-_START, _START)
-        self.seconds = self._cycle * written["cycles"]
-        self._joints = {}
-        for joint, (axes, *curves) in with_both_sides(written["angles"], joint_names).items():
-            # The right joints of an alternating motion follow half a cycle later.
-            follows = joint.startswith("right_") and joint not in written["angles"]
-            delay = 0.5 if written["alternating"] and follows else 0.0
-            delay += rng.uniform(-_LAG, _LAG)
-            amplitude = 1.0 + rng.uniform(-_AMPLITUDE, _AMPLITUDE)
-            habit = rng.uniform(-_HABIT_DEGREES, _HABIT_DEGREES, len(axes))
-            self._joints[joint] = axes, curves, delay, amplitude, habit
-
-    def height(self, times: np.ndarray) -> np.ndarray:
-        """Return the height of the lower foot above the ground, metres."""
-        return _values(self._height, times / self._cycle + self._start)
-
-    def joint_rotations(self, times: np.ndarray) -> np.ndarray:
-        """Return the rotations of all joints from the T-pose, shape (n, J, 3, 3)."""
-        rotations = np.tile(np.eye(3), (len(times), len(self._joint_names), 1, 1))
-        phases = times / self._cycle + self._start
-        for joint, (axes, curves, delay, amplitude, habit) in self._joints.items():
-            angles = np.stack([_values(curve, phases - delay) for curve in curves], axis=-1)
-            means = np.array([np.mean(curve) for curve in curves])
-            angles = means + amplitude * (angles - means) + habit
-            matrices = Rotation.from_euler(axes, angles, degrees=True).as_matrix()
-            rotations[:, self._joint_names.index(joint)] = matrices
-        return rotations
 
 
 def _values(curve: Any, phases: np.ndarray) -> np.ndarray:

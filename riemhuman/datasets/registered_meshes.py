@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import itertools
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -247,19 +246,14 @@ def load_bodies(
     ('sits',)
     """
     files = find_meshes(folder)
-    table = existing_folder(folder) / _LABELS if labels is None else file_path(labels, "labels")
-    if labels is None and not os.path.isfile(table):
-        raise FileError(
-            f"there is no table of labels {table}; write one with the columns "
-            f"{', '.join(_COLUMNS)}, or give its path"
-        )
-    rows = _match_rows(files, table, allow_missing)
+    table = os.path.join(folder, _LABELS) if labels is None else labels
+    numbers, texts = read_labels(table, [file.name for file in files], allow_missing=allow_missing)
     columns: dict[str, Any] = {}
-    for name, texts in zip(_COLUMNS[1:], zip(*rows.values(), strict=True), strict=True):
-        names = sorted(set(texts), key=natural_key)
-        columns[f"{name}_names"] = tuple(names)
-        columns[name] = np.array([names.index(text) for text in texts], dtype=np.int64)
-    files = list(rows)
+    for column, own in texts.items():
+        names = sorted(set(own), key=natural_key)
+        columns[f"{column}_names"] = tuple(names)
+        columns[column] = np.array([names.index(text) for text in own])
+    files = [files[number] for number in numbers]
     return _load(
         files, columns, template, align=align, scale=scale, unit=unit, up=up, progress=progress
     )
@@ -286,10 +280,34 @@ def read_labels(
     >>> rh.datasets.read_labels("labels.csv", ["a.ply"])
     ([0], {'subject': ['anna'], 'pose': ['sits']})
     """
-    files = [Path(name) for name in names]
-    rows = _match_rows(files, file_path(table, "labels"), allow_missing)
-    numbers = [number for number, file in enumerate(files) if file in rows]
-    subjects, poses = zip(*rows.values(), strict=True)
+    file = file_path(table, "labels")
+    by_name: dict[str, list[int]] = {}
+    for number, name in enumerate(names):
+        for each in {name, Path(name).stem}:
+            by_name.setdefault(each, []).append(number)
+    found: dict[int, tuple[int, str, str]] = {}
+    unknown = []
+    for line, (name, subject, pose) in _read_table(file):
+        candidates = by_name.get(name, [])
+        if len(candidates) > 1:
+            several = join_names([names[number] for number in candidates], 5)
+            raise FileFormatError(f"{file}, line {line}: {name[:60]} may be {several}; name one")
+        if not candidates:
+            unknown.append(name)
+        elif candidates[0] in found:
+            raise FileFormatError(
+                f"{file}, line {line}: {name[:60]} has a label already, on line "
+                f"{found[candidates[0]][0]}"
+            )
+        else:
+            found[candidates[0]] = line, subject, pose
+    numbers = sorted(found)
+    unlabelled = [name for number, name in enumerate(names) if number not in found]
+    if not found or ((unknown or unlabelled) and not allow_missing):
+        problems = {"meshes without a row": unlabelled, "rows without a mesh": unknown}
+        listed = [f"{problem}: {join_names(own, 5)}" for problem, own in problems.items() if own]
+        raise FileFormatError(f"{file} does not match the meshes: {'; '.join(listed)}")
+    _, subjects, poses = zip(*(found[number] for number in numbers), strict=True)
     return numbers, {"subject": list(subjects), "pose": list(poses)}
 
 
@@ -328,14 +346,13 @@ def no_meshes(root: Path) -> FileError:
     return FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
 
 
-def natural_key(name: str) -> tuple[object, ...]:
+def natural_key(name: str) -> tuple[list[Any], str]:
     """Return a sorting key that compares numbers within names as numbers."""
-    # The key alternates text and numbers, so that text is compared with text.
-    texts = re.split(r"[0-9]+", name.casefold())
-    digits = [number.lstrip("0") for number in re.findall(r"[0-9]+", name)]
-    # A number with more digits is larger; Python refuses to convert thousands of digits.
-    numbers = [(len(number), number) for number in digits]
-    return (*itertools.chain(*itertools.zip_longest(texts, numbers, fillvalue=(-1, ""))),), name
+    # Text and numbers alternate, so that text is compared with text. A number with more digits is
+    # larger; Python refuses to convert thousands of digits.
+    parts = re.split(r"([0-9]+)", name.casefold())
+    digits = [part.lstrip("0") for part in parts]
+    return [(len(digits[k]), digits[k]) if k % 2 else part for k, part in enumerate(parts)], name
 
 
 def _load(
@@ -374,8 +391,11 @@ def _load(
 
 def _read_table(table: Path) -> list[tuple[int, list[str]]]:
     """Return each row of a table, file, subject and pose, after the number of its line."""
-    if not os.path.exists(table):
-        raise FileError(f"there is no table of labels {table}")
+    if not table.exists():
+        raise FileError(
+            f"there is no table of labels {table}; write one with the columns "
+            f"{', '.join(_COLUMNS)}, or give its path"
+        )
     text = read_text(table)
     heading = re.split(r"[\r\n]", text, maxsplit=1)[0]
     separator = max(_SEPARATORS, key=heading.count)
@@ -403,37 +423,3 @@ def _read_table(table: Path) -> list[tuple[int, list[str]]]:
     except csv.Error as error:
         raise FileFormatError(f"{table}, line {reader.reader.line_num}: {error}") from error
     return rows
-
-
-def _match_rows(
-    files: Sequence[Path], table: Path, allow_missing: bool
-) -> dict[Path, tuple[str, str]]:
-    """Return the labels of every file; files and rows without the other are errors or left out."""
-    by_name: dict[str, list[Path]] = {}
-    for file in files:
-        for name in {file.name, file.stem}:
-            by_name.setdefault(name, []).append(file)
-    found: dict[Path, tuple[int, tuple[str, str]]] = {}
-    unknown = []
-    for line, (name, subject, pose) in _read_table(table):
-        candidates = by_name.get(name, [])
-        if len(candidates) > 1:
-            several = join_names([file.name for file in candidates], 5)
-            raise FileFormatError(f"{table}, line {line}: {name[:60]} may be {several}; name one")
-        if not candidates:
-            unknown.append(name)
-        elif candidates[0] in found:
-            raise FileFormatError(
-                f"{table}, line {line}: {name[:60]} has a label already, on line "
-                f"{found[candidates[0]][0]}"
-            )
-        else:
-            found[candidates[0]] = line, (subject, pose)
-    unlabelled = [file.name for file in files if file not in found]
-    if not found or ((unknown or unlabelled) and not allow_missing):
-        problems = {"meshes without a row": unlabelled, "rows without a mesh": unknown}
-        listed = [
-            f"{problem}: {join_names(names, 5)}" for problem, names in problems.items() if names
-        ]
-        raise FileFormatError(f"{table} does not match the meshes: {'; '.join(listed)}")
-    return {file: found[file][1] for file in files if file in found}

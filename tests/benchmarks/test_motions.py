@@ -90,7 +90,7 @@ def test_all_pairs(name, seconds):
 
 def at_places(motion, places):
     """Return an open motion between its frames too: its curves are known at all times."""
-    rotations = motion._performance.joint_rotations(places / motion.frames_per_second)
+    rotations = motion.joint_rotations(places / motion.frames_per_second)
     return motion.model(motion.betas, pose_vectors(rotations, motion.model))
 
 

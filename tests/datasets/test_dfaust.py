@@ -176,30 +176,26 @@ def test_both_files_have_the_same_triangles(folder):
         load_dfaust(folder / WOMEN)
 
 
-def test_all_malformed_sequences_are_named(tmp_path):
-    path = write(
-        tmp_path / MEN,
-        {
-            "50002_hips": np.zeros((N_VERTICES, 3, 4)),
-            "50002_knees": np.zeros((4, N_VERTICES, 3)),
-            "50002_none": np.zeros((N_VERTICES, 3, 0)),
-            "50009_hips": np.zeros(4),
-            "50009_knees": np.full((N_VERTICES, 3, 4), b"a"),
-            "50009_none/inside": np.zeros(3),
-        },
-    )
-    with pytest.raises(FileFormatError, match=r"numbers of shape \(5, 3, n_frames\)") as caught:
+@pytest.mark.parametrize(
+    ("values", "problem"),
+    [
+        (np.zeros((4, N_VERTICES, 3)), r"must have shape \(5, 3, n_frames\).* found \(4, 5, 3\)"),
+        (np.zeros((N_VERTICES, 3, 0)), r"found \(5, 3, 0\)"),
+        (np.zeros(4), r"found \(4,\)"),
+        (np.full((N_VERTICES, 3, 4), b"a"), "does not hold numbers"),
+        (None, "does not hold numbers"),
+    ],
+)
+def test_malformed_sequences(tmp_path, values, problem):
+    path = write(tmp_path / MEN, {"50002_hips": np.zeros((N_VERTICES, 3, 4))})
+    with h5py.File(path, "r+") as file:
+        if values is None:
+            file["50002_knees/inside"] = np.zeros(3)
+        else:
+            file["50002_knees"] = values
+    with pytest.raises(FileFormatError, match=rf"50002_knees of .*{MEN} .*{problem}"):
         load_dfaust(path)
-    for problem in (
-        f"50002_knees of {path} has shape (4, 5, 3)",
-        f"50002_none of {path} has shape (5, 3, 0)",
-        f"50009_hips of {path} has shape (4,)",
-        f"50009_knees of {path} does not hold numbers",
-        f"50009_none of {path} does not hold numbers",
-    ):
-        assert problem in str(caught.value)
-    assert "50002_hips" not in str(caught.value)
-    assert keys(load_dfaust(path, 50002, "hips")) == ["50002_hips"]  # the others do not matter
+    assert keys(load_dfaust(path, 50002, "hips")) == ["50002_hips"]  # the other does not matter
 
 
 def test_frames_that_are_not_finite_are_named(folder):
