@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, joint_motions, rotation_matrix, skin_surface
 from riemhuman.datasets.open_poses import joint_degrees, varied_poses
+from riemhuman.kernels.rotations import log
+from riemhuman.kernels.surface import unit_vectors
 
 # Deviations of a person from a pose as written: standard deviations in degrees, of each of the
 # three joints of the spine and of the joints of both sides.
@@ -119,7 +120,7 @@ def _reach(
         vectors = vectors - np.clip(change[..., 0], -0.3, 0.3)
     reached = poses.copy()
     own = rotation_matrix(vectors.reshape(-1, 3, 3)) @ written[:, arm]
-    reached[:, arm] = Rotation.from_matrix(own.reshape(-1, 3, 3)).as_rotvec().reshape(-1, 3, 3)
+    reached[:, arm] = log(np.eye(3), own)
     return reached
 
 
@@ -137,7 +138,7 @@ def _touched(
     around = (model.faces == nearest[:, None, None]).any(axis=-1)
     outward = np.sum(np.where(around[..., None], areas, 0.0), axis=1)
     people = np.arange(len(betas))
-    return surfaces[people, nearest], outward / np.linalg.norm(outward, axis=-1, keepdims=True)
+    return surfaces[people, nearest], unit_vectors(outward)
 
 
 def surface_noise(
@@ -145,9 +146,7 @@ def surface_noise(
 ) -> np.ndarray:
     """Return random plane waves at every point, of root mean square length `size`, metres."""
     directions, displacements = rng.standard_normal((2, _N_WAVES, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    displacements /= np.linalg.norm(displacements, axis=1, keepdims=True)
-    frequencies = 2 * np.pi / rng.uniform(*wavelengths, (_N_WAVES, 1)) * directions
+    frequencies = 2 * np.pi / rng.uniform(*wavelengths, (_N_WAVES, 1)) * unit_vectors(directions)
     phases = rng.uniform(0.0, 2 * np.pi, _N_WAVES)
     waves = np.cos(points @ frequencies.T + phases)
-    return size * np.sqrt(2.0 / _N_WAVES) * (waves @ displacements)
+    return size * np.sqrt(2.0 / _N_WAVES) * (waves @ unit_vectors(displacements))

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets.bvh import SkeletonMotion
 from riemhuman.errors import ArgumentError
+from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.representation import join_names
 from riemhuman.surfaces.procrustes import make_upright
 
@@ -245,11 +246,6 @@ class RecordedSkeleton(Skeleton):
         if bent.max() < np.sin(np.radians(BENT)) or not mean @ mean > 0.25 * np.sum(bent**2) ** 2:
             return None
         return unit(mean)
-
-
-def unit(vectors: ndarray) -> ndarray:
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.maximum(lengths, 1e-300))
 
 
 def frame(first: ndarray, second: ndarray) -> ndarray:

@@ -25,6 +25,7 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFo
 from riemhuman.io.arrays import check_fields, load_arrays, open_archive
 from riemhuman.io.files import convert_errors, format_errors
 from riemhuman.io.mesh_arrays import face_difference
+from riemhuman.surfaces.procrustes import make_upright
 
 # All models of SMPL's family begin with the joints of its body.
 _BODY, _FACE, _HANDS = len(SMPL_JOINTS), 3, 30
@@ -50,8 +51,6 @@ _POSES = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3, "pose_eye": 6, "pose
 _NEEDED_POSES = ("root_orient", "pose_body")
 _SKIPPED = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
-# The rotation by 90 degrees about x that takes z up to y up.
-_TO_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _FILES_KEPT = 4
 # Larger numbers are damage: of such an angle, double precision holds no digit within a circle.
 _LARGEST = 1e12
@@ -96,9 +95,9 @@ class AmassMotion(ModelMotion):
         pose = _of_model(recording.poses[chosen], self.model.n_joints)
         # Poses rotate the root about itself, but a rotation of space also moves it.
         root = self.model.joints(self.betas)[0]
-        rotation = Rotation.from_matrix(_TO_Y_UP)
-        pose[:, 0] = (rotation * Rotation.from_rotvec(pose[:, 0])).as_rotvec()
-        return pose, (recording.translations[chosen] + root) @ _TO_Y_UP.T - root
+        upright = Rotation.from_matrix(make_upright(np.eye(3), up="z").T)
+        pose[:, 0] = (upright * Rotation.from_rotvec(pose[:, 0])).as_rotvec()
+        return pose, make_upright(recording.translations[chosen] + root, up="z") - root
 
 
 def load_amass(

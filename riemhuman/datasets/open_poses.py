@@ -27,7 +27,10 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_array
+from riemhuman.datasets._skeletons import shortest
 from riemhuman.errors import ArgumentError
+from riemhuman.kernels.rotations import log
+from riemhuman.kernels.surface import unit_vectors
 
 DATA = Path(__file__).parent / "data"
 
@@ -134,9 +137,7 @@ def pose_vectors(rotations: np.ndarray, model: BodyModel) -> np.ndarray:
     straight = _rest_to_t_pose(model)
     parent = np.where(model.parents[:, None, None] < 0, np.eye(3), straight[model.parents])
     rotations = real_array(rotations, "rotations", (model.n_joints, 3, 3))
-    local = np.swapaxes(parent, -1, -2) @ rotations @ straight
-    vectors = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_rotvec()
-    return vectors.reshape(local.shape[:-1])
+    return np.asarray(log(parent, rotations @ straight))
 
 
 def _rest_to_t_pose(model: BodyModel) -> np.ndarray:
@@ -150,15 +151,9 @@ def _rest_to_t_pose(model: BodyModel) -> np.ndarray:
             ("hip", "knee", "ankle", down),
         ):
             first, second, third = (joints[f"{side}_{name}"] for name in (upper, lower, end))
-            rotation = _shortest_rotation(second - first, direction)
+            rotation = shortest(unit_vectors(second - first), direction)
             straight[f"{side}_{upper}"] = rotation
-            bend = _shortest_rotation(rotation @ (third - second), direction)
+            bend = shortest(rotation @ unit_vectors(third - second), direction)
             straight[f"{side}_{lower}"] = bend @ rotation
         straight[f"{side}_wrist"] = straight[f"{side}_elbow"]
     return np.stack([straight[name] for name in model.joint_names])
-
-
-def _shortest_rotation(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    axis = np.cross(start, end)
-    sine, cosine = np.linalg.norm(axis), start @ end
-    return Rotation.from_rotvec(axis * np.arctan2(sine, cosine) / sine).as_matrix()

@@ -42,12 +42,13 @@ from riemhuman.datasets._skeletons import (
     frame,
     model_joints,
     shortest,
-    unit,
 )
 from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ModelMotion
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import ArgumentTypeError
+from riemhuman.kernels.rotations import exp, log
+from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.representation import Record
 from riemhuman.surfaces.procrustes import AXES
 
@@ -477,9 +478,8 @@ class _Performer(Skeleton):
         limbs = np.flatnonzero(self.parents >= 0)
         above = np.swapaxes(self.rotations[:, self.parents[limbs]], -1, -2)
         local[:, limbs] = above @ self.rotations[:, limbs]
-        vectors = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_rotvec()
         root = self.order[0]
-        return vectors.reshape(local.shape[:-1]), self.positions[:, root] - self.rest[root]
+        return log(np.eye(3), local), self.positions[:, root] - self.rest[root]
 
     def errors(self) -> RetargetingErrors:
         """Return directions and positions beside those recorded."""
@@ -540,6 +540,4 @@ def _similar_person(source: RecordedSkeleton, model: BodyModel) -> ndarray:
 
 def _interpolated(start: ndarray, end: ndarray, n: int) -> list[ndarray]:
     """Return n rotations from a rotation to another, in each frame."""
-    vectors = Rotation.from_matrix(np.swapaxes(start, -1, -2) @ end).as_rotvec()
-    shares = np.linspace(0.0, 1.0, n) if n > 1 else [0.0]
-    return [start @ Rotation.from_rotvec(share * vectors).as_matrix() for share in shares]
+    return [exp(share * log(start, end), start) for share in np.linspace(0.0, 1.0, n)]

@@ -97,9 +97,8 @@ def figure_files(figure: Figure) -> tuple[str, bytes]:
 
 def rgb(hexadecimal: str) -> tuple[float, float, float]:
     """Return red, green and blue between 0 and 1, from six hexadecimal digits."""
-    digits = hexadecimal.removeprefix("#")
-    red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4))
-    return red, green, blue
+    red, green, blue = bytes.fromhex(hexadecimal.removeprefix("#"))
+    return red / 255, green / 255, blue / 255
 
 
 def class_colors(n_classes: int) -> ndarray:

@@ -219,29 +219,20 @@ def points_picture(
     points: ndarray, window: Window, height: int, colors: ndarray | None = None
 ) -> ndarray:
     """Draw points as small squares, shape (height, width, 4); far points are darker."""
-    scale = height / window.height
-    width = max(1, round(height * window.width / window.height))
-    rotated = View().rotate(points)
-    order = np.argsort(rotated[:, 2])
-    depth = rotated[:, 2] - rotated[:, 2].min()
-    light = 1.0 - _DEPTH_SHADE * (1.0 - depth / max(float(depth.max()), 1e-9))
-    tints = np.broadcast_to(SKIN if colors is None else colors, points.shape)
-    tints = np.round(255 * np.clip(tints * light[:, np.newaxis], 0, 1)).astype(np.uint8)
-    # Squares are as wide as the distance between points.
-    side = int(np.clip(round(0.8 * height / np.sqrt(len(points))), 1, 6))
-    columns = np.floor((rotated[:, 0] - window.centre[0]) * scale + width / 2).astype(int)
-    rows = np.floor(height / 2 - (rotated[:, 1] - window.centre[1]) * scale).astype(int)
-    picture = np.zeros((height, width, 4), dtype=np.uint8)
-    steps = np.arange(side)
-    rows, columns = np.broadcast_arrays(
-        rows[order, None, None] + steps[:, None], columns[order, None, None] + steps
+    view = View()
+    right, up, towards = view.rotate(np.eye(3)).T
+    depth = points @ towards
+    light = 1.0 - _DEPTH_SHADE * (depth.max() - depth) / max(float(np.ptp(depth)), 1e-9)
+    tints = np.clip((SKIN if colors is None else colors) * light[:, None], 0, 1)
+    # Squares are as wide as the distance between points, and at most six pixels.
+    side = min(0.8 / np.sqrt(len(points)), 6 / height) * window.height
+    corners = side * np.array([0.0 * up, -up, right - up, right])
+    squares = (points[:, None] + corners).reshape(-1, 3)
+    faces = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(len(points))[:, None, None]
+    colors = np.repeat(tints, 2, axis=0)
+    return render(
+        squares, faces.reshape(-1, 3), height=height, view=view, window=window, color=colors
     )
-    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
-    numbers = np.broadcast_to(order[:, None, None], inside.shape)[inside]
-    # The last colour of a pixel stays: that of the point in front.
-    picture[rows[inside], columns[inside], :3] = tints[numbers]
-    picture[rows[inside], columns[inside], 3] = 255
-    return picture
 
 
 def strip_picture(

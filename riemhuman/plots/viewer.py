@@ -151,13 +151,13 @@ class Viewer:
     below: str = ""
 
     def __post_init__(self) -> None:
-        every = [body for bodies in self.choices.values() for body in bodies]
-        if not every:
-            raise ArgumentError("choices must hold at least one body")
-        sizes = {body.frames.shape[1] for body in every}
+        if not (self.choices and all(self.choices.values())):
+            raise ArgumentError("choices must hold at least one body, and none may be empty")
+        surfaces = [body.frames[0] for bodies in self.choices.values() for body in bodies]
+        sizes = {len(surface) for surface in surfaces}
         if len(sizes) > 1:
             raise ArgumentError(f"all bodies must have the same vertices; found {sorted(sizes)}")
-        object.__setattr__(self, "faces", check_mesh(every[0].frames[0], self.faces)[1])
+        object.__setattr__(self, "faces", check_mesh(surfaces[0], self.faces)[1])
 
     def __repr__(self) -> str:
         return f"Viewer({self.title!r}, choices={list(self.choices)})"
@@ -170,7 +170,20 @@ class Viewer:
         identifier : str
             Identifier of the viewer, unique in the page.
         """
-        shown_first = next(iter(self.choices.values()))
+        shown_first, view = next(iter(self.choices.values())), View()
+        data = {
+            # Neighbouring triangles have similar numbers.
+            "faces": _packed(self.faces.astype("<u4")),
+            "n_vertices": len(shown_first[0].frames[0]),
+            "azimuth": view.azimuth,
+            "elevation": view.elevation,
+            "scale": VALUE_COLORS,
+            "choices": [
+                {"name": name, "bodies": [_body(body, self.faces) for body in bodies]}
+                for name, bodies in self.choices.items()
+            ],
+            "seconds": self.seconds,
+        }
         return _fill(
             "viewer.html",
             identifier=identifier,
@@ -178,7 +191,7 @@ class Viewer:
             legend=self.legend,
             stills={name: self._still(bodies) for name, bodies in self.choices.items()},
             moving=any(len(body.frames) > 1 for body in shown_first),
-            data=_payload(self.choices, self.faces) | {"seconds": self.seconds},
+            data=data,
         )
 
     def page(self) -> str:
@@ -225,33 +238,11 @@ class Viewer:
         return image_source(strip_picture(surfaces, self.faces, colors, _STILL_HEIGHT))
 
 
-def _payload(choices: Mapping[str, Sequence[ViewedBody]], faces: ndarray) -> dict[str, Any]:
-    """Return the data of a viewer in types that JSON can hold."""
-    view = View()
-    surface = next(body for bodies in choices.values() for body in bodies).frames[0]
-    return {
-        # Neighbouring triangles have similar numbers.
-        "faces": _packed(faces.astype("<u4")),
-        "n_vertices": len(surface),
-        "azimuth": view.azimuth,
-        "elevation": view.elevation,
-        "scale": VALUE_COLORS,
-        "choices": [
-            {"name": name, "bodies": [_body(body, faces) for body in bodies]}
-            for name, bodies in choices.items()
-        ],
-    }
-
-
-def _quantize(frames: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """Return coordinates as 16-bit integers, and the lowest value and the step of each axis."""
-    low = frames.min(axis=(0, 1))
-    step = np.maximum(frames.max(axis=(0, 1)) - low, 1e-9) / _LEVELS
-    return np.round((frames - low) / step).astype("<u2"), low, step
-
-
 def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
-    integers, low, step = _quantize(body.frames)
+    """Return the data of a body in types that JSON can hold; coordinates have 16 bits."""
+    low = body.frames.min(axis=(0, 1))
+    step = np.maximum(body.frames.max(axis=(0, 1)) - low, 1e-9) / _LEVELS
+    integers = np.round((body.frames - low) / step).astype("<u2")
     red, green, blue = (round(255 * channel) for channel in body.color)
     record = {
         "label": body.label,
@@ -265,20 +256,15 @@ def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
         "color": f"#{red:02x}{green:02x}{blue:02x}",
     }
     if body.values is not None:
-        at_vertices = _mean_at_vertices(body.values, faces, body.frames.shape[1])
-        colors = np.round(255 * value_colors(at_vertices, body.limit)).astype(np.uint8)
-        record["colors"] = _deflated(colors)
+        # Vertices have the mean value of their triangles.
+        counts = np.bincount(faces.ravel(), minlength=body.frames.shape[1])
+        sums = np.bincount(faces.ravel(), np.repeat(body.values, 3), len(counts))
+        colors = value_colors(sums / np.maximum(counts, 1), body.limit)
+        record["colors"] = _deflated(np.round(255 * colors).astype(np.uint8))
         record["values"] = _deflated(body.values.astype("<f4"))
         record["largest"] = body.limit
         record["value_label"] = body.value_label
     return record
-
-
-def _mean_at_vertices(values: ndarray, faces: ndarray, n_vertices: int) -> ndarray:
-    """Return the mean value of the triangles at each vertex."""
-    corners = faces.ravel()
-    sums = np.bincount(corners, np.repeat(values, 3), n_vertices)
-    return sums / np.maximum(np.bincount(corners, minlength=n_vertices), 1)
 
 
 def _packed(rows: ndarray) -> str:
