@@ -16,8 +16,13 @@ TRUNK = ("pelvis", "chest", "left_shoulder", "right_shoulder", "left_hip", "righ
 
 
 @pytest.fixture(scope="module", params=[None, 2], ids=["the ten", "others"])
-def bodies(request):
-    return load_open_bodies("coarse", variant="natural", people=request.param)
+def people(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def bodies(people):
+    return load_open_bodies("coarse", variant="natural", people=people)
 
 
 @pytest.fixture(scope="module")
@@ -106,23 +111,25 @@ def test_flesh_moves_with_the_pose_as_the_model_cannot(bodies, plain):
     person = unexplained(bodies)
     assert (person[:, bent] > 1.2 * person[:, upright]).all()
     assert person[:, bent].std() > 0.1 * person[:, bent].mean()  # more in some people than others
-    fits = [of.model.fit(of.points[9::20]).distances for of in (bodies, plain)]
+    fits = [of.model.fit(of.points[9::40]).distances for of in (bodies, plain)]
     natural, smooth = (np.sqrt(np.mean(gaps**2)) for gaps in fits)
     assert natural > 1.3 * smooth
 
 
-def test_the_same_people_come_again_and_others_with_another_seed(plain):
-    first = load_open_bodies("coarse", "natural", people=3)
-    again = load_open_bodies("coarse", "natural", people=3)
-    np.testing.assert_array_equal(again.points, first.points)
-    other = load_open_bodies("coarse", people=4)
-    gaps = np.linalg.norm(first.betas[::10, None] - other.betas[None, ::10], axis=-1)
-    assert gaps.min() > 1
+def test_the_same_people_come_again_and_others_with_another_seed(bodies, plain, people):
+    again = load_open_bodies("coarse", "natural", people=people)
+    np.testing.assert_array_equal(again.points, bodies.points)
+    if people is None:
+        np.testing.assert_array_equal(bodies.betas, plain.betas)
+        assert bodies.subject_names == plain.subject_names
+    else:
+        gaps = np.linalg.norm(bodies.betas[::10, None] - plain.betas[None, ::10], axis=-1)
+        assert gaps.min() > 1
+
+
+def test_numbers_are_those_written_down_and_wrong_names_are_refused(plain):
     # Written down with the people of ANSUR II.
     np.testing.assert_allclose(plain.points[37, 100], PLAIN_37_100, rtol=0, atol=1e-9)
     for wrong in ({"variant": "real"}, {"people": -1}):
         with pytest.raises(ArgumentError, match=next(iter(wrong))):
             load_open_bodies("coarse", **wrong)
-    ten = load_open_bodies("coarse", "natural")
-    np.testing.assert_array_equal(ten.betas, plain.betas)
-    assert ten.subject_names == plain.subject_names

@@ -72,9 +72,7 @@ def test_everybody_performs_a_little_differently(motions):
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize("sequence", NAMES)
 def test_smooth_on_the_ground_and_not_inside_out(motions, sequence):
-    for motion in motions:
-        if motion.sequence != sequence:
-            continue
+    for motion in [motion for motion in motions if motion.sequence == sequence][::3]:
         frames = motion[:]
         speeds = np.linalg.norm(np.diff(frames, axis=0), axis=-1)
         assert 0.005 < speeds.max() < 0.2  # metres a frame
@@ -100,7 +98,7 @@ def test_no_jumps(sequence):
 
 
 def test_a_foot_that_stands_keeps_its_place(motions):
-    for motion in motions[:28]:
+    for motion in motions[:14]:
         feet = read_table("open_motions")["motions"][motion.sequence]["standing_on"]
         if not feet:
             continue

@@ -146,10 +146,11 @@ def test_faust(faust, mesh):
 def test_faust_in_every_layout(mesh, tmp_path, level, ending):
     for folder in (tmp_path / LEVELS[level], tmp_path / "training" / "scans"):
         folder.mkdir(parents=True, exist_ok=True)
-    write_faust(tmp_path / LEVELS[level], mesh, ending)
+    write_faust(tmp_path / LEVELS[level], mesh, ending, numbers=range(3))
     (tmp_path / LEVELS[level] / "._tr_reg_000.ply").write_bytes(b"not a mesh")
     (tmp_path / LEVELS[level] / "tr_reg_000.png").write_bytes(b"not a mesh")
-    np.testing.assert_array_equal(load_faust(tmp_path, align=False).points, mesh[0])
+    bodies = load_faust(tmp_path, align=False, allow_missing=True)
+    np.testing.assert_array_equal(bodies.points, mesh[0][:3])
 
 
 def test_faust_in_several_formats_is_read_from_ply(own_faust, mesh):

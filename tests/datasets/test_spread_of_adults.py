@@ -34,12 +34,12 @@ CORRELATIONS = {
 }
 
 
-def drawn(group, resolution="coarse", n=400):
-    """Return the measurements of people drawn from a group of adults."""
+def drawn(group, resolution, names, n):
+    """Return measurements of people drawn from a group of adults."""
     record = json.loads((DATA / "adults.json").read_text(encoding="utf-8"))[group]
     betas = np.random.default_rng(0).multivariate_normal(record["mean"], record["covariance"], n)
     model = rh.datasets.load_open_model(resolution)
-    own = rh.measurements.open_measurements(model).with_measurements(list(ANSUR))
+    own = rh.measurements.open_measurements(model).with_measurements(names)
     bodies = model(betas, own.standard_pose_vector)
     return rh.measurements.Measurements(own).measure(bodies, axes="space", missing="nan")
 
@@ -48,7 +48,7 @@ def drawn(group, resolution="coarse", n=400):
 @pytest.mark.parametrize("sex", ["woman", "man"])
 def test_drawn_people_have_the_spread_of_ansur(sex):
     which = ("woman", "man").index(sex)
-    people = drawn(f"{sex} of ANSUR II", "full", 120)
+    people = drawn(f"{sex} of ANSUR II", "full", list(ANSUR), 120)
     assert np.isnan(people.values).mean() < 0.005
     for name, rows in ANSUR.items():
         mean, spread = rows[which]
@@ -66,7 +66,7 @@ def test_drawn_people_have_the_spread_of_ansur(sex):
 def test_body_mass_of_the_public_is_spread_wider(sex, published):
     indices = []
     for group in (sex, f"{sex} of ANSUR II"):
-        people = drawn(group)
+        people = drawn(group, "coarse", ["stature", "body mass"], 300)
         indices.append(people["body mass"] / people["stature"] ** 2)
     public, soldiers = (np.quantile(index, (0.05, 0.5, 0.95)) for index in indices)
 
