@@ -39,7 +39,7 @@ class DynamicFaustMotion(Motion):
         self._n_vertices = int(faces.max()) + 1
         with _open(path) as contents:
             data = _stored(contents, self._key, path)
-            shape = getattr(data, "shape", None) or ()
+            shape: tuple[int, ...] = getattr(data, "shape", None) or ()
             if getattr(data, "dtype", np.dtype(object)).kind not in "fiu":
                 raise FileFormatError(f"{self._key} of {path} does not hold numbers")
         if len(shape) != 3 or shape[:2] != (self._n_vertices, 3) or shape[2] == 0:
