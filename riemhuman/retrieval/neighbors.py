@@ -115,12 +115,11 @@ class NearestNeighbors(Estimator):
         self._projection = self._fit_projection(X)
         tables: list[ndarray] = []
         for part in slices(len(X), _BLOCK):
-            points = self._checked(X, part)
-            rows = [self._project(points), *self._features_of(points)]
+            rows = self._rows_of(X, part)
             tables = tables or [np.empty((len(X), *row.shape[1:]), row.dtype) for row in rows]
             for table, row in zip(tables, rows, strict=True):
                 table[part] = row
-        self._coordinates, *self._features = tables
+        self._tables = tables
         if self._projection is not None and self.algorithm == "auto":
             trials = np.linspace(0, len(X) - 1, _TRIALS).astype(int)
             compared = [next(self._search(slice(i, i + 1), None, 2, None))[2] for i in trials]
@@ -157,7 +156,7 @@ class NearestNeighbors(Estimator):
         indices : array of int, shape (n_queries, n_neighbors)
             Numbers of the points; at equal distances, the lower number comes first.
         """
-        if not hasattr(self, "_features"):
+        if not hasattr(self, "_tables"):
             raise ArgumentError("kneighbors needs points: call fit first")
         n_points = self.n_samples_fit_
         n_others = n_points - (X is None)
@@ -208,14 +207,13 @@ class NearestNeighbors(Estimator):
             )
         return points
 
-    def _features_of(self, points: ndarray) -> tuple[ndarray, ...]:
-        return self.metric.features(points, n_jobs=self.n_jobs)
-
-    def _project(self, points: ndarray) -> ndarray:
-        """Return coordinates that bound distances, or none without a projection."""
-        if self._projection is None:
-            return np.empty((len(points), 0))
-        return self._projection(self.metric.lower_bound_coordinates(points))
+    def _rows_of(self, X: Any, part: slice) -> list[ndarray]:
+        """Return coordinates that bound distances, none without a projection, and features."""
+        points = self._checked(X, part)
+        coordinates = np.empty((len(points), 0))
+        if self._projection is not None:
+            coordinates = self._projection(self.metric.lower_bound_coordinates(points))
+        return [coordinates, *self.metric.features(points, n_jobs=self.n_jobs)]
 
     def _search(
         self, part: slice, X: Any | None, k: int, candidates: ndarray | None
@@ -225,69 +223,40 @@ class NearestNeighbors(Estimator):
         The queries are a part of X, or of the points themselves.
         """
         n_threads = thread_count(self.n_jobs)
-        if X is None:
-            features = tuple(rows[part] for rows in self._features)
-            coordinates = self._coordinates[part]
-        else:
-            points = self._checked(X, part)
-            features, coordinates = self._features_of(points), self._project(points)
-        own = tuple(self._features)
+        rows = [table[part] for table in self._tables] if X is None else self._rows_of(X, part)
+        (coordinates, *features), (own_coordinates, *own) = rows, self._tables
+        squared_distances = self.metric.bulk.squared_distances
         if self._projection is None:
-            squared = self.metric.bulk.squared_distances(features, own, n_threads)
-            for row, distances in enumerate(np.sqrt(squared)):
-                numbers = np.arange(len(distances))
-                if X is None:
-                    numbers = np.delete(numbers, part.start + row)
-                yield *_nearest(distances[numbers], numbers, k), len(numbers)
-            return
-        bounds, slack = _squared_distances(coordinates, self._coordinates)
+            table = np.sqrt(squared_distances(tuple(features), tuple(own), n_threads))
+        else:
+            table, slack = _squared_distances(coordinates, own_coordinates)
+            if candidates is not None:
+                np.put_along_axis(table, candidates[part], -np.inf, axis=1)
         if X is None:
-            bounds[np.arange(len(bounds)), np.arange(part.start, part.stop)] = np.inf
+            table[np.arange(len(table)), np.arange(part.start, part.stop)] = np.inf
+        if self._projection is None:
+            everyone = np.arange(self.n_samples_fit_)
+            for distances in table:
+                yield *_nearest(distances, everyone, k), len(everyone) - (X is None)
+            return
 
         def search(row: int) -> tuple[ndarray, ndarray, int]:
             one = tuple(feature[row : row + 1] for feature in features)
-            first = None if candidates is None else candidates[part][row]
-            return self._search_by_bounds(one, bounds[row], slack, k, first)
+            bounds, largest = table[row], float(np.finfo(float).max)
+            distances, numbers = np.empty(0), np.empty(0, dtype=np.int64)
+            size = np.count_nonzero(np.isneginf(bounds)) or _FIRST  # candidates, if any
+            while len(left := np.flatnonzero(bounds <= largest)):
+                nearest = np.argpartition(bounds[left], min(size, len(left)) - 1)[:size]
+                batch, size = left[nearest], _BATCH
+                bounds[batch] = np.inf
+                squared = squared_distances(one, tuple(rows[batch] for rows in own))
+                distances = np.concatenate([distances, np.sqrt(squared[0])])
+                numbers = np.concatenate([numbers, batch])
+                if len(distances) >= k:
+                    largest = float(np.partition(distances, k - 1)[k - 1]) ** 2 + slack
+            return *_nearest(distances, numbers, k), len(distances)
 
-        yield from mapped(search, range(len(bounds)), n_threads=n_threads)
-
-    def _search_by_bounds(
-        self,
-        features: tuple[ndarray, ...],
-        bounds: ndarray,
-        slack: float,
-        k: int,
-        first: ndarray | None,
-    ) -> tuple[ndarray, ndarray, int]:
-        """Return k distances of one query, the numbers of the points, and that of comparisons."""
-        numbers, distances = np.empty(0, dtype=np.int64), np.empty(0)
-
-        def compare(batch: ndarray) -> float:
-            """Compare the query with more points; return a squared bound on the others."""
-            nonlocal numbers, distances
-            own = tuple(rows[batch] for rows in self._features)
-            squared = self.metric.bulk.squared_distances(features, own)
-            numbers = np.concatenate([numbers, batch])
-            distances = np.concatenate([distances, np.sqrt(squared[0])])
-            if len(distances) < k:
-                return float(np.finfo(float).max)
-            return float(np.partition(distances, k - 1)[k - 1]) ** 2 + slack
-
-        if first is None:
-            n_first = min(max(k, _FIRST), int(np.count_nonzero(bounds < np.inf)))
-            first = np.argpartition(bounds, n_first - 1)[:n_first]
-        first = np.unique(first[bounds[first] < np.inf])
-        largest = compare(first)
-        bounds[first] = np.inf
-        left = np.flatnonzero(bounds <= largest)
-        left = left[np.argsort(bounds[left])]
-        bounds = bounds[left]
-        for start in range(0, len(left), _BATCH):
-            n_near = int(np.searchsorted(bounds, largest, side="right"))
-            if start >= n_near:
-                break
-            largest = compare(left[start : min(start + _BATCH, n_near)])
-        return *_nearest(distances, numbers, k), len(numbers)
+        yield from mapped(search, range(len(table)), n_threads=n_threads)
 
 
 def _nearest(distances: ndarray, numbers: ndarray, k: int) -> tuple[ndarray, ndarray]:
