@@ -13,6 +13,7 @@ import os
 import pkgutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -317,27 +318,21 @@ def _try_distances(
         return
     complete = job.exists(_RESULT)
     numbers = {block.start for block in _spread(blocks, _TRIED)} | {blocks[-1].stop - 1}
-    # A corner of each of some tiles; their blocks are known, as features are written first.
-    pairs = [(rows.start, columns.stop - 1) for rows, columns in _spread(tiles, _TRIED)]
-    if complete:
-        pairs = [(i, j) for i in numbers for j in numbers]
+    pairs = list(product(numbers, repeat=2))
+    if not complete:
+        # A corner of each of some tiles; their blocks are known, as features are written first.
+        pairs = [(rows.start, columns.stop - 1) for rows, columns in _spread(tiles, _TRIED)]
     order = sorted(numbers.union(*pairs))
     some = np.concatenate([metric.check_points(points[slice(n, n + 1)]) for n in order])
-    features = metric.features(some, precision)
     rounding = _ROUNDING[precision]
     if not complete:
-        for k, again in enumerate(features):
-            table = job.read(_feature_file(k))
-            for number, feature in zip(order, again, strict=True):
-                _compare(job, f"features of points[{number}]", table[number], feature, rounding)
-    squared = squared_dist_rectangle(metric, features, features, some, some, n_jobs)
-    place = {number: k for k, number in enumerate(order)}
-    distances = job.read(_RESULT if complete else _UNFINISHED_RESULT)
-    largest = float(np.sqrt(squared.max(initial=0.0)))
-    for i, j in pairs:
-        what = f"the distance of points[{i}] and points[{j}]"
-        again = np.sqrt(squared[place[i], place[j]])
-        _compare(job, what, distances[i, j], again, rounding, largest)
+        for k, features in enumerate(metric.features(some, precision)):
+            _compare(job, "a feature", job.read(_feature_file(k))[order], features, rounding)
+    i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
+    known = job.read(_RESULT if complete else _UNFINISHED_RESULT)[i, j]
+    again = metric.dist_pairwise(some, n_jobs, precision=precision)
+    tried = again[np.searchsorted(order, i), np.searchsorted(order, j)]
+    _compare(job, "a distance", known, tried, rounding, again.max())
 
 
 def _try_paths(
@@ -350,8 +345,7 @@ def _try_paths(
         again = finder.compute(metric, slice(pair, pair + 1))
         if isinstance(again, RiemhumanError):
             raise again
-        what = f"the length of path {pair}"
-        _compare(job, what, rows[pair, :2], again[0, :2], _ROUNDING_OF_PATHS)
+        _compare(job, "the length of a path", rows[pair, :2], again[0, :2], _ROUNDING_OF_PATHS)
 
 
 def _spread(items: Sequence[Any], most: int) -> list[Any]:
@@ -361,12 +355,11 @@ def _spread(items: Sequence[Any], most: int) -> list[Any]:
 
 
 def _compare(
-    job: JobFolder, what: str, known: Any, again: Any, rounding: float, largest: float = 0.0
+    job: JobFolder, what: str, known: ndarray, again: ndarray, rounding: float, largest: float = 0.0
 ) -> None:
-    known, again = np.asarray(known, dtype=np.float64), np.asarray(again, dtype=np.float64)
-    size = max(largest, float(np.abs([known, again]).max(initial=0.0)))
+    size = max(largest, np.abs([known, again]).max(initial=0.0))
     gap = np.abs(known - again).max(initial=0.0)
-    if gap > rounding * size or np.isnan(gap):
+    if not gap <= rounding * size:
         raise ArgumentError(
             f"folder must be that of the same job; that in {job.path} was computed by other code: "
             f"{what} differs by {gap:.3g} when it is computed again. The metric, or a library that "

@@ -242,7 +242,7 @@ def test_a_metric_whose_constant_changed_is_refused(n_steps, precision, tmp_path
     before = contents(tmp_path)
     for changed in (heights(3), heights(1.001)):
         with pytest.raises(
-            ArgumentError, match=r"job.*\bpoints\[\d+\].* differs by .* has changed"
+            ArgumentError, match=r"job.* a (feature|distance) differs by .* has changed"
         ):
             pairwise_job(changed, POINTS, tmp_path, **settings)
         assert contents(tmp_path) == before
@@ -262,7 +262,7 @@ def test_distances_of_other_code_are_refused_though_features_are_the_same(
     distances = np.load(tmp_path / "D.unfinished.npy", mmap_mode="r+")
     distances *= 1.001
     distances.flush()
-    with pytest.raises(ArgumentError, match="the distance of points.*differs by"):
+    with pytest.raises(ArgumentError, match="a distance differs by"):
         pairwise_job(METRIC, POINTS, tmp_path, memory=memory)
 
 
@@ -418,5 +418,5 @@ class Bent(PoissonPath):
 def test_a_solver_whose_constant_changed_is_refused(tmp_path, monkeypatch):
     path_job(Bent(4), PATH_METRIC, PATH_POINTS, tmp_path)
     monkeypatch.setattr(Bent, "bend", 0.01)
-    with pytest.raises(ArgumentError, match="the length of path 0 differs by .* has changed"):
+    with pytest.raises(ArgumentError, match="the length of a path differs by .* has changed"):
         path_job(Bent(4), PATH_METRIC, PATH_POINTS, tmp_path)
