@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ _RUN = 16
 
 # Principal components are computed from about so many frames: their covariance changes little
 # with more, and the cost grows with the cube of the number.
-MOST_SAMPLED = 600
+_MOST_SAMPLED = 600
 
 # Squared distances of frames below this share of their squared norms are rounding.
 _ROUNDING = 1e-13
@@ -118,6 +118,21 @@ def _checked_frames(space: Manifold, frames: Any, first: int, name: str) -> ndar
     return np.asarray(space.check_point(values, name))
 
 
+def sampled_rows(
+    motions: Sequence[Motion], rows_of: Callable[[Motion, str], ndarray], n_frames: int = 1
+) -> ndarray:
+    """Return rows that a function computes from a few runs of so many frames of motions."""
+    counts = [frame_count(m, f"motions[{k}]", n_frames) for k, m in enumerate(motions)]
+    step = -(-sum(counts) // _MOST_SAMPLED)
+    return np.concatenate(
+        [
+            rows_of(motion[j : j + n_frames], f"motions[{k}][{j}:{j + n_frames}]")
+            for k, motion in enumerate(motions)
+            for j in range(0, counts[k] - n_frames + 1, step)
+        ]
+    )
+
+
 class FrameDistances:
     """Squared distances of frames by a metric, its lower-bound coordinates or their components."""
 
@@ -133,18 +148,10 @@ class FrameDistances:
         self._metric: Any = metric
         self._heading = heading
         self._flat = n_components is not None or (flat and metric.has_lower_bound_coordinates)
-        self._projection = None
-        if n_components is None:
-            return
-        counts = [frame_count(motion, f"motions[{k}]") for k, motion in enumerate(motions)]
-        step = -(-sum(counts) // MOST_SAMPLED)
-        sample = [
-            self._metric.lower_bound_coordinates(run)
-            for k, motion in enumerate(motions)
-            for j in range(0, counts[k], step)
-            for run in self._runs(motion[j : j + 1], f"motions[{k}][{j}:{j + 1}]")
-        ]
-        self._projection = Projection.fit(np.concatenate(sample), n_components)
+        self._projection: Projection | None = None
+        if n_components is not None:
+            rows = sampled_rows(motions, lambda motion, name: self.features(motion, name)[0])
+            self._projection = Projection.fit(rows, n_components)
 
     def _runs(self, motion: Motion, name: str) -> Iterator[ndarray]:
         return frame_runs(self._metric.space, motion, name, self._heading)

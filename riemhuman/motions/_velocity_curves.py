@@ -115,10 +115,8 @@ def _chart(metric: Any, base: ndarray, weight: float) -> Any:
     )
 
 
-def even_segments(
-    segments: ndarray, n_segments: int, smoothing: float = 0.0
-) -> tuple[ndarray, ndarray]:
-    """Return chords of equal arcs of the spline through a polygon, and where they begin and end."""
+def even_segments(segments: ndarray, n_segments: int, smoothing: float) -> tuple[ndarray, ndarray]:
+    """Return chords of equal arcs of a smooth spline, and where on a polygon they begin and end."""
     n = len(segments)
     products = segments @ segments.T
     lengths = np.sqrt(np.diag(products))
@@ -131,11 +129,10 @@ def even_segments(
     curve = CubicSpline(np.arange(len(corners)), corners)
     within = products[np.ix_(moving, moving)]
     finer = _FINER * n_segments
-    times = even = _even_times(curve, within, finer if smoothing else n_segments)
-    if smoothing:
-        curve = CubicSpline(np.arange(finer + 1), _smooth(curve(times), smoothing * finer))
-        even = _even_times(curve, within, n_segments)
-        times = np.interp(even, np.arange(finer + 1), times)
+    times = _even_times(curve, within, finer)
+    curve = CubicSpline(np.arange(finer + 1), _smooth(curve(times), smoothing * finer))
+    even = _even_times(curve, within, n_segments)
+    times = np.interp(even, np.arange(finer + 1), times)
     sides = np.minimum(times.astype(int), len(moving) - 1)
     places = moving[sides] + (times - sides)
     places[[0, -1]] = 0.0, n
@@ -157,11 +154,10 @@ def _even_times(curve: CubicSpline, within: ndarray, n_arcs: int) -> ndarray:
 
 def _smooth(points: ndarray, deviation: float) -> ndarray:
     """Return Gaussian means of points in a row, continued point-symmetrically beyond the ends."""
-    n_beyond = min(int(np.ceil(_CUT_OFF * deviation)), len(points) - 1)
-    before = 2.0 * points[0] - points[n_beyond:0:-1]
-    after = 2.0 * points[-1] - points[-2 : -n_beyond - 2 : -1]
-    extended = np.concatenate([before, points, after])
-    return gaussian_filter1d(extended, deviation, axis=0)[n_beyond : n_beyond + len(points)]
+    n_beyond = math.ceil(_CUT_OFF * deviation)
+    beyond = ((n_beyond, n_beyond), (0, 0))
+    extended = np.pad(points, beyond, "reflect", reflect_type="odd")
+    return gaussian_filter1d(extended, deviation, axis=0, truncate=_CUT_OFF)[n_beyond:-n_beyond]
 
 
 @compiled

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.kernels.projections import Projection
-from riemhuman.motions._frames import MOST_SAMPLED, Motion, frame_count, frame_runs
+from riemhuman.motions._frames import Motion, frame_count, frame_runs, sampled_rows
 from riemhuman.motions._velocity_curves import (
     TransportedVelocities,
     best_gain,
@@ -98,19 +98,9 @@ class RateInvariantMetric(MotionDistance):
         )
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
-        a, b = self._prepare(None, m1, "m1"), self._prepare(None, m2, "m2")
-        products = a.directions @ b.directions.T
-        gain, lower, left = best_gain(products, _N_STEPS)
-        matched = trace_gain(products, _N_STEPS, lower, left)[::-1].T
-        corners = np.arange(_N_CHORDS + 1)
-        first, second = (
-            np.interp(places, corners, curve.places)
-            for places, curve in zip(matched, (a, b), strict=True)
-        )
-        starts = [self._start(m1, "m1"), self._start(m2, "m2")]
-        squared = max(a.length + b.length - 2.0 * gain, 0.0)
-        squared += float(self.metric.squared_dist(*starts))
-        return Warp(math.sqrt(squared), first, second)
+        retimed = super().warp(m1, m2)
+        apart = self.metric.dist(self._start(m1, "m1"), self._start(m2, "m2"))
+        return replace(retimed, dist=math.hypot(retimed.dist, apart))
 
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
         retimed = super().dist_pairwise(motions, progress=progress)
@@ -121,19 +111,11 @@ class RateInvariantMetric(MotionDistance):
     def _start(self, motion: Motion, name: str) -> ndarray:
         return next(frame_runs(self.space.frames, motion[:1], name, self.heading))[0]
 
-    def _basis(self, motions: Sequence[Motion]) -> Projection | None:
+    def _basis(self, motions: Sequence[Motion] = ()) -> Projection | None:
         """Return the projection to principal components of a sample of velocities."""
-        if self.n_components is None:
+        if self.n_components is None or not len(motions):
             return None
-        counts = [frame_count(motion, f"motions[{k}]", 2) for k, motion in enumerate(motions)]
-        step = -(-sum(counts) // MOST_SAMPLED)
-        sample = np.concatenate(
-            [
-                self._velocities.segments(motion[k : k + 2], f"motions[{i}][{k}:{k + 2}]")
-                for i, motion in enumerate(motions)
-                for k in range(0, counts[i] - 1, step)
-            ]
-        )
+        sample = sampled_rows(motions, self._velocities.segments, 2)
         # With its mirror image the sample has mean 0: the projection is linear.
         return Projection.fit(np.concatenate([sample, -sample]), self.n_components)
 
@@ -147,7 +129,14 @@ class RateInvariantMetric(MotionDistance):
             directions = basis(directions)
         return _Curve(directions, float(lengths.sum()), places)
 
-    def _between(self, basis: Projection | None, a: _Curve, b: _Curve) -> float:
-        """Return the distance of the velocities after the best re-timing."""
-        gain, _, _ = best_gain(a.directions @ b.directions.T, _N_STEPS)
-        return math.sqrt(max(a.length + b.length - 2.0 * gain, 0.0))
+    def _match(self, basis: Projection | None, a: _Curve, b: _Curve) -> Warp:
+        """Return the best re-timing, and the distance of the velocities after it."""
+        products = a.directions @ b.directions.T
+        gain, lower, left = best_gain(products, _N_STEPS)
+        matched = trace_gain(products, _N_STEPS, lower, left)[::-1].T
+        corners = np.arange(_N_CHORDS + 1)
+        first, second = (
+            np.interp(places, corners, curve.places)
+            for places, curve in zip(matched, (a, b), strict=True)
+        )
+        return Warp(math.sqrt(max(a.length + b.length - 2.0 * gain, 0.0)), first, second)

@@ -64,6 +64,9 @@ class Warp:
 class MotionDistance(ABC):
     """Base of distances of motions by their best re-timing."""
 
+    # Whether frames are points of the space of `lower_bound_coordinates`, where there is one.
+    _flat = False
+
     def __init__(
         self,
         metric: Any,
@@ -93,7 +96,6 @@ class MotionDistance(ABC):
         """
         return self.warp(m1, m2).dist
 
-    @abstractmethod
     def warp(self, m1: Motion, m2: Motion) -> Warp:
         """Return the best re-timing: the corresponding times of the two motions.
 
@@ -101,6 +103,8 @@ class MotionDistance(ABC):
         ----------
         m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
         """
+        basis = self._basis()
+        return self._match(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
 
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
         """Return all distances within a set of motions, shape (n, n).
@@ -120,7 +124,8 @@ class MotionDistance(ABC):
 
         def fill_row(i: int) -> int:
             for j in range(i):
-                distances[i, j] = distances[j, i] = self._between(basis, prepared[i], prepared[j])
+                distances[i, j] = self._match(basis, prepared[i], prepared[j]).dist
+                distances[j, i] = distances[i, j]
             return i
 
         bar = ProgressBar(
@@ -132,17 +137,19 @@ class MotionDistance(ABC):
                 bar.update(n_done)
         return distances
 
-    def _basis(self, motions: Sequence[Motion]) -> Any:
-        """Return what `_prepare` and `_between` share, such as components of these motions."""
-        return FrameDistances(self.metric, self.n_components, motions, heading=self.heading)
+    def _basis(self, motions: Sequence[Motion] = ()) -> Any:
+        """Return what `_prepare` and `_match` share, such as components of some motions."""
+        n_components = self.n_components if len(motions) else None
+        options: Any = {"heading": self.heading, "flat": self._flat}
+        return FrameDistances(self.metric, n_components, motions, **options)
 
     @abstractmethod
     def _prepare(self, basis: Any, motion: Motion, name: str) -> Any:
-        """Return what `_between` needs of a motion."""
+        """Return what `_match` needs of a motion."""
 
     @abstractmethod
-    def _between(self, basis: Any, a: Any, b: Any) -> float:
-        """Return the distance of two prepared motions."""
+    def _match(self, basis: Any, a: Any, b: Any) -> Warp:
+        """Return the best re-timing of two prepared motions."""
 
 
 @dataclass(frozen=True)
@@ -207,14 +214,6 @@ class DynamicTimeWarping(MotionDistance):
         self.centered = centered
         self.between_frames = between_frames
 
-    def warp(self, m1: Motion, m2: Motion) -> Warp:
-        """Return the best re-timing."""
-        basis = FrameDistances(self.metric, heading=self.heading)
-        costs = self._costs(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
-        total, cells = best_path(costs)
-        first, second = cells.T.astype(np.float64)
-        return Warp(math.sqrt(total / sum(costs.shape)), first, second)
-
     def _prepare(self, basis: FrameDistances, motion: Motion, name: str) -> _Sampled:
         frame_count(motion, name, 2)
         features = basis.features(motion, name)
@@ -228,8 +227,7 @@ class DynamicTimeWarping(MotionDistance):
         to_mean = within @ shares - 0.5 * (shares @ within @ shares)
         return _Sampled(features, shares, to_mean, steps)
 
-    def _costs(self, basis: FrameDistances, a: _Sampled, b: _Sampled) -> ndarray:
-        """Return the squared distances of all pairs of frames."""
+    def _match(self, basis: FrameDistances, a: _Sampled, b: _Sampled) -> Warp:
         costs = basis.squared(a.features, b.features)
         if a.shares is not None and b.shares is not None:
             # |x − x̄ − (y − ȳ)|² in a flat space; metrics of surfaces are nearly flat.
@@ -244,17 +242,9 @@ class DynamicTimeWarping(MotionDistance):
             costs = np.maximum(costs, 0.0)
         if a.steps is not None and b.steps is not None:
             costs = costs_between_frames(costs, a.steps, b.steps)
-        return costs
-
-    def _between(self, basis: FrameDistances, a: _Sampled, b: _Sampled) -> float:
-        costs = self._costs(basis, a, b)
-        return math.sqrt(least_sums(costs)[-1, -1] / sum(costs.shape))
-
-
-def best_path(costs: ndarray) -> tuple[float, ndarray]:
-    """Return the least weighted sum of costs from corner to corner, and the cells of its path."""
-    sums = least_sums(costs)
-    return float(sums[-1, -1]), trace_path(costs, sums)[::-1]
+        sums = least_sums(costs)
+        first, second = trace_path(costs, sums)[::-1].T.astype(np.float64)
+        return Warp(math.sqrt(sums[-1, -1] / sum(costs.shape)), first, second)
 
 
 def _shares_of_length(within: ndarray) -> ndarray:
@@ -262,9 +252,7 @@ def _shares_of_length(within: ndarray) -> ndarray:
     lengths = np.sqrt(np.maximum(np.diagonal(within, 1), 0.0))
     if not lengths.any():
         return np.full(len(within), 1.0 / len(within))
-    shares = np.zeros(len(within))
-    shares[:-1] += 0.5 * lengths
-    shares[1:] += 0.5 * lengths
+    shares = np.pad(lengths, (0, 1)) + np.pad(lengths, (1, 0))
     return shares / shares.sum()
 
 
@@ -314,14 +302,7 @@ class VelocityTimeWarping(MotionDistance):
     True
     """
 
-    def warp(self, m1: Motion, m2: Motion) -> Warp:
-        """Return the best re-timing, in the direction of the smaller distance."""
-        basis = FrameDistances(self.metric, heading=self.heading, flat=True)
-        return self._match(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
-
-    def _basis(self, motions: Sequence[Motion]) -> FrameDistances:
-        options: Any = {"heading": self.heading, "flat": True}
-        return FrameDistances(self.metric, self.n_components, motions, **options)
+    _flat = True
 
     def _prepare(self, basis: FrameDistances, motion: Motion, name: str) -> _Steps:
         n_frames = frame_count(motion, name, 2)
@@ -330,9 +311,6 @@ class VelocityTimeWarping(MotionDistance):
         n_steps = min(_MOST_STEPS, n_frames - 1)
         frames = np.linspace(0, n_frames - 1, n_steps + 1).round().astype(int)
         return _Steps(features, within, frames, np.sqrt(within[frames[:-1], frames[1:]]))
-
-    def _between(self, basis: FrameDistances, a: _Steps, b: _Steps) -> float:
-        return self._match(basis, a, b).dist
 
     def _match(self, basis: FrameDistances, a: _Steps, b: _Steps) -> Warp:
         costs = basis.squared(a.features, b.features)

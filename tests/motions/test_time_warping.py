@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
-from riemhuman.motions._warping_kernels import match_chords, match_frames
-from riemhuman.motions.time_warping import best_path
+from riemhuman.motions._warping_kernels import (
+    least_sums,
+    match_chords,
+    match_frames,
+    trace_path,
+)
 
 
 def all_paths(n, m):
@@ -31,10 +35,10 @@ def weighted_sum(costs, path):
 def test_best_path_is_the_least_of_all_paths(shape):
     for seed in range(3):
         costs = np.random.default_rng(seed).uniform(size=shape)
-        total, cells = best_path(costs)
+        sums = least_sums(costs)
         least = min(weighted_sum(costs, path) for path in all_paths(*shape))
-        found = weighted_sum(costs, [tuple(cell) for cell in cells])
-        assert total == pytest.approx(least, rel=1e-12)
+        found = weighted_sum(costs, [tuple(cell) for cell in trace_path(costs, sums)[::-1]])
+        assert sums[-1, -1] == pytest.approx(least, rel=1e-12)
         assert found == pytest.approx(least, rel=1e-12)
 
 

@@ -12,11 +12,12 @@ def helix(times):
 
 
 EVEN = np.linspace(0.0, 1.0, 60)
+NONE = 1e-9  # smoothing
 
 
 @pytest.mark.parametrize("times", [EVEN, EVEN**1.5])
 def test_chords_are_those_of_the_curve(times):
-    chords, places = even_segments(np.diff(helix(times), axis=0), 24)
+    chords, places = even_segments(np.diff(helix(times), axis=0), 24, NONE)
     expected = np.diff(helix(np.linspace(0.0, 1.0, 25)), axis=0)
     np.testing.assert_allclose(chords, expected, atol=2e-5)
     begins = np.interp(places, np.arange(60), times)
@@ -26,7 +27,7 @@ def test_chords_are_those_of_the_curve(times):
 def test_curve_that_reverses():
     """Where it reverses, it stands still for a moment and makes no loop."""
     there_and_back = np.sin(np.pi * EVEN)[:, None] * np.array([[1.0, 2.0]])
-    chords, _ = even_segments(np.diff(there_and_back, axis=0), 20)
+    chords, _ = even_segments(np.diff(there_and_back, axis=0), 20, NONE)
     expected = np.repeat([[0.1, 0.2], [-0.1, -0.2]], 10, axis=0)
     np.testing.assert_allclose(chords, expected, atol=1e-4)
 
@@ -34,7 +35,7 @@ def test_curve_that_reverses():
 def test_gaussian_mean_of_a_helix_is_a_thinner_helix():
     """A circle's mean over σ radians has the radius exp(−σ²/2); here on six turns."""
     points = helix(np.linspace(0.0, 6.0, 181))
-    chords, places = even_segments(np.diff(points, axis=0), 120, smoothing=0.02)
+    chords, places = even_segments(np.diff(points, axis=0), 120, 0.02)
     middle = chords[50:70]
     angles = 2.0 * middle[:, 2]
     radii = np.hypot(middle[:, 0], middle[:, 1]) / (2.0 * np.sin(0.5 * angles))
@@ -48,8 +49,8 @@ def test_gaussian_mean_of_a_helix_is_a_thinner_helix():
 def test_pauses_change_nothing_but_places():
     segments = np.diff(helix(EVEN), axis=0)
     paused = np.insert(segments, [0, 20, 20, 59], 0.0, axis=0)
-    chords, places = even_segments(segments, 24)
-    again, later = even_segments(paused, 24)
+    chords, places = even_segments(segments, 24, NONE)
+    again, later = even_segments(paused, 24, NONE)
     np.testing.assert_allclose(again, chords, rtol=1e-12, atol=1e-14)
     frames = places + 1.0 + 2.0 * (places >= 20)
     np.testing.assert_allclose(later[1:-1], frames[1:-1], rtol=1e-12)
@@ -59,8 +60,8 @@ def test_pauses_change_nothing_but_places():
 @pytest.mark.parametrize(
     ("segments", "smoothing", "chord"),
     [
-        (np.zeros((3, 2)), 0.0, [0.0, 0.0]),
-        (np.array([[3.0, 4.0]]), 0.0, [0.6, 0.8]),
+        (np.zeros((3, 2)), NONE, [0.0, 0.0]),
+        (np.array([[3.0, 4.0]]), NONE, [0.6, 0.8]),
         (np.array([[1.0, 2.0], [2.0, 4.0], [1.0, 2.0]]), 0.1, [0.8, 1.6]),
     ],
 )
