@@ -9,6 +9,7 @@ from typing import Any, Self
 import autograd.numpy as anp
 import numpy as np
 from numpy import ndarray
+from scipy.spatial.distance import cdist
 
 from riemhuman.checks import class_numbers, one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
@@ -121,9 +122,9 @@ class LearnedMetric(Estimator):
             one_of(shrinkage, "shrinkage", (LEDOIT_WOLF, CROSS_VALIDATION))
         elif not 0.0 < real_number(shrinkage, "shrinkage", minimum=0.0, strict=True) <= 1.0:
             raise ArgumentError(f"shrinkage must be at most 1; found {shrinkage:g}")
-        if shrinkage == CROSS_VALIDATION:
-            shrinkage = self._best_shrinkage(coordinates, classes, members)
-        self.mean_, self.components_, self.shrinkage_ = _whitening(coordinates, classes, shrinkage)
+        self.mean_, directions, reduced = _principal(coordinates)
+        whitening, self.shrinkage_ = self._learn(reduced, classes, members)
+        self.components_ = whitening @ directions
         self.metric_ = PullbackMetric(
             self.metric.space,
             VectorSpace((len(self.components_),)).metric,
@@ -159,14 +160,13 @@ class LearnedMetric(Estimator):
         coordinates = self._coordinates(X)
         classes = class_numbers(y, "y", len(coordinates))[0]
         members = class_numbers(groups, "groups", len(coordinates))[0]
-        distances = np.empty((len(coordinates), len(coordinates)))
+        _, _, reduced = _principal(coordinates)
+        distances = np.empty((len(reduced), len(reduced)))
         for held_out in self._folds(members):
-            seen, shrinkage = ~held_out, self.shrinkage
-            if shrinkage == CROSS_VALIDATION:
-                shrinkage = self._best_shrinkage(coordinates[seen], classes[seen], members[seen])
-            mean, components, _ = _whitening(coordinates[seen], classes[seen], shrinkage)
-            whitened = (coordinates - mean) @ components.T
-            distances[held_out] = _distances(whitened[held_out], whitened)
+            seen = ~held_out
+            whitening, _ = self._learn(reduced[seen], classes[seen], members[seen])
+            whitened = reduced @ whitening.T
+            distances[held_out] = cdist(whitened[held_out], whitened)
         return distances
 
     def _coordinates(self, X: Any) -> ndarray:
@@ -183,31 +183,23 @@ class LearnedMetric(Estimator):
         for fold in range(n_folds):
             yield members % n_folds == fold
 
-    def _best_shrinkage(self, coordinates: ndarray, classes: ndarray, members: ndarray) -> float:
+    def _learn(self, reduced: ndarray, classes: ndarray, members: ndarray) -> tuple[ndarray, float]:
+        """Return the rows that whiten the scatter within classes, and the shrinkage."""
+        if self.shrinkage != CROSS_VALIDATION:
+            return _whitening(reduced, classes, self.shrinkage)
         members = np.unique(members, return_inverse=True)[1]
         shares = np.zeros(len(_SHRINKAGES))
         for held_out in self._folds(members):
-            seen = ~held_out
-            mean, directions, reduced = _principal(coordinates[seen])
-            every = (coordinates - mean) @ directions.T
             for k, shrinkage in enumerate(_SHRINKAGES):
-                whitened = every @ _inverse_root(reduced, classes[seen], shrinkage)[0].T
-                distances = _distances(whitened[held_out], whitened)
+                whitening, _ = _whitening(reduced[~held_out], classes[~held_out], shrinkage)
+                whitened = reduced @ whitening.T
+                distances = cdist(whitened[held_out], whitened)
                 shares[k] += _share_in_order(distances, classes, np.flatnonzero(held_out))
-        return _SHRINKAGES[int(np.argmax(shares))]
+        return _whitening(reduced, classes, _SHRINKAGES[int(np.argmax(shares))])
 
 
 def _whitened(metric: Any, mean: ndarray, components: ndarray, points: Any) -> Any:
     return anp.dot(metric.lower_bound_coordinates(points) - mean, components.T)
-
-
-def _whitening(
-    coordinates: ndarray, classes: ndarray, shrinkage: str | float
-) -> tuple[ndarray, ndarray, float]:
-    """Return the mean, the rows that whiten the scatter within classes, and the shrinkage."""
-    mean, directions, reduced = _principal(coordinates)
-    inverse_root, shrinkage = _inverse_root(reduced, classes, shrinkage)
-    return mean, inverse_root @ directions, shrinkage
 
 
 def _principal(coordinates: ndarray) -> tuple[ndarray, ndarray, ndarray]:
@@ -216,10 +208,11 @@ def _principal(coordinates: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     return mean, directions, (coordinates - mean) @ directions.T
 
 
-def _inverse_root(
-    reduced: ndarray, classes: ndarray, shrinkage: str | float
+def _whitening(
+    coordinates: ndarray, classes: ndarray, shrinkage: str | float
 ) -> tuple[ndarray, float]:
-    """Return the matrix that whitens the scatter within classes, and the shrinkage."""
+    """Return the rows that whiten the scatter within classes, and the shrinkage."""
+    _, directions, reduced = _principal(coordinates)
     numbers, classes = np.unique(classes, return_inverse=True)
     if len(numbers) < 2:
         raise ArgumentError(f"y must name at least two classes to learn from; found {len(numbers)}")
@@ -234,12 +227,7 @@ def _inverse_root(
         shrinkage = float(covariance.ledoit_wolf_shrinkage(within, assume_centered=True))
     scatter = (1.0 - shrinkage) * scatter
     scatter += shrinkage * np.sum(within**2) / within.size * np.eye(len(scatter))
-    return np.linalg.inv(np.linalg.cholesky(scatter)), float(shrinkage)
-
-
-def _distances(rows: ndarray, others: ndarray) -> ndarray:
-    squared = np.sum(rows**2, axis=1)[:, None] - 2.0 * rows @ others.T + np.sum(others**2, axis=1)
-    return np.sqrt(np.maximum(squared, 0.0))
+    return np.linalg.inv(np.linalg.cholesky(scatter)) @ directions, float(shrinkage)
 
 
 def _share_in_order(distances: ndarray, classes: ndarray, queries: ndarray) -> float:

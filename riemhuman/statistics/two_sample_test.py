@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -20,6 +19,7 @@ from riemhuman.checks import (
     whole_number,
 )
 from riemhuman.errors import ArgumentError
+from riemhuman.kernels.threads import slices
 from riemhuman.representation import Record
 
 # Splits whose statistics are computed at once.
@@ -120,14 +120,16 @@ def two_sample_test(
     members, chosen = _units(units, first)
 
     observed = _statistics(matrix, first[None])[0]
-    splits: Iterator[ndarray]
-    n_chosen, n_units = int(chosen.sum()), len(chosen)
-    exact = math.comb(n_units, n_chosen) <= n_permutations + 1
+    n_splits = math.comb(len(chosen), int(chosen.sum()))
+    exact = n_splits <= n_permutations + 1
     if exact:
-        splits = _all_splits(n_units, n_chosen)
+        choices = list(combinations(range(len(chosen)), int(chosen.sum())))
+        splits = np.zeros((n_splits, len(chosen)), dtype=bool)
+        np.put_along_axis(splits, np.array(choices), True, axis=1)
     else:
-        splits = _random_splits(chosen, n_permutations, generator(rng))
-    statistics = np.concatenate([_statistics(matrix, block[:, members]) for block in splits])
+        splits = generator(rng).permuted(np.tile(chosen, (n_permutations, 1)), axis=1)
+    blocks = [splits[block] for block in slices(len(splits), _BLOCK)]
+    statistics = np.concatenate([_statistics(matrix, block[:, members]) for block in blocks])
     as_large = int(np.sum(statistics >= observed - _ROUNDING * matrix.max() * len(matrix)))
     count = len(statistics)
     p_value = as_large / count if exact else (as_large + 1) / (count + 1)
@@ -146,20 +148,6 @@ def _units(units: ArrayLike | None, first: ndarray) -> tuple[ndarray, ndarray]:
             f"units: {names[mixed[0]]} has points in both groups; only whole units can be exchanged"
         )
     return members, share > 0
-
-
-def _all_splits(n_units: int, n_chosen: int) -> Iterator[ndarray]:
-    choices = np.array(list(combinations(range(n_units), n_chosen)))
-    splits = np.zeros((len(choices), n_units), dtype=bool)
-    np.put_along_axis(splits, choices, True, axis=1)
-    for start in range(0, len(splits), _BLOCK):
-        yield splits[start : start + _BLOCK]
-
-
-def _random_splits(chosen: ndarray, count: int, rng: np.random.Generator) -> Iterator[ndarray]:
-    for start in range(0, count, _BLOCK):
-        rows = np.tile(chosen, (min(_BLOCK, count - start), 1))
-        yield rng.permuted(rows, axis=1)
 
 
 def _statistics(matrix: ndarray, splits: ndarray) -> ndarray:
