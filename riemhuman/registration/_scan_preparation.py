@@ -20,6 +20,9 @@ from riemhuman.surfaces.measures import vertex_components
 # A fit gains nothing from more points.
 _MOST_POINTS = 20_000
 _FIRST_POINTS = 80_000
+# Only vertices are matched, so triangles of this size, such as those that close soles, are split;
+# larger ones are floors or strays. Metres.
+_LONG_EDGE, _LONGEST_EDGE = 0.03, 0.3
 
 # Points farther from the median than this are strays.
 _FAR_METRES = 10.0
@@ -70,6 +73,7 @@ class PreparedScan:
     background: np.ndarray  # (N,) which points of the whole scan are floor or strays
     whole: Scan
     up: np.ndarray | None = None  # direction up, if it is known
+    floor: tuple[np.ndarray, float] | None = None  # its upward normal, and its height along this
     estimated: bool = False  # whether the normals were estimated from the points alone
     parts: np.ndarray | None = None  # (n,) connected parts of a mesh that has several
     signed: bool = True  # whether the signs of the normals are known
@@ -106,36 +110,47 @@ class PreparedScan:
         mean_normals = unit_vectors(np.einsum("nk,nkx->nx", shares, self.normals[near]))
         cosines = np.einsum("nx,nx->n", mean_normals, normals)
         weights = (scale**2 / (np.sum(gaps**2, axis=1) + scale**2)) ** 2
-        return Matches(gaps, mean_normals, weights * np.clip(cosines, 0.0, 1.0))
+        weights *= np.clip(cosines, 0.0, 1.0)
+        if self.floor is not None:  # soles that it hides are at least not below it
+            up, height = self.floor
+            depths = height - points @ up
+            below = depths > 0.0
+            gaps[below], mean_normals[below] = depths[below, np.newaxis] * up, up
+            weights[below] = 1.0
+        return Matches(gaps, mean_normals, weights)
 
 
 def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
     """Return the points of the body, spread evenly, with normals."""
     rng = np.random.default_rng(0)
-    numbers = np.arange(len(scan.points))
-    if scan.faces is not None:
-        numbers = np.unique(scan.faces)
+    everything, faces, all_normals = scan.points, scan.faces, scan.normals
+    numbers = np.arange(len(everything))
+    estimated = all_normals is None
+    if faces is not None:
+        estimated = not has_one_side(faces)
+        everything, faces = _outward_fine_mesh(everything, faces)
+        all_normals = vertex_normals(everything, faces)
+        numbers = np.unique(faces)
     if len(numbers) > _FIRST_POINTS:
         numbers = np.sort(rng.choice(numbers, _FIRST_POINTS, replace=False))
-    far = np.abs(scan.points - np.median(scan.points, axis=0)).max(axis=1) > _FAR_METRES
-    numbers = numbers[~far[numbers]]
-    numbers = numbers[thin_points(scan.points[numbers], _MOST_POINTS, rng)]
-    points = scan.points[numbers]
-    estimated = scan.normals is None and (scan.faces is None or not has_one_side(scan.faces))
-    normals = estimate_normals(points) if estimated else _scan_normals(scan, numbers)
-    background = far
+    background = np.abs(everything - np.median(scan.points, axis=0)).max(axis=1) > _FAR_METRES
+    numbers = numbers[~background[numbers]]
+    numbers = numbers[thin_points(everything[numbers], _MOST_POINTS, rng)]
+    points = everything[numbers]
+    if all_normals is None or estimated:
+        normals = estimate_normals(points)
+    else:
+        normals = smooth_normals(points, all_normals[numbers])
+        if faces is None and np.sum((points - points.mean(axis=0)) * normals) < 0:
+            normals = -normals
     if not surroundings:
-        return PreparedScan(points, normals, background, scan, None, estimated)
+        return PreparedScan(points, normals, background[: len(scan)], scan, estimated=estimated)
     floor = _find_floor(points, normals, rng)
-    up = None
     if floor is not None:
-        up, height = floor
-        background |= scan.points @ up < height + _NEAR_FLOOR_METRES
-        keep = ~background[numbers]
-        points, normals, numbers = points[keep], normals[keep], numbers[keep]
-    if scan.faces is None:
-        background |= _find_sparse_points(scan.points, ~background)
-    background |= _find_strays(scan.points, ~background)
+        background |= everything @ floor[0] < floor[1] + _NEAR_FLOOR_METRES
+    if faces is None:
+        background |= _find_sparse_points(everything, ~background)
+    background |= _find_strays(everything, ~background)
     keep = ~background[numbers]
     if keep.sum() < FEWEST_POINTS:
         raise ArgumentError(
@@ -146,21 +161,36 @@ def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
     parts = None
     if estimated and background.any():
         normals = estimate_normals(points)  # the background may have flipped signs
-    elif scan.normals is None and scan.faces is not None:
-        parts = vertex_components(scan.faces, len(scan.points))[numbers[keep]]
-    return PreparedScan(points, normals, background, scan, up, estimated, parts)
+    elif faces is not None:
+        parts = vertex_components(faces, len(everything))[numbers[keep]]
+    up = None if floor is None else floor[0]
+    return PreparedScan(points, normals, background[: len(scan)], scan, up, floor, estimated, parts)
 
 
-def _scan_normals(scan: Scan, numbers: np.ndarray) -> np.ndarray:
-    """Return the normals of a scan or of its triangles, smoothed and outward."""
-    points = scan.points[numbers]
-    if scan.normals is None:
-        assert scan.faces is not None
-        inward = find_inward_triangles(scan.points, scan.faces)
-        faces = np.where(inward[:, np.newaxis], scan.faces[:, ::-1], scan.faces)
-        return smooth_normals(points, vertex_normals(scan.points, faces)[numbers])
-    normals = smooth_normals(points, scan.normals[numbers])
-    return normals if np.sum((points - points.mean(axis=0)) * normals) >= 0 else -normals
+def _outward_fine_mesh(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a mesh whose triangles face outward, and its large triangles split."""
+    inward = find_inward_triangles(points, faces)
+    faces = np.where(inward[:, np.newaxis], faces[:, ::-1], faces)
+    while len(points) < _FIRST_POINTS:
+        corners = points[faces]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        large = (longest > _LONG_EDGE) & (longest < _LONGEST_EDGE)
+        if not large.any():
+            break
+        points, parts = split_triangles(points, faces[large])
+        faces = np.concatenate([faces[~large], parts])
+    return points, faces
+
+
+def split_triangles(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the surface with every triangle cut into four."""
+    sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, numbers = np.unique(sides, axis=0, return_inverse=True)
+    a, b, c = faces.T
+    ab, bc, ca = (len(points) + numbers.reshape(-1, 3)).T
+    parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+    middles = points[edges].mean(axis=1)
+    return np.concatenate([points, middles]), np.array(parts).transpose(2, 0, 1).reshape(-1, 3)
 
 
 def _find_floor(

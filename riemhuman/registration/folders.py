@@ -32,7 +32,7 @@ from riemhuman.registration.scan_registration import (
 from riemhuman.registration.scans import load_scan
 
 UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
-_VERSION = 6
+_VERSION = 7
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
 # Fields of a record with the kinds of their arrays: Boolean, text or floating point.

@@ -14,6 +14,7 @@ from riemhuman.checks import Rng, generator, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration._scan_preparation import split_triangles
 from riemhuman.surfaces.measures import triangle_areas
 
 _HOLE_METRES = 0.06
@@ -151,7 +152,7 @@ def remesh(
     """Return the surface with about a given number of random vertices and new triangles."""
     fine, triangles = points, faces
     while len(fine) < 8 * n_vertices:
-        fine, triangles = _refine(fine, triangles)
+        fine, triangles = split_triangles(fine, triangles)
     areas = triangle_areas(fine, triangles)
     # Draw four times as many points, and keep those that are not close to an earlier one.
     sampled = rng.choice(len(triangles), 4 * n_vertices, p=areas / areas.sum())
@@ -184,17 +185,6 @@ def _spread_apart(
         if not dropped[first]:
             dropped[second] = True
     return sampled[~dropped]
-
-
-def _refine(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the surface with every triangle cut into four."""
-    sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, numbers = np.unique(sides, axis=0, return_inverse=True)
-    a, b, c = faces.T
-    ab, bc, ca = (len(points) + numbers.reshape(-1, 3)).T
-    parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-    middles = points[edges].mean(axis=1)
-    return np.concatenate([points, middles]), np.array(parts).transpose(2, 0, 1).reshape(-1, 3)
 
 
 def _sample(

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration import find_inward_triangles, simulated_scan
+from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._trust import find_lost_limbs
 from riemhuman.registration.scan_registration import _other_units
 from riemhuman.registration.scans import as_scan
@@ -48,6 +49,24 @@ def with_inward_arm(model, faces):
     joints = [model.joint_names.index(f"left_{name}") for name in ("elbow", "wrist")]
     below = model.weights[:, joints]
     return (below.sum(axis=1) > 0.5)[faces].all(axis=1)
+
+
+def test_large_triangles_are_matched_too(bodies):
+    """As those that close the soles, of which only the vertices once were."""
+    centres = bodies[0][bodies.template.faces].mean(axis=1)
+    prepared = prepare_scan(as_scan((bodies[0], bodies.template.faces)))
+    assert cKDTree(prepared.points).query(centres)[0].max() < 0.02
+
+
+def test_bodies_stand_on_the_floor_that_hides_their_soles(bodies):
+    scan = simulated_scan(bodies[0], bodies.template.faces, rng=0, floor=True, rotate=False)
+    prepared, low = prepare_scan(as_scan(scan.points)), scan.body[:, 1].min()
+    sunken = scan.body - [0.0, 0.01, 0.0]
+    gaps, normals, weights = prepared.match(sunken, np.zeros_like(sunken), 0.01)
+    below = sunken[:, 1] < low - 0.003
+    np.testing.assert_allclose(sunken[below, 1] + gaps[below, 1], low, atol=0.002)
+    np.testing.assert_allclose(normals[below] @ [0.0, 1.0, 0.0], 1.0, atol=1e-3)
+    assert np.all(weights[below] == 1.0)
 
 
 @pytest.mark.sampled(3, "scans that are trusted")
