@@ -8,7 +8,9 @@ from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.registration._start_poses import BodyParts
+from riemhuman.surfaces.measures import edge_lengths
 from riemhuman.surfaces.template import Template
 
 # Likelihoods are compared for bodies of this area, because the density falls as the area grows.
@@ -33,8 +35,9 @@ _SHARED_LIMB = 0.5
 # No elbow or knee bends by more than 160°.
 _FOLDING, _LEAST_BENT = {"elbow": "wrist", "knee": "ankle"}, -0.94
 
-# Holes up to twice this width are filled by the vertices around them, metres.
-_SEEN_METRES = 0.06
+# Holes up to twice this width are filled by the vertices around them, metres, but by none that is
+# so far outside of what the scan shows, such as straight fingers of a fist.
+_SEEN_METRES, _OUTSIDE_METRES = 0.06, 0.015
 # Vertices overlap if they look the same way, are this far apart in the rest pose, and lie on each
 # other: this near along normals, and as near as neighbours in the mesh, within limits, metres.
 _APART_METRES, _ALONG_METRES, _OVERLAP_METRES, _N_NEIGHBOURS = 0.15, 0.012, (0.015, 0.045), 30
@@ -42,19 +45,23 @@ _APART_METRES, _ALONG_METRES, _OVERLAP_METRES, _N_NEIGHBOURS = 0.15, 0.012, (0.0
 _REMEDY = "landmarks decide: the argument of ScanRegistration.solve, or --landmarks"
 
 
-def near_matched(template: Template, matched: np.ndarray) -> np.ndarray:
+def find_seen(
+    template: Template, points: np.ndarray, matched: np.ndarray, scan: PreparedScan
+) -> np.ndarray:
     """Return which vertices are matched or near those that are, along the surface."""
     if not matched.any():
         return matched
     first, second = template.edges.T
-    lengths = np.linalg.norm(template.vertices[first] - template.vertices[second], axis=1)
+    lengths = edge_lengths(template.vertices, template.edges)
     shape = (template.n_vertices, template.n_vertices)
     graph = sparse.csr_array((lengths, (first, second)), shape=shape)
     distances = csgraph.dijkstra(
         graph, directed=False, indices=np.flatnonzero(matched), limit=_SEEN_METRES, min_only=True
     )
-    near: np.ndarray = np.isfinite(distances)
-    return near
+    nearest = cKDTree(scan.points).query(points)[1]
+    heights = np.einsum("nx,nx->n", points - scan.points[nearest], scan.normals[nearest])
+    seen: np.ndarray = matched | (np.isfinite(distances) & (heights < _OUTSIDE_METRES))
+    return seen
 
 
 def find_overlaps(template: Template, points: np.ndarray, matched: np.ndarray) -> np.ndarray:

@@ -35,8 +35,8 @@ from riemhuman.registration._trust import (
     find_doubts,
     find_lost_limbs,
     find_overlaps,
+    find_seen,
     join_reasons,
-    near_matched,
 )
 from riemhuman.registration.scans import Scan, as_scan
 from riemhuman.surfaces.measures import triangle_areas
@@ -56,8 +56,9 @@ class RegisteredScan:
     trusted : bool
         Whether the result passed all checks.
     trusted_vertices : array of bool, shape (V,)
-        Vertices that the scan shows or that are within 6 cm of these along the surface. All False
-        if the body is not trusted, but for a limb alone in doubt.
+        Vertices that the scan shows, or that are within 6 cm of these along the surface and not
+        more than 1.5 cm outside what it shows, as straight fingers of a fist are. All False if
+        the body is not trusted, but for a limb alone in doubt.
     message : str
         The checks that the result failed, and parts that the scan does not show.
     likelihood : float
@@ -352,7 +353,7 @@ class ScanRegistration:
         lost = find_lost_limbs(parts, points, matched, overlaps)
         if lost.any():
             overlaps = find_overlaps(template, points, matched & ~parts.on_hands & ~lost)
-        seen = near_matched(template, matched) & ~lost
+        seen = find_seen(template, points, matched, scan) & visible & ~lost
         shares = parts.shares(matched)
         limb = int(np.argmin(shares))
         doubts, limb_doubts = find_doubts(
@@ -631,6 +632,7 @@ class TemplateRegistration:
             )
         near = np.linalg.norm(matches.gaps, axis=1) < _NEAR_METRES
         matched = near & (matches.weights > 0.1)
+        seen = find_seen(self._metric.space.template, points, matched, prepared)
         points = points / self._factor
         places, distances = nearest_points(whole.points, points, faces)
         close = float(np.mean(distances * self._factor < _NEAR_METRES))
@@ -642,7 +644,7 @@ class TemplateRegistration:
         return RegisteredScan(
             points=points,
             trusted=not reasons,
-            trusted_vertices=near_matched(self._metric.space.template, matched) & (not reasons),
+            trusted_vertices=seen & (not reasons),
             message="; ".join(reasons),
             likelihood=np.nan,
             fit=None,

@@ -5,7 +5,8 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
-from riemhuman.registration._trust import find_doubts, join_reasons
+from riemhuman.registration._scan_preparation import prepare_scan
+from riemhuman.registration._trust import find_doubts, find_seen, join_reasons
 
 GOOD = {
     "likelihood": 3.2,
@@ -60,6 +61,15 @@ def test_a_message_says_once_that_landmarks_decide():
 
 def test_a_limb_out_of_sight_leaves_no_doubt():
     assert find_doubts(**(GOOD | {"near": 1.0, "limb_matched": 0.0})) == ([], [])
+
+
+def test_straight_fingers_are_not_seen_in_a_scan_of_a_fist(model):
+    straight, fist = (model(hands=model.hand_pose(name)) for name in ("open", "fist"))
+    scan = prepare_scan(rh.registration.Scan(fist, model.faces))
+    gaps = np.linalg.norm(straight - fist, axis=1)
+    found = [find_seen(model.template, each, gaps < 0.04, scan) for each in (straight, fist)]
+    assert found[0][gaps > 0.04].mean() < 0.1
+    assert found[1].all()  # as in a hole, where fists are right
 
 
 @pytest.mark.sampled(6, "scans that are refused")
