@@ -1,10 +1,9 @@
 """Manifolds and metrics: metric fields, normal fields, products, pull-backs, surfaces."""
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.fields import EbinMetric, MetricFields, NormalFieldMetric, NormalFields
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
-from riemhuman.geometry.normal_fields import NormalFieldMetric, NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.rotation_fields import RotationFieldMetric, RotationFields, RotationMetric

@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry._field_metric import FieldMetric, TriangleFields
+from riemhuman.geometry.fields import FieldMetric, TriangleFields
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk

@@ -16,10 +16,14 @@ from scipy import sparse
 
 from riemhuman.checks import joint_shape, metric_weight, path_array, values_of
 from riemhuman.errors import ArgumentError, NotDefinedError
+from riemhuman.geometry.fields import (
+    EbinMetric,
+    GeneralElasticFieldMetric,
+    MetricFields,
+    NormalFields,
+)
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.metric_fields import EbinMetric, GeneralElasticFieldMetric, MetricFields
-from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, joint_shape, metric_weight, real_array
+from riemhuman.checks import Rng, generator, metric_weight, real_array
+from riemhuman.geometry.fields import FieldMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import Bulk, Features
-from riemhuman.kernels.threads import in_tiles
-from riemhuman.terms.flat import flat_distances, vector_features
+from riemhuman.kernels.surface import Derivatives
+from riemhuman.terms import FlatTerm
+from riemhuman.terms.term import Fields
 
 
 class VectorSpace(Manifold):
@@ -47,7 +52,16 @@ class VectorSpace(Manifold):
         return stack_samples(points, n_samples)
 
 
-class FlatMetric(RiemannianMetric):
+class _Numbers(FlatTerm):
+    """Numbers that are no fields of surfaces."""
+
+    n_features = 1
+
+    def field(self, first: Derivatives) -> ndarray:
+        raise NotImplementedError
+
+
+class FlatMetric(FieldMetric):
     """The weighted sum of squares Σ_t w_t ‖a_t‖² on a vector space.
 
     With template areas for weights, the L² metric of fields on a template.
@@ -65,6 +79,8 @@ class FlatMetric(RiemannianMetric):
     5.0
     """
 
+    _term = _Numbers()
+
     def __init__(self, space: Manifold, weights: ndarray | None = None) -> None:
         super().__init__(space)
         length = space.shape[0]
@@ -74,26 +90,30 @@ class FlatMetric(RiemannianMetric):
         weights = real_array(weights, "weights", (length,), batched=False).copy()
         for k in (weights.argmin(), weights.argmax()):
             metric_weight(weights[k], f"weights[{k}]")
-        self._weights = np.expand_dims(weights, space._point_axes[1:])
+        self._weights = weights
 
-    def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
-        tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
-        tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
-        start = np.zeros(self.space.shape) if base_point is None else base_point
-        start = self.space.check_point(start, "base_point")
-        joint_shape(tangent_vec_a=tangent_vec_a, tangent_vec_b=tangent_vec_b, base_point=start)
-        # The base point takes part in broadcasting alone.
-        product = tangent_vec_a * tangent_vec_b + np.zeros_like(start)
-        return np.sum(self._weights * product, axis=self.space._point_axes)
+    @property
+    def _template(self) -> Any:
+        """What stands for a template: a triangle for each number, with its weight for an area."""
+        areas = np.repeat(self._weights, int(np.prod(self.space.shape[1:])))
+        return SimpleNamespace(n_faces=len(areas), face_areas=areas)
 
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        point_a = self.space.check_point(point_a, "point_a")
-        point_b = self.space.check_point(point_b, "point_b")
-        joint_shape(point_a=point_a, point_b=point_b)
-        difference = point_a - point_b
-        return np.sum(self._weights * difference * difference, axis=self.space._point_axes)
+    def _fields(self, point: Any, name: str) -> Fields:
+        return (self._numbers(self.space.check_point(point, name))[..., None],)
+
+    def _numbers(self, arrays: ndarray) -> ndarray:
+        return np.reshape(arrays, (*np.shape(arrays)[: -self.space.point_ndim], -1))
+
+    def _form(self, of_triangles: Callable[..., ndarray], a: Any, b: Any, point: Any) -> ndarray:
+        # Inner products are the same at every point.
+        point = np.zeros(self.space.shape) if point is None else point
+        return super()._form(of_triangles, a, b, point)
+
+    def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+        return self._numbers(a * b)
+
+    def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+        return 0.0 * self._products(a, b, point)
 
     def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
         return point + velocity
@@ -120,29 +140,3 @@ class FlatMetric(RiemannianMetric):
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
         leading = np.shape(base_point)[: -self.space.point_ndim] if base_point is not None else ()
         return np.full(leading, np.inf)
-
-    def curvature_form(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
-        return 0.0 * self.inner_product(tangent_vec_a, tangent_vec_b, base_point)
-
-    @property
-    def bulk(self) -> Bulk:
-        return _Vectors(self._weights.ravel(), self.space.shape)
-
-
-class _Vectors(Bulk):
-    n_arrays = 2
-
-    def __init__(self, weights: ndarray, shape: tuple[int, ...]) -> None:
-        self._weights, self._size = weights, int(np.prod(shape[1:]))
-
-    def features(self, points: ndarray, precision: str) -> Features:
-        vectors = points.reshape(len(points), len(self._weights), self._size)
-        return vector_features(vectors, self._weights, precision)
-
-    def rounding(self, features: Features) -> ndarray:
-        return features[1]
-
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
-        return in_tiles(lambda pair: flat_distances(*pair[0], *pair[1]), a[:1], b[:1], n_threads)

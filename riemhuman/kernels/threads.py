@@ -207,13 +207,6 @@ def of_one_kind(array: ndarray) -> ndarray:
     return view
 
 
-def zero_rows(shape: tuple[int, ...], precision: str) -> ndarray:
-    """Return zeros with rows of whole vector registers."""
-    *leading, length = shape
-    whole = -(-length // LANES) * LANES
-    return np.zeros((*leading, whole), dtype=np.float32 if precision == "single" else np.float64)
-
-
 def in_tiles(
     run: Callable[[tuple[tuple[ndarray, ...], tuple[ndarray, ...]]], ndarray],
     a: Sequence[ndarray],

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.threads import CHUNK, LARGEST, UNDERFLOW, of_one_kind, zero_rows
+from riemhuman.kernels.threads import CHUNK, LARGEST, UNDERFLOW, of_one_kind
 from riemhuman.terms.term import Fields, Term
 
 # Numbers summed in the precision of the features before they join the sum over all.
@@ -69,17 +69,6 @@ class FlatTerm(Term):
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
         rows = a.reshape(len(a), -1)
         return flat_distances(rows, rows if b is a else b.reshape(len(b), -1))
-
-
-def vector_features(vectors: ndarray, weights: ndarray, precision: str) -> tuple[ndarray, ndarray]:
-    """Return the features of sets of vectors with a weighted sum of squares for squared norm."""
-    scaled = np.sqrt(weights)[:, None] * vectors
-    flat = of_one_kind(scaled.reshape(len(vectors), vectors.shape[1] * vectors.shape[2]))
-    features, gaps = zero_rows(flat.shape, precision), np.zeros(len(flat))
-    for i, (row, kept) in enumerate(zip(flat, features, strict=True)):
-        gap = pack_vector(row, kept)
-        gaps[i] = math.sqrt(gap) if precision == "single" else 0.0
-    return features, gaps
 
 
 @compiled(fastmath=SUM)

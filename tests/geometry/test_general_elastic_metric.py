@@ -6,7 +6,7 @@ from cases import deformations, open_template, surfaces
 
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, GeneralElasticMetric, SRNFMetric
-from riemhuman.geometry.metric_fields import GeneralElasticFieldMetric
+from riemhuman.geometry.fields import GeneralElasticFieldMetric
 
 TEMPLATE = open_template()
 SPACE = AlignedSurfaces(TEMPLATE)

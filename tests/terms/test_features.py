@@ -6,8 +6,9 @@ from cases import open_template, surfaces
 from packed_fields import field_features
 
 from riemhuman.errors import DegenerateSurfaceError
+from riemhuman.geometry import FlatMetric, VectorSpace
 from riemhuman.kernels import surface, threads
-from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, flat
+from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm
 from riemhuman.terms._sum import SumOfTerms
 
 TEMPLATE = open_template()
@@ -59,14 +60,15 @@ def test_range_of_single_precision():
     s[6], s[7] = 0.95e15, 1.05e15
     _, rounding = field_features(EbinTerm(lam=0.3), (x, y, s), np.ones(1), "single")
     assert np.isinf(rounding).tolist() == [False, True, False, True, False, True, False, True]
-    vectors = np.array([[[0.95e15]], [[-1.05e15]], [[np.nan]]])
-    _, rounding = flat.vector_features(vectors, np.ones(1), "single")
-    assert np.isinf(rounding).tolist() == [False, True, True]
+    vectors = np.array([[0.95e15], [-1.05e15]])
+    _, rounding = VectorSpace((1,)).metric.features(vectors, "single")
+    assert np.isinf(rounding).tolist() == [False, True]
 
 
 def test_what_is_too_small_for_single_precision_counts_as_rounding():
     tiny = np.full((1, 10), 1e-30)
-    features, rounding = flat.vector_features(tiny[..., None], np.full(10, 1e-30), "single")
+    metric = FlatMetric(VectorSpace((10,)), np.full(10, 1e-30))
+    features, rounding = metric.features(tiny, "single")
     exact = np.sqrt(np.sum(1e-30 * tiny**2))
     kept = np.linalg.norm(features.astype(np.float64))
     assert exact - kept <= rounding[0] < 1e-15

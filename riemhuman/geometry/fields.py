@@ -1,24 +1,99 @@
-"""Fields of metrics on a template, and the metrics on them and normals that are cones."""
+"""Fields on a template, of metrics or of normals, and the metrics on them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array, values_of
+from riemhuman.checks import Rng, generator, joint_shape, real_array, values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
-from riemhuman.geometry._field_metric import FieldMetric, TriangleFields
-from riemhuman.geometry.manifold import sample_bound, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.product import ProductManifold
 from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.terms import ConeTerm, EbinTerm
 from riemhuman.terms import _cone_geodesics as cones
-from riemhuman.terms.term import Fields
+from riemhuman.terms._sum import SumOfTerms
+from riemhuman.terms.normals import NormalTerm
+from riemhuman.terms.term import Fields, Term
+
+if TYPE_CHECKING:
+    from riemhuman.surfaces.template import Template
+
+
+class TriangleFields(Manifold):
+    """Fields with a value of one kind on every triangle of a template."""
+
+    value_dim: int
+    value_shape: tuple[int, ...]
+
+    def __init__(self, template: Template, equip: bool = True) -> None:
+        self.template, n_faces = template, template.n_faces
+        super().__init__(self.value_dim * n_faces, (n_faces, *self.value_shape), equip)
+
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+        noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
+        return stack_samples(self.projection(noise), n_samples)
+
+
+class FieldMetric(RiemannianMetric):
+    """An integral over the triangles of a template, with closed forms on each."""
+
+    _term: Term
+    _fields: Callable[..., Fields]
+    _products: Callable[[ndarray, ndarray, ndarray], ndarray]
+    _curvatures: Callable[[ndarray, ndarray, ndarray], ndarray]
+
+    def __init__(self, space: Manifold) -> None:
+        super().__init__(space)
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
+    ) -> ndarray:
+        return self._form(self._products, tangent_vec_a, tangent_vec_b, base_point)
+
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        first, second = self._fields(point_a, "point_a"), self._fields(point_b, "point_b")
+        joint_shape(point_a=first[0], point_b=second[0])
+        return self._integral(self._term.squared_dist(first, second))
+
+    @property
+    def bulk(self) -> Bulk:
+        fields = partial(self._fields, name="points")
+        return SumOfTerms([self._term], self._template, fields)
+
+    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+        r"""Return π√w of the smallest triangle, on which a way around has twice that length."""
+        leading = () if base_point is None else np.shape(base_point)[: -self.space.point_ndim]
+        return np.full(leading, np.pi * np.sqrt(self._template.face_areas.min()))
+
+    def curvature_form(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        return self._form(self._curvatures, tangent_vec_a, tangent_vec_b, base_point)
+
+    def _form(self, of_triangles: Callable[..., ndarray], a: Any, b: Any, point: Any) -> ndarray:
+        """Integrate a form of two tangent vectors at a point."""
+        point = self.space.check_point(point, "base_point")
+        a = real_array(a, "tangent_vec_a", self.space.shape)
+        b = real_array(b, "tangent_vec_b", self.space.shape)
+        joint_shape(tangent_vec_a=a, tangent_vec_b=b, base_point=point)
+        values = self._integral(of_triangles(a, b, point))
+        return values + np.zeros(point.shape[: -self.space.point_ndim])
+
+    @property
+    def _template(self) -> Any:
+        space = self.space.factors[0] if self.space.factors else self.space
+        return space.template
+
+    def _integral(self, values: ndarray) -> ndarray:
+        return np.sum(values * self._template.face_areas, axis=-1)
 
 
 class MetricFields(TriangleFields):
@@ -243,3 +318,93 @@ class GeneralElasticFieldMetric(ConeMetric):
     ) -> None:
         super().__init__(space)
         self._term = ConeTerm(1.0, a, b, c)
+
+
+class NormalFields(TriangleFields):
+    """C^∞(T, S²): a unit vector on every triangle of a template.
+
+    Parameters
+    ----------
+    template : Template
+    equip : bool
+        Whether to equip the manifold with `NormalFieldMetric`.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.NormalFields(bodies.template)
+    >>> fields.shape, fields.dim
+    ((2400, 3), 4800)
+    """
+
+    value_dim, value_shape = 2, (3,)
+
+    def default_metric(self) -> type[RiemannianMetric]:
+        return NormalFieldMetric
+
+    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+        point, finite = self._candidates(point, "point")
+        return finite & np.all(np.abs(np.sqrt(dot(point, point)) - 1.0) <= atol, axis=-1)
+
+    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+        return sphere.to_tangent(vector, self._needed_base_point(base_point))
+
+    def projection(self, point: ndarray) -> ndarray:
+        return point / np.sqrt(dot(point, point))[..., None]
+
+    def check_point(self, point: Any, name: str = "point") -> ndarray:
+        point = real_array(point, name, self.shape, rows=True)
+        values = values_of(point)
+        refuse_triangles(
+            np.abs(dot(values, values) - 1.0) > 2e-6,
+            f"{name} must hold unit vectors",
+            ArgumentError,
+        )
+        return point
+
+
+class NormalFieldMetric(FieldMetric):
+    r"""The metric :math:`\int_T \langle\delta n, \delta n\rangle\, dx` of a product of spheres.
+
+    The second term of equation 3 of the paper. Exponential, logarithm, geodesics and parallel
+    transport are those of the sphere on every triangle.
+
+    Parameters
+    ----------
+    space : NormalFields
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.NormalFields(bodies.template)
+    >>> metric = rh.NormalFieldMetric(fields)
+    >>> metric.geodesic(*fields.random_point(2, rng=0))([0.0, 0.5, 1.0]).shape
+    (3, 2400, 3)
+    """
+
+    _term = NormalTerm()
+
+    def _fields(self, point: Any, name: str) -> Fields:
+        return (self.space.check_point(point, name),)
+
+    def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+        return dot(a, b)
+
+    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+        return sphere.exp(velocity, point)
+
+    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+        refuse_triangles(
+            values_of(sphere.angle(start, point)) >= sphere.ANTIPODAL,
+            "point must hold no normal antipodal to that of base_point, or there is no unique "
+            "logarithm",
+            OutsideManifoldError,
+        )
+        return sphere.log(start, point)
+
+    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+        return sphere.parallel_transport(vector, point, velocity)
+
+    def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+        # Spheres of radius 1 have curvature 1.
+        return dot(a, a) * dot(b, b) - dot(a, b) ** 2

@@ -1,4 +1,4 @@
-"""Met(T) with the Ebin metric: the integral of the kernels, the apex, and what is refused."""
+"""Fields of metrics and of normals: the integral of the kernels, the apex, what is refused."""
 
 import numpy as np
 import oracles
@@ -7,7 +7,7 @@ from autograd import grad
 from cases import CASES, sphere_template, triangle_template
 
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
-from riemhuman.geometry import EbinMetric, MetricFields
+from riemhuman.geometry import EbinMetric, MetricFields, NormalFields
 
 SPACE = MetricFields(sphere_template())
 
@@ -197,3 +197,71 @@ def test_exp_to_where_double_precision_does_not_reach_is_refused():
     assert 0 < n_refused < 200
     with pytest.raises(OutsideManifoldError, match="double precision"):
         EbinMetric(metric.space, lam=1e4).exp(1e5 * turned, base)
+
+
+# Normals.
+
+NORMALS = NormalFields(sphere_template())
+ON_NORMALS = NORMALS.metric
+AREAS = NORMALS.template.face_areas
+
+
+def test_antipodal_normals():
+    n = NORMALS.random_point(rng=4)
+    opposite = n.copy()
+    opposite[[6, 8]] *= -1
+    expected = np.pi * np.sqrt(AREAS[[6, 8]].sum())
+    np.testing.assert_allclose(ON_NORMALS.dist(n, opposite), expected, rtol=1e-14)
+    with np.errstate(all="raise"):
+        for argument in (0, 1):
+            assert np.all(np.isfinite(grad(ON_NORMALS.squared_dist, argument)(n, opposite)))
+            assert np.all(np.isfinite(grad(ON_NORMALS.dist, argument)(n, opposite)))
+    message = "point must hold no normal antipodal .*triangle 6, the first of 2 such triangles"
+    for call in (
+        lambda: ON_NORMALS.log(opposite, n),
+        lambda: ON_NORMALS.geodesic(n, opposite),
+        lambda: ON_NORMALS.parallel_transport(n, n, end_point=opposite),
+    ):
+        with pytest.raises(OutsideManifoldError, match=message):
+            call()
+    rounded = np.where(opposite == -n, opposite * (1 + 2e-16), opposite)
+    with pytest.raises(OutsideManifoldError, match="triangle 6"):
+        ON_NORMALS.log(rounded, n)
+
+
+def test_refusals_of_normals():
+    n = NORMALS.random_point(rng=5)
+    long = n.copy()
+    long[4] *= 1.001
+    assert not NORMALS.belongs(long)
+    with pytest.raises(ArgumentError, match=r"point_a must hold unit vectors; .* at triangle 4$"):
+        ON_NORMALS.dist(long, n)
+    with pytest.raises(ArgumentError, match="base_point must hold unit vectors"):
+        ON_NORMALS.exp(n, long)
+    with pytest.raises(ArgumentError, match="end_point must hold unit vectors"):
+        ON_NORMALS.geodesic(n, long)
+    with pytest.raises(ArgumentError, match="needs direction or end_point, and not both"):
+        ON_NORMALS.parallel_transport(n, n, direction=n, end_point=n)
+    with pytest.raises(ArgumentError, match="direction must have shape"):
+        ON_NORMALS.parallel_transport(n, n, direction=n[:3])
+    with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
+        ON_NORMALS.parallel_transport(n[:3], n, direction=n)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_lengths_are_one_to_a_tolerance(sign):
+    n = NORMALS.random_point(rng=6)
+    for off, legal in ((0.9e-6, True), (1.1e-6, False)):
+        scaled = n.copy()
+        scaled[7] *= 1.0 + sign * off
+        if legal:
+            np.testing.assert_array_equal(NORMALS.check_point(scaled), scaled)
+        else:
+            with pytest.raises(ArgumentError, match="unit vectors.* at triangle 7$"):
+                NORMALS.check_point(scaled)
+        assert not NORMALS.belongs(scaled)
+        assert NORMALS.belongs(scaled, atol=1.1 * off)
+        assert not NORMALS.belongs(scaled, atol=0.9 * off)
+    scaled[7] = n[7] * (1.0 + 1e-10 * sign)
+    assert NORMALS.belongs(scaled)
+    assert NORMALS.belongs(np.tile([0.0, sign, 0.0], (80, 1)), atol=0.0)
