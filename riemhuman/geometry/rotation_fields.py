@@ -25,6 +25,7 @@ from riemhuman.kernels.rotations import (
     quaternions,
     transpose,
 )
+from riemhuman.kernels.sphere import ANTIPODAL
 from riemhuman.kernels.surface import (
     apply_operator,
     dot,
@@ -120,7 +121,7 @@ class RotationFieldMetric(FieldMetric):
         omega = rotations.log(start, point)
         values = values_of(omega)
         refuse_triangles(
-            np.sqrt(dot(values, values)) >= rotations.HALF_TURN,
+            np.sqrt(dot(values, values)) >= ANTIPODAL,
             "point must hold no rotation by the angle π from that of base_point, or there is no "
             "unique logarithm",
             OutsideManifoldError,

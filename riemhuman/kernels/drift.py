@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.kernels.rotations import nearest_rotations
+
 _N_ROUNDS = 60
 # The motion of a surface is found from about this many of its vertices.
 _N_VERTICES = 2000
@@ -67,7 +69,5 @@ def _rigid_motions(
     if not rotations:
         return np.eye(3), goal - centre
     covariance = (np.swapaxes(f - centre, 1, 2) * shares) @ (target - goal)
-    left, _, right = np.linalg.svd(covariance)
-    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
-    turns = left @ right
+    turns = nearest_rotations(covariance)
     return turns, goal - centre @ turns

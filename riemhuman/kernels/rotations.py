@@ -94,10 +94,6 @@ def cross_product_matrix(vector: Any) -> Any:
     return np.reshape(entries, (*np.shape(x), 3, 3))
 
 
-HALF_TURN = np.pi - 8 * np.finfo(float).eps
-"""From this angle on, the axis of the rotation between two rotations is rounding error alone."""
-
-
 def transpose(matrices: ndarray) -> ndarray:
     """Return the transposed matrices, shape (..., 3, 3)."""
     return np.swapaxes(matrices, -1, -2)

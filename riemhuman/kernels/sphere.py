@@ -27,7 +27,7 @@ def to_tangent(v: ndarray, n: ndarray) -> ndarray:
 
 
 ANTIPODAL = np.pi - 8 * np.finfo(float).eps
-"""From this angle on, the direction from a unit vector to another is rounding error alone."""
+"""From this angle on, the direction to a unit vector or a rotation is rounding error alone."""
 
 
 def log(n1: ndarray, n2: ndarray) -> ndarray:

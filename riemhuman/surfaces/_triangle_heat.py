@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, SuperLU, splu
+from scipy.sparse.linalg import LinearOperator, splu
 
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.surfaces.measures import adjacent_triangles
@@ -32,15 +32,15 @@ class TriangleHeat:
         flows = 1.5 * squared_lengths / face_areas[pairs].sum(axis=1)
         self._pairs, self._flows = pairs, flows
         self.laplacian = self._laplacian(flows)
-        self._steps: dict[float, HeatStep] = {}
+        self._steps: dict[float, LinearOperator] = {}
 
-    def step(self, time: float) -> HeatStep:
+    def step(self, time: float) -> LinearOperator:
         """Return one implicit step of the flow."""
         if time not in self._steps:
             self._steps[time] = self._step(time, self.laplacian)
         return self._steps[time]
 
-    def step_through(self, conductances: ndarray, time: float) -> HeatStep:
+    def step_through(self, conductances: ndarray, time: float) -> LinearOperator:
         """Return one implicit step of the flow with different conductivities of the triangles."""
         both = conductances[self._pairs]
         means = 2.0 * both[:, 0] * both[:, 1] / both.sum(axis=1)
@@ -52,27 +52,21 @@ class TriangleHeat:
         links = (links + links.T).tocsr()
         return sparse.diags_array(links.sum(axis=1)) - links
 
-    def _step(self, time: float, laplacian: Any) -> HeatStep:
-        system = sparse.diags_array(self.face_areas) + time * laplacian
+    def _step(self, time: float, laplacian: Any) -> LinearOperator:
+        """Return (A + time L)⁻¹ A, which keeps constants and ∫ X dx, with its transpose."""
+        areas = self.face_areas
+        system = sparse.diags_array(areas) + time * laplacian
         factor = splu(system.tocsc(), permc_spec="MMD_AT_PLUS_A", options=_SYMMETRIC)
-        return HeatStep(factor, self.face_areas)
 
+        def solve(values: ndarray) -> ndarray:
+            with single_threaded_libraries():
+                return factor.solve(np.ascontiguousarray(values))
 
-class HeatStep(LinearOperator):
-    """The linear map (A + time L)⁻¹ A, which keeps constants and ∫ X dx, or its transpose."""
+        def flow(values: ndarray) -> ndarray:
+            return solve((areas * values.T).T)
 
-    def __init__(self, factor: SuperLU, face_areas: ndarray, transposed: bool = False) -> None:
-        super().__init__(np.float64, 2 * face_areas.shape)
-        self._factor, self._areas, self._transposed = factor, face_areas, transposed
+        def transposed(values: ndarray) -> ndarray:
+            return (areas * solve(values).T).T
 
-    def _matmat(self, values: ndarray) -> ndarray:
-        areas = self._areas[:, None]
-        with single_threaded_libraries():
-            if self._transposed:
-                return areas * self._factor.solve(np.ascontiguousarray(values))
-            return self._factor.solve(areas * values)
-
-    def _transpose(self) -> HeatStep:
-        return HeatStep(self._factor, self._areas, not self._transposed)
-
-    _adjoint = _transpose
+        size = (len(areas), len(areas))
+        return LinearOperator(size, flow, transposed, flow, np.float64, transposed)

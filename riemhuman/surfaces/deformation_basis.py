@@ -345,26 +345,24 @@ def frames_apart(
 
 def _every(motion: Any, step: int, name: str) -> Iterator[np.ndarray]:
     """Yield every step-th frame of a motion; of one on disk, or on demand, no others are read."""
-    n_frames = 0
+    numbered: Iterable[tuple[int, Any]]
     if hasattr(motion, "__getitem__") and not isinstance(motion, (np.ndarray, list, tuple, str)):
         n_frames = len(motion)
-        for number in range(0, n_frames, step) if n_frames > step else ():
-            label = f"frame {number} of {name}"
-            yield real_array(motion[number], label, ("n_vertices", 3), batched=False)
+        numbered = ((k, motion[k]) for k in range(0, n_frames if n_frames > step else 0, step))
     else:
-        n_vertices = None
-        for found in _iterate(motion, name):
-            label = f"frame {n_frames} of {name}"
-            frame = real_array(found, label, ("n_vertices", 3), batched=False)
-            if n_vertices not in (None, len(frame)):
-                raise ArgumentError(
-                    f"{label} has {len(frame)} vertices; the frames before it have {n_vertices}"
-                )
-            n_vertices = len(frame)
-            if n_frames % step == 0:
-                # A generator may reuse one array for all frames.
-                yield frame.copy()
-            n_frames += 1
+        n_frames, numbered = 0, enumerate(_iterate(motion, name))
+    n_vertices = None
+    for number, found in numbered:
+        label, n_frames = f"frame {number} of {name}", max(n_frames, number + 1)
+        frame = real_array(found, label, ("n_vertices", 3), batched=False)
+        if n_vertices not in (None, len(frame)):
+            raise ArgumentError(
+                f"{label} has {len(frame)} vertices; the frames before it have {n_vertices}"
+            )
+        n_vertices = len(frame)
+        if number % step == 0:
+            # A generator may reuse one array for all frames.
+            yield frame.copy()
     if n_frames <= step:
         raise ArgumentError(
             f"{name} has {n_frames} frames; with step={step} a motion needs at least {step + 1}"

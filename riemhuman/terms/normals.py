@@ -28,16 +28,17 @@ class _AngleTerm(Term):
     is_stretch_invariant = True
     single = True
     _either_sign: bool | None = None  # None is known when loops are compiled
+    _factor = 1.0
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
-        return _pack(of_one_kind(fields[0].T), areas, kept)
+        return self._factor * _pack(of_one_kind(fields[0].T), areas, kept)
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
         largest, squared = areas.max(), np.zeros((len(a), len(b)))
         relative = np.zeros(a.shape[2], dtype=a.dtype)
         relative[: len(areas)] = areas / largest
         _tile(a, b, relative, PRECISION[a.dtype], self._either_sign, a is b, squared)
-        return largest * squared
+        return self._factor * largest * squared
 
 
 class NormalTerm(_AngleTerm):
@@ -101,6 +102,7 @@ class RotationTerm(_AngleTerm):
 
     n_features = 4
     _either_sign = True
+    _factor = 4.0  # θ is twice the angle of quaternions
 
     def fields(self, first: Derivatives) -> Fields:
         return (quaternions(polar_frames(first.f_u, first.f_v)),)
@@ -112,12 +114,6 @@ class RotationTerm(_AngleTerm):
 
     def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
         return 4.0 * dot(changes_a[0], changes_b[0])
-
-    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
-        return 4.0 * super().pack(fields, areas, kept)
-
-    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
-        return 4.0 * super().squared_distances(a, b, areas)
 
 
 @primitive
