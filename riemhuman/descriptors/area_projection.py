@@ -2,39 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import fft
+from scipy.signal import fftconvolve
 from scipy.special import rel_entr
 
-from riemhuman.checks import real_array, real_number, whole_number
-from riemhuman.descriptors.descriptor import Descriptor, pairwise
+from riemhuman.checks import real_number, whole_number
+from riemhuman.descriptors.descriptor import Descriptor, histograms, pairwise, positive_numbers
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.representation import Record
+from riemhuman.surfaces.measures import triangle_areas
 
 _RADII = tuple((0.03 + 0.02 * np.arange(7)).round(2).tolist())
 _MAX_VOXELS = 50_000_000
 # Offset of the rays from the voxels' centres, in voxels, so that no ray meets an edge exactly.
 _BESIDE = np.array([7.5487767e-7, 5.6984029e-7])
-
-
-@dataclass(frozen=True, eq=False)
-class VoxelGrid:
-    """Cubes of equal size; voxel (i, j, k) has its centre at origin + spacing * (i, j, k)."""
-
-    origin: np.ndarray
-    spacing: float
-    shape: tuple[int, int, int]
-
-    @property
-    def centers(self) -> np.ndarray:
-        """Centres of all voxels, shape (*shape, 3), in metres."""
-        return self.origin + self.spacing * np.stack(
-            np.meshgrid(*map(np.arange, self.shape), indexing="ij"), axis=-1
-        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,8 +34,10 @@ class ProjectedAreas(Record):
         Transform for each radius: 1 at the centre of a sphere of that radius.
     inside : array of bool, shape (n_x, n_y, n_z)
         Whether the surface encloses each voxel.
-    grid : VoxelGrid
-        Positions of the voxels.
+    origin : array, shape (3,)
+        Centre of the voxel (0, 0, 0), in metres.
+    voxel_size : float
+        Side of a voxel, in metres.
 
     Examples
     --------
@@ -60,7 +49,14 @@ class ProjectedAreas(Record):
 
     values: np.ndarray
     inside: np.ndarray
-    grid: VoxelGrid
+    origin: np.ndarray
+    voxel_size: float
+
+    @property
+    def centers(self) -> np.ndarray:
+        """Centres of all voxels, shape (n_x, n_y, n_z, 3), in metres."""
+        numbers = np.moveaxis(np.indices(self.inside.shape), 0, -1)
+        return self.origin + self.voxel_size * numbers
 
 
 @dataclass(frozen=True)
@@ -108,10 +104,7 @@ class AreaProjectionTransform(Descriptor):
     largest: float = 1.2
 
     def __post_init__(self) -> None:
-        radii = real_array(self.radii, "radii", ("n_radii",), batched=False)
-        if radii.size == 0 or radii.min() <= 0:
-            raise ArgumentError(f"radii must be positive numbers; found {radii.tolist()}")
-        object.__setattr__(self, "radii", tuple(radii.tolist()))
+        object.__setattr__(self, "radii", positive_numbers(self.radii, "radii"))
         for name in ("voxel_size", "ratio", "largest"):
             real_number(getattr(self, name), name, minimum=0.0, strict=True)
         whole_number(self.n_bins, "n_bins", minimum=2)
@@ -125,27 +118,28 @@ class AreaProjectionTransform(Descriptor):
             As for `describe`.
         """
         points, triangles = check_mesh(vertices, faces)
-        corners = points[triangles]
-        middle = points.mean(axis=0)
-        if np.linalg.det(corners - middle).sum() < 0:  # six times the volume
-            triangles = triangles[:, ::-1]
-            corners = points[triangles]
-        reach = self.ratio * max(self.radii)
-        n_voxels = float(np.prod((np.ptp(points, axis=0) + 2 * reach) / self.voxel_size + 3))
-        if n_voxels > _MAX_VOXELS:
+        lower, upper = points.min(axis=0), points.max(axis=0)
+        margin = self.ratio * max(self.radii) + self.voxel_size
+        counts = np.ceil((upper - lower + 2 * margin) / self.voxel_size) + 1
+        if counts.prod() > _MAX_VOXELS:
             raise ArgumentError(
-                f"a grid of voxels of {self.voxel_size:g} m around the mesh has {n_voxels:.3g} of "
-                f"them; the limit is {_MAX_VOXELS:.0e}. Is the mesh in metres?"
+                f"a grid of voxels of {self.voxel_size:g} m around the mesh has "
+                f"{counts.prod():.3g} of them; the limit is {_MAX_VOXELS:.0e}. Is the mesh in "
+                "metres?"
             )
-        grid = _grid_around(points, self.voxel_size, reach + self.voxel_size)
-
-        samples, normals, areas = _samples(points, triangles, self.voxel_size)
-        values = np.empty((len(self.radii), *grid.shape))
-        for i, radius in enumerate(self.radii):
-            arrived = _deposit(samples - radius * normals, areas, grid)
-            nearby = _ball_sums(arrived, self.ratio * radius / self.voxel_size)
-            values[i] = nearby / (4 * np.pi * radius**2)
-        return ProjectedAreas(values, _enclosed_voxels(corners, grid), grid)
+        origin = (lower + upper - self.voxel_size * (counts - 1)) / 2
+        shape = tuple(counts.astype(int).tolist())
+        # From here on, lengths are in voxels.
+        points = (points - origin) / self.voxel_size
+        if np.linalg.det(points[triangles] - points.mean(axis=0)).sum() < 0:  # six volumes
+            triangles = triangles[:, ::-1]
+        samples, normals, areas = _samples(points, triangles)
+        values = np.empty((len(self.radii), *shape))
+        for i, radius in enumerate(np.array(self.radii) / self.voxel_size):
+            arrived = _deposit(samples - radius * normals, areas, shape)
+            values[i] = _ball_sums(arrived, self.ratio * radius) / (4 * np.pi * radius**2)
+        inside = _enclosed_voxels(points[triangles], shape)
+        return ProjectedAreas(values, inside, origin, self.voxel_size)
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
         areas = self.transform(vertices, faces)
@@ -155,42 +149,32 @@ class AreaProjectionTransform(Descriptor):
                 "large holes, or no consistent orientation"
             )
         values = areas.values[:, areas.inside]
-        bins = np.clip(values * (self.n_bins / self.largest), 0, self.n_bins - 1).astype(np.int64)
-        bins += self.n_bins * np.arange(len(bins))[:, np.newaxis]
-        return np.bincount(bins.ravel(), minlength=len(bins) * self.n_bins) * self.voxel_size**3
+        volumes = np.full(values.shape[1], self.voxel_size**3)
+        return histograms(values, volumes, (0.0, self.largest), self.n_bins)
 
     def distances(self, vectors: ArrayLike) -> np.ndarray:
         return pairwise(vectors, _jeffrey)
 
 
-def _samples(
-    points: np.ndarray, faces: np.ndarray, spacing: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Spread points over triangles; return them with unit normals and the area of each.
+def _samples(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Spread points over triangles, a voxel apart; return them with unit normals and areas.
 
     Normals are interpolated from the vertices: with normals of triangles, the parallel surface
     would have gaps along the edges.
     """
-    corners = points[faces]
-    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-    crosses = np.cross(opposite[:, 0], opposite[:, 1])
-    areas = np.linalg.norm(crosses, axis=1) / 2
+    areas, normals = triangle_areas(points, faces), vertex_normals(points, faces)
     if not areas.any():
         raise DegenerateSurfaceError("no triangle of the mesh has area")
-    normals = np.stack(
-        [np.bincount(faces.ravel(), np.repeat(column, 3), len(points)) for column in crosses.T],
-        axis=1,
-    )
-    normals = _unit(normals)
-
     # The corner opposite the longest side comes first: slivers are cut along their length.
+    corners = points[faces]
+    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
     lengths = np.linalg.norm(opposite, axis=2)
     apex = lengths.argmax(axis=1)
     faces = np.take_along_axis(faces, (apex[:, np.newaxis] + np.arange(3)) % 3, axis=1)
     longest = lengths.max(axis=1)
     kept = areas > 0
     faces, areas, longest = faces[kept], areas[kept], longest[kept]
-    cuts = np.ceil(np.stack([longest, 2 * areas / longest], axis=1) / spacing).astype(np.int64)
+    cuts = np.ceil(np.stack([longest, 2 * areas / longest], axis=1)).astype(np.int64)
     found = []
     for n_along, n_across in np.unique(cuts, axis=0).tolist():
         chosen = (cuts == (n_along, n_across)).all(axis=1)
@@ -203,7 +187,7 @@ def _samples(
             )
         )
     places, directions, parts = (np.concatenate(column) for column in zip(*found, strict=True))
-    return places, _unit(directions), parts
+    return places, unit_vectors(directions), parts
 
 
 def _centers_of_cells(n_along: int, n_across: int) -> tuple[np.ndarray, np.ndarray]:
@@ -217,17 +201,12 @@ def _centers_of_cells(n_along: int, n_across: int) -> tuple[np.ndarray, np.ndarr
     return weights, 2 * (1 - across) / (n_along * n_across)
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.divide(vectors, lengths, where=lengths > 0, out=np.zeros_like(vectors))
-
-
-def _deposit(places: np.ndarray, areas: np.ndarray, grid: VoxelGrid) -> np.ndarray:
+def _deposit(places: np.ndarray, areas: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Sum areas over the voxels where they arrive; areas outside the grid are dropped."""
-    index = np.rint((places - grid.origin) / grid.spacing).astype(np.int64)
-    kept = ((index >= 0) & (index < grid.shape)).all(axis=1)
-    cell = np.ravel_multi_index(tuple(index[kept].T), grid.shape)
-    return np.bincount(cell, areas[kept], minlength=int(np.prod(grid.shape))).reshape(grid.shape)
+    index = np.rint(places).astype(np.int64)
+    kept = ((index >= 0) & (index < shape)).all(axis=1)
+    cell = np.ravel_multi_index(tuple(index[kept].T), shape)
+    return np.bincount(cell, areas[kept], minlength=math.prod(shape)).reshape(shape)
 
 
 def _ball_sums(values: np.ndarray, radius: float) -> np.ndarray:
@@ -241,11 +220,7 @@ def _ball_sums(values: np.ndarray, radius: float) -> np.ndarray:
     squares = offsets**2
     distances = np.sqrt(squares[:, None, None] + squares[:, None] + squares)
     kernel = np.clip(radius + 0.5 - distances, 0.0, 1.0)
-    padded = [fft.next_fast_len(length + half, real=True) for length in values.shape]
-    spread = np.zeros(padded, dtype=np.float32)
-    spread[np.ix_(*[offsets % length for length in padded])] = kernel
-    product = fft.rfftn(values.astype(np.float32), padded) * fft.rfftn(spread)
-    sums = fft.irfftn(product, padded)[tuple(slice(length) for length in values.shape)]
+    sums = fftconvolve(values.astype(np.float32), kernel.astype(np.float32), mode="same")
     return np.maximum(sums, 0.0)
 
 
@@ -253,26 +228,16 @@ def _jeffrey(p: np.ndarray, q: np.ndarray) -> float:
     return max(float(np.sum(rel_entr(p, (p + q) / 2) + rel_entr(q, (p + q) / 2))), 0.0)
 
 
-def _grid_around(vertices: np.ndarray, spacing: float, margin: float) -> VoxelGrid:
-    """Return the grid that covers the bounding box of points (V, 3), with a margin in metres."""
-    lower, upper = vertices.min(axis=0), vertices.max(axis=0)
-    counts = np.ceil((upper - lower + 2 * margin) / spacing).astype(int) + 1
-    origin = (lower + upper) / 2 - spacing * (counts - 1) / 2
-    return VoxelGrid(origin, spacing, (int(counts[0]), int(counts[1]), int(counts[2])))
-
-
-def _enclosed_voxels(corners: np.ndarray, grid: VoxelGrid) -> np.ndarray:
+def _enclosed_voxels(corners: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Return whether the centre of each voxel is inside a mesh, given by its corners (F, 3, 3).
 
     A centre is inside if rays along two of the three axes are, by the sum of signed crossings with
     triangles: a hole in the mesh has an effect only where it is seen along two axes.
     """
-    positions = (corners - grid.origin) / grid.spacing
-    votes = np.zeros(grid.shape, dtype=np.int8)
+    votes = np.zeros(shape, dtype=np.int8)
     for axis in range(3):
-        across = [(axis + 1) % 3, (axis + 2) % 3]
-        order = [*across, axis]
-        inside = _enclosed_along_last_axis(positions[:, :, order], [grid.shape[i] for i in order])
+        order = [(axis + 1) % 3, (axis + 2) % 3, axis]
+        inside = _enclosed_along_last_axis(corners[:, :, order], [shape[i] for i in order])
         votes += np.transpose(inside, np.argsort(order))
     return votes >= 2
 

@@ -92,6 +92,29 @@ def pairwise(vectors: ArrayLike, metric: str | Callable[..., float]) -> np.ndarr
     return squareform(pdist(rows, metric)) if len(rows) > 1 else np.zeros((len(rows), len(rows)))
 
 
+def histograms(
+    values: np.ndarray, weights: np.ndarray, limits: tuple[float, float], n_bins: int
+) -> np.ndarray:
+    """Return the histograms of functions (m, n), one after the other, with weights (n,).
+
+    The first and the last bin also count values beyond them.
+    """
+    lower, upper = limits
+    position = (values - lower) * (n_bins / (upper - lower))
+    bins = np.clip(position, 0, n_bins - 1).astype(np.int64)
+    bins += n_bins * np.arange(len(values))[:, np.newaxis]
+    shares = np.broadcast_to(weights, values.shape)
+    return np.bincount(bins.ravel(), shares.ravel(), minlength=len(values) * n_bins)
+
+
+def positive_numbers(numbers: Any, name: str) -> tuple[float, ...]:
+    """Return one positive number or more as a tuple."""
+    found = real_array(numbers, name, (f"n_{name}",), batched=False)
+    if found.size == 0 or found.min() <= 0:
+        raise ArgumentError(f"{name} must be positive numbers; found {found.tolist()}")
+    return tuple(found.tolist())
+
+
 def meshes_of(bodies: Any) -> tuple[int, Callable[[int], Mesh]]:
     """Return the number of meshes, and a function that returns the mesh of an index."""
     if hasattr(bodies, "points") and hasattr(bodies, "template"):

@@ -6,7 +6,6 @@ import os
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,15 +13,10 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array
 from riemhuman.descriptors.descriptor import Descriptor
-from riemhuman.errors import (
-    ArgumentError,
-    ArgumentTypeError,
-    FileFormatError,
-    NotDefinedError,
-    RiemhumanError,
-)
+from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
 from riemhuman.io.arrays import load_array, load_arrays
-from riemhuman.io.files import file_path
+from riemhuman.io.files import file_path, format_errors
+from riemhuman.io.meshes import unknown_suffix
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.representation import Record, join_names
 
@@ -76,18 +70,21 @@ class LatentVectors(Record, Descriptor):
             - ``.npy``: an array (n, d); the ids are the numbers of its rows, from 0.
         """
         file = file_path(path)
-        readers = {".npz": _read_npz, ".csv": _read_csv, ".npy": _read_npy}
-        read = readers.get(file.suffix.lower())
-        if read is None:
-            raise FileFormatError(
-                f"{file}: the ending must be one of {', '.join(readers)}; found "
-                f"{repr(file.suffix) if file.suffix else 'none'}"
-            )
-        ids, vectors = read(file)
-        try:
+        suffix = file.suffix.lower()
+        ids: Any
+        if suffix == ".npz":
+            arrays = load_arrays(file, ["ids", "vectors"], optional=[])
+            ids, vectors = arrays["ids"], arrays["vectors"]
+        elif suffix == ".csv":
+            rows = read_named_rows(file, "id")
+            ids, vectors = list(rows), np.array(list(rows.values()))
+        elif suffix == ".npy":
+            vectors = load_array(file)
+            ids = range(len(vectors) if vectors.ndim else 0)
+        else:
+            raise unknown_suffix(file, (".npz", ".csv", ".npy"))
+        with format_errors(file, "vectors of bodies"):
             return cls(ids, vectors)
-        except RiemhumanError as error:
-            raise FileFormatError(f"{file}: {error}") from error
 
     def select(self, ids: Iterable[Any]) -> LatentVectors:
         """Return the vectors of a data set's bodies, in its order.
@@ -140,18 +137,3 @@ def _as_ids(ids: Any, name: str) -> tuple[str, ...]:
             raise ArgumentError(f"{name}[{number}] is missing")
         found.append(text)
     return tuple(found)
-
-
-def _read_npz(file: Path) -> tuple[Any, Any]:
-    arrays = load_arrays(file, ["ids", "vectors"], optional=[])
-    return arrays["ids"], arrays["vectors"]
-
-
-def _read_npy(file: Path) -> tuple[Any, Any]:
-    vectors = load_array(file)
-    return range(len(vectors) if vectors.ndim else 0), vectors
-
-
-def _read_csv(file: Path) -> tuple[Any, Any]:
-    rows = read_named_rows(file, "id")
-    return list(rows), np.array(list(rows.values()))

@@ -6,23 +6,25 @@ import time
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import one_of, real_array, real_number, whole_number
-from riemhuman.descriptors.descriptor import Descriptor, meshes_of, pairwise
+from riemhuman.descriptors.descriptor import (
+    Descriptor,
+    histograms,
+    meshes_of,
+    pairwise,
+    positive_numbers,
+)
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.spectra import Spectrum, spectrum
 
 _TIMES = tuple(np.geomspace(0.02, 2.0, 16).tolist())
-# Range of log₁₀(4πt h), which is 0 where the surface is flat within a distance of √t.
-_HEAT_RANGE = -0.5, 1.5
 _ENERGIES = tuple(np.linspace(1.5, 5.5, 24).tolist())
-# Range of the signature times the area, whose mean over any surface is 1.
-_WAVE_RANGE = 0.0, 4.0
 
 
 class SpectralDescriptor(Descriptor):
@@ -31,6 +33,9 @@ class SpectralDescriptor(Descriptor):
     _in_threads = False
 
     n_eigenvalues: int
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
 
     @abstractmethod
     def of_spectrum(self, modes: Spectrum) -> np.ndarray:
@@ -89,9 +94,6 @@ class ShapeDNA(SpectralDescriptor):
 
     n_eigenvalues: int = 50
 
-    def __post_init__(self) -> None:
-        whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
-
     def of_spectrum(self, modes: Spectrum) -> np.ndarray:
         values = modes.eigenvalues[: self.n_eigenvalues]
         return values / np.arange(1, len(values) + 1)
@@ -101,6 +103,13 @@ class KernelSignature(SpectralDescriptor):
     """Spectral signatures Σ_k w_k φ_k(x)² of all points x, pooled over the surface."""
 
     n_bins: int
+    pooling: str = "histogram"
+
+    _RANGE: ClassVar[tuple[float, float]]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        whole_number(self.n_bins, "n_bins", minimum=2)
 
     def signatures(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
         """Return the signatures (n_scales, V) of every vertex: a row for each time or energy.
@@ -113,15 +122,23 @@ class KernelSignature(SpectralDescriptor):
         return self._of(spectrum(vertices, faces, self.n_eigenvalues))
 
     def distances(self, vectors: ArrayLike) -> np.ndarray:
-        return pairwise(vectors, "cityblock")
+        return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
+
+    def of_spectrum(self, modes: Spectrum) -> np.ndarray:
+        modes = modes.first(self.n_eigenvalues)
+        used = modes.areas > 0
+        values = self._pooled(self._of(modes)[:, used])
+        if self.pooling == "vertex mean":
+            return values.mean(axis=1)
+        shares = modes.areas[used] / modes.areas.sum()
+        return histograms(values, shares, self._RANGE, self.n_bins)
 
     @abstractmethod
     def _of(self, modes: Spectrum) -> np.ndarray:
         """Return the signatures, shape (n_scales, V)."""
 
-    def _check_choices(self) -> None:
-        whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
-        whole_number(self.n_bins, "n_bins", minimum=2)
+    def _pooled(self, signatures: np.ndarray) -> np.ndarray:
+        return signatures
 
 
 @dataclass(frozen=True)
@@ -160,18 +177,15 @@ class HeatKernelSignature(KernelSignature):
     n_eigenvalues: int = 60
     n_bins: int = 16
 
-    def __post_init__(self) -> None:
-        times = real_array(self.times, "times", ("n_times",), batched=False)
-        if times.size == 0 or times.min() <= 0:
-            raise ArgumentError(f"times must be positive numbers; found {times.tolist()}")
-        object.__setattr__(self, "times", tuple(times.tolist()))
-        self._check_choices()
+    # Of log₁₀(4πt h), which is 0 where the surface is flat within a distance of √t.
+    _RANGE = -0.5, 1.5
 
-    def of_spectrum(self, modes: Spectrum) -> np.ndarray:
-        modes = modes.first(self.n_eigenvalues)
-        used = modes.areas > 0
-        excess = 4 * np.pi * np.array(self.times)[:, np.newaxis] * self._of(modes)[:, used]
-        return _area_histograms(np.log10(excess), modes.areas[used], _HEAT_RANGE, self.n_bins)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "times", positive_numbers(self.times, "times"))
+
+    def _pooled(self, signatures: np.ndarray) -> np.ndarray:
+        return np.log10(4 * np.pi * np.array(self.times)[:, np.newaxis] * signatures)
 
     def _of(self, modes: Spectrum) -> np.ndarray:
         decay = np.exp(-np.outer(self.times, modes.eigenvalues))
@@ -217,31 +231,21 @@ class WaveKernelSignature(KernelSignature):
     n_eigenvalues: int = 60
     n_bins: int = 32
 
+    # Of the signature times the area, whose mean over any surface is 1.
+    _RANGE = 0.0, 4.0
+
     def __post_init__(self) -> None:
+        super().__post_init__()
         energies = real_array(self.energies, "energies", ("n_energies",), batched=False)
         object.__setattr__(self, "energies", tuple(energies.tolist()))
-        if energies.size == 0:
-            raise ArgumentError("energies is empty; at least one is needed")
         if self.sigma is not None:
             real_number(self.sigma, "sigma", minimum=0.0, strict=True)
-        elif np.ptp(energies) == 0:
+        if energies.size == 0 or (self.sigma is None and np.ptp(energies) == 0):
             raise ArgumentError(
-                "energies must hold at least two different numbers, or sigma be given; found "
-                f"{self.energies}"
+                "energies must hold at least two different numbers, or one and sigma be given; "
+                f"found {self.energies}"
             )
         one_of(self.pooling, "pooling", ("histogram", "vertex mean"))
-        self._check_choices()
-
-    def distances(self, vectors: ArrayLike) -> np.ndarray:
-        return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
-
-    def of_spectrum(self, modes: Spectrum) -> np.ndarray:
-        modes = modes.first(self.n_eigenvalues)
-        used = modes.areas > 0
-        values = self._of(modes)[:, used]
-        if self.pooling == "histogram":
-            return _area_histograms(values, modes.areas[used], _WAVE_RANGE, self.n_bins)
-        return values.mean(axis=1)
 
     def _of(self, modes: Spectrum) -> np.ndarray:
         gaps = np.array(self.energies)[:, np.newaxis] - np.log(modes.eigenvalues)
@@ -251,18 +255,3 @@ class WaveKernelSignature(KernelSignature):
         weights = np.exp(exponents - exponents.max(axis=1, keepdims=True))
         weights /= weights.sum(axis=1, keepdims=True)
         return modes.areas.sum() * (weights @ modes.functions**2)
-
-
-def _area_histograms(
-    values: np.ndarray, areas: np.ndarray, limits: tuple[float, float], n_bins: int
-) -> np.ndarray:
-    """Return histograms, each summing to 1, of functions (m, V) weighted by vertex areas (V,).
-
-    The first and the last bin also count values beyond them.
-    """
-    lower, upper = limits
-    position = (values - lower) * (n_bins / (upper - lower))
-    bins = np.clip(position, 0, n_bins - 1).astype(np.int64)
-    bins += n_bins * np.arange(len(values))[:, np.newaxis]
-    shares = np.broadcast_to(areas / areas.sum(), values.shape)
-    return np.bincount(bins.ravel(), shares.ravel(), minlength=len(values) * n_bins)

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from scipy.special import rel_entr
 
 from riemhuman.descriptors import AreaProjectionTransform
-from riemhuman.descriptors.area_projection import VoxelGrid, _enclosed_voxels, _grid_around
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 
 
@@ -27,9 +26,9 @@ def test_sphere_peaks_at_its_centre(radius):
     center = np.array([0.31, -0.12, 0.055])
     found = AreaProjectionTransform((radius,), voxel_size=0.01).transform(vertices + center, faces)
     values = np.where(found.inside, found.values[0], -1.0)
-    peak = found.grid.centers[np.unravel_index(values.argmax(), values.shape)]
+    peak = found.centers[np.unravel_index(values.argmax(), values.shape)]
     # All of the sphere reaches every voxel within σ of the centre; their middle is the centre.
-    highest = found.grid.centers[values > 0.99 * values.max()]
+    highest = found.centers[values > 0.99 * values.max()]
     assert np.linalg.norm(peak - center) <= 0.5 * radius
     np.testing.assert_allclose(highest.mean(axis=0), center, atol=0.003)
     assert values.max() == pytest.approx(1.0, abs=0.01)
@@ -40,9 +39,7 @@ def test_sphere_peaks_at_its_radius():
     radii = (0.07, 0.085, 0.1, 0.115, 0.13)
     vertices, faces = sphere(4, 0.1)
     found = AreaProjectionTransform(radii, voxel_size=0.003, ratio=0.08).transform(vertices, faces)
-    middle = np.unravel_index(
-        np.linalg.norm(found.grid.centers, axis=-1).argmin(), found.grid.shape
-    )
+    middle = np.unravel_index(np.linalg.norm(found.centers, axis=-1).argmin(), found.inside.shape)
     at_center = found.values[:, *middle]
     assert at_center[2] == pytest.approx(1.0, abs=0.02)
     assert np.delete(at_center, 2).max() < 0.05
@@ -54,7 +51,7 @@ def test_axis_of_a_cylinder_has_the_ratio():
     found = AreaProjectionTransform((radius,), voxel_size=0.01, ratio=ratio).transform(
         mesh.vertices, mesh.faces
     )
-    centers = found.grid.centers
+    centers = found.centers
     on_axis = np.linalg.norm(centers[..., :2], axis=-1) < 0.008
     far_from_lids = np.abs(centers[..., 2]) < 0.3
     np.testing.assert_allclose(found.values[0][on_axis & far_from_lids], ratio, rtol=0.15)
@@ -79,8 +76,8 @@ def test_equals_a_direct_count():
     arrived = (points - radius * directions).reshape(-1, 3)
     areas = np.repeat(np.linalg.norm(crosses, axis=1) / 2 / 2000, 2000)
     for place in ([0, 0, 0], [0.03, 0.01, -0.02], [0.0, 0.05, 0.0]):
-        index = np.rint((np.array(place) - found.grid.origin) / voxel).astype(int)
-        center = found.grid.origin + voxel * index
+        index = np.rint((np.array(place) - found.origin) / voxel).astype(int)
+        center = found.origin + voxel * index
         near = np.linalg.norm(arrived - center, axis=1) < ratio * radius
         exact = areas[near].sum() / (4 * np.pi * radius**2)
         assert found.values[0][tuple(index)] == pytest.approx(exact, rel=0.05, abs=0.005)
@@ -88,28 +85,29 @@ def test_equals_a_direct_count():
 
 def test_enclosed_voxels_of_solids():
     ring = trimesh.creation.torus(0.2, 0.07, major_sections=96, minor_sections=48)
-    for mesh, level in (
+    descriptor = AreaProjectionTransform((0.03,), voxel_size=0.011)
+    for (vertices, faces), level in (
         (sphere(4, 0.2), lambda x: np.linalg.norm(x, axis=-1) - 0.2),
         (
-            (np.array(ring.vertices), np.array(ring.faces)),
+            (ring.vertices, ring.faces),
             lambda x: np.hypot(np.linalg.norm(x[..., :2], axis=-1) - 0.2, x[..., 2]) - 0.07,
         ),
     ):
-        corners = mesh[0][mesh[1]]
-        grid = _grid_around(mesh[0], 0.011, 0.03)
-        inside, distance = _enclosed_voxels(corners, grid), level(grid.centers)
+        found = descriptor.transform(vertices, faces)
+        distance = level(found.centers)
         clear = np.abs(distance) > 0.002
-        np.testing.assert_array_equal(inside[clear], distance[clear] < 0)
+        np.testing.assert_array_equal(found.inside[clear], distance[clear] < 0)
 
 
 def test_rays_through_edges_and_corners_count_once():
-    box = trimesh.creation.box(extents=(0.4, 0.4, 0.4))  # its corners are centres of voxels
-    grid = VoxelGrid(np.full(3, -0.5), 0.1, (11, 11, 11))
-    inside = _enclosed_voxels(np.array(box.vertices)[box.faces], grid)
-    strictly = (np.abs(grid.centers) < 0.15).all(axis=-1)
-    beyond = (np.abs(grid.centers) > 0.25).any(axis=-1)
-    assert inside[strictly].all()
-    assert not inside[beyond].any()
+    box = trimesh.creation.box(extents=(0.4, 0.4, 0.4))
+    found = AreaProjectionTransform((0.18,), 0.1).transform(box.vertices, box.faces)
+    # The corners of the box are centres of voxels.
+    np.testing.assert_allclose(10 * found.centers, np.rint(10 * found.centers), atol=1e-9)
+    strictly = (np.abs(found.centers) < 0.15).all(axis=-1)
+    beyond = (np.abs(found.centers) > 0.25).any(axis=-1)
+    assert found.inside[strictly].all()
+    assert not found.inside[beyond].any()
 
 
 def test_histograms_hardly_know_where_the_body_stands():

@@ -188,7 +188,7 @@ def test_descriptors_that_share_spectra_are_those_that_do_not(monkeypatch, capsy
             lambda: HeatKernelSignature((1.0, 0.0)),
             r"times must be positive numbers; found \[1.0, 0",
         ),
-        (lambda: WaveKernelSignature((2.0, 2.0)), "at least two different numbers, or sigma"),
+        (lambda: WaveKernelSignature((2.0, 2.0)), "at least two different numbers, or one and"),
         (
             lambda: WaveKernelSignature(pooling="mean"),
             "pooling must be one of 'histogram', 'vertex",
