@@ -121,7 +121,13 @@ class PairedCodes(ABC):
 
     @abstractmethod
     def inverse_transform(self, Z: ArrayLike) -> ndarray:
-        """Return the bodies with given codes (n, n_codes)."""
+        """Return the bodies with given codes, their mean vertex at the origin, metres.
+
+        Parameters
+        ----------
+        Z : array_like, shape (n, n_codes)
+            Both codes of each body; they may come from different bodies.
+        """
 
     def split(self, Z: ArrayLike) -> tuple[ndarray, ndarray]:
         """Return the two codes of each body.

@@ -11,6 +11,7 @@ single vertices).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -21,7 +22,7 @@ from numpy import ndarray
 from scipy import sparse
 
 from riemhuman.errors import FileFormatError
-from riemhuman.kernels.rotations import log, nearest_rotations
+from riemhuman.kernels.rotations import log, nearest_rotations, rotation_matrix
 from riemhuman.kernels.surface import (
     deformation_gradients,
     partial_derivatives,
@@ -131,13 +132,19 @@ class Parts:
                 means[part] = body if is_root else means[self.parents[part]]
         return np.swapaxes(means, 0, 1)
 
-    def surfaces(self, features: Any, backend: ModuleType = np, operator: Any = None) -> Any:
+    def surfaces(
+        self,
+        features: Any,
+        backend: ModuleType = np,
+        operator: Any = None,
+        matrices: Callable[[Any], Any] = rotation_matrix,
+    ) -> Any:
         """Return the surfaces (n, V, 3) with given features (n, 9 K), by NumPy or PyTorch."""
         count = self.n_parts
         n_bodies = features.shape[0]
         vectors = features[:, : 3 * count].reshape(n_bodies, count, 3)
         halves = features[:, 3 * count :].reshape(n_bodies, count, 6)
-        rotations = self._chain(_rotations(vectors, backend), backend)
+        rotations = self._chain(matrices(vectors), backend)
         xx, xy, xz, yy, yz, zz = (halves[..., i] for i in range(6))
         entries = [1.0 + xx, xy, xz, xy, 1.0 + yy, yz, xz, yz, 1.0 + zz]
         stretches = backend.stack(entries, -1).reshape(n_bodies, count, 3, 3)
@@ -176,24 +183,3 @@ def gradients(template: Template, points: ndarray, used: Any = slice(None)) -> n
     refuse_degenerate(is_degenerate_triangle(f_u, f_v), "X")
     after = np.stack([f_u, f_v, unit_normals(f_u, f_v)], axis=-1)
     return deformation_gradients(triangle_frames(template.vertices, operator)[used], after)
-
-
-def _rotations(vectors: Any, backend: ModuleType) -> Any:
-    """Return rotation matrices of rotation vectors (Rodrigues' formula)."""
-    squares = (vectors * vectors).sum(-1)
-    angles = backend.sqrt(squares + 1e-12)
-    sine, half = backend.sin(angles) / angles, backend.sin(0.5 * angles) / angles
-    cosine = 2.0 * half * half
-    x, y, z = (vectors[..., i] for i in range(3))
-    entries = [
-        1.0 - cosine * (y * y + z * z),
-        cosine * x * y - sine * z,
-        cosine * x * z + sine * y,
-        cosine * x * y + sine * z,
-        1.0 - cosine * (x * x + z * z),
-        cosine * y * z - sine * x,
-        cosine * x * z - sine * y,
-        cosine * y * z + sine * x,
-        1.0 - cosine * (x * x + y * y),
-    ]
-    return backend.stack(entries, -1).reshape(*vectors.shape, 3)

@@ -100,13 +100,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         return np.asarray(self._encode(self.parameters_, clouds).mean(axis=0))
 
     def inverse_transform(self, Z: ArrayLike) -> ndarray:
-        """Return the vertices `vertices_` of bodies, relative to their mean vertex, metres.
-
-        Parameters
-        ----------
-        Z : array_like, shape (n, n_intrinsic + n_extrinsic)
-            Both codes of each body; they may come from different bodies.
-        """
         codes = self._check_codes(Z)
         points = network(self.parameters_, "points", codes)
         return points.reshape(len(codes), self.n_points, 3) + self._place

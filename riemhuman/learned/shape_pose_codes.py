@@ -82,13 +82,6 @@ class ShapePoseCodes(PairedCodes):
         return np.concatenate(self._encode(self.parameters_, features), axis=1)
 
     def inverse_transform(self, Z: ArrayLike) -> ndarray:
-        """Return the bodies with given codes, their mean vertex at the origin, metres.
-
-        Parameters
-        ----------
-        Z : array_like, shape (n, n_shape + n_pose)
-            Both codes of each body; they may come from different bodies.
-        """
         codes = self._check_codes(Z)
         features = self._decode(self.parameters_, codes) * self._scale + self._center
         surfaces = self._parts.surfaces(features)

@@ -5,7 +5,7 @@ import pytest
 import torch
 import training
 from train_codes import find_parts, train_intrinsic_extrinsic, train_shape_pose
-from training import initial_cloud, initial_network, train
+from training import initial_cloud, initial_network, rotation_matrices, train
 from training_bodies import random_bodies
 
 import riemhuman as rh
@@ -104,7 +104,8 @@ def test_surfaces_of_parts_agree_with_pytorch(model, bodies):
     parts = find_parts(model.template, bodies.points, 12, np.random.default_rng(0))
     features, _ = parts.split(bodies.points[:4])
     operator = torch.tensor(np.float32(parts.operator))
-    found = parts.surfaces(torch.tensor(np.float32(features)), torch, operator).numpy()
+    tensor = torch.tensor(np.float32(features))
+    found = parts.surfaces(tensor, torch, operator, rotation_matrices).numpy()
     np.testing.assert_allclose(found, parts.surfaces(features), atol=1e-5)
 
 

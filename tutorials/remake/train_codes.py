@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.cluster.vq import kmeans2
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
-from training import initial_cloud, initial_network, save_weights, train
+from training import initial_cloud, initial_network, rotation_matrices, save_weights, train
 from training_bodies import random_bodies
 
 from riemhuman.bodies import BodyModel
@@ -131,7 +131,8 @@ def train_shape_pose(
         wanted = data["points"][numbers][:, vertices]
 
         def surfaces(decoded: Any) -> Any:
-            return parts.surfaces(decoded * data["scale"] + data["center"], torch, operator)
+            features = decoded * data["scale"] + data["center"]
+            return parts.surfaces(features, torch, operator, rotation_matrices)
 
         def error(surfaces: Any, wanted: Any) -> Any:
             return ((surfaces - wanted) ** 2).sum(-1).mean() / _ERROR**2

@@ -132,6 +132,28 @@ def initial_cloud(n_hidden: int, n_features: int, rng: np.random.Generator) -> d
     }
 
 
+def rotation_matrices(vectors: Any) -> Any:
+    """Return the rotation matrices of rotation vectors, tensors of PyTorch (Rodrigues' formula)."""
+    torch = import_optional("torch", "learned")
+    squares = (vectors * vectors).sum(-1)
+    angles = torch.sqrt(squares + 1e-12)
+    sine, half = torch.sin(angles) / angles, torch.sin(0.5 * angles) / angles
+    cosine = 2.0 * half * half
+    x, y, z = (vectors[..., i] for i in range(3))
+    entries = [
+        1.0 - cosine * (y * y + z * z),
+        cosine * x * y - sine * z,
+        cosine * x * z + sine * y,
+        cosine * x * y + sine * z,
+        1.0 - cosine * (x * x + z * z),
+        cosine * y * z - sine * x,
+        cosine * x * z - sine * y,
+        cosine * y * z + sine * x,
+        1.0 - cosine * (x * x + y * y),
+    ]
+    return torch.stack(entries, -1).reshape(*vectors.shape, 3)
+
+
 def _pace(step: int, n_steps: int) -> float:
     rise = max(1.0, _WARM_UP * n_steps)
     return float(min(1.0, (step + 1) / rise) * 0.5 * (1.0 + np.cos(np.pi * step / n_steps)))
