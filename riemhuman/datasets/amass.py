@@ -22,7 +22,7 @@ from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.registered_meshes import existing_path
 from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.io.arrays import check_fields, load_arrays, open_archive
+from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
 from riemhuman.io.files import convert_errors, format_errors
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.surfaces.procrustes import make_upright
@@ -260,17 +260,14 @@ def _of_model(poses: np.ndarray, n_joints: int) -> np.ndarray:
 
 def _read_header(file: Path) -> _Header:
     """Read gender, frame rate and number of frames of a file."""
-    with open_archive(file) as archive:
-        names = archive.names
-        rate_name = next((name for name in _RATES if name in names), " or ".join(_RATES))
-        needed = ["trans", "betas", rate_name]
-        needed += _NEEDED_POSES if any(name in names for name in _NEEDED_POSES) else ["poses"]
+    # Others may hold objects of Python, as the markers of SMPL-X do.
+    names, shapes = array_shapes(file, ("trans", "poses", *_POSES))
+    rate_name = next((name for name in _RATES if name in names), " or ".join(_RATES))
+    needed = ["trans", "betas", rate_name]
+    needed += _NEEDED_POSES if any(name in names for name in _NEEDED_POSES) else ["poses"]
+    with format_errors(file, "a motion"):
         check_fields(names, needed)
-        # Others may hold objects of Python, as the markers of SMPL-X do.
-        shapes = {
-            name: archive.shape(name) for name in ("trans", "poses", *_POSES) if name in names
-        }
-        fields = archive.arrays([name for name in (rate_name, "gender") if name in names])
+    fields = load_arrays(file, [rate_name], ["gender"])
     n_frames = (*shapes["trans"], 0)[0]
     widths = {"trans": (3,), "poses": tuple(3 * number for number in _LAYOUTS)}
     widths |= {name: (width,) for name, width in _POSES.items()}

@@ -25,7 +25,7 @@ from riemhuman.io.mesh_arrays import check_mesh
 _FLOAT, _BYTE, _SHORT, _INT = 5126, 5121, 5123, 5125  # component types of glTF
 _TRIANGLES = 4  # mode of primitives
 _LARGEST_STRIDE = 252  # bytes from a vertex to the next, by the specification
-# Corners of triangles for each byte of the file: primitives and nodes may share some.
+# Corners of triangles for each byte of arrays: primitives and nodes may share some.
 _MOST_CORNERS = 4
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _SKIN = {
@@ -79,21 +79,31 @@ def save_glb(
 
 def read_glb(file: Path) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices and triangles of the meshes in a file's scene, placed by its nodes."""
-    content = read_bytes(file)
-    document, binary = _chunks(content)
+    document, binary = _chunks(read_bytes(file))
     scenes = document.get("scenes") or [{"nodes": range(len(document.get("nodes", ())))}]
     roots = scenes[document.get("scene", 0)].get("nodes", ())
     vertices, faces, n_vertices, n_corners = [], [], 0, 0
     for mesh, matrix in _placed_meshes(document, roots):
-        for positions, triangles in _primitives(document, binary, mesh):
-            vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
-            faces.append(triangles + n_vertices)
-            n_vertices += len(positions)
-            n_corners += triangles.size
-            # Many nodes may show one mesh.
-            if n_vertices > len(content) or n_corners > _MOST_CORNERS * len(content):
-                raise FileFormatError("its nodes repeat its meshes too often")
-    if not vertices:
+        starts: dict[int, int] = {}  # primitives may share vertices
+        for primitive in mesh["primitives"]:
+            if primitive.get("mode", _TRIANGLES) != _TRIANGLES:
+                continue
+            number = primitive["attributes"]["POSITION"]
+            if number not in starts:
+                positions = _accessor(document, binary, number, 3).astype(float)
+                starts[number] = n_vertices
+                n_vertices += len(positions)
+                vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
+            if "indices" in primitive:
+                corners = _accessor(document, binary, primitive["indices"], 1)
+            else:
+                corners = np.arange(len(_accessor(document, binary, number, 3)))
+            n_corners += corners.size
+            # Nodes may share a mesh, and primitives their corners, any number of times.
+            if n_vertices > len(binary) or n_corners > _MOST_CORNERS * len(binary):
+                raise FileFormatError("its nodes and primitives repeat its meshes too often")
+            faces.append(corners.reshape(-1, 3).astype(np.int64) + starts[number])
+    if not faces:
         raise FileFormatError("the GLB file holds no triangles")
     return np.concatenate(vertices), np.concatenate(faces)
 
@@ -134,27 +144,6 @@ def _placed_meshes(
         if "mesh" in node:
             yield document["meshes"][node["mesh"]], matrix
         waiting += [(child, matrix) for child in reversed(node.get("children", ()))]
-
-
-def _primitives(
-    document: dict[str, Any], binary: bytes, mesh: dict[str, Any]
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield vertices and triangles; primitives that share vertices count as one."""
-    parts: dict[int, list[np.ndarray]] = {}
-    n_corners = 0
-    for primitive in mesh["primitives"]:
-        if primitive.get("mode", _TRIANGLES) == _TRIANGLES:
-            number = primitive["attributes"]["POSITION"]
-            if "indices" in primitive:
-                corners = _accessor(document, binary, primitive["indices"], 1)
-            else:
-                corners = np.arange(len(_accessor(document, binary, number, 3)))
-            n_corners += corners.size
-            if n_corners > _MOST_CORNERS * len(binary):
-                raise FileFormatError("its primitives repeat their corners too often")
-            parts.setdefault(number, []).append(corners.reshape(-1, 3).astype(np.int64))
-    for number, triangles in parts.items():
-        yield _accessor(document, binary, number, 3).astype(float), np.concatenate(triangles)
 
 
 def _accessor(document: dict[str, Any], binary: bytes, number: int, width: int) -> np.ndarray:

@@ -33,19 +33,15 @@ _STL_HEADER = 84
 _STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
 
 
-def read_ply(file: Path) -> tuple[ndarray, ndarray | None, ndarray | None]:
-    """Return vertices, triangles or None, and normals or None, of any kind of PLY file."""
+def read_ply(file: Path) -> tuple[ndarray, ndarray | None, ndarray | None, ndarray | None]:
+    """Return vertices, and triangles, normals and the trusted vertices, if the file has them."""
     data = _read_ply(file)
     vertices = _columns(data, _POSITION)
     if vertices is None or len(vertices) == 0:
         raise FileFormatError("a PLY file must have vertices with numbers x, y and z")
-    return vertices, _faces(data), _columns(data, _NORMAL)
-
-
-def read_trusted(file: Path) -> ndarray | None:
-    """Return the property `trusted` of the vertices of a PLY file, shape (V,), or None."""
-    trusted = _columns(_read_ply(file), ("trusted",))
-    return None if trusted is None else trusted[:, 0] != 0
+    trusted = _columns(data, ("trusted",))
+    trusted = None if trusted is None else trusted[:, 0] != 0
+    return vertices, _faces(data), _columns(data, _NORMAL), trusted
 
 
 def _read_ply(file: Path) -> Any:
@@ -219,12 +215,10 @@ def _mesh_of_polygons(positions: array[float], corners: array[int], lengths: arr
 def write_ply(vertices: ndarray, faces: ndarray, trusted: ndarray | None = None) -> bytes:
     import plyfile
 
-    extra = [] if trusted is None else [("trusted", np.uint8)]
-    points = np.empty(len(vertices), dtype=[*((axis, np.float64) for axis in _POSITION), *extra])
-    for axis, column in zip(_POSITION, vertices.T, strict=True):
-        points[axis] = column
+    columns = dict(zip(_POSITION, vertices.T, strict=True))
     if trusted is not None:
-        points["trusted"] = trusted
+        columns["trusted"] = trusted.astype(np.uint8)
+    points = np.rec.fromarrays(list(columns.values()), names=list(columns))
     triangles = faces.astype(np.int32, order="C").view([(_CORNERS[0], np.int32, (3,))])[:, 0]
     elements = [
         plyfile.PlyElement.describe(points, "vertex"),

@@ -6,6 +6,7 @@ is allocated.
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import zipfile
@@ -24,8 +25,8 @@ _LARGEST_COMPRESSION, _ALLOWANCE = 64, 2**27
 _BYTES_OF_NUMBER, _BYTES_OF_STRING = 8, 64
 _COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _SUFFIX = ".npy"
+_LONGEST_HEADER = 2**16
 _LAST_CHARACTER = 0x10FFFF
-_TOO_LARGE = "its arrays take far more memory than a file of its size may"
 
 
 def save_arrays(
@@ -80,11 +81,26 @@ def load_arrays(
     >>> list(rh.io.load_arrays("lengths.npz", ["arms"], optional=[]))
     ['arms']
     """
-    with open_archive(path) as archive:
-        names, required = archive.names, list(required)
-        wanted = names if optional is None else [*required, *optional]
-        check_fields(names, required)
-        return archive.arrays([name for name in names if name in wanted])
+    arrays, required = {}, list(required)
+    with _open_archive(path) as (archive, members, limit):
+        wanted = members if optional is None else [*required, *optional]
+        check_fields(members, required)
+        for name, member in members.items():
+            if name in wanted:
+                limit -= memory_size(*_header(archive, member, limit))
+                with archive.open(member) as stream:
+                    arrays[name] = np.lib.format.read_array(stream, allow_pickle=False)
+                check_characters(arrays[name])
+    return arrays
+
+
+def array_shapes(
+    path: str | os.PathLike[str], names: Sequence[str]
+) -> tuple[list[str], dict[str, tuple[int, ...]]]:
+    """Return the names of all arrays of an .npz file, and the shapes of some, without data."""
+    with _open_archive(path) as (archive, members, limit):
+        shapes = {n: _header(archive, members[n], limit)[0] for n in names if n in members}
+        return list(members), shapes
 
 
 def check_fields(found: Iterable[str], required: Iterable[str]) -> None:
@@ -95,60 +111,38 @@ def check_fields(found: Iterable[str], required: Iterable[str]) -> None:
         raise FileFormatError(f"lacks the fields {', '.join(missing)}; found {listed or 'none'}")
 
 
-class ArrayArchive:
-    """The arrays of an .npz file of `size` bytes that is open for reading."""
-
-    def __init__(self, archive: zipfile.ZipFile, size: int) -> None:
-        self._archive = archive
-        self._remaining = self._limit = memory_limit(size)
-        self._members = {
-            member.filename.removesuffix(_SUFFIX): member
-            for member in archive.infolist()
-            if member.filename.endswith(_SUFFIX)
-        }
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the arrays, in the order of the file."""
-        return list(self._members)
-
-    def shape(self, name: str) -> tuple[int, ...]:
-        """Return the shape of an array without reading its data."""
-        return self._header(name)[0]
-
-    def _header(self, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
-        member = self._members[name]
-        if member.compress_type not in _COMPRESSIONS:
-            raise FileFormatError(f"{name[:60]} is compressed by another method than deflate")
-        with self._archive.open(member) as stream:
-            shape, dtype = _read_header(stream, member.file_size)
-        if memory_size(shape, dtype) > self._limit:
-            raise FileFormatError(_TOO_LARGE)
-        return shape, dtype
-
-    def arrays(self, names: Sequence[str]) -> dict[str, np.ndarray]:
-        """Return arrays by name."""
-        arrays = {}
-        for name in names:
-            self._remaining -= memory_size(*self._header(name))
-            if self._remaining < 0:
-                raise FileFormatError(_TOO_LARGE)
-            with self._archive.open(self._members[name]) as stream:
-                arrays[name] = np.lib.format.read_array(stream, allow_pickle=False)
-            check_characters(arrays[name])
-        return arrays
-
-
 @contextmanager
-def open_archive(path: str | os.PathLike[str]) -> Iterator[ArrayArchive]:
-    """Open an .npz file for reading; damage is reported here or when an array is read."""
+def _open_archive(
+    path: str | os.PathLike[str],
+) -> Iterator[tuple[zipfile.ZipFile, dict[str, zipfile.ZipInfo], int]]:
+    """Open an .npz file; yield it, its members by name, and the memory that they may take."""
     file = file_path(path)
-    size = check_file(file)
+    limit = memory_limit(check_file(file))
     with (
         format_errors(file, "an .npz archive of plain arrays"),
         zipfile.ZipFile(file) as archive,
     ):
-        yield ArrayArchive(archive, size)
+        members = {
+            member.filename.removesuffix(_SUFFIX): member
+            for member in archive.infolist()
+            if member.filename.endswith(_SUFFIX)
+        }
+        yield archive, members, limit
+
+
+def _header(
+    archive: zipfile.ZipFile, member: zipfile.ZipInfo, limit: int
+) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Return the shape and type of an array that takes at most `limit` bytes of memory."""
+    if member.compress_type not in _COMPRESSIONS:
+        raise FileFormatError(
+            f"{member.filename[:60]} is compressed by another method than deflate"
+        )
+    with archive.open(member) as stream:
+        shape, dtype = _read_header(stream, member.file_size)
+    if memory_size(shape, dtype) > limit:
+        raise FileFormatError("its arrays take far more memory than a file of its size may")
+    return shape, dtype
 
 
 def load_array(path: str | os.PathLike[str], *, mode: Any = None) -> np.ndarray:
@@ -200,17 +194,13 @@ def check_characters(array: np.ndarray) -> None:
 
 def _read_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Return the shape and type of an array; check them against the size of its file."""
-    is_old = np.lib.format.read_magic(stream) == (1, 0)
-    start = stream.tell()
-    length = int.from_bytes(stream.read(2 if is_old else 4), "little")
-    if length > size:
-        raise FileFormatError(f"its header claims {length} bytes")
-    stream.seek(start)
+    start = io.BytesIO(stream.read(_LONGEST_HEADER))  # which may claim any length
+    is_old = np.lib.format.read_magic(start) == (1, 0)
     read = np.lib.format.read_array_header_1_0 if is_old else np.lib.format.read_array_header_2_0
-    shape, _, dtype = read(stream)
+    shape, _, dtype = read(start)
     if dtype.hasobject:
         raise FileFormatError("it holds objects of Python")
-    needed, available = math.prod(shape) * dtype.itemsize, size - stream.tell()
+    needed, available = math.prod(shape) * dtype.itemsize, size - start.tell()
     # Entries of zero bytes need no data, so that a few bytes could declare any number of them.
     if min(shape, default=0) < 0 or needed != available or math.prod(shape) > size:
         raise FileFormatError(

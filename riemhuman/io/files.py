@@ -33,6 +33,8 @@ def check_file(file: Path) -> int:
     """Return the size of a file in bytes; raise an error unless it is a regular file."""
     try:
         status = file.stat()
+    except FileNotFoundError as error:
+        raise FileError(f"there is no file {file}") from error
     except (OSError, ValueError) as error:
         raise FileError(f"{file} cannot be read: {short_message(error)}") from error
     if not stat.S_ISREG(status.st_mode):

@@ -106,7 +106,7 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
     values = load_array(file) if suffix == ".npy" else None
     with format_errors(file, "a mesh or a table of points"):
         if suffix == ".ply":
-            points, faces, normals = read_ply(file)
+            points, faces, normals, _ = read_ply(file)
             if faces is not None:
                 return *check_mesh(points, faces), None
         else:
@@ -131,7 +131,7 @@ def load_trusted(path: str | os.PathLike[str]) -> ndarray | None:
     """
     file = file_path(path)
     with format_errors(file, "a mesh or a table of points"):
-        return formats.read_trusted(file) if file.suffix.lower() == ".ply" else None
+        return read_ply(file)[3] if file.suffix.lower() == ".ply" else None
 
 
 def save_mesh(
@@ -264,18 +264,14 @@ def unknown_suffix(file: Path, suffixes: Iterable[str]) -> FileFormatError:
 
 def _existing_file(path: str | os.PathLike[str], suffixes: Sequence[str]) -> Path:
     file = file_path(path)
-    if os.path.isdir(file):
-        raise FileError(f"{file} is a folder; a file was expected")
-    if file.suffix.lower() not in suffixes:
+    if file.suffix.lower() not in suffixes and not os.path.isdir(file):
         raise unknown_suffix(file, suffixes)
-    if not os.path.exists(file):  # which also takes names that are too long
-        raise FileError(f"there is no file {file}")
     check_file(file)
     return file
 
 
 def _read_ply_mesh(file: Path) -> Mesh:
-    vertices, faces, _ = read_ply(file)
+    vertices, faces, *_ = read_ply(file)
     if faces is None:
         raise FileFormatError("the PLY file holds no faces; a mesh has some")
     return vertices, faces

@@ -46,7 +46,7 @@ def test_what_cannot_be_written_or_read(tmp_path):
         save_arrays(tmp_path / "nowhere" / "x.npz", ARRAYS)
     with pytest.raises(FileError, match="cannot be written"):
         save_arrays(tmp_path, ARRAYS)
-    with pytest.raises(FileError, match=r"missing\.npz cannot be read: No such file"):
+    with pytest.raises(FileError, match=r"there is no file .*missing\.npz"):
         load_arrays(tmp_path / "missing.npz", [])
     with pytest.raises(FileError, match="cannot be read"):
         load_arrays(tmp_path, [])
