@@ -75,7 +75,8 @@ def _info(options: argparse.Namespace) -> cli.Answer:
 
 
 def _facts(file: Path) -> dict[str, Any]:
-    from riemhuman.io.meshes import MESH_SUFFIXES, unknown_suffix
+    from riemhuman.io.files import suffix_of
+    from riemhuman.io.meshes import MESH_SUFFIXES
 
     if not file.exists():
         raise FileError(f"there is no file or folder {file}")
@@ -91,10 +92,7 @@ def _facts(file: Path) -> dict[str, Any]:
         ".bvh": _recording_facts,
         **dict.fromkeys((".pkl", ".pickle"), _model_facts),
     }
-    read = readers.get(file.suffix.lower())
-    if read is None:
-        raise unknown_suffix(file, readers)
-    return read(file)
+    return readers[suffix_of(file, readers)](file)
 
 
 def _mesh_facts(file: Path) -> dict[str, Any]:

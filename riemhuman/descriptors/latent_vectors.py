@@ -15,8 +15,7 @@ from riemhuman.checks import real_array
 from riemhuman.descriptors.descriptor import Descriptor
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
 from riemhuman.io.arrays import load_array, load_arrays
-from riemhuman.io.files import file_path, format_errors
-from riemhuman.io.meshes import unknown_suffix
+from riemhuman.io.files import file_path, format_errors, suffix_of
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.representation import Record, join_names
 
@@ -70,7 +69,7 @@ class LatentVectors(Record, Descriptor):
             - ``.npy``: an array (n, d); the ids are the numbers of its rows, from 0.
         """
         file = file_path(path)
-        suffix = file.suffix.lower()
+        suffix = suffix_of(file, (".npz", ".csv", ".npy"))
         ids: Any
         if suffix == ".npz":
             arrays = load_arrays(file, ["ids", "vectors"], optional=[])
@@ -78,11 +77,9 @@ class LatentVectors(Record, Descriptor):
         elif suffix == ".csv":
             rows = read_named_rows(file, "id")
             ids, vectors = list(rows), np.array(list(rows.values()))
-        elif suffix == ".npy":
+        else:
             vectors = load_array(file)
             ids = range(len(vectors) if vectors.ndim else 0)
-        else:
-            raise unknown_suffix(file, (".npz", ".csv", ".npy"))
         with format_errors(file, "vectors of bodies"):
             return cls(ids, vectors)
 

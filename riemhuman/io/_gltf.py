@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.io.files import file_path, read_bytes, write_bytes
+from riemhuman.io.files import file_path, read_bytes, suffix_of, write_bytes
 from riemhuman.io.mesh_arrays import check_mesh
 
 _FLOAT, _BYTE, _SHORT, _INT = 5126, 5121, 5123, 5125  # component types of glTF
@@ -66,8 +66,7 @@ def save_glb(
     >>> rh.save_glb("path.glb", bodies.points[:3], bodies.template.faces, seconds=1.5)
     """
     file = file_path(path)
-    if file.suffix.lower() != ".glb":
-        raise FileFormatError(f"{file}: the ending must be .glb")
+    suffix_of(file, (".glb",))
     seconds = real_number(seconds, "seconds", minimum=0, strict=True)
     shape = ("n_times", "n_vertices", 3)
     points = np.asarray(real_array(surfaces, "surfaces", shape, batched=False))

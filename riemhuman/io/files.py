@@ -10,12 +10,17 @@ import os
 import secrets
 import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError, RiemhumanError
 
+# How to convert files of point clouds that the library does not read.
+_POINT_CLOUDS = {
+    ".pcd": "open3d.io.write_point_cloud('scan.ply', open3d.io.read_point_cloud('scan.pcd'))",
+    ".e57": "CloudCompare -SILENT -O scan.e57 -C_EXPORT_FMT PLY -SAVE_CLOUDS",
+}
 # Some errors quote a whole file.
 _LONGEST_MESSAGE = 300
 
@@ -27,6 +32,21 @@ def file_path(path: str | os.PathLike[str], name: str = "path", kind: str = "fil
         return Path(os.path.expanduser(path))
     except TypeError as error:
         raise ArgumentTypeError(f"{name} must be the path of a {kind}; found {path!r}") from error
+
+
+def suffix_of(file: Path, suffixes: Collection[str]) -> str:
+    """Return the suffix of a file, in lower case, or raise an error if it is none of `suffixes`."""
+    suffix = file.suffix.lower()
+    if suffix in suffixes:
+        return suffix
+    if suffix in _POINT_CLOUDS:
+        raise FileFormatError(
+            f"{file}: {suffix} files are not read; convert it to PLY first, as with "
+            f"{_POINT_CLOUDS[suffix]}"
+        )
+    listed = " or ".join(suffixes) if len(suffixes) < 3 else f"one of {', '.join(suffixes)}"
+    found = repr(file.suffix) if suffix else "none"
+    raise FileFormatError(f"{file}: the ending must be {listed}; found {found}")
 
 
 def check_file(file: Path) -> int:
@@ -75,6 +95,8 @@ def atomic_file(file: Path) -> Iterator[Path]:
     """
     with convert_errors(file):
         file = Path(os.path.realpath(file))
+        if not file.parent.is_dir():
+            raise FileError(f"{file} cannot be written: there is no folder {file.parent}")
         if file.exists() and not file.is_file():
             raise FileError(f"{file} cannot be written: it is not a regular file")
         temporary = neighbour(file)

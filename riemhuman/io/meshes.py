@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -15,7 +15,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io import _mesh_formats as formats
 from riemhuman.io._gltf import read_glb
 from riemhuman.io._mesh_formats import Mesh, read_ply
@@ -26,6 +26,7 @@ from riemhuman.io.files import (
     format_errors,
     read_bytes,
     short_message,
+    suffix_of,
     write_bytes,
 )
 from riemhuman.io.mesh_arrays import check_mesh, split_polygons
@@ -36,11 +37,6 @@ _MESHIO_SUFFIXES = (
     *(".bdf", ".e", ".exo", ".inp", ".med", ".mesh", ".meshb", ".msh", ".nas", ".su2", ".ugrid"),
     *(".vtk", ".vtu", ".xdmf"),
 )
-# How to convert files of point clouds that no reader here reads.
-_POINT_CLOUDS = {
-    ".pcd": "open3d.io.write_point_cloud('scan.ply', open3d.io.read_point_cloud('scan.pcd'))",
-    ".e57": "CloudCompare -SILENT -O scan.e57 -C_EXPORT_FMT PLY -SAVE_CLOUDS",
-}
 
 
 def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
@@ -160,21 +156,16 @@ def save_mesh(
     >>> rh.save_mesh("body.obj", bodies[0], bodies.template.faces)
     """
     file = file_path(path)
-    write = _WRITERS.get(file.suffix.lower())
-    if write is None:
-        raise unknown_suffix(file, _WRITERS)
+    suffix = suffix_of(file, _WRITERS)
     mesh = check_mesh(vertices, faces)
     if trusted is not None and (
         np.asarray(trusted).dtype != bool or np.shape(trusted) != mesh[0].shape[:1]
     ):
         raise ArgumentError(f"trusted must be Boolean, of shape {mesh[0].shape[:1]}")
-    if trusted is not None and file.suffix.lower() == ".ply":
-        content = formats.write_ply(*mesh, np.asarray(trusted))
+    if trusted is not None and suffix == ".ply":
+        write_bytes(file, formats.write_ply(*mesh, np.asarray(trusted)))
     else:
-        content = write(*mesh)
-    if not os.path.isdir(file.parent):
-        raise FileError(f"{file} cannot be written: there is no folder {file.parent}")
-    write_bytes(file, content)
+        write_bytes(file, _WRITERS[suffix](*mesh))
 
 
 def as_arrays(mesh: Any) -> tuple[ndarray, ndarray]:
@@ -249,23 +240,10 @@ def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> Any:
     return pyvista.PolyData(vertices, np.insert(faces, 0, 3, axis=1).ravel())
 
 
-def unknown_suffix(file: Path, suffixes: Iterable[str]) -> FileFormatError:
-    """Return the error for a suffix that is none of these."""
-    if file.suffix.lower() in _POINT_CLOUDS:
-        return FileFormatError(
-            f"{file}: {file.suffix} files are not read; convert it to PLY first, as with "
-            f"{_POINT_CLOUDS[file.suffix.lower()]}"
-        )
-    return FileFormatError(
-        f"{file}: the ending must be one of {', '.join(suffixes)}; found "
-        f"{repr(file.suffix) if file.suffix else 'none'}"
-    )
-
-
 def _existing_file(path: str | os.PathLike[str], suffixes: Sequence[str]) -> Path:
     file = file_path(path)
-    if file.suffix.lower() not in suffixes and not os.path.isdir(file):
-        raise unknown_suffix(file, suffixes)
+    if not os.path.isdir(file):
+        suffix_of(file, suffixes)
     check_file(file)
     return file
 

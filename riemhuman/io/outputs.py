@@ -8,15 +8,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from riemhuman.errors import FileError, FileFormatError
-from riemhuman.io.files import convert_errors, neighbour
+from riemhuman.errors import FileError
+from riemhuman.io.files import convert_errors, neighbour, suffix_of
 
 
 def check_output_file(path: Path, endings: Sequence[str], *, force: bool) -> None:
     """Raise an error if a file cannot be written after the work; with `force`, it may exist."""
-    if path.suffix.lower() not in endings:
-        suffix = f"found {path.suffix!r}" if path.suffix else "found none"
-        raise FileFormatError(f"{path}: the ending must be {' or '.join(endings)}; {suffix}")
+    suffix_of(path, endings)
     if path.is_dir():
         raise FileError(
             f"{path} is a folder; name a file in it, such as {path / 'out'}{endings[0]}"

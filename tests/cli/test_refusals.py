@@ -26,7 +26,7 @@ dist body_0.ply body_1.ply --unit millimetres                | --unit millimetre
 mean body_0.ply -o folder.ply                               | is a folder
 mean body_0.ply -o m.ply --picture m.gif                    | must be .png or .html
 geodesic body_0.ply body_1.ply -o path --n-nodes 1          | n_nodes
-geodesic body_0.ply body_1.ply -o path.gif                  | .npz or / (a folder)
+geodesic body_0.ply body_1.ply -o path.gif                  | .npz, / (a folder)
 geodesic body_0.ply body_1.ply -o alone -f                  | holds something else (other.ply)
 geodesic body_0.ply body_1.ply -o frames -f                 | holds something else (frame_0001.ply)
 geodesic body_0.ply body_1.ply -o p --basis basis.npz       | belongs to another template
@@ -49,7 +49,7 @@ measure tetrahedron.ply                                     | not those of the o
 measure mm.ply --as-is                                      | a body in millimetres
 motions dist a.npz b.npz --up z                             | --unit and --up are for folders
 register scan.xyz -o body.ply --sequence                    | --sequence is for a folder
-register scan.xyz -o body.ply --landmarks none.csv          | none.csv cannot be read
+register scan.xyz -o body.ply --landmarks none.csv          | there is no file none.csv
 register alone -o alone                                     | name another folder
 register alone -o out --untrusted                           | --untrusted is for one scan
 view path.npz body_0.ply -o page.html                       | either one .npz file
