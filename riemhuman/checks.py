@@ -5,6 +5,7 @@ Arrays traced by autograd pass through unchanged, so that derivatives are kept.
 
 from __future__ import annotations
 
+import itertools
 import math
 import operator
 from collections.abc import Sequence
@@ -185,12 +186,10 @@ def length_of(points: Any, name: str) -> int:
     return len(points)
 
 
-def class_numbers(
-    labels: Any, name: str, count: int, *, ascending: bool = False
-) -> tuple[np.ndarray, list[Any]]:
+def class_numbers(labels: Any, name: str, count: int) -> tuple[np.ndarray, list[Any]]:
     """Return `count` labels of any hashable type as numbers, and the classes that these number.
 
-    Classes are in the order of their first items or ascending, where labels can be compared.
+    Classes are ascending, or in the order of their first items where labels cannot be compared.
     """
     try:
         values = list(labels.tolist() if isinstance(labels, np.ndarray) else labels)
@@ -203,9 +202,8 @@ def class_numbers(
         raise ArgumentError(
             f"{name} must hold a label for each of {count} points; found {len(values)}"
         )
-    if ascending:
-        with suppress(TypeError):
-            classes = sorted(classes)
+    with suppress(TypeError):
+        classes = sorted(classes)
     numbers = {value: number for number, value in enumerate(classes)}
     return np.array([numbers[value] for value in values], dtype=np.int64), classes
 
@@ -359,14 +357,9 @@ def _describe(array: Any, values: np.ndarray) -> str:
 
 def _unit_hint(ratio: float) -> str:
     """Return a text that names the units of two surfaces whose sizes have this ratio, if likely."""
-    pairs = {
-        (unit, reference): UNITS[unit] / UNITS[reference]
-        for unit in UNITS
-        for reference in UNITS
-        if unit != reference
-    }
-    distances = {pair: abs(np.log(ratio / expected)) for pair, expected in pairs.items()}
-    (unit, reference), least = min(distances.items(), key=lambda item: item[1])
-    if least > np.log(_BODY_RATIO):
+    pairs = itertools.permutations(UNITS, 2)
+    gaps = {(one, other): abs(np.log(ratio * UNITS[other] / UNITS[one])) for one, other in pairs}
+    one, other = min(gaps, key=lambda pair: gaps[pair])
+    if gaps[one, other] > np.log(_BODY_RATIO):
         return ""
-    return f", as if one were in {unit} and the other in {reference}"
+    return f", as if one were in {one} and the other in {other}"

@@ -65,10 +65,6 @@ def _parameters(value: Any) -> dict[str, Any]:
     names.discard("equip")
     if getattr(value, "has_closed_form_dist", False):
         names -= _SOLVERS
-    parameters = {}
-    for name in sorted(names):
-        for attribute in (name, f"_{name}"):
-            if hasattr(value, attribute):
-                parameters[name] = getattr(value, attribute)
-                break
-    return parameters
+    missing = object()
+    kept = {name: getattr(value, name, getattr(value, f"_{name}", missing)) for name in names}
+    return {name: kept[name] for name in sorted(names) if kept[name] is not missing}

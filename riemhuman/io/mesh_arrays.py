@@ -8,42 +8,29 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError
 
-# Areas are square roots of fourth powers of coordinates, which must not overflow.
-_LARGEST_COORDINATE = 1e50
 
-
-def check_mesh(
-    vertices: ArrayLike, faces: ArrayLike, *, names: tuple[str, str] = ("vertices", "faces")
-) -> tuple[np.ndarray, np.ndarray]:
+def check_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Return vertices (V, 3), float64, and faces (F, 3), int64; raise unless they form a mesh."""
-    vertices_name, faces_name = names
-    points = np.asarray(
-        real_array(vertices, vertices_name, ("n_vertices", 3), batched=False), dtype=np.float64
-    )
-    if points.size and np.abs(points).max() > _LARGEST_COORDINATE:
-        raise ArgumentError(
-            f"{vertices_name} holds coordinates beyond {_LARGEST_COORDINATE:g}, with which areas "
-            f"cannot be computed; found {np.abs(points).max():g}"
-        )
-    triangles = integer_array(faces, faces_name, ("n_faces", 3))
+    shape = ("n_vertices", 3)
+    points = np.asarray(real_array(vertices, "vertices", shape, batched=False, lengths=True))
+    triangles = integer_array(faces, "faces", ("n_faces", 3))
     if len(triangles) == 0:
-        raise ArgumentError(f"{faces_name} is empty; a mesh needs at least one triangle")
+        raise ArgumentError("faces is empty; a mesh needs at least one triangle")
     check_faces(
         np.any((triangles < 0) | (triangles >= len(points)), axis=1),
         triangles,
-        faces_name,
-        f"refers to a vertex out of range; {vertices_name} holds {len(points)}, counted from 0",
+        f"refers to a vertex out of range; vertices holds {len(points)}, counted from 0",
     )
     return points, triangles
 
 
-def check_faces(is_bad: np.ndarray, faces: np.ndarray, name: str, reason: str) -> None:
+def check_faces(is_bad: np.ndarray, faces: np.ndarray, reason: str) -> None:
     """Raise an error that names the first bad triangle and counts the others."""
     if is_bad.any():
         first = int(is_bad.argmax())
         others = int(is_bad.sum()) - 1
         more = f" (and {others} more)" if others else ""
-        raise ArgumentError(f"{name}[{first}] = {tuple(faces[first].tolist())}{more} {reason}")
+        raise ArgumentError(f"faces[{first}] = {tuple(faces[first].tolist())}{more} {reason}")
 
 
 def face_difference(faces: np.ndarray, expected: np.ndarray) -> str | None:

@@ -87,7 +87,7 @@ def regress_shape(
     values = real_array(values, "values", (len(points),), batched=False)
     n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
     labels = range(len(points)) if people is None else people
-    of_person, _ = class_numbers(labels, "people", len(points), ascending=True)
+    of_person, _ = class_numbers(labels, "people", len(points))
     _, first = np.unique(of_person, return_index=True)
     if (values != values[first][of_person]).any():
         raise ArgumentError("values must be the same for all bodies of a person")

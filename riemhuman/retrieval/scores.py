@@ -232,7 +232,7 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
     """
     matrix = distance_matrix(distances, "distances", symmetric=False)
     np.fill_diagonal(matrix, np.inf)
-    classes, names = class_numbers(labels, "labels", len(matrix), ascending=True)
+    classes, names = class_numbers(labels, "labels", len(matrix))
     counts = np.zeros((len(names), len(names)), dtype=np.int64)
     np.add.at(counts, (classes, classes[matrix.argmin(axis=1)]), 1)
     return counts

@@ -140,7 +140,7 @@ def _units(units: ArrayLike | None, first: ndarray) -> tuple[ndarray, ndarray]:
     """Return the unit of every point, and which units are in the first group."""
     if units is None:
         return np.arange(len(first)), first
-    members, names = class_numbers(units, "units", len(first), ascending=True)
+    members, names = class_numbers(units, "units", len(first))
     share = np.bincount(members, weights=first) / np.bincount(members)
     mixed = np.flatnonzero((share > 0) & (share < 1))
     if len(mixed):

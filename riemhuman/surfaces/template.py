@@ -71,7 +71,6 @@ class Template:
         check_faces(
             np.any(triangles == np.roll(triangles, 1, axis=1), axis=1),
             triangles,
-            "faces",
             "refers to the same vertex twice; the corners of a triangle must differ",
         )
         self._vertices = read_only(points.copy())

@@ -463,8 +463,8 @@ def test_missing_libraries_are_named(library, monkeypatch, tmp_path):
 def test_checks_of_meshes():
     vertices, faces = check_mesh([[0, 0, 0], [1, 1, 1]], [[0, 1, 1], [0.0, 0.0, 0.0]])
     assert (vertices.dtype, faces.dtype) == (np.float64, np.int64)
-    with pytest.raises(ArgumentError, match=r"f\[1\] = \(0, 0, 9\) \(and 1 more\).*v holds 2"):
-        check_mesh(np.zeros((2, 3)), [[0, 0, 1], [0, 0, 9], [-1, 0, 0]], names=("v", "f"))
+    with pytest.raises(ArgumentError, match=r"faces\[1\] = \(0, 0, 9\) \(and 1 more\).* holds 2"):
+        check_mesh(np.zeros((2, 3)), [[0, 0, 1], [0, 0, 9], [-1, 0, 0]])
 
 
 def test_polygons_of_few_corners():
