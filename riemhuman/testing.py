@@ -11,13 +11,14 @@ from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from autograd import grad
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, one_of, real_number
+from riemhuman.checks import Rng, generator, real_number
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.representation import Record
@@ -61,8 +62,6 @@ _KINDS = {
     "log": ("tangent_vec", ("point", "base_point")),
     "mean": ("point", ("points", "weights")),
 }
-
-_Properties = Mapping[str, Callable[[], Any]]
 
 
 @dataclass(frozen=True)
@@ -137,9 +136,9 @@ class PropertyReport(Record):
 
 def _report(
     subject: object,
-    properties: _Properties,
+    properties: Mapping[str, Callable[[], Any]],
     tolerance: float,
-    tolerances: Mapping[str, float] | None = None,
+    tolerances: Mapping[str, float] = MappingProxyType({}),
 ) -> PropertyReport:
     """Return the errors of an object; where it raises an error of the library they are NaN."""
     checks = []
@@ -149,9 +148,7 @@ def _report(
                 error = float(measure())
             except RiemhumanError:
                 error = np.nan
-            checks.append(
-                PropertyCheck(name, error, float((tolerances or {}).get(name, tolerance)))
-            )
+            checks.append(PropertyCheck(name, error, float(tolerances.get(name, tolerance))))
     return PropertyReport(type(subject).__name__, tuple(checks))
 
 
@@ -434,13 +431,13 @@ def check_solver(
     solver: Any,
     metric: RiemannianMetric,
     points: ndarray,
-    kind: str | None = None,
     *,
     tolerance: float = 1e-6,
 ) -> PropertyReport:
     r"""Check on a few points that a solver fulfils the contract of its kind.
 
-    See `riemhuman.geometry.strategies` for the contracts.
+    The argument names of `solve` tell whether the solver finds geodesics, exponentials, logarithms,
+    transport or means; `riemhuman.geometry.strategies` has the contracts.
 
     Parameters
     ----------
@@ -450,8 +447,6 @@ def check_solver(
         A metric that the solver is made for.
     points : array, shape (n, \*shape)
         Two points or more, all different.
-    kind : {"geodesic", "exp", "log", "transport", "mean"}, optional
-        Kind of the solver; by default inferred from the argument names of `solve`.
     tolerance : float
         Largest relative error; that of first-order terms is 0.01.
 
@@ -465,7 +460,7 @@ def check_solver(
     points = metric.check_points(points)
     if len(points) < 2:
         raise ArgumentError(f"points must hold two points or more; found {len(points)}")
-    kind = _kind_of(solver) if kind is None else one_of(kind, "kind", tuple(_KINDS))
+    kind = _kind_of(solver)
     start, end = points[0], points[1]
     vector = np.asarray(metric.space.to_tangent(end - start, start))
     short = _SHORT * vector
@@ -575,8 +570,8 @@ def _kind_of(solver: Any) -> str:
             return kind
     listed = "; ".join(f"{kind}: {', '.join(names)}" for kind, (_, names) in _KINDS.items())
     raise ArgumentError(
-        f"kind must be given: solve of {type(solver).__name__} takes {', '.join(names)} after the "
-        f"metric, unlike any known kind ({listed})"
+        f"solve of {type(solver).__name__} takes {', '.join(names)} after the metric, unlike any "
+        f"known kind of solver ({listed})"
     )
 
 

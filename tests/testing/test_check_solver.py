@@ -191,8 +191,6 @@ def test_bad_input():
     odd = SimpleNamespace(solve=lambda metric, what: None)
     with pytest.raises(ArgumentError, match="takes what after the metric"):
         check_solver(odd, PLANE.metric, POINTS)
-    with pytest.raises(ArgumentError, match="kind must be one of 'geodesic'"):
-        check_solver(Geodesic(), PLANE.metric, POINTS, kind="other")
     with pytest.raises(ArgumentError, match="points must hold two points or more; found 1"):
         check_solver(Geodesic(), PLANE.metric, POINTS[:1])
     with pytest.raises(ArgumentError, match="tolerance must be"):
