@@ -187,10 +187,7 @@ def length_of(points: Any, name: str) -> int:
 
 
 def class_numbers(labels: Any, name: str, count: int) -> tuple[np.ndarray, list[Any]]:
-    """Return `count` labels of any hashable type as numbers, and the classes that these number.
-
-    Classes are ascending, or in the order of their first items where labels cannot be compared.
-    """
+    """Return `count` labels as numbers, and the classes, ascending where labels can be compared."""
     try:
         values = list(labels.tolist() if isinstance(labels, np.ndarray) else labels)
         classes = list(dict.fromkeys(values))

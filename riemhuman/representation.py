@@ -18,11 +18,7 @@ _MISSING = object()
 
 
 def constructor_text(value: object, leave_out: Sequence[str] = ()) -> str:
-    """Return the call that constructs an object, in one line.
-
-    The call contains arguments that the object keeps as attributes of their names, with or without
-    an underscore before: all numbers, and other arguments that differ from their defaults.
-    """
+    """Return the call that makes an object, with numbers and what differs from its default."""
     shown = []
     for name, parameter in inspect.signature(type(value)).parameters.items():
         kept: Any = getattr(value, name, getattr(value, f"_{name}", _MISSING))

@@ -157,11 +157,8 @@ class AreaProjectionTransform(Descriptor):
 
 
 def _samples(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Spread points over triangles, a voxel apart; return them with unit normals and areas.
-
-    Normals are interpolated from the vertices: with normals of triangles, the parallel surface
-    would have gaps along the edges.
-    """
+    """Spread points over triangles, a voxel apart; return them with unit normals and areas."""
+    # Normals are interpolated: those of triangles would leave gaps along the edges.
     areas, normals = triangle_areas(points, faces), vertex_normals(points, faces)
     if not areas.any():
         raise DegenerateSurfaceError("no triangle of the mesh has area")
@@ -191,10 +188,7 @@ def _samples(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _centers_of_cells(n_along: int, n_across: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return barycentric coordinates of points spread over a triangle, and their area shares.
-
-    Rows run parallel to the side between the second and the third corner.
-    """
+    """Return barycentric coordinates of points in rows along the last side, and area shares."""
     along = np.tile((np.arange(n_along) + 0.5) / n_along, n_across)
     across = np.repeat((np.arange(n_across) + 0.5) / n_across, n_along)
     weights = np.stack([across, (1 - across) * (1 - along), (1 - across) * along], axis=1)
@@ -210,16 +204,13 @@ def _deposit(places: np.ndarray, areas: np.ndarray, shape: tuple[int, ...]) -> n
 
 
 def _ball_sums(values: np.ndarray, radius: float) -> np.ndarray:
-    """Sum values over the ball around every voxel, with the radius in voxels.
-
-    Voxels on the rim count by their share inside the ball, to first order. Single precision is
-    enough, since the size of the voxels limits the accuracy.
-    """
+    """Sum values over the ball around every voxel; the rim counts by its share, to first order."""
     half = int(np.ceil(radius + 0.5))
     offsets = np.arange(-half, half + 1)
     squares = offsets**2
     distances = np.sqrt(squares[:, None, None] + squares[:, None] + squares)
     kernel = np.clip(radius + 0.5 - distances, 0.0, 1.0)
+    # The size of the voxels limits the accuracy more than single precision.
     sums = fftconvolve(values.astype(np.float32), kernel.astype(np.float32), mode="same")
     return np.maximum(sums, 0.0)
 
@@ -229,11 +220,8 @@ def _jeffrey(p: np.ndarray, q: np.ndarray) -> float:
 
 
 def _enclosed_voxels(corners: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Return whether the centre of each voxel is inside a mesh, given by its corners (F, 3, 3).
-
-    A centre is inside if rays along two of the three axes are, by the sum of signed crossings with
-    triangles: a hole in the mesh has an effect only where it is seen along two axes.
-    """
+    """Return which voxels are inside a mesh with corners (F, 3, 3), which may have small holes."""
+    # Inside for rays along two of the three axes: a hole matters where two axes see it.
     votes = np.zeros(shape, dtype=np.int8)
     for axis in range(3):
         order = [(axis + 1) % 3, (axis + 2) % 3, axis]

@@ -95,10 +95,7 @@ def pairwise(vectors: ArrayLike, metric: str | Callable[..., float]) -> np.ndarr
 def histograms(
     values: np.ndarray, weights: np.ndarray, limits: tuple[float, float], n_bins: int
 ) -> np.ndarray:
-    """Return the histograms of functions (m, n), one after the other, with weights (n,).
-
-    The first and the last bin also count values beyond them.
-    """
+    """Return histograms of functions (m, n) with weights (n,); end bins count what lies beyond."""
     lower, upper = limits
     position = (values - lower) * (n_bins / (upper - lower))
     bins = np.clip(position, 0, n_bins - 1).astype(np.int64)

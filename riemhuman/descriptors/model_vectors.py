@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 from riemhuman.checks import one_of, real_array
 from riemhuman.descriptors.descriptor import Descriptor, meshes_of, pairwise
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.progress import ProgressBar
 
 
@@ -61,17 +60,11 @@ class _ModelVectors(Descriptor):
         return self.model.fit(points)
 
     def _check_points(self, vertices: ArrayLike, faces: ArrayLike, where: str = "") -> np.ndarray:
-        points = real_array(vertices, f"vertices{where}", ("n_vertices", 3), batched=False)
-        template = self.model.template
-        if len(points) != template.n_vertices:
-            raise ArgumentError(
-                f"vertices{where} must be registered to the model, which has "
-                f"{template.n_vertices}; found {len(points)}"
-            )
-        difference = face_difference(np.asarray(faces), template.faces)
-        if difference:
-            raise ArgumentError(f"faces{where} must be the triangles of the model: {difference}")
-        return points
+        name, template = f"vertices{where}", self.model.template
+        points = real_array(vertices, name, ("n_vertices", 3), batched=False)
+        template.check_faces(faces, f"faces{where}")
+        checked: np.ndarray = template.check_points(points, name)
+        return checked
 
     @abstractmethod
     def _vectors(self, fit: Any) -> np.ndarray:

@@ -1,9 +1,7 @@
 """Files: meshes, points, arrays, pickled body models and the folders of jobs.
 
-Threat model: files come from colleagues and the web. Reading one never runs code, never writes
-outside memory that it owns, and takes memory of a small multiple of what its content needs. A
-killed process leaves whole files, and two processes may share the folder of a job, on one machine
-or over NFS. A hostile local user with write access to one's folders is out of scope.
+Reading a file never runs code, and takes memory of a small multiple of what its content needs. A
+killed process leaves whole files, and two processes may share the folder of a job.
 """
 
 from riemhuman.io._gltf import save_glb

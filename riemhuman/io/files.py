@@ -88,11 +88,7 @@ def short_message(error: BaseException) -> str:
 
 @contextmanager
 def atomic_file(file: Path) -> Iterator[Path]:
-    """Yield the path of a temporary file with the same suffix, which then replaces the file.
-
-    If an error occurs, the temporary file is removed and the old file stays. An existing file keeps
-    its permissions; a link is followed.
-    """
+    """Yield a temporary file that takes the place of the file unless an error occurs."""
     with convert_errors(file):
         file = Path(os.path.realpath(file))
         if not file.parent.is_dir():

@@ -15,7 +15,7 @@ import pickle
 import re
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -93,13 +93,6 @@ class _Record:
         self.state = state
 
 
-class _Reconstructor(_Record):
-    """What Python 2 calls to make an object of a class."""
-
-    def __new__(cls, kind: Callable[[], Self], base: Any, state: Any) -> Self:
-        return kind()
-
-
 # The kinds of objects that a file may name, by their names alone: modules differ between releases.
 _KINDS = {
     "_reconstruct": "array",
@@ -110,8 +103,10 @@ _KINDS = {
     "csc_array": "csc",
     **{name: name for name in ("ndarray", "dtype", "Ch", "Select", "object", "set", "frozenset")},
 }
-_CLASSES = {name: type(name, (_Record,), {"kind": kind}) for name, kind in _KINDS.items()}
-_CLASSES["_reconstructor"] = _Reconstructor
+_MAKERS: dict[str, Callable[..., Any]] = {
+    name: type(name, (_Record,), {"kind": kind}) for name, kind in _KINDS.items()
+}
+_MAKERS["_reconstructor"] = lambda kind, base, state: kind()  # as Python 2 made objects
 
 
 class _Operations(dict[int, Callable[[Any], None]]):
@@ -138,14 +133,14 @@ class _Unpickler(pickle._Unpickler):
         super().__init__(*arguments, **options)
         self.dispatch = _Operations(_DISPATCH)  # type: ignore[misc]
 
-    def find_class(self, module: str, name: str) -> type[_Record]:
-        if name not in _CLASSES:
+    def find_class(self, module: str, name: str) -> Callable[..., Any]:
+        if name not in _MAKERS:
             raise FileFormatError(
                 f"asks for {_describe(f'{module}.{name}')}, which is refused: body models may "
                 "hold NumPy arrays, SciPy's csc matrices and chumpy.ch.Ch or "
                 "chumpy.reordering.Select alone. Nothing in the file was run"
             )
-        return _CLASSES[name]
+        return _MAKERS[name]
 
 
 def _list_of_last(count: int) -> Callable[[Any], None]:

@@ -17,7 +17,6 @@ from riemhuman.checks import check_same_scale, real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
-from riemhuman.learned._correspondence import Correspondence
 from riemhuman.learned._networks import network_shapes
 from riemhuman.learned._weight_files import Weights
 from riemhuman.surfaces import Template
@@ -30,6 +29,7 @@ _REMEDY = "give them in the unit that the network was trained in"
 class PairedCodes(ABC):
     """Two codes of a body, one after the other, and bodies from both, by trained networks."""
 
+    n_hidden: int
     code_names: ClassVar[tuple[str, str]]
     parameters_: dict[str, ndarray]
 
@@ -45,7 +45,6 @@ class PairedCodes(ABC):
             for name, value in weights.settings.items():
                 setattr(self, name, value)
             self._home = self._template = weights.template
-            self._carried: Correspondence | None = None
             self._read(weights)
 
     @classmethod
@@ -96,17 +95,7 @@ class PairedCodes(ABC):
             raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")
         codes = copy(self)
         codes._template = template
-        codes._carry(correspondence)
         return codes
-
-    def _carry(self, correspondence: Any) -> None:
-        """Prepare for bodies over `_template` instead of `_home`."""
-        home, other = self._home, self._template
-        is_same = home.n_vertices == other.n_vertices and np.array_equal(home.faces, other.faces)
-        if is_same and correspondence is None:
-            self._template, self._carried = home, None
-        else:
-            self._carried = Correspondence(home, other, correspondence)
 
     @abstractmethod
     def transform(self, X: ArrayLike) -> ndarray:
@@ -153,16 +142,11 @@ class PairedCodes(ABC):
     def _read(self, weights: Weights) -> None:
         """Read the learned arrays from a file."""
 
-    def _parameter_shapes(self) -> dict[str, tuple[int, ...]]:
-        width: int = self._WIDTH * getattr(self, "n_hidden")  # noqa: B009
-        shapes: dict[str, tuple[int, ...]] = {}
-        for name, (n_in, n_out) in self._sizes().items():
-            shapes |= network_shapes(name, n_in, width, n_out)
-        return shapes
-
     def _read_networks(self, weights: Weights, others: Mapping[str, tuple[int, ...]]) -> None:
         """Read the networks, and other parameters of the given shapes."""
-        shapes = self._parameter_shapes() | dict(others)
+        shapes = dict(others)
+        for name, (n_in, n_out) in self._sizes().items():
+            shapes |= network_shapes(name, n_in, self._WIDTH * self.n_hidden, n_out)
         self.parameters_ = {name: weights.numbers(name, shape) for name, shape in shapes.items()}
 
     def _check_points(self, X: Any) -> ndarray:

@@ -33,10 +33,8 @@ _COLLAPSED, _TOO_LITTLE = 1e-3, 0.2
 class Correspondence:
     """The transfer of surfaces from a template to the template of a network, and back.
 
-    Forth, the network's vertices are combinations of the template's. Back, every triangle takes the
-    mean deformation gradient of the network's near it, and a Poisson equation gives the surface;
-    what is left at the network's vertices moves the vertices near them. `usable` (F,) says which
-    triangles of the network's template have not collapsed.
+    Back, every triangle takes the mean deformation gradient of the network's near it, and a Poisson
+    equation gives the surface. `usable` (F,) says which of the network's have not collapsed.
     """
 
     def __init__(self, home: Template, template: Template, correspondence: Any = None) -> None:

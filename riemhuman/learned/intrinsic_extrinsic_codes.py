@@ -64,7 +64,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
     n_extrinsic: int
     n_points: int
     n_eigenvalues: int
-    n_hidden: int
     n_features: int
     vertices_: ndarray
 
@@ -74,9 +73,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         ("n_hidden", "n_features")
     )
     _SHIPPED = "intrinsic_extrinsic_codes.npz"
-
-    def _carry(self, correspondence: Any) -> None:
-        """Do nothing: point clouds need no correspondence."""
 
     def transform(self, X: ArrayLike) -> ndarray:
         points = self._check_points(X)

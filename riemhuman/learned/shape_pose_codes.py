@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import ModuleType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy import ndarray
@@ -12,9 +12,11 @@ from numpy.typing import ArrayLike
 
 from riemhuman.errors import ArgumentError
 from riemhuman.learned._codes import PairedCodes
+from riemhuman.learned._correspondence import Correspondence
 from riemhuman.learned._networks import network
 from riemhuman.learned._parts import Parts
 from riemhuman.learned._weight_files import Weights
+from riemhuman.surfaces import Template
 
 
 class ShapePoseCodes(PairedCodes):
@@ -61,15 +63,24 @@ class ShapePoseCodes(PairedCodes):
     n_pose: int
     n_parts: int
     _parts: Parts
+    _carried: Correspondence | None = None
 
     code_names = ("shape", "pose")
     _SETTINGS = ("n_shape", "n_pose", "n_parts", "n_hidden")
     _SHIPPED = "shape_pose_codes.npz"
 
-    def _carry(self, correspondence: Any) -> None:
-        super()._carry(correspondence)
-        usable = None if self._carried is None else self._carried.usable
-        self._parts = replace(self._parts, usable=usable)
+    def on(self, template: Template, correspondence: Any = None) -> Self:
+        codes = super().on(template, correspondence)
+        home, codes._carried = self._home, None
+        if (
+            correspondence is not None
+            or home.n_vertices != template.n_vertices
+            or not np.array_equal(home.faces, template.faces)
+        ):
+            codes._carried = Correspondence(home, template, correspondence)
+        usable = None if codes._carried is None else codes._carried.usable
+        codes._parts = replace(self._parts, usable=usable)
+        return codes
 
     def transform(self, X: ArrayLike) -> ndarray:
         points = self._check_points(X)
