@@ -218,7 +218,8 @@ def write_ply(vertices: ndarray, faces: ndarray, trusted: ndarray | None = None)
     columns = dict(zip(_POSITION, vertices.T, strict=True))
     if trusted is not None:
         columns["trusted"] = trusted.astype(np.uint8)
-    points = np.rec.fromarrays(list(columns.values()), names=list(columns))
+    dtype = [(name, column.dtype) for name, column in columns.items()]
+    points = np.rec.fromarrays(list(columns.values()), np.dtype(dtype))
     triangles = faces.astype(np.int32, order="C").view([(_CORNERS[0], np.int32, (3,))])[:, 0]
     elements = [
         plyfile.PlyElement.describe(points, "vertex"),

@@ -13,7 +13,6 @@ from scipy.sparse.csgraph import connected_components
 from riemhuman.checks import UNITS, one_of, real_array
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path
-from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.meshes import as_arrays, load_points
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.kernels.surface import unit_vectors
@@ -175,10 +174,8 @@ def as_scan(scan: Any, unit: str | None = None) -> Scan:
         return scan
     if isinstance(scan, (str, os.PathLike)):
         return load_scan(scan, unit)
-    if isinstance(scan, tuple) and len(scan) == 2:
-        names = ("the vertices of scan", "the faces of scan")
-        return _in_metres(*check_mesh(*scan, names=names), None, unit)
-    if hasattr(scan, "faces") or hasattr(scan, "cells"):
+    is_pair = isinstance(scan, tuple) and len(scan) == 2
+    if is_pair or hasattr(scan, "faces") or hasattr(scan, "cells"):
         return _in_metres(*as_arrays(scan), None, unit)
     values = np.asarray(real_array(scan, "scan", ("N", "C"), batched=False), dtype=np.float64)
     if values.shape[1] not in (3, 6):
