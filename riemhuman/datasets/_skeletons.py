@@ -160,6 +160,13 @@ class Skeleton:
             raise ArgumentError(f"joints: {first} and {second} lie in one place in the rest pose")
         return bone
 
+    def bones(self, positions: ndarray, pairs: Sequence[tuple[str, str]] = BONES) -> ndarray:
+        """Return the vectors between pairs of joints, and along the trunk."""
+        starts, ends = ([self.joints[pair[k]] for pair in pairs] for k in (0, 1))
+        trunk = self.middle(positions, "shoulder") - self.middle(positions, "hip")
+        bones = positions[..., ends, :] - positions[..., starts, :]
+        return np.concatenate([bones, trunk[..., None, :]], axis=-2)
+
     def middle(self, positions: ndarray, part: str) -> ndarray:
         """Return the middle between a joint's left and right positions."""
         left, right = (self.joints[f"{side}_{part}"] for side in SIDES)

@@ -56,14 +56,6 @@ _FILES_KEPT = 4
 _LARGEST = 1e12
 
 
-class _Header(NamedTuple):
-    """The parts of a file that are read when it is loaded."""
-
-    gender: str
-    frames_per_second: float
-    n_frames: int
-
-
 class _Recording(NamedTuple):
     """The arrays of a file."""
 
@@ -76,12 +68,10 @@ class AmassMotion(ModelMotion):
     """One motion of AMASS; frame i is ``model(betas, pose_vectors[i], translations[i])``."""
 
     def __init__(
-        self, path: Path, model: BodyModel, header: _Header, frames_per_second: float
+        self, path: Path, model: BodyModel, gender: str, rate: float, frames: np.ndarray
     ) -> None:
-        recorded = header.n_frames, header.frames_per_second
-        self._numbers = nearest_frames(*recorded, frames_per_second)
-        super().__init__(*_names(path), frames_per_second, len(self._numbers), model)
-        self.path, self.gender = path, header.gender
+        super().__init__(*_names(path), rate, len(frames), model)
+        self.path, self.gender, self._numbers = path, gender, frames
 
     @property
     def betas(self) -> np.ndarray:
@@ -150,18 +140,19 @@ def load_amass(
         raise FileError(f"{root} holds no .npz file with a motion")
     motions: list[AmassMotion | RetargetedMotion] = []
     for file in files:
-        header = _read_header(file)
-        own = models.get(header.gender, models.get(None))
+        gender, recorded_rate, n_frames = _read_header(file)
+        own = models.get(gender, models.get(None))
         if own is None:
             known = ", ".join(map(repr, models))
-            raise ArgumentError(
-                f"model must have one for {header.gender!r}, as in {file}; has {known}"
-            )
-        rate = header.frames_per_second if frames_per_second is None else frames_per_second
+            raise ArgumentError(f"model must have one for {gender!r}, as in {file}; has {known}")
+        rate = recorded_rate if frames_per_second is None else frames_per_second
+        frames = nearest_frames(n_frames, recorded_rate, rate)
         if _is_smpl(own):
-            motions.append(AmassMotion(file, own, header, rate))
+            motions.append(AmassMotion(file, own, gender, rate, frames))
         else:
-            motions.append(_retargeted(file, own, header, rate))
+            recording = partial(_skeleton_motion, file, frames, rate)
+            size = rate, len(frames)
+            motions.append(RetargetedMotion(recording, own, _names(file), *size, up="z"))
     if any(isinstance(motion, RetargetedMotion) for motion in motions):
         warnings.warn(
             "betas in the files belong to SMPL's models and are ignored: motions are performed by "
@@ -181,12 +172,6 @@ def _names(path: Path) -> tuple[str, str]:
 
 def _is_smpl(model: BodyModel) -> bool:
     return model.n_joints in _LAYOUTS and tuple(model.parents[:_BODY]) == SMPL_PARENTS
-
-
-def _retargeted(path: Path, model: BodyModel, header: _Header, rate: float) -> RetargetedMotion:
-    frames = nearest_frames(header.n_frames, header.frames_per_second, rate)
-    recording = partial(_skeleton_motion, path, frames, rate)
-    return RetargetedMotion(recording, model, _names(path), rate, len(frames), up="z")
 
 
 def _skeleton_motion(path: Path, frames: np.ndarray, rate: float) -> SkeletonMotion:
@@ -258,8 +243,8 @@ def _of_model(poses: np.ndarray, n_joints: int) -> np.ndarray:
     return np.concatenate([parts.get(part, zero[part]) for part in _LAYOUTS[n_joints]], axis=1)
 
 
-def _read_header(file: Path) -> _Header:
-    """Read gender, frame rate and number of frames of a file."""
+def _read_header(file: Path) -> tuple[str, float, int]:
+    """Return the gender, the frame rate and the number of frames of a file."""
     # Others may hold objects of Python, as the markers of SMPL-X do.
     names, shapes = array_shapes(file, ("trans", "poses", *_POSES))
     rate_name = next((name for name in _RATES if name in names), " or ".join(_RATES))
@@ -283,7 +268,7 @@ def _read_header(file: Path) -> _Header:
         found = fields[rate_name]
         found = found.item() if found.size == 1 else found
         rate = real_number(found, rate_name, minimum=0.0, strict=True)
-    return _Header(_gender(fields.get("gender", np.array("neutral")), file), rate, n_frames)
+    return _gender(fields.get("gender", np.array("neutral")), file), rate, n_frames
 
 
 def _gender(value: np.ndarray, file: Path) -> str:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from riemhuman.checks import real_number
 from riemhuman.errors import ArgumentError, FileFormatError
@@ -121,7 +122,8 @@ def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
             if channel < 3:
                 translations[:, number, axis] = numbers
             else:
-                rotation = rotation @ _about_axis(axis, np.radians(numbers))
+                turned = Rotation.from_euler("xyz"[axis], numbers[:, None], degrees=True)
+                rotation = rotation @ turned.as_matrix()
         rotations[:, number] = rotation
     return SkeletonMotion(
         tuple(joint.name for joint in joints),
@@ -144,17 +146,6 @@ def nearest_frames(n_frames: int, recorded: float, wanted: Any) -> np.ndarray:
     wanted_frames = int((n_frames - 1) * rate / recorded + 1e-9) + 1
     numbers = np.rint(np.arange(wanted_frames) * (recorded / rate)).astype(np.int64)
     return np.minimum(numbers, n_frames - 1)
-
-
-def _about_axis(axis: int, angles: np.ndarray) -> np.ndarray:
-    """Return rotation matrices about a coordinate axis, shape (n, 3, 3)."""
-    second, third = (axis + 1) % 3, (axis + 2) % 3
-    matrices = np.zeros((len(angles), 3, 3))
-    matrices[:, axis, axis] = 1.0
-    matrices[:, second, second] = matrices[:, third, third] = np.cos(angles)
-    matrices[:, third, second] = np.sin(angles)
-    matrices[:, second, third] = -matrices[:, third, second]
-    return matrices
 
 
 @dataclass
@@ -209,7 +200,7 @@ class _Reader:
             joint = joints[branch[-1]]
             keyword = self._next("OFFSET", "CHANNELS", "JOINT", "END", "}")
             if keyword == "OFFSET":
-                joint.offset = self._offset()
+                joint.offset = self._numbers(3)
             elif keyword == "CHANNELS":
                 joint.channels = self._read_channels()
             elif keyword == "JOINT":
@@ -217,7 +208,7 @@ class _Reader:
             elif keyword == "END":
                 self._read_name()
                 self._next("OFFSET")
-                joints.append(_Joint(f"{joint.name} end", branch[-1], self._offset()))
+                joints.append(_Joint(f"{joint.name} end", branch[-1], self._numbers(3)))
                 self._next("}")
             elif not joint.offset:
                 raise self._error(f"joint {joint.name} has no OFFSET")
@@ -244,11 +235,11 @@ class _Reader:
             raise self._error(f"every number must be finite, and below {_LARGEST:g}")
         return numbers
 
-    def _offset(self) -> list[float]:
-        return self._floats(next(self._words, "the end of the file") for _ in range(3))
+    def _numbers(self, count: int) -> list[float]:
+        return self._floats(next(self._words, "the end of the file") for _ in range(count))
 
     def _read_channels(self) -> list[int]:
-        (count,) = self._floats([next(self._words, "the end of the file")])
+        (count,) = self._numbers(1)
         channels: list[int] = []
         while len(channels) < count:
             channels.append(_CHANNELS.index(self._next(*_CHANNELS)))

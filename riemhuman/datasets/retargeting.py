@@ -207,8 +207,9 @@ def retarget(
     model : BodyModel, optional
         Model with named joints, or with those of SMPL; by default the open model, "coarse".
     betas : array_like, shape (B,), optional
-        Shape coefficients of the person; by default from the lengths of the recorded bones, which
-        do not tell the build: girths and mass may be those of nobody.
+        Shape coefficients of the person; by default bones have the recorded lengths. Those do not
+        tell the build, and makers place joints differently: girths and mass may be nobody's. Zeros
+        are an average adult.
     joints : mapping of str to str, optional
         Names of joints in the recording by those of the open model, such as
         ``{"left_hip": "LeftUpLeg"}``, where they are not recognised. Names of Mixamo, Biped, Xsens,
@@ -483,28 +484,17 @@ class _Performer(Skeleton):
 
     def errors(self) -> RetargetingErrors:
         """Return directions and positions beside those recorded."""
-        source, positions = self.source, self.positions
-        names = tuple(name for limb in LIMBS for name in limb)
-        found = {name: positions[:, self.joints[name]] for name in names}
-        bones = [(found[b] - found[a], source.direction(a, b)) for a, b in BONES]
-        hips, shoulders = (self.middle(positions, part) for part in ("hip", "shoulder"))
-        bones.append((shoulders - hips, source.trunk))
-        angles = [
-            np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1))
-            for a, b in bones
-        ]
-        apart = [
-            found[name]
-            - hips
-            - self.scale * (source.positions[:, source.joints[name]] - source.hips)
-            for name in names
-        ]
-        return RetargetingErrors(
-            (*BONES, ("hips", "shoulders")),
-            np.degrees(np.stack(angles, axis=1)),
-            names,
-            np.linalg.norm(np.stack(apart, axis=1), axis=-1),
+        source, names = self.source, tuple(name for limb in LIMBS for name in limb)
+        own, recorded = self.bones(self.positions), source.bones(source.positions)
+        sines = np.linalg.norm(np.cross(own, recorded), axis=-1)
+        angles = np.degrees(np.arctan2(sines, np.sum(own * recorded, axis=-1)))
+        own, recorded = (
+            skeleton.positions[:, [skeleton.joints[name] for name in names]]
+            - skeleton.middle(skeleton.positions, "hip")[:, None]
+            for skeleton in (self, source)
         )
+        apart = np.linalg.norm(own - self.scale * recorded, axis=-1)
+        return RetargetingErrors((*BONES, ("hips", "shoulders")), angles, names, apart)
 
 
 def _bent(to_end: ndarray, a: float, b: float, axis: ndarray) -> tuple[ndarray, ndarray]:
@@ -520,17 +510,14 @@ def _bent(to_end: ndarray, a: float, b: float, axis: ndarray) -> tuple[ndarray, 
 
 def _similar_person(source: RecordedSkeleton, model: BodyModel) -> ndarray:
     """Return the shape coefficients of a person whose bones have the recorded proportions."""
-    places = {name: source.positions[:, joint] for name, joint in source.joints.items()}
-    bones = np.stack([*(places[b] - places[a] for a, b in _LENGTHS), source.trunk], axis=1)
-    recorded = np.median(np.linalg.norm(bones, axis=-1), axis=0) / source.leg
+    lengths = np.linalg.norm(source.bones(source.positions, _LENGTHS), axis=-1)
+    recorded = np.median(lengths, axis=0) / source.leg
     mean, joints = model.joints(), model_joints(model)
     changes = np.tensordot(model.joint_regressor, model.shapedirs, axes=1)
 
     def residuals(betas: ndarray) -> ndarray:
         body = Skeleton(model.parents, mean + changes @ betas, joints)
-        trunk = body.middle(body.rest, "shoulder") - body.middle(body.rest, "hip")
-        bones = [*(body.bone(*bone) for bone in _LENGTHS), trunk]
-        apart = np.linalg.norm(bones, axis=1) / body.leg - recorded
+        apart = np.linalg.norm(body.bones(body.rest, _LENGTHS), axis=1) / body.leg - recorded
         taller = body.leg / leg - 1.0
         return np.concatenate([apart / _LENGTH_DEVIATION, [taller / _LEG_DEVIATION], betas])
 
