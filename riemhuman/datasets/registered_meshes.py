@@ -50,8 +50,9 @@ class RegisteredMeshes:
     ----------
     files : sequence of path_like
         Mesh files, see `riemhuman.load_mesh`.
-    reference : path_like, optional
-        Mesh file whose triangles all files must have; by default the first.
+    reference : Template or path_like, optional
+        The template, or a mesh file, whose triangles all files must have; by default the first
+        file.
     scale : {"template"} or None
         With "template", a mesh more than eight times as large or as small as the reference raises
         an error, because it is evidently in another unit.
@@ -79,7 +80,7 @@ class RegisteredMeshes:
     def __init__(
         self,
         files: Sequence[str | os.PathLike[str]],
-        reference: str | os.PathLike[str] | None = None,
+        reference: Template | str | os.PathLike[str] | None = None,
         scale: str | None = "template",
         *,
         unit: str | None = None,
@@ -90,9 +91,16 @@ class RegisteredMeshes:
         self.files = tuple(Path(file) for file in files)
         if not self.files:
             raise ArgumentError("files holds no mesh file; at least one is needed")
-        self._reference = self.files[0] if reference is None else Path(reference)
-        vertices, self.faces = load_mesh(self._reference)
-        self.reference = make_upright(vertices, unit, up)
+        if isinstance(reference, Template):
+            self._name, self.faces, self.reference = (
+                "the template",
+                reference.faces,
+                reference.vertices,
+            )
+            return
+        file = self.files[0] if reference is None else Path(reference)
+        vertices, self.faces = load_mesh(file)
+        self._name, self.reference = str(file), make_upright(vertices, unit, up)
 
     def __len__(self) -> int:
         return len(self.files)
@@ -112,11 +120,11 @@ class RegisteredMeshes:
             difference = face_difference(faces, self.faces) or ""
         if difference:
             raise FileFormatError(
-                f"{file} is not registered to {self._reference}: {difference}; register it first: "
+                f"{file} is not registered to {self._name}: {difference}; register it first: "
                 f"riemhuman register {file} -o body.ply"
             )
         if self._scale is not None:
-            names = str(file), str(self._reference)
+            names = str(file), self._name
             check_same_scale(vertices, self.reference, *names, error=FileFormatError)
         return vertices
 
@@ -367,22 +375,13 @@ def _load(
     progress: bool = False,
 ) -> Bodies:
     """Load registered meshes with their labels."""
-    meshes = RegisteredMeshes(files, scale=scale, unit=unit, up=up)
     if not isinstance(template, Template):
         # By default the first body: the mean of several poses is no body, its arms shrink.
-        read = Template.from_file(meshes.files[0] if template is None else template)
+        read = Template.from_file(files[0] if template is None else template)
         template = Template(make_upright(read.vertices, unit, up), read.faces)
-    if template.n_vertices != len(meshes.reference):
-        raise ArgumentError(
-            f"template has {template.n_vertices} vertices; the meshes have {len(meshes.reference)}"
-        )
-    difference = face_difference(template.faces, meshes.faces)
-    if difference:
-        raise ArgumentError(f"template must have the triangles of the meshes: {difference}")
+    meshes = RegisteredMeshes(files, template, scale, unit=unit, up=up)
     bar = ProgressBar(range(len(meshes)), "Meshes", unit="mesh", disable=not progress)
     points = np.stack([meshes[number] for number in bar])
-    if scale is not None:
-        check_same_scale(points, template.vertices, "the mesh", "the template")
     if align:
         points = procrustes(points, to=template.vertices, scale=None)
     ids = tuple(file.stem for file in files)

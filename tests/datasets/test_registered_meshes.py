@@ -285,10 +285,10 @@ def test_missing_meshes_may_be_left_out(folder):
 
 def test_templates_and_meshes_that_do_not_fit(folder, mesh):
     points, faces = mesh
-    with pytest.raises(ArgumentError, match="template must have the triangles .* 79 triangles"):
+    with pytest.raises(FileFormatError, match=r"b2\.ply is not .* the template: 80 triangles fo"):
         load_bodies(folder, template=Template(points[0], faces[1:]))
     more = Template(np.vstack([points[0], [[9.0, 9.0, 9.0]]]), faces)
-    with pytest.raises(ArgumentError, match="template has 43 vertices; the meshes have 42"):
+    with pytest.raises(FileFormatError, match="it has 42 vertices, that one has 43"):
         load_bodies(folder, template=more)
     flat = points[0].copy()
     flat[faces[3]] = flat[faces[3][0]]
@@ -299,7 +299,7 @@ def test_templates_and_meshes_that_do_not_fit(folder, mesh):
 
 def test_meshes_in_another_unit_are_refused(folder, mesh):
     template = Template(1000 * mesh[0][0], mesh[1])
-    with pytest.raises(ArgumentError, match=r"the mesh\[0\] is 1e\+03 times as small as the temp"):
+    with pytest.raises(FileFormatError, match=r"b2\.ply is 1e\+03 times as small as the template"):
         load_bodies(folder, template=template)
     save_mesh(folder / FILES[2], 100 * mesh[0][2], mesh[1])
     with pytest.raises(FileFormatError, match=r"b11\.off is .*centimetres and the other in metres"):
