@@ -8,16 +8,12 @@ from typing import Any
 import numpy as np
 
 from riemhuman.bodies import BodyModel, joint_motions, rotation_matrix, skin_surface
-from riemhuman.datasets.open_poses import joint_degrees, varied_poses
+from riemhuman.datasets.open_poses import DEGREES, joint_degrees, varied_poses
 from riemhuman.kernels.rotations import log
 from riemhuman.kernels.surface import unit_vectors
 
-# Deviations of a person from a pose as written: standard deviations in degrees, of each of the
-# three joints of the spine and of the joints of both sides.
-_TRUNK_DEGREES = {"pelvis": 1.5, "spine": 1.0, "chest": 1.0, "neck": 2.0, "head": 2.5}
-_ARM_DEGREES = {"collar": 1.0, "shoulder": 2.5, "elbow": 4.0, "wrist": 5.0}
-_LEG_DEGREES = {"hip": 1.5, "knee": 2.0, "ankle": 2.0, "toes": 1.0}
-_DEGREES = _TRUNK_DEGREES | _ARM_DEGREES | _LEG_DEGREES
+# Standard deviations of joints that differ from those of the plain bodies, degrees.
+_DEGREES = DEGREES | {"head": 2.5, "shoulder": 2.5, "elbow": 4.0, "wrist": 5.0, "hip": 1.5}
 # The share of this variance that is a habit, the same in all poses of a person.
 _HABIT = 0.5
 _TOUCHED_POINT_METRES = 0.019

@@ -11,18 +11,12 @@ from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, whole_number
 from riemhuman.datasets._natural_bodies import natural_performances, natural_surfaces, surface_noise
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.datasets.open_poses import DATA, joint_degrees, read_table, varied_poses
+from riemhuman.datasets.open_poses import DATA, DEGREES, joint_degrees, read_table, varied_poses
 from riemhuman.kernels.threads import single_threaded_libraries
 
 _RESOLUTIONS = ("full", "coarse")
 _VARIANTS = ("plain", "natural")
 
-# Deviations of a performance from the pose as written: standard deviations in degrees, of each of
-# the three joints of the spine and of the joints of both sides.
-_TRUNK_DEGREES = {"pelvis": 1.5, "spine": 1.0, "chest": 1.0, "neck": 2.0, "head": 2.0}
-_ARM_DEGREES = {"collar": 1.0, "shoulder": 3.0, "elbow": 3.0, "wrist": 4.0}
-_LEG_DEGREES = {"hip": 2.0, "knee": 2.0, "ankle": 2.0, "toes": 1.0}
-_DEGREES = _TRUNK_DEGREES | _ARM_DEGREES | _LEG_DEGREES
 _HEADING_DEGREES = 2.0
 _PLACE_METRES = 0.02
 _NOISE_METRES = 0.002
@@ -98,7 +92,6 @@ def load_open_bodies(
         rng = np.random.default_rng([_SEED, whole_number(people, "people", minimum=0)])
         names = tuple(f"person {number} of {people}" for number in range(len(written)))
         builds = np.clip(rng.standard_normal(written.shape), -_EXTREME, _EXTREME)
-    builds = np.pad(builds, ((0, 0), (0, model.n_betas - builds.shape[1])))
     angles = table[variant]
 
     # Joints of the two models differ by millimetres, but performances must be the same.
@@ -150,7 +143,7 @@ def _performances(
 ) -> np.ndarray:
     """Return the pose vectors of all people in all poses, shape (people, poses, J, 3)."""
     shape = (n_people, len(angles), model.n_joints, 3)
-    offsets = rng.standard_normal(shape) * joint_degrees(_DEGREES, model)
+    offsets = rng.standard_normal(shape) * joint_degrees(DEGREES, model)
     offsets[..., model.parents < 0, 1] += rng.normal(0.0, _HEADING_DEGREES, (*shape[:2], 1))
     return varied_poses(model, angles, offsets)
 

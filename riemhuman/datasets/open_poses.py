@@ -34,6 +34,12 @@ from riemhuman.kernels.surface import unit_vectors
 
 DATA = Path(__file__).parent / "data"
 
+# Standard deviations of a performance from the pose as written, degrees: of each of the three
+# joints of the spine, and of the joints of both sides.
+_TRUNK = {"pelvis": 1.5, "spine": 1.0, "chest": 1.0, "neck": 2.0, "head": 2.0}
+_ARM = {"collar": 1.0, "shoulder": 3.0, "elbow": 3.0, "wrist": 4.0}
+DEGREES = _TRUNK | _ARM | {"hip": 2.0, "knee": 2.0, "ankle": 2.0, "toes": 1.0}
+
 
 @cache
 def read_table(name: str) -> dict[str, Any]:

@@ -116,13 +116,21 @@ def load_shrec14(
     subject, ids, files, missing = [], [], [], []
     for number, names in enumerate(members.values()):
         for name in names:
-            found = _file_of(name, by_name, class_file, root)
-            if found is None:
+            stem = Path(name).stem if Path(name).suffix.lower() in MESH_ENDINGS else Path(name).name
+            found = by_name.get(stem, [])
+            if not found and re.fullmatch(r"[0-9]+", stem):
+                found = by_name.get(_last_number(stem), [])
+            if len(found) > 1:
+                several = ", ".join(str(file.relative_to(root).with_suffix("")) for file in found)
+                raise FileFormatError(
+                    f"{class_file}: the id {name[:60]} fits several meshes, {several}; keep one"
+                )
+            if found:
+                subject.append(number)
+                ids.append(name)
+                files += found
+            else:
                 missing.append(name)
-                continue
-            subject.append(number)
-            ids.append(name)
-            files.append(found)
     if missing:
         raise FileError(
             f"{root} lacks {len(missing)} of the {len(missing) + len(files)} meshes that "
@@ -179,19 +187,3 @@ def _last_number(text: str) -> str:
     """Return the last number of a name, as a key that differs from all names of files."""
     numbers = re.findall(r"[0-9]+", text)
     return f"/{numbers[-1].lstrip('0')}" if numbers else text
-
-
-def _file_of(
-    name: str, by_name: dict[str, list[Path]], class_file: Path, root: Path
-) -> Path | None:
-    """Return the mesh file that an id of a class file names, if there is one."""
-    stem = Path(name).stem if Path(name).suffix.lower() in MESH_ENDINGS else Path(name).name
-    files = by_name.get(stem, [])
-    if not files and re.fullmatch(r"[0-9]+", stem):
-        files = by_name.get(_last_number(stem), [])
-    if len(files) > 1:
-        several = ", ".join(str(file.relative_to(root).with_suffix("")) for file in files)
-        raise FileFormatError(
-            f"{class_file}: the id {name[:60]} fits several meshes, {several}; keep one"
-        )
-    return files[0] if files else None

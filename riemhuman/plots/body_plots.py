@@ -81,7 +81,10 @@ def plot_body(
     ax.imshow(picture, extent=(0.0, window.width, 0.0, window.height), interpolation="antialiased")
     ax.set_axis_off()
     if values is not None and label is not None:
-        ax.figure.colorbar(_scale(limit), ax=ax, label=label, shrink=0.6, pad=0.02)
+        colors, cm = (import_optional(f"matplotlib.{name}", "plot") for name in ("colors", "cm"))
+        table = colors.ListedColormap(value_colors(np.linspace(0.0, 1.0, 256)))
+        scale = cm.ScalarMappable(colors.Normalize(0.0, limit or 1.0), table)
+        ax.figure.colorbar(scale, ax=ax, label=label, shrink=0.6, pad=0.02)
     return ax
 
 
@@ -186,14 +189,6 @@ def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarra
     if not areas.all():
         raise ArgumentError("faces must not include triangles without area")
     return real_array(values, "values", (len(areas),)) / areas
-
-
-def _scale(largest: float) -> Any:
-    """Return the colour scale from 0 to the largest value for a colour bar."""
-    colors = import_optional("matplotlib.colors", "plot")
-    cm = import_optional("matplotlib.cm", "plot")
-    table = colors.ListedColormap(value_colors(np.linspace(0.0, 1.0, 256)))
-    return cm.ScalarMappable(colors.Normalize(0.0, largest or 1.0), table)
 
 
 def plot_measurement_lines(

@@ -139,7 +139,13 @@ def render(
     100
     """
     vertices, faces = check_mesh(*as_surfaces(vertices, faces))
-    colors = _face_colors(color, len(faces))
+    colors = real_array(color, "color", (3,))
+    if colors.shape not in ((3,), (len(faces), 3)) or colors.min() < 0 or colors.max() > 1:
+        raise ArgumentError(
+            f"color must have shape (3,) or ({len(faces)}, 3) and lie between 0 and 1; found shape "
+            f"{colors.shape}, from {colors.min():g} to {colors.max():g}"
+        )
+    colors = np.broadcast_to(colors, (len(faces), 3))
     whole_number(height, "height", minimum=1)
     view = View() if view is None else view
     window = window_around(vertices, view) if window is None else window
@@ -163,18 +169,6 @@ def render(
     sums = [np.bincount(pixel, channel, height * width) for channel in samples.T]
     means = [*(sums / np.maximum(count, 1)), count / _SAMPLES**2]
     return np.round(255 * np.stack(means, axis=1)).astype(np.uint8).reshape(height, width, 4)
-
-
-def _face_colors(color: ArrayLike, n_faces: int) -> ndarray:
-    colors = real_array(color, "color", (3,))
-    if colors.ndim > 2 or (colors.ndim == 2 and len(colors) != n_faces):
-        raise ArgumentError(
-            f"color must have shape (3,) or ({n_faces}, 3), one of each triangle; "
-            f"found {colors.shape}"
-        )
-    if colors.min() < 0 or colors.max() > 1:
-        raise ArgumentError("color must lie between 0 and 1")
-    return np.broadcast_to(colors, (n_faces, 3))
 
 
 def _shade(normals: ndarray) -> ndarray:
