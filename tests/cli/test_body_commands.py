@@ -37,7 +37,9 @@ def test_motion_into_a_folder(run, scans, moved, tmp_path):
     assert "2 meshes, body_0.ply to body_1.ply, replayed on body_20.ply." in page
     again = ("transfer", *files, "--onto", onto, "-o", tmp_path / "moved", "-q")
     assert run(*again).code == 2
+    (tmp_path / "moved" / names[1]).unlink()
     assert run(*again, "--force").code == 0
+    assert (tmp_path / "moved" / names[1]).exists()
 
 
 def test_motion_into_a_file(run, scans, moved, tmp_path):

@@ -75,12 +75,15 @@ def test_matrix_as_table_and_json(run, scans, tmp_path):
     assert record["names"] == NAMES
 
 
-def test_matrix_of_lengths_of_paths(run, scans, bodies, tmp_path):
+def test_matrix_of_lengths_of_paths(run, bodies, tmp_path):
+    scans, points = tmp_path / "scans", bodies.points[[0, 1, 20]]
+    scans.mkdir()
+    for name, surface in zip("abc", points, strict=True):
+        save_mesh(scans / f"{name}.ply", surface, bodies.template.faces)
     output, table = tmp_path / "D.npz", tmp_path / "D.csv"
     options = ("-a", 1, "-l", 1, "-c", 0.1, "--paths", "--n-nodes", 3, "--n-components", 6)
     finished = run("matrix", scans, "-o", output, "--csv", table, *options)
     assert finished.code == 0, finished.err
-    points = bodies.points[[0, 1, 2, 20, 21, 22]]
     template = Template(points[0], bodies.template.faces)
     solver = BasisPath(DeformationBasis.from_laplacian(template, 6), n_nodes=3)
     metric = metric_of(template, 1.0, 1.0, 0.1)

@@ -21,7 +21,9 @@ def make_small_report(nine_bodies):
         for one in added:
             extensions.register(*one)
         try:
-            return make_report(output, bodies=nine_bodies, basis=basis, quick=True)
+            with pytest.MonkeyPatch.context() as coarse:
+                coarse.setattr("riemhuman.plots.figures._DPI", 40)
+                return make_report(output, bodies=nine_bodies, basis=basis, quick=True)
         finally:
             for kind, name, _ in added:
                 extensions.unregister(kind, name)
