@@ -35,9 +35,7 @@ _COMPONENT_FILES = (
     inputs.path_output("time", "path.glb", "path.png", "path.html"),
     cli.option("--n-nodes", "surfaces of the path", default=11, metavar="N"),
     inputs.BASIS,
-    cli.template("A"),
-    cli.ALIGN,
-    inputs.metric_options(inputs.PATH_METRIC),
+    inputs.metric_options("A", inputs.PATH_METRIC),
 )
 def _geodesic(options: argparse.Namespace) -> cli.Answer:
     surfaces = inputs.read_surfaces(options, [options.a_file, options.b_file])
@@ -81,9 +79,7 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
     cli.FILES,
     cli.output("MESH", *cli.MESH_ENDINGS),
     inputs.BASIS,
-    cli.template("the first mesh"),
-    cli.ALIGN,
-    inputs.metric_options(inputs.PATH_METRIC),
+    inputs.metric_options("the first mesh", inputs.PATH_METRIC),
     cli.PICTURE,
 )
 def _mean(options: argparse.Namespace) -> cli.Answer:
@@ -120,17 +116,15 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     cli.option("-n --n-components", "components", default=3, metavar="K"),
     cli.option("--samples", "number of random bodies", default=0, metavar="N"),
     cli.option("--seed", "seed of the random bodies", default=0, metavar="S"),
-    cli.template("the first mesh"),
-    cli.ALIGN,
-    inputs.metric_options(_COMPONENTS_METRIC),
+    inputs.metric_options("the first mesh", _COMPONENTS_METRIC),
 )
 def _components(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     if options.metric == "shape":
         raise ArgumentError(
-            "the λ of --shape is too small for logarithms between people; leave out --shape: the "
-            "default, -a 1 -l 1 -c 0, also describes body shape"
+            "the λ of --shape is too small for logarithms between people; leave it out: the "
+            "default weights also describe shape"
         )
     count = options.n_components
     surfaces = inputs.read_surfaces(options, options.meshes)
@@ -376,20 +370,15 @@ def _basis(options: argparse.Namespace) -> cli.Answer:
             motions, options.n_components, options.step, progress=options.bars
         )
     basis.save(options.output)
-    explained = float(basis.explained_variance_ratio.sum())
     record = {
         "n_components": basis.n_components,
         "n_vertices": basis.n_vertices,
         "n_motions": len(motions),
         "n_frames": n_frames,
         "step": options.step,
-        "explained_variance": explained,
+        "explained_variance": basis.explained_variance_ratio.sum(),
     }
-    said = (
-        f"{basis.n_components} deformations of {basis.n_vertices:,} vertices\n"
-        f"{100 * explained:.3f} % of the variance of the motions"
-    )
-    return cli.Answer(said, record)
+    return cli.Answer(record, record)
 
 
 def _basis_motions(options: argparse.Namespace) -> Any:

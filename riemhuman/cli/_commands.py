@@ -23,15 +23,12 @@ FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer of a command: lines of text, or values by name, and a record for ``--json``.
-
-    The command line adds what was written, unless nothing was or the text is a table.
-    """
+    """The answer of a command: lines of text, or values by name, and a record for ``--json``."""
 
     text: str | Mapping[str, Any] = ""
     record: Any = None
     trusted: bool = True
-    written: bool = True
+    written: bool = True  # whether to add the places of outputs
 
 
 Run: TypeAlias = Callable[[argparse.Namespace], Answer]
@@ -139,15 +136,11 @@ def output(
     flags: str = "-o --output",
     required: bool = True,
 ) -> Argument:
-    """Return the declaration of an output: a file or, with a pattern of names in it, a folder.
-
-    Its check, before the command runs, makes it a path and adds it to `options.written`;
-    `options.ending` is that of the file, or empty, and `options.is_ours` tells whether the command
-    writes files of a name.
-    """
+    """Return the declaration of an output: a file or, with a pattern of names in it, a folder."""
     dest = flags.split()[-1].strip("-")
 
     def check(options: argparse.Namespace) -> None:
+        # Before the command runs; `options.ending` is empty for a folder.
         from riemhuman.io.outputs import check_output_file, check_output_folder
 
         given = getattr(options, dest)

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 _QUESTIONS = {"subject": "Who is it?", "pose": "How do they stand?"}
 _N_COMPONENTS = 100  # of the basis of Dynamic FAUST
 _N_NODES = 11  # surfaces of a path
-# Rotation between two bodies in degrees that differences of poses do not explain.
-_LARGE_ROTATION = 40.0
 
 
 _BODY_SET = cli.several(
@@ -32,23 +30,18 @@ _BODY_SET = cli.several(
             "self-contact and soft tissue (natural)",
             choices=("plain", "natural"),
         ),
-        cli.option(
-            "--faust", "registrations of MPI FAUST instead (tr_reg_000.ply ...)", metavar="FOLDER"
-        ),
-        cli.option(
-            "--bodies", "registered meshes of a folder instead; see --labels", metavar="FOLDER"
-        ),
+        cli.path_option("--faust", "FOLDER", "registrations of MPI FAUST (tr_reg_000.ply ...)"),
+        cli.path_option("--bodies", "FOLDER", "registered meshes of a folder; see --labels"),
         cli.option(
             "--reader", "bodies by another package's reader", nargs=2, metavar=("NAME", "PATH")
         ),
         exclusive=True,
     ),
     cli.option("--people", "ten other open people, drawn with this seed", metavar="SEED", type=int),
-    cli.option(
+    cli.path_option(
         "--labels",
-        "with --bodies: a table with the columns file, subject and pose (default: labels.csv in "
-        "the folder)",
-        metavar="CSV",
+        "CSV",
+        "with --bodies: table of file, subject and pose (default: labels.csv in the folder)",
     ),
     cli.path_option(
         "--template", "MESH", "with --faust or --bodies: template (default: first mesh)"
@@ -143,36 +136,26 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
     "  riemhuman dist a.obj b.obj -a 1 -l 0.01 -c 0.5 --align --json\n",
     cli.mesh_option("a_file", "A"),
     cli.mesh_option("b_file", "B"),
-    cli.template("A"),
-    cli.ALIGN,
-    inputs.metric_options(),
+    inputs.metric_options("A"),
 )
 def _dist(options: argparse.Namespace) -> cli.Answer:
     surfaces = inputs.read_surfaces(options, [options.a_file, options.b_file])
     metric = inputs.chosen_metric(options, surfaces.template)
-    distance = float(metric.dist(*surfaces[:]))
+    first, second = surfaces[:]
+    distance = float(metric.dist(first, second))
     if not (options.quiet or options.align or metric.is_rotation_invariant):
-        _note_rotation(*surfaces[:])
+        aligned = metric.dist(first, rh.procrustes(second, to=first, scale=None))
+        if aligned**2 < distance**2 / 2:
+            terminal.note(
+                "warning: B is rotated relative to A, which this metric counts; without the "
+                f"rotation, the distance is {aligned:.4g}, see --align"
+            )
     record = {"distance": distance, "metric": inputs.metric_record(metric)}
     record |= {"files": surfaces.files, "template": options.template or options.a_file}
     record |= {"aligned": options.align}
     if not (options.quiet or options.json or options.any_scale or options.extension):
         _note_usual_distances(options)
     return cli.Answer(f"{distance:.10g}", record)
-
-
-def _note_rotation(first: ndarray, second: ndarray) -> None:
-    """Say so if one surface is rotated relative to the other."""
-    import numpy as np
-    from scipy.spatial.transform import Rotation
-
-    offsets = [surface - surface.mean(axis=0) for surface in (first, second)]
-    angle = np.degrees(Rotation.align_vectors(*offsets)[0].magnitude())
-    if angle > _LARGE_ROTATION:
-        terminal.note(
-            f"warning: B is rotated by about {angle:.0f}° relative to A, which this metric counts; "
-            "--align removes the rotation"
-        )
 
 
 def _note_usual_distances(options: argparse.Namespace) -> None:
@@ -222,9 +205,7 @@ def _note_usual_distances(options: argparse.Namespace) -> None:
     cli.flag("--paths", "also find paths and their lengths"),
     cli.option("--n-nodes", f"surfaces of a path (default: {_N_NODES})", type=int, metavar="N"),
     inputs.BASIS,
-    cli.template("the first mesh"),
-    cli.ALIGN,
-    inputs.metric_options(),
+    inputs.metric_options("the first mesh"),
 )
 def _matrix(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
@@ -303,9 +284,7 @@ def _path_distances(metric: Any, surfaces: inputs.Surfaces, options: argparse.Na
     cli.mesh_option("query", "QUERY"),
     cli.FOLDER,
     cli.option("-k", "number of meshes to print", default=5, metavar="K"),
-    cli.template("QUERY"),
-    cli.ALIGN,
-    inputs.metric_options(),
+    inputs.metric_options("QUERY"),
 )
 def _retrieve(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
@@ -434,7 +413,7 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
     "  riemhuman report --faust ~/MPI-FAUST --dfaust registrations_m.hdf5 -o faust-report\n"
     "  riemhuman report --bodies scans/ --labels scans/labels.csv -o scans-report\n",
     _BODY_SET,
-    cli.option("--dfaust", "motions of Dynamic FAUST for the basis of geodesics", metavar="FILE"),
+    cli.path_option("--dfaust", "FILE", "motions of Dynamic FAUST for the basis of geodesics"),
     cli.path_option(
         "-o --output",
         "FOLDER",

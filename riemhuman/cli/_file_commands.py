@@ -162,12 +162,9 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
 def _folder_facts(folder: Path) -> dict[str, Any]:
     import numpy as np
 
-    inner = sorted(place for place in folder.iterdir() if place.is_dir())
     try:
         files = rh.datasets.find_meshes(folder)
     except FileError:
-        if not inner:
-            raise
         motions = rh.datasets.load_mesh_motions(folder)
         names = [f"{motion.sequence}: {len(motion):,} frames" for motion in motions]
         return {"kind": "folder of motions", "motions": names}

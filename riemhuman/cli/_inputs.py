@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import riemhuman as rh
 from riemhuman.cli._commands import (
+    ALIGN,
     MESH_ENDINGS,
     Argument,
     option,
     output,
     path_option,
     several,
+    template,
 )
 from riemhuman.cli._terminal import as_json
 from riemhuman.errors import ArgumentError
@@ -113,8 +115,10 @@ def advice(scan: Path) -> str:
     return f"register it first: riemhuman register {scan} -o body.ply"
 
 
-def metric_options(default: tuple[float, float, float] = _PRESETS["shape"]) -> Argument:
-    """Return the declaration of the metric, with default weights a, λ and c."""
+def metric_options(
+    reference: str, default: tuple[float, float, float] = _PRESETS["shape"]
+) -> Argument:
+    """Return the declaration of the template, alignment and metric, with default weights."""
     name = "--shape" if default == _PRESETS["shape"] else "-a {:g} -l {:g} -c {:g}".format(*default)
 
     def preset(name: str, text: str) -> Argument:
@@ -124,7 +128,7 @@ def metric_options(default: tuple[float, float, float] = _PRESETS["shape"]) -> A
         return option(flags, f"{text} (default: {value:g})", type=float, metavar=metavar)
 
     a, lam, c = default
-    return several(
+    metric = several(
         several(
             preset("shape", "compares people: (a, λ, c) = (1, 0.0001, 0)"),
             preset("pose", "compares poses: (a, λ, c) = (0, 0, 1)"),
@@ -144,6 +148,7 @@ def metric_options(default: tuple[float, float, float] = _PRESETS["shape"]) -> A
         title="metric",
         text=f"a · Ebin(λ) + c · normals (default: {name}); -a, -l and -c change one weight each",
     )
+    return several(template(reference), ALIGN, metric)
 
 
 def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
@@ -267,10 +272,7 @@ class Motions(NamedTuple):
 
 
 def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> Motions:
-    """Return the motions in files and folders; the first frame is the default template.
-
-    `chosen` are the people and sequences of files of Dynamic FAUST.
-    """
+    """Return motions in files and folders, those of Dynamic FAUST by people and sequences."""
     if (options.unit or options.up) and not any(place.is_dir() for place in places):
         raise ArgumentError("--unit and --up are for folders of meshes; other files are in metres")
     units = {"unit": options.unit, "up": options.up}

@@ -58,14 +58,14 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
     files = inputs.list_meshes(options.meshes)
     if options.seated and options.model is not None:
         raise ArgumentError("--seated is for the open body model; leave out --model")
-    measurements, points = _read(files, options, "seated" if options.seated else "standing")
+    pose = "seated" if options.seated else "standing"
+    measurements, points, trusted = _read(files, options, pose)
     axes = "body"
     if not options.as_is:
         with options.task(f"Standard pose of {len(files)} meshes"):
             points = rh.measurements.in_standard_pose(measurements.definitions, points)
         axes = "space"
     with options.task(f"Measurements of {len(files)} meshes"):
-        trusted = _trusted_vertices(files, points.shape[1])
         measured = measurements.measure(points, axes=axes, missing="nan", trusted_vertices=trusted)
     if options.picture is not None:
         lines = measurements.lines(points[0], axes=axes)
@@ -94,17 +94,6 @@ def _missing(
         missing.append({"file": files[number], "measurement": name, "why": reason})
         said.append(f"no {name} of {files[number].name}: {reason}")
     return missing, said
-
-
-def _trusted_vertices(files: Sequence[Path], n_vertices: int) -> ndarray:
-    """Return which vertices of each body its file says to trust; else all, shape (n, V)."""
-    import numpy as np
-
-    trusted = np.ones((len(files), n_vertices), dtype=bool)
-    for row, file in zip(trusted, files, strict=True):
-        known = rh.io.load_trusted(file)
-        row[:] = True if known is None else known
-    return trusted
 
 
 def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> list[str]:
@@ -137,9 +126,8 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> list[str
 def _compare(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
-    files = [options.before, options.after]
-    measurements, points = _read(files, options)
-    trusted = _trusted_vertices(files, points.shape[1])
+    files = inputs.list_meshes([options.before, options.after])
+    measurements, points, trusted = _read(files, options)
     with options.task("Standard pose of 2 meshes"):
         result = rh.measurements.compare_visits(measurements, *points, trusted_vertices=trusted)
     columns = (
@@ -187,10 +175,11 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
 
 def _read(
     files: Sequence[Path], options: argparse.Namespace, pose: str = "standing"
-) -> tuple[Any, ndarray]:
-    """Return the measurements, and the meshes in files."""
+) -> tuple[Any, ndarray, ndarray]:
+    """Return the measurements, meshes, and which vertices their files say to trust, or all."""
+    import numpy as np
+
     cli.check_needs(options, "--definitions", "--model NPZ")
-    files = inputs.list_meshes(files)
     meshes = rh.datasets.RegisteredMeshes(files, scale=None, unit=options.unit, up=options.up)
     template = rh.Template(meshes[0], meshes.faces)
     if options.model is not None:
@@ -208,7 +197,11 @@ def _read(
         measurements = rh.measurements.Measurements(definitions)
     if options.only:
         measurements = rh.measurements.Measurements(measurements.definitions, options.only)
-    return measurements, meshes[:]
+    trusted = np.ones((len(files), template.n_vertices), dtype=bool)
+    for row, file in zip(trusted, files, strict=True):
+        known = rh.io.load_trusted(file)
+        row[:] = True if known is None else known
+    return measurements, meshes[:], trusted
 
 
 def _write_table(file: Path, rows: Sequence[Sequence[object]]) -> None:

@@ -148,7 +148,9 @@ def test_dist_says_that_one_body_is_rotated(run, scans, bodies, tmp_path):
     rotated = tmp_path / "rotated.ply"
     save_mesh(rotated, bodies.points[1][:, [2, 1, 0]] * [1.0, 1.0, -1.0], bodies.template.faces)
     said = run("dist", scans / NAMES[0], rotated, "--pose").err
-    assert "B is rotated by about" in said
+    aligned = float(run("dist", scans / NAMES[0], rotated, "--pose", "--align").out)
+    assert "B is rotated relative to A" in said
+    assert f"without the rotation, the distance is {aligned:.4g}" in said
     for options in (["--shape"], ["--pose", "--align"], ["--pose", "--quiet"]):
         assert "rotated" not in run("dist", scans / NAMES[0], rotated, *options).err
     assert "rotated" not in run("dist", scans / NAMES[0], scans / NAMES[1], "--pose").err
