@@ -136,7 +136,7 @@ def _maps(report: Report) -> Step:
         }, {}
 
     by = {task.name: report.distances[task.metric].fingerprint for task in report.tasks}
-    return report.step("maps", compute, "Maps", by=by, seed=seed)
+    return report.store.step("maps", compute, "Maps", by=by, seed=seed)
 
 
 def sweep_section(report: Report) -> Section | None:
@@ -188,7 +188,7 @@ def _sweep(report: Report, tasks: Sequence[Task]) -> Step:
         return {"metric": np.stack(metric), "normal": normal}, {"rows": rows}
 
     inputs = {"lams": plan.lams, "weights": plan.weights}
-    return report.step("sweep", compute, "Sweep over the weights", **inputs)
+    return report.store.step("sweep", compute, "Sweep over the weights", **inputs)
 
 
 def best_weights(rows: Sequence[Mapping[str, Any]], tasks: Sequence[Task]) -> list[dict[str, Any]]:
@@ -278,7 +278,7 @@ def _measure(report: Report, definitions: MeasurementSet) -> Step:
             record["n_permutations"] = shape.n_permutations
         return arrays, record
 
-    return report.step("measurements", compute, "Measurements", poses=_MOST_POSES, seed=seed)
+    return report.store.step("measurements", compute, "Measurements", poses=_MOST_POSES, seed=seed)
 
 
 def _draw_sweep(panels: Mapping[str, ndarray], lams: Sequence[float], weights: list[str]) -> Figure:

@@ -120,7 +120,6 @@ class Output:
 
     folder: Path
     figures: ResultStore
-    digest: str
 
     def figure(
         self,
@@ -148,8 +147,8 @@ class Output:
             None if hasattr(given, "points") else getattr(given, "fingerprint", given)
             for given in arguments
         ]
-        inputs = {"draw": draw.__name__, "bodies": self.digest, "arguments": given, "size": size}
-        step = self.figures.step(name, inputs | settings, compute, f"Figure {name}")
+        inputs = {"draw": draw.__name__, "arguments": given, "size": size, **settings}
+        step = self.figures.step(name, compute, f"Figure {name}", **inputs)
         for kind, data in step.arrays.items():
             write_bytes(self.folder / "figures" / f"{name}.{kind}", data.tobytes())
         svg = step.arrays["svg"].tobytes().decode()

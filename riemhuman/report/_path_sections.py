@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from dataclasses import replace
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,7 +41,6 @@ from riemhuman.solvers import (
     BasisMean,
     BasisPath,
     LinearPath,
-    ModelParameters,
     ModelPath,
     compare_paths,
 )
@@ -51,7 +51,9 @@ if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
     from riemhuman.report._storage import Computed, Step
 
-LINEAR, SRNF_PATH, SOBOLEV, MODEL, OURS = "linear", "SRNF", "Sobolev", "body model", "ours"
+# Paths that the section on comparisons names.
+_LINEAR, _OURS = "linear", "ours (1, 1, 0)"
+_parameters: Any = attrgetter("betas", "pose", "trans")  # of a model's fit
 # Weights a0, a1, b1, c1, d1 and a2.
 _SOBOLEV_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 0.0, 1e-3)
 _GEODESICS = {SAME_PERSON: ("pose-change", PATH_WEIGHTS), SAME_POSE: ("shape-change", POSE_WEIGHTS)}
@@ -59,13 +61,6 @@ _VIEWED_METRICS = {
     "shape (1, 1, 0)": PATH_WEIGHTS,
     "pose (0, 0, 1)": POSE_WEIGHTS,
     "both (1, 1, 0.1)": (1.0, 1.0, 0.1),
-}
-_PATH_TITLES = {
-    LINEAR: "linear",
-    SRNF_PATH: "SRNF",
-    SOBOLEV: "Sobolev, a2 = 0.001",
-    MODEL: "body model",
-    OURS: "ours (1, 1, 0)",
 }
 _COUNTS = {4: "Four", 5: "Five"}
 
@@ -106,7 +101,7 @@ def _differences(report: Report) -> Step:
             rows.append({**row, "squared_distance": metric + normal})
         return arrays, {"rows": rows, "pairs": {n: list(pair) for n, pair in report.pairs.items()}}
 
-    return report.step("differences", compute, "Where bodies differ", pairs=report.pairs)
+    return report.store.step("differences", compute, "Where bodies differ", pairs=report.pairs)
 
 
 def geodesic_section(report: Report) -> Section | None:
@@ -194,8 +189,8 @@ def comparison_section(report: Report) -> Section | None:
     step = _comparison(report, pair)
     rows = step.record["rows"]
     names, count = [row["name"] for row in rows], _COUNTS[len(rows)]
-    shown = {_PATH_TITLES[name]: step.arrays[name] for name in names}
     title = f"{len(names)} paths between the same two bodies"
+    shown = {name: step.arrays[name] for name in names}
     viewer = view_path(shown, bodies.template.faces, side_by_side=True, title=title)
     html = fill(
         "comparison",
@@ -204,8 +199,8 @@ def comparison_section(report: Report) -> Section | None:
         ends=[name_of(bodies, number) for number in pair],
         rows=report.output.table("comparison", rows),
         names=names,
-        straight=LINEAR,
-        ours=OURS,
+        straight=_LINEAR,
+        ours=_OURS,
     )
     return Section("comparison", f"{count} paths from one pose to another", f"{count} paths", html)
 
@@ -224,35 +219,22 @@ def _comparison(report: Report, pair: Pair) -> Step:
         }
         srnf = BasisPath(report.basis[0], n_nodes, initial=LinearPath(n_nodes), tolerance=1e-3)
         solvers: dict[str, tuple[Any, str]] = {
-            LINEAR: (LinearPath(n_nodes), "ours"),
-            SRNF_PATH: (srnf, "srnf"),
-            SOBOLEV: (report.path_solver(), "sobolev"),
+            _LINEAR: (LinearPath(n_nodes), "ours"),
+            "SRNF": (srnf, "srnf"),
+            f"Sobolev, a2 = {_SOBOLEV_WEIGHTS[-1]:g}": (report.path_solver(), "sobolev"),
         }
-        reference = None
-        model_path = _model_path(report)
-        if model_path is not None:
-            solvers[MODEL] = (model_path, "ours")
-            reference = model_path.solve(metrics["ours"], start, end).path
-        solvers[OURS] = (report.path_solver(), "ours")
+        reference, model = None, report.bodies.model
+        if model is not None:
+            path = ModelPath(model, n_nodes, parameters=lambda f: _parameters(model.fit(f)))
+            solvers["body model"] = (path, "ours")
+            reference = path.solve(metrics["ours"], start, end).path
+        solvers[_OURS] = (report.path_solver(), "ours")
         compared = compare_paths(metrics, start, end, solvers, reference)
         paths = {path.name: path.result.path for path in compared}
         return paths, {"pair": list(pair), "rows": [path.as_row() for path in compared]}
 
     inputs = {"pair": pair, "sobolev": _SOBOLEV_WEIGHTS}
     return report.path_step("comparison", compute, "Paths compared", **inputs)
-
-
-def _model_path(report: Report) -> ModelPath | None:
-    """Return the path of the body model, if the bodies have one."""
-    model = report.bodies.model
-    if model is None:
-        return None
-
-    def parameters(surface: ndarray) -> ModelParameters:
-        fit = model.fit(surface)
-        return ModelParameters(fit.betas, fit.pose, fit.trans)
-
-    return ModelPath(model, report.plan.n_nodes, parameters=parameters)
 
 
 def mean_section(report: Report) -> Section | None:
@@ -338,7 +320,7 @@ def _draw_comparison(bodies: Bodies, step: Step) -> Figure:
         plot_path(step.arrays[name], bodies.template.faces, n_shown=7, ax=ax)
         ax.set_anchor("W")
         ax.annotate(
-            _PATH_TITLES[name], (0.0, 0.5), xycoords="axes fraction", xytext=(-6, 0),
+            name, (0.0, 0.5), xycoords="axes fraction", xytext=(-6, 0),
             textcoords="offset points", ha="right", va="center",
         )  # fmt: skip
     return figure

@@ -116,16 +116,11 @@ class Report:
     """What sections are made from; whatever is computed is kept in the store."""
 
     bodies: Bodies
-    digest: str
     plan: Plan
     store: ResultStore
     output: Output
     representations: Mapping[str, Any]
     given_basis: DeformationBasis | None = None
-
-    def step(self, name: str, compute: Callable[[], Computed], title: str, **inputs: Any) -> Step:
-        """Return a result that depends on the bodies and on further inputs."""
-        return self.store.step(name, {"bodies": self.digest, **inputs}, compute, title)
 
     def metric(self, weights: Weights) -> ElasticMetric:
         a, lam, c = weights
@@ -161,7 +156,7 @@ class Report:
             return {"distances": np.asarray(matrix)}, record
 
         return {
-            name: self.step(
+            name: self.store.step(
                 "distances-" + "-".join(re.findall("[a-z0-9]+", name.lower())),
                 partial(compute, name, representation),
                 f"Distances, {name}",
@@ -216,8 +211,8 @@ class Report:
                 made = DeformationBasis.from_laplacian(template, plan.n_components)
             return {"vectors": made.vectors}, {}
 
-        made_of = [template.vertices, template.faces, motions, plan.sequences, plan.n_components]
-        step = self.store.step("basis", {"of": made_of}, compute, "Basis of deformations")
+        inputs = {"sequences": plan.sequences, "n_components": plan.n_components}
+        step = self.store.step("basis", compute, "Basis of deformations", **inputs)
         made = DeformationBasis(step.arrays["vectors"])
         return made, f"{len(made)} {kind}"
 
@@ -230,4 +225,4 @@ class Report:
         """Return a result that also depends on the basis and the plan of paths."""
         plan = {"n_nodes": self.plan.n_nodes, "tolerance": self.plan.tolerance}
         vectors = np.asarray(self.basis[0].vectors)
-        return self.step(name, compute, title, basis=vectors, **plan, **inputs)
+        return self.store.step(name, compute, title, basis=vectors, **plan, **inputs)

@@ -82,14 +82,12 @@ class ResultStore:
 
     def __init__(self, folder: Path, common: Any, progress: Progress = nullcontext) -> None:
         self.steps: list[Step] = []
-        # All results depend on `common`: the versions and the source code of the library.
+        # All results depend on `common`: the library's source, its dependencies and the bodies.
         self._folder, self._common, self._progress = folder, common, progress
 
-    def step(
-        self, name: str, inputs: Mapping[str, Any], compute: Callable[[], Computed], title: str
-    ) -> Step:
+    def step(self, name: str, compute: Callable[[], Computed], title: str, **inputs: Any) -> Step:
         """Return the result of a step, computed unless its file holds one from the same inputs."""
-        key = fingerprint({"step": name, "common": self._common, "inputs": dict(inputs)})
+        key = fingerprint({"step": name, "common": self._common, "inputs": inputs})
         file = self._folder / f"{name}.npz"
         found = _read(file, key)
         if found is None:

@@ -116,31 +116,31 @@ def make_report(
     compared = {**table_metrics(bodies), **(of_extensions if quick else representations)(bodies)}
     first = [] if scans is None else [scan_section(read_records(scans))]
     folder = open_folder(output)
-    digest = fingerprint(
-        [bodies.points, bodies.template.vertices, bodies.template.faces]
-        + [bodies.subject, bodies.pose, bodies.subject_names, bodies.pose_names]
-    )
-    results, figures = folder / "results", folder / "results" / "figures"
-    store = ResultStore(results, _identity(), progress)
-    files = Output(folder, ResultStore(figures, _identity(), progress), digest)
+    digest, results = fingerprint(bodies), folder / "results"
+    common = {**_identity(), "bodies": digest}
+    store = ResultStore(results, common, progress)
+    files = Output(folder, ResultStore(results / "figures", common, progress))
     plan = QUICK if quick else Plan()
-    report = Report(bodies, digest, plan, store, files, compared, basis)
+    report = Report(bodies, plan, store, files, compared, basis)
     with figure_style():
         made = [section for make in _SECTIONS if (section := make(report)) is not None]
     sizes = _sizes(bodies)
+    # Figures have a store of their own: drawing them is no step of the experiments.
+    steps = [
+        {"title": s.title, "step": s.name, "seconds": s.seconds}
+        | {"reused": s.is_reused, "fingerprint": s.fingerprint}
+        for s in store.steps
+    ]
+    making = fill("making", steps=files.table("steps", steps))
     text = page(
         _TITLE,
         fill("lead", poses=[readable(name) for name in bodies.pose_names[:3]], quick=quick),
         [(f"{number:,}", name) for name, number in sizes.items()],
-        [*first, *made, _making_section(report)],
+        [*first, *made, Section("making", "How this was made", "Making", making)],
         f"Made with riemhuman {_versions()['riemhuman']}, {_now()}. "
         "Bodies in 3-D are drawn by three.js (MIT licence).",
     )
     write_text(folder / "index.html", text)
-    steps = [
-        {"name": s.name, "seconds": s.seconds, "reused": s.is_reused, "fingerprint": s.fingerprint}
-        for s in store.steps
-    ]
     provenance = {
         "status": "finished",
         "started": started,
@@ -166,15 +166,6 @@ def _sizes(bodies: Bodies) -> dict[str, int]:
         "vertices each": bodies.template.n_vertices,
         "pairs": len(bodies) * (len(bodies) - 1) // 2,
     }
-
-
-def _making_section(report: Report) -> Section:
-    rows = [
-        {"title": step.title, "step": step.name, "seconds": step.seconds}
-        for step in report.store.steps
-    ]
-    html = fill("making", steps=report.output.table("steps", rows))
-    return Section("making", "How this was made", "Making", html)
 
 
 def _now() -> str:

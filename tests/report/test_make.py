@@ -176,7 +176,7 @@ def test_provenance(folder, nine_bodies):
     assert found["versions"]["numpy"] == np.__version__
     assert found["parameters"]["n_nodes"] == 7
     assert found["seeds"] == {"t-sne": 0}
-    assert [step["name"] for step in found["steps"]] == [
+    assert [step["step"] for step in found["steps"]] == [
         row["step"] for row in rows_of(folder, "steps")
     ]
     assert all(step["seconds"] >= 0 for step in found["steps"])
@@ -233,7 +233,9 @@ def test_bodies_without_model_or_shared_labels(undrawn, tmp_path):
     page = Page(text)
     assert "Ann <i>" not in re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
     rows = rows_of(tmp_path / "r", "comparison")
-    assert [row["name"] for row in rows] == ["linear", "SRNF", "Sobolev", "ours"]
+    assert [row["name"] for row in rows] == [
+        *("linear", "SRNF", "Sobolev, a2 = 0.001", "ours (1, 1, 0)")
+    ]
     assert {row["mean_deviation"] for row in rows} == {""}
     assert not (tmp_path / "r" / "tables" / "retrieval-pose.csv").exists()
     assert not (tmp_path / "r" / "figures" / "geodesic-shape-change.svg").exists()

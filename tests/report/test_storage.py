@@ -51,7 +51,7 @@ def computed(tmp_path):
             runs.append(name)
             return {"array": np.full(3, 0.5)}, {"value": 0.5, "name": "λ"}
 
-        step = ResultStore(tmp_path, list(common)).step(name, inputs, compute, "Title")
+        step = ResultStore(tmp_path, list(common)).step(name, compute, "Title", **inputs)
         assert step.is_reused != bool(runs)
         assert step.record == {"value": 0.5, "name": "λ"}
         np.testing.assert_array_equal(step.arrays["array"], 0.5)
