@@ -316,7 +316,9 @@ def _matrix_options(*, required: bool) -> cli.Argument:
     )
 
 
-def _read_matrix(file: Path) -> tuple[ndarray, list[str]]:
+def _read_matrix(options: argparse.Namespace) -> tuple[ndarray, list[str], dict[str, list[str]]]:
+    """Return the distances between meshes, of those with labels if a table is given, and both."""
+    file = options.matrix
     arrays: dict[str, Any] = rh.io.load_arrays(file, ["distances", "names"])
     distances, names = arrays["distances"], [str(name) for name in arrays["names"]]
     if distances.shape != (len(names), len(names)):
@@ -324,16 +326,11 @@ def _read_matrix(file: Path) -> tuple[ndarray, list[str]]:
             f"{file}: distances must be a matrix with a row and a column for each of its "
             f"{len(names)} names; found shape {distances.shape}"
         )
-    return distances, names
-
-
-def _read_labelled_matrix(options: argparse.Namespace) -> tuple[ndarray, dict[str, list[str]]]:
-    """Return the distances between the meshes with labels, and their labels."""
-    distances, names = _read_matrix(options.matrix)
-    numbers, labels = rh.datasets.read_labels(
-        options.labels, names, allow_missing=options.allow_missing
-    )
-    return distances[numbers][:, numbers], labels
+    if options.labels is None:
+        return distances, names, {}
+    allow_missing = options.allow_missing
+    chosen, labels = rh.datasets.read_labels(options.labels, names, allow_missing=allow_missing)
+    return distances[chosen][:, chosen], [names[number] for number in chosen], labels
 
 
 @cli.command(
@@ -347,7 +344,7 @@ def _read_labelled_matrix(options: argparse.Namespace) -> tuple[ndarray, dict[st
     _matrix_options(required=True),
 )
 def _scores(options: argparse.Namespace) -> cli.Answer:
-    distances, both = _read_labelled_matrix(options)
+    distances, _, both = _read_matrix(options)
     scores = {
         name: rh.retrieval.scores(distances, labels)
         for name, labels in both.items()
@@ -375,14 +372,13 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
 def _plot(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
-    if options.labels is None:
-        distances, names = _read_matrix(options.matrix)
-        items, classes = np.zeros(len(names), dtype=int), None
-        settings: dict[str, Any] = {"item_names": [Path(name).stem for name in names]}
-    else:
-        distances, both = _read_labelled_matrix(options)
+    distances, names, both = _read_matrix(options)
+    settings: dict[str, Any] = {}
+    if both:
         classes, items = np.unique(both[options.by], return_inverse=True)
-        settings = {}
+    else:
+        items, classes = np.zeros(len(names), dtype=int), None
+        settings["item_names"] = [Path(name).stem for name in names]
     positions = rh.plots.embed(distances, options.method)
     record = {"meshes": len(items), "method": options.method, "stress": None}
     scale = "Near points are similar bodies (t-SNE); their distances have no unit."
@@ -424,12 +420,12 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
     cli.flag("--quick", "a smaller report, in half a minute"),
 )
 def _report(options: argparse.Namespace) -> cli.Answer:
+    motions = options.dfaust and rh.datasets.load_dfaust(options.dfaust)
     with options.task("Loading the bodies"):
         bodies = _read_body_set(options, "coarse" if options.quick else "full")
     basis = None
-    if options.dfaust is not None:
+    if motions:
         with options.task("Basis of Dynamic FAUST"):
-            motions = rh.datasets.load_dfaust(options.dfaust)
             basis = rh.DeformationBasis.from_motions(motions, _N_COMPONENTS, progress=options.bars)
     settings = {"quick": options.quick, "scans": options.scans, "progress": options.task}
     page = rh.report.make_report(options.output, bodies=bodies, basis=basis, **settings)

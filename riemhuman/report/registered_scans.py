@@ -52,19 +52,12 @@ def scan_section(records: Sequence[ScanRecord]) -> Section:
     html = fill(
         "scans",
         css=web_file("report", "scans.css"),
-        records=[(record, _sentence(record.message), _pictures(record)) for record in records],
+        records=[(record, _pictures(record)) for record in records],
         n_trusted=sum(record.trusted for record in records),
         colors=VALUE_COLORS,
         millimetres=round(1000 * _LARGEST_METRES),
     )
     return Section("scans", "Scans and their bodies", "Scans", html)
-
-
-def _sentence(message: str) -> str:
-    """Return a message as a sentence; a name of a file at its beginning stays as it is."""
-    if message.partition(" ")[0].isalpha():
-        message = message[0].upper() + message[1:]
-    return message if message.endswith(".") or not message else f"{message}."
 
 
 def _pictures(record: ScanRecord) -> list[tuple[Image, str]]:
