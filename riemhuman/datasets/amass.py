@@ -19,11 +19,10 @@ from riemhuman.datasets._skeletons import SMPL_JOINTS, SMPL_PARENTS, model_joint
 from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model
-from riemhuman.datasets.registered_meshes import existing_path
 from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
-from riemhuman.io.files import convert_errors, format_errors
+from riemhuman.io.files import convert_errors, file_path, format_errors
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.surfaces.procrustes import make_upright
 
@@ -132,7 +131,7 @@ def load_amass(
     (10, 1202, 3)
     """
     models = _models(load_open_model("coarse") if model is None else model)
-    root = existing_path(path)
+    root = file_path(path, kind="file or folder")
     files = [root]
     if root.is_dir():
         files = [file for file in sorted(root.rglob("*.npz")) if not file.name.endswith(_SKIPPED)]

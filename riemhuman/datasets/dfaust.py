@@ -14,10 +14,9 @@ import numpy as np
 
 from riemhuman.checks import integer_array, real_number
 from riemhuman.datasets.motions import Motion, Motions, choose_names
-from riemhuman.datasets.registered_meshes import existing_path
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import memory_limit, memory_size
-from riemhuman.io.files import check_file, format_errors
+from riemhuman.io.files import check_file, file_path, format_errors
 from riemhuman.io.mesh_arrays import face_difference, read_only
 from riemhuman.optional import import_optional
 from riemhuman.representation import join_names
@@ -117,7 +116,7 @@ def load_dfaust(
             f"frames_per_second must be {_FRAMES_PER_SECOND:g} divided by a whole number; "
             f"found {rate:g}"
         )
-    root = existing_path(path)
+    root = file_path(path, kind="file or folder")
     files = [root]
     if root.is_dir():
         files = [root / name for name in _FILES if (root / name).is_file()]

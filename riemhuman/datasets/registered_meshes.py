@@ -328,14 +328,6 @@ def existing_folder(folder: str | os.PathLike[str]) -> Path:
     return root
 
 
-def existing_path(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a file or folder; raise an error if there is none."""
-    root = file_path(path, kind="file or folder")
-    if not root.exists():
-        raise FileError(f"there is no file or folder {root}")
-    return root
-
-
 def is_visible(file: Path, endings: tuple[str, ...]) -> bool:
     """Return whether a path has one of these suffixes and is not hidden."""
     return file.suffix.lower() in endings and not file.name.startswith(".")

@@ -38,7 +38,7 @@ disentangle body_0.ply body_0.ply -o b.ply --pose-weight -1 | pose_weight must b
 align other.ply alone/other.ply -o aligned                  | the same name
 fit tetrahedron.ply -o fit.npz                              | --model FILE
 basis -o b.npz                                              | or --open
-basis absent.hdf5 -o b.npz                                  | no file or folder
+basis absent.hdf5 -o b.npz                                  | there is no file
 basis empty -o b.npz                                        | holds no motion
 basis alone -o b.npz --sequences knees                      | choose from HDF5
 basis --open -o b.npz --subjects nobody                     | lean runner

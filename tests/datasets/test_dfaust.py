@@ -133,7 +133,7 @@ def test_wrong_arguments(folder, tmp_path):
     for arguments, error, message in (
         ((3,), ArgumentTypeError, "path must be the path of a file or folder"),
         ((folder, 2.5), ArgumentTypeError, r"subjects must be a list of names; found 2\.5"),
-        ((tmp_path / "nowhere",), FileError, "no file or folder .*nowhere"),
+        ((tmp_path / "nowhere",), FileError, "no file .*nowhere"),
         ((tmp_path / "empty",), FileError, f"holds neither {MEN} nor {WOMEN}"),
         ((folder, None, None, 59), ArgumentError, "must be 60 divided by a whole number"),
     ):
