@@ -7,7 +7,7 @@ from unittest import mock
 import numpy as np
 
 from riemhuman.datasets import load_open_bodies, open_bodies
-from riemhuman.datasets._natural_bodies import natural_surfaces
+from riemhuman.datasets.open_bodies import natural_surfaces
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import Disentangling
 from riemhuman.surfaces.measures import edge_lengths

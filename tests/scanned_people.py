@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.datasets._natural_bodies import surface_noise
+from riemhuman.datasets.open_bodies import surface_noise
 from riemhuman.registration._start_poses import _SMPL_TREE, joint_names, rename_joints
 from riemhuman.registration.simulated_scans import remesh
 from riemhuman.surfaces.nearest_points import nearest_points

@@ -34,12 +34,6 @@ from riemhuman.kernels.surface import unit_vectors
 
 DATA = Path(__file__).parent / "data"
 
-# Standard deviations of a performance from the pose as written, degrees: of each of the three
-# joints of the spine, and of the joints of both sides.
-_TRUNK = {"pelvis": 1.5, "spine": 1.0, "chest": 1.0, "neck": 2.0, "head": 2.0}
-_ARM = {"collar": 1.0, "shoulder": 3.0, "elbow": 3.0, "wrist": 4.0}
-DEGREES = _TRUNK | _ARM | {"hip": 2.0, "knee": 2.0, "ankle": 2.0, "toes": 1.0}
-
 
 @cache
 def read_table(name: str) -> dict[str, Any]:
@@ -78,18 +72,6 @@ def joint_rotations(angles: Mapping[str, Sequence[Any]], model: BodyModel) -> np
             ) from error
         rotations[model.joint_names.index(name)] = rotation.as_matrix()
     return rotations
-
-
-def joint_degrees(degrees: Mapping[str, float], model: BodyModel) -> np.ndarray:
-    """Return the degrees of each joint by its name without the side, shape (J, 1)."""
-    return np.array([[degrees[name.split("_")[-1]]] for name in model.joint_names])
-
-
-def varied_poses(model: BodyModel, angles: Mapping[str, Any], offsets: np.ndarray) -> np.ndarray:
-    """Return pose vectors of poses rotated by offsets, degrees, shape (n_people, n_poses, J, 3)."""
-    written = np.stack([joint_rotations(each, model) for each in angles.values()])
-    turned = Rotation.from_rotvec(offsets.reshape(-1, 3), degrees=True).as_matrix()
-    return pose_vectors(turned.reshape(*offsets.shape, 3) @ written, model)
 
 
 def with_both_sides(

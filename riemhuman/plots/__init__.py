@@ -1,7 +1,13 @@
 """Pictures and interactive views of bodies, paths, motions and results."""
 
-from riemhuman.plots.body_plots import per_area, plot_body, plot_measurement_lines, plot_path
-from riemhuman.plots.contributions import Contributions, contributions
+from riemhuman.plots.body_plots import (
+    Contributions,
+    contributions,
+    per_area,
+    plot_body,
+    plot_measurement_lines,
+    plot_path,
+)
 from riemhuman.plots.figures import figure_style
 from riemhuman.plots.maps import embed, plot_embedding, stress
 from riemhuman.plots.rendering import View, render, surfaces_html

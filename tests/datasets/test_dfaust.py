@@ -117,6 +117,8 @@ def test_choosing(folder):
     [
         ((50001,), r"subjects .*50002, 50009, 50004 in .*registrations_m.*; unknown: '50001'"),
         (([50002, "50002"],), "subjects must be different names"),
+        (([],), r"at least one.*found \[\]"),
+        (([[]],), r"unknown: '\[\]'"),
         ((None, "flying"), r"sequences .*hips, knees, light_hopping_loose in .*unknown: 'flying'"),
         (([50002, 50009], ["hips", "knees"]), "missing: 50002_knees, 50009_knees"),
     ],

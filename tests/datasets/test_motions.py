@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from riemhuman.datasets import Motion
-from riemhuman.datasets.motions import choose_names
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FrameIndexError
+from riemhuman.errors import ArgumentTypeError, FrameIndexError
 
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
 N_FRAMES = 37
@@ -70,29 +69,3 @@ def test_wrong_indices(motion):
         with pytest.raises(ArgumentTypeError, match="indexed by a whole number or a slice; found"):
             motion[index]
     assert motion.asked == []
-
-
-def test_choice_of_names():
-    known = ("run", "walk", "jump")
-    assert choose_names(None, "sequences", known) == known
-    assert choose_names("walk", "sequences", known) == ("walk",)
-    assert choose_names((name for name in ["jump", "run"]), "sequences", known) == ("jump", "run")
-    assert choose_names(7, "subjects", ("7", "8")) == ("7",)
-    with pytest.raises(ArgumentTypeError, match=r"sequences must be a list of names; found 3\.5"):
-        choose_names(3.5, "sequences", known)
-
-
-@pytest.mark.parametrize(
-    ("wanted", "message"),
-    [
-        ("fly", r"out of run, walk in file; unknown: 'fly'$"),
-        (["fly", "run", "swim"], r"unknown: 'fly', 'swim'$"),
-        (["run", "run"], r"sequences must be different names.*found \['run', 'run'\]"),
-        ([], r"at least one.*found \[\]"),
-        ([[]], r"unknown: '\[\]'"),
-        ("", r"unknown: ''"),
-    ],
-)
-def test_names_refused(wanted, message):
-    with pytest.raises(ArgumentError, match=message):
-        choose_names(wanted, "sequences", ("run", "walk"), " in file")
