@@ -6,15 +6,19 @@ Compiled code reads and writes beyond the ends of arrays without a word.
 import numpy as np
 
 
-def check_bounds(monkeypatch, modules, calls):
-    """Check that calls return the same arrays when Python runs the loops of modules."""
-    expected = [call() for call in calls]
-    # Functions of numbers alone, which come from elsewhere, have no ends to cross.
+def interpret(monkeypatch, modules):
+    """Let Python run the compiled functions of modules."""
     own = {module.__name__ for module in modules}
     for module in modules:
         for name, function in list(vars(module).items()):
             if hasattr(function, "py_func") and function.py_func.__module__ in own:
                 monkeypatch.setattr(module, name, function.py_func)
+
+
+def check_bounds(monkeypatch, modules, calls):
+    """Check that calls return the same arrays when Python runs the loops of modules."""
+    expected = [call() for call in calls]
+    interpret(monkeypatch, modules)
     for call, arrays in zip(calls, expected, strict=True):
         for found, array in zip(call(), arrays, strict=True):
             scale = np.abs(array).max()

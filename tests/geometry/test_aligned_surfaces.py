@@ -59,7 +59,7 @@ def over(metric, template):
 # Values.
 
 
-@pytest.mark.parametrize("name", TEMPLATES)
+@pytest.mark.parametrize("name", ["open", "triangle"])
 def test_distance_from_single_triangles(name):
     """Equation 5, triangle by triangle, from corner coordinates."""
     template = TEMPLATES[name]()
@@ -411,7 +411,7 @@ def test_what_belongs_has_an_area_for_everybody():
     """Near the bound, others, who round in another order, find some triangles without area."""
     template = Template([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]])
     space, rng = AlignedSurfaces(template, equip=False), np.random.default_rng(0)
-    shares = np.repeat([0.5, 1.0, 2.5], 500)
+    shares = np.repeat([0.5, 1.0, 2.5], 50)
     path = np.zeros((len(shares), 3, 3))
     path[:, 1, 0] = 1.0
     path[:, 2, 1] = np.sqrt(shares * DEGENERATE)
@@ -421,15 +421,15 @@ def test_what_belongs_has_an_area_for_everybody():
     np.testing.assert_array_equal(belong, shares > 2.0)
     # Few surfaces are looked at in other ways than many.
     for n in (1, 2, 3):
-        few = [space.belongs(path[k : k + n]) for k in range(0, 1500, n)]
+        few = [space.belongs(path[k : k + n]) for k in range(0, 150, n)]
         np.testing.assert_array_equal(np.concatenate(few), belong)
     assert not space.belongs(path[0])
-    paths = path.reshape(3, 500, 3, 3)
-    np.testing.assert_array_equal(space.belongs(paths), belong.reshape(3, 500))
+    paths = path.reshape(3, 50, 3, 3)
+    np.testing.assert_array_equal(space.belongs(paths), belong.reshape(3, 50))
     # At the bound itself, whether there is area is a matter of rounding.
     without = surface.is_degenerate(*space.partial_derivatives(path))[:, 0]
     assert not without[belong].any()
-    assert 0 < without[shares == 1.0].sum() < 500
+    assert 0 < without[shares == 1.0].sum() < 50
 
 
 # Meshes of other libraries.

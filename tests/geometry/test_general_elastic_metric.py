@@ -68,13 +68,6 @@ def test_only_areas_count_without_the_other_weights():
     np.testing.assert_allclose(found, 8.0 * np.sum((roots[0] - roots[1]) ** 2), rtol=1e-10)
 
 
-def test_norms_are_those_of_changes_of_fields():
-    f = surfaces(TEMPLATE, 1, rng=3)[0]
-    h = deformations(TEMPLATE, 1, rng=2)[0]
-    found = METRIC.target_metric.norm(METRIC.differential(h, f), METRIC.map(f))
-    np.testing.assert_allclose(found, METRIC.norm(h, f), rtol=1e-9)
-
-
 def test_no_geodesic_to_antipodal_normals_unless_through_the_apex():
     fields = METRIC.target_metric.space.factors[0].metric
     space = fields.space

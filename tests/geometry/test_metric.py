@@ -369,17 +369,6 @@ def hyperbolic_dist(a, b):
     return np.arccosh(1 + gap / (2 * a[1] * b[1]))
 
 
-def test_inner_product_alone_is_enough():
-    metric = HyperbolicInnerProduct(HalfPlane())
-    a, b = np.array([0.0, 1.0]), np.array([0.0, 2.0])
-    line = np.stack([np.zeros(1001), 2.0 ** np.linspace(0, 1, 1001)], axis=1)
-    np.testing.assert_allclose(metric.length(line), np.log(2), rtol=1e-6)
-    np.testing.assert_allclose(metric.energy(line), np.log(2) ** 2, rtol=1e-6)
-    assert metric.norm(np.array([3.0, 4.0]), b) == 2.5
-    with pytest.raises(NotDefinedError, match="HyperbolicInnerProduct has no closed form"):
-        metric.dist(a, b)
-
-
 def test_squared_dist_alone_is_enough():
     space = HalfPlane()
     metric, truth = HyperbolicDistance(space), HyperbolicInnerProduct(space)

@@ -56,13 +56,6 @@ def test_half_turns_are_the_cut_locus(space):
     )
 
 
-def test_distances_are_the_same_from_both_sides(space):
-    first, second, turn = space.random_point(3, rng=5)
-    expected = space.metric.dist(first, second)
-    assert space.metric.dist(turn @ first, turn @ second) == pytest.approx(expected)
-    assert space.metric.dist(first @ turn, second @ turn) == pytest.approx(expected)
-
-
 def test_what_is_no_field_of_rotations(space):
     point = space.random_point(rng=6)
     mirrored, stretched = point.copy(), point.copy()

@@ -14,10 +14,10 @@ ROOT = Path(__file__).parents[2]
 
 COMPUTE = """
 import numpy as np
-from riemhuman.kernels.rotations import nearest_rotations
-print(nearest_rotations(2.0 * np.eye(3)).round(9).tolist())
+from riemhuman.terms._sum import first_forms
+print(first_forms(1.0, 0.0, 0.0, 0.0, 1.0, 0.0))
 """
-EXPECTED = "[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"
+EXPECTED = "(1.0, 0.0, 0.0, 0.0, 1.0, 1.0)"
 
 
 @pytest.fixture(scope="module")

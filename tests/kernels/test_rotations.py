@@ -151,24 +151,6 @@ def test_half_turns_are_those_whose_axis_is_rounding_error():
         np.testing.assert_array_equal(lengths >= ANTIPODAL, expected)
 
 
-def test_parallel_transport():
-    """A field is parallel where its derivative is normal to the rotations, as matrices of R⁹."""
-    rng = np.random.default_rng(2)
-    start = random_rotations(10)
-    omega, vector = rng.standard_normal((2, 10, 3))
-
-    def transported(t):
-        moved = so3.parallel_transport(vector, t * omega)
-        return so3.exp(t * omega, start) @ cross_product_matrix(moved)
-
-    step, middle = 1e-5, so3.exp(0.7 * omega, start)
-    slope = (transported(0.7 + step) - transported(0.7 - step)) / (2 * step)
-    np.testing.assert_allclose(so3.axial(so3.transpose(middle) @ slope), 0.0, atol=1e-9)
-    lengths = np.linalg.norm(so3.parallel_transport(vector, omega), axis=1)
-    np.testing.assert_allclose(lengths, np.linalg.norm(vector, axis=1), rtol=1e-14)
-    np.testing.assert_array_equal(so3.parallel_transport(vector, 0 * omega), vector)
-
-
 def test_nearest_rotations_of_stretches_and_mirror_images():
     rotations = random_rotations()
     roots = np.random.default_rng(3).uniform(-1, 1, (40, 3, 3))

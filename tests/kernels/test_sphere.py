@@ -119,25 +119,6 @@ def test_gradients(angle):
 # Parallel transport.
 
 
-def test_transport_is_the_rotation_along_the_geodesic():
-    rng = np.random.default_rng(4)
-    n = unit(rng.normal(size=(N_PAIRS, 3)))
-    v, w, u = (sphere.to_tangent(rng.normal(size=n.shape), n) for _ in range(3))
-    v[0] = 0.0
-    end = sphere.exp(v, n)
-    moved, other = (sphere.parallel_transport(w, n, v), sphere.parallel_transport(u, n, v))
-    expected = Rotation.from_rotvec(np.cross(n, v)).apply(w)
-    np.testing.assert_allclose(moved, expected, atol=1e-14)
-    np.testing.assert_allclose(np.sum(moved * end, axis=-1), 0.0, atol=1e-14)
-    np.testing.assert_allclose(np.sum(moved * other, axis=-1), np.sum(w * u, axis=-1), atol=1e-14)
-    np.testing.assert_array_equal(moved[0], w[0])
-    # A geodesic carries its own velocity along.
-    carried, step = sphere.parallel_transport(v, n, v), 1e-3
-    np.testing.assert_allclose(
-        sphere.exp(step * carried, end), sphere.exp((1 + step) * v, n), atol=1e-14
-    )
-
-
 def test_slopes_of_the_squared_arc_at_its_ends():
     coincident, antipodal = (0.0, 4.0), (4.0, 0.0)
     assert grad(squared_arc, 0)(*coincident) == 1.0

@@ -5,7 +5,6 @@ import pytest
 from autograd import grad, make_jvp
 from autograd import numpy as anp
 from cases import TEMPLATES, open_template, sphere_template, surfaces
-from known_surfaces import sphere
 
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.kernels import surface
@@ -147,13 +146,6 @@ def test_polar_frames_are_those_of_the_polar_decomposition(name):
     left, _, right = np.linalg.svd(np.stack([f_u, f_v], axis=-1), full_matrices=False)
     np.testing.assert_allclose(frames[..., :2], left @ right, atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(frames), 1.0, rtol=1e-12)
-
-
-def test_normals_of_a_sphere_point_away_from_its_centre():
-    vertices, faces = sphere(3)
-    normals = vertex_normals(vertices, faces)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-12)
-    assert np.sum(normals * vertices, axis=1).min() > 0.999
 
 
 def test_triangles_count_by_their_areas():

@@ -35,8 +35,8 @@ def test_nearest_of_all_triangles(scale):
     rng = np.random.default_rng(int(100 * scale))
     bodies = load_open_bodies("coarse")
     for points, faces in (uneven_mesh(rng), (bodies[3], bodies.template.faces)):
-        near = points[rng.integers(len(points), size=60)]
-        queries = near + scale * rng.standard_normal((60, 3))
+        near = points[rng.integers(len(points), size=20)]
+        queries = near + scale * rng.standard_normal((20, 3))
         places, distances = nearest_points(queries, points, faces)
         np.testing.assert_allclose(distances, every_triangle(queries, points, faces), atol=1e-12)
         assert places.barycentric.min() >= 0.0

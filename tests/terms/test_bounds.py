@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from cases import deformations, open_template, surfaces
-from interpreted import check_bounds
+from interpreted import check_bounds, interpret
 from packed_fields import field_features
 from scipy.spatial.distance import cdist
 
@@ -15,6 +15,7 @@ from riemhuman.terms import (
     NormalTerm,
     RootNormalTerm,
     RotationTerm,
+    _polynomial_fits,
     _quadratic,
     _sum,
     cone,
@@ -34,7 +35,8 @@ FIRST_ORDER = _quadratic.FirstOrderTerm(
 QUADRATIC = [FIRST_ORDER, _quadratic.NormalPartTerm(TEMPLATE, FIRST_ORDER)]
 QUADRATIC += [_quadratic.ZerothOrderTerm(TEMPLATE, 0.4)]
 QUADRATIC += [_quadratic.SecondOrderTerm(TEMPLATE, 0.1)]
-MODULES = (_sum, cone, flat, normals)
+# With functions of numbers alone: they would be compiled for these tests.
+MODULES = (_sum, cone, flat, normals, _polynomial_fits)
 
 
 def collapsed(points):
@@ -91,8 +93,7 @@ def test_pairs(monkeypatch, module, term):
     a, b = of_one_kind(features[:3]), of_one_kind(features[2:])
     expected = term.squared_distances(a, b, AREAS)
     within = np.triu(term.squared_distances(a, a, AREAS), 1)
-    for name in ("_tile", "_chunk"):
-        monkeypatch.setattr(module, name, getattr(module, name).py_func)
+    interpret(monkeypatch, MODULES)
     monkeypatch.setattr(module, "CHUNK", 24)
     np.testing.assert_allclose(term.squared_distances(a, b, AREAS), expected, atol=1e-12)
     np.testing.assert_allclose(term.squared_distances(a, a, AREAS), within, atol=1e-12)
@@ -101,8 +102,7 @@ def test_pairs(monkeypatch, module, term):
 @pytest.mark.parametrize("shape", [(7, 6), (4, 1), (3, 9)])
 def test_flat_pairs(monkeypatch, shape):
     """Four rows and four columns at a time, at the edges fewer."""
-    monkeypatch.setattr(flat, "_tile", flat._tile.py_func)
-    monkeypatch.setattr(flat, "_block", flat._block.py_func)
+    interpret(monkeypatch, [flat])
     monkeypatch.setattr(flat, "_CHUNK", 5)
     a, b = (of_one_kind(np.random.default_rng(n).standard_normal((n, 12))) for n in shape)
     np.testing.assert_allclose(flat.flat_distances(a, b), cdist(a, b) ** 2)

@@ -42,15 +42,6 @@ def test_exp_loses_no_more_than_its_conditioning(anisotropy):
     np.testing.assert_allclose(end, exact, rtol=0, atol=5e-15 * anisotropy)
 
 
-def test_pure_scaling_and_standing_still():
-    g = matrices(N_PAIRS, 3.0, np.random.default_rng(4))
-    np.testing.assert_allclose(ebin_matrices.log(g, g, 0.3), 0.0, atol=1e-14)
-    np.testing.assert_allclose(ebin_matrices.exp(0 * g, g, 0.3)[0], g, rtol=1e-14)
-    # s grows linearly: δg = 2 g gives s(1) = 2 s, as A = 2I has δs = s.
-    np.testing.assert_allclose(ebin_matrices.exp(4 * g, g, 0.3)[0], 9 * g, rtol=1e-13)
-    np.testing.assert_allclose(ebin_matrices.log(g, 9 * g, 0.3), 4 * g, rtol=1e-13)
-
-
 def metric_tensor(q, lam):
     """Return equation 2 (corrected) in the coordinates E, M, G, written for autograd."""
     basis = np.array([[[1.0, 0], [0, 0]], [[0, 1.0], [1.0, 0]], [[0, 0], [0, 1.0]]])

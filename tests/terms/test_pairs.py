@@ -5,7 +5,7 @@ import pytest
 from packed_fields import field_features
 
 from riemhuman.kernels import threads
-from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm
+from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RotationTerm
 
 each_precision = pytest.mark.parametrize("precision", ["single", "double"])
 
@@ -32,6 +32,11 @@ def unit_normals(n):
     return (normals / np.linalg.norm(normals, axis=2, keepdims=True),)
 
 
+def quaternions(n):
+    found = np.random.default_rng(n).standard_normal((n, F, 4))
+    return (found / np.linalg.norm(found, axis=2, keepdims=True),)
+
+
 def numbers(n):
     return (metric_fields(n)[0][..., None],)
 
@@ -40,6 +45,7 @@ KERNELS = {
     "ebin": (EbinTerm(lam=0.3), metric_fields),
     "ebin, small lam": (EbinTerm(lam=3e-3), metric_fields),
     "normal": (NormalTerm(), unit_normals),
+    "rotation": (RotationTerm(), quaternions),
     "flat": (Numbers(), numbers),
 }
 each_kernel = pytest.mark.parametrize(("term", "fields"), KERNELS.values(), ids=KERNELS)
