@@ -1,16 +1,23 @@
 """Manifolds and metrics: metric fields, normal fields, products, pull-backs, surfaces."""
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.fields import EbinMetric, MetricFields, NormalFieldMetric, NormalFields
+from riemhuman.geometry.fields import (
+    EbinMetric,
+    MetricFields,
+    NormalFieldMetric,
+    NormalFields,
+    RotationFieldMetric,
+    RotationFields,
+)
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.pullback import PullbackMetric
-from riemhuman.geometry.rotation_fields import RotationFieldMetric, RotationFields, RotationMetric
 from riemhuman.geometry.sobolev_metric import GaugeInvariantMetric, SobolevMetric
 from riemhuman.geometry.surface_metric import (
     ElasticMetric,
     GeneralElasticMetric,
+    RotationMetric,
     SRNFMetric,
     SurfaceMetric,
 )

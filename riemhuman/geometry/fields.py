@@ -1,4 +1,4 @@
-"""Fields on a template, of metrics or of normals, and the metrics on them."""
+"""Fields on a template, of metrics, normals or rotations, and the metrics on them."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, st
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.product import ProductManifold
-from riemhuman.kernels import sphere
+from riemhuman.kernels import rotations, sphere
+from riemhuman.kernels.rotations import axial, cross_product_matrix, transpose
 from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.terms import ConeTerm, EbinTerm
 from riemhuman.terms import _cone_geodesics as cones
 from riemhuman.terms._sum import SumOfTerms
-from riemhuman.terms.normals import NormalTerm
+from riemhuman.terms.normals import NormalTerm, RotationTerm
 from riemhuman.terms.term import Fields, Term
 
 if TYPE_CHECKING:
@@ -408,3 +409,113 @@ class NormalFieldMetric(FieldMetric):
     def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
         # Spheres of radius 1 have curvature 1.
         return dot(a, a) * dot(b, b) - dot(a, b) ** 2
+
+
+class RotationFields(TriangleFields):
+    """C^∞(T, SO(3)): a rotation on every triangle of a template.
+
+    Tangent vectors at R are fields of matrices R A with A skew.
+
+    Parameters
+    ----------
+    template : Template
+    equip : bool
+        Whether to equip the manifold with `RotationFieldMetric`.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.RotationFields(bodies.template)
+    >>> fields.shape, fields.dim
+    ((2400, 3, 3), 7200)
+    """
+
+    value_dim, value_shape = 3, (3, 3)
+
+    def default_metric(self) -> type[RiemannianMetric]:
+        return RotationFieldMetric
+
+    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+        point, finite = self._candidates(point, "point")
+        return finite & np.all(_is_rotation(point, atol), axis=-1)
+
+    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+        base_point = self._needed_base_point(base_point)
+        return _tangent_vec(_angular_velocity(vector, base_point), base_point)
+
+    def projection(self, point: ndarray) -> ndarray:
+        return rotations.nearest_rotations(point)
+
+    def check_point(self, point: Any, name: str = "point") -> ndarray:
+        point = real_array(point, name, self.shape, rows=True)
+        refuse_triangles(
+            ~_is_rotation(values_of(point), 2e-6), f"{name} must hold rotations", ArgumentError
+        )
+        return point
+
+
+class RotationFieldMetric(FieldMetric):
+    r"""The metric :math:`\tfrac12 \int_T \mathrm{tr}(\delta R^T \delta R)\, dx`.
+
+    On every triangle it is the two-sided invariant metric of the rotation group, whose distance is
+    the angle θ of R₁ᵀ R₂, in [0, π]. There is no logarithm of rotations at the angle π.
+
+    Parameters
+    ----------
+    space : RotationFields
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.RotationFields(bodies.template)
+    >>> metric = rh.RotationFieldMetric(fields)
+    >>> metric.geodesic(*fields.random_point(2, rng=0))([0.0, 0.5, 1.0]).shape
+    (3, 2400, 3, 3)
+    """
+
+    _term = RotationTerm()
+
+    def _fields(self, point: Any, name: str) -> Fields:
+        return (rotations.quaternions(self.space.check_point(point, name)),)
+
+    def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+        return 0.5 * np.sum(a * b, axis=(-2, -1))
+
+    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+        return rotations.exp(_angular_velocity(velocity, point), point)
+
+    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+        omega = rotations.log(start, point)
+        values = values_of(omega)
+        refuse_triangles(
+            np.sqrt(dot(values, values)) >= sphere.ANTIPODAL,
+            "point must hold no rotation by the angle π from that of base_point, or there is no "
+            "unique logarithm",
+            OutsideManifoldError,
+        )
+        return _tangent_vec(omega, start)
+
+    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+        omega = _angular_velocity(velocity, point)
+        moved = rotations.parallel_transport(_angular_velocity(vector, point), omega)
+        return _tangent_vec(moved, rotations.exp(omega, point))
+
+    def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+        # On a group with a two-sided invariant metric ⟨R(a, b) b, a⟩ is a quarter of the squared
+        # length of [a, b]: every plane of the rotations of a triangle has curvature ¼ / w_t.
+        bracket = np.cross(_angular_velocity(a, point), _angular_velocity(b, point))
+        return 0.25 * dot(bracket, bracket)
+
+
+def _angular_velocity(tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+    """Return the angular velocity v of tangent vectors R [v]×, in the axes before R."""
+    return axial(np.matmul(transpose(base_point), tangent_vec))
+
+
+def _tangent_vec(angular_velocity: ndarray, base_point: ndarray) -> ndarray:
+    return np.matmul(base_point, cross_product_matrix(angular_velocity))
+
+
+def _is_rotation(matrices: ndarray, atol: float) -> ndarray:
+    gaps = transpose(matrices) @ matrices - np.eye(3)
+    return np.all(np.abs(gaps) <= atol, axis=(-2, -1)) & (np.linalg.det(matrices) > 0)

@@ -101,10 +101,7 @@ def _warn_once() -> None:
 
 
 def _stamp(names: dict[str, Any]) -> tuple[tuple[float, int], ...] | None:
-    """Return what changes with the source of a module, or of one that it takes functions from.
-
-    None for what is not in files, as in notebooks.
-    """
+    """Return what changes with the files of a module and of its imports; None in notebooks."""
     files, modules = {__file__}, [names]
     while modules:
         names = modules.pop()

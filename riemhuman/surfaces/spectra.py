@@ -107,16 +107,12 @@ def _robust_spectrum(vertices: np.ndarray, faces: np.ndarray, n_eigenvalues: int
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     used, compact = np.unique(faces, return_inverse=True)
     compact = compact.reshape(faces.shape)
-    n_components = _check_count(n_eigenvalues, faces, len(vertices), "n_eigenvalues")
     stiffness, mass = robust_laplacian.mesh_laplacian(vertices[used], compact)
     areas = np.zeros(len(vertices))
     areas[used] = mass.diagonal()
-    values, vectors = lowest_eigenpairs(
-        sparse.csr_array(stiffness), areas[used], n_components + n_eigenvalues
-    )
-    functions = np.zeros((n_eigenvalues, len(vertices)))
-    functions[:, used] = vectors[:, n_components:].T
-    return Spectrum(values[n_components:], functions, _constants(faces, areas), areas)
+    laplacian = sparse.csr_array(stiffness)
+    found = _eigenfunctions(laplacian, areas, faces, n_eigenvalues, "n_eigenvalues")
+    return Spectrum(*found, _constants(faces, areas), areas)
 
 
 def _check_count(count: int, faces: np.ndarray, n_vertices: int, name: str) -> int:
@@ -147,15 +143,22 @@ def harmonics(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest solutions of L h = μ A h with μ > 0, A the vertex areas, 0 where unused."""
     n_harmonics = whole_number(n_harmonics, name, minimum=1)
-    used = np.flatnonzero(template.vertex_areas)
-    n_constant = _check_count(n_harmonics, template.faces, template.n_vertices, name)
+    areas, used = template.vertex_areas, np.flatnonzero(template.vertex_areas)
     laplacian = cotangent_laplacian(template.vertices, template.faces)[used][:, used]
-    areas = template.vertex_areas[used]
-    values, vectors = lowest_eigenpairs(laplacian, areas, n_constant + n_harmonics)
-    functions = np.zeros((n_harmonics, template.n_vertices))
+    return _eigenfunctions(laplacian, areas, template.faces, n_harmonics, name)
+
+
+def _eigenfunctions(
+    laplacian: sparse.csr_array, areas: np.ndarray, faces: np.ndarray, count: int, name: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest eigenfunctions with μ > 0, from the Laplacian at vertices with areas."""
+    used = np.flatnonzero(areas)
+    n_constant = _check_count(count, faces, len(areas), name)
+    values, vectors = lowest_eigenpairs(laplacian, areas[used], n_constant + count)
+    functions = np.zeros((count, len(areas)))
     functions[:, used] = vectors[:, n_constant:].T
     peaks = np.abs(functions).argmax(axis=1)
-    functions *= np.sign(functions[np.arange(n_harmonics), peaks])[:, np.newaxis]
+    functions *= np.sign(functions[np.arange(count), peaks])[:, np.newaxis]
     return values[n_constant:], functions
 
 

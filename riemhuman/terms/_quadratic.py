@@ -253,10 +253,7 @@ def _derivatives_in_frame(
 def _add_to_corners(
     slopes: ndarray, face: ndarray, i: int, frame: tuple[float, ...], entries: tuple[float, ...]
 ) -> None:
-    """Add the slopes at the corners of a function with slopes Γ_kj in e_k·∂_j h.
-
-    The transpose of `_derivatives_in_frame`.
-    """
+    """Add slopes in e_k·∂_j h up to slopes at the corners, by the transpose."""
     _, over_p, over_r, skew, a0, a1, a2, b0, b1, b2, c0, c1, c2 = frame
     k11, k12, k21, k22, k31, k32 = entries
     k11, k21, k31 = (

@@ -232,10 +232,7 @@ _ANY_NORMAL = onp.array([0.0, 0.0, 1.0])
 def half_plane(
     e: ndarray, m: ndarray, areas: ndarray, degenerate: ndarray
 ) -> tuple[ndarray, ndarray, ndarray]:
-    """Return the coordinates x, y of ĝ, and s, of g = [[e, m], [m, ...]] with areas √det g.
-
-    Neither e nor the areas are 0. Where g is degenerate, s = 0, x = 0 and y = areas/e.
-    """
+    """Return the coordinates x, y of ĝ, and s, of g = [[e, m], [m, ...]] with areas √det g."""
     s = np.where(degenerate, 0.0, np.sqrt(areas))
     return np.where(degenerate, 0.0, m / e), areas / e, s
 

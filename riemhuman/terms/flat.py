@@ -110,10 +110,8 @@ def _block(
     first: int,
     last: int,
 ) -> tuple[Four, Four, Four, Four]:
-    """Return Σ_t (a[k, t] − b[m, t])² for four rows and four columns.
-
-    As in a product of matrices, each number that is read serves four sums.
-    """
+    """Return Σ_t (a[k, t] − b[m, t])² for four rows and four columns."""
+    # As in a product of matrices, each number that is read serves four sums.
     a0, a1, a2, a3 = (
         a[rows[0], first:last],
         a[rows[1], first:last],
@@ -142,11 +140,9 @@ def _add(sums: Four, x: float, y: Four) -> Four:
 
 
 def flat_distances(a: ndarray, b: ndarray) -> ndarray:
-    """Return squared Euclidean distances of vectors, from their differences.
-
-    A product of matrices, ‖a‖² + ‖b‖² − 2 ⟨a, b⟩, loses the digits of what is close; with these
-    pairs summed again by differences, it takes no less time.
-    """
+    """Return squared Euclidean distances of vectors, from their differences."""
+    # A product of matrices, ‖a‖² + ‖b‖² − 2 ⟨a, b⟩, loses the digits of what is close; with these
+    # pairs summed again by differences, it takes no less time.
     squared = np.zeros((len(a), len(b)))
     _tile(a, b, a is b, squared)
     return squared
