@@ -27,7 +27,7 @@ from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives, triangle_frames
 from riemhuman.solvers._lbfgs import minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
-from riemhuman.solvers.paths import rounded
+from riemhuman.solvers.paths import rounding_energy
 from riemhuman.solvers.results import Result, Solver, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.measures import triangle_areas
@@ -281,24 +281,36 @@ class Disentangling(Solver):
         if self.basis is not None:
             self.basis.check_fits(len(shape))
         posed = PoseTransfer(space, self.bone_smoothing).solve(shape, pose)
-        sum_ = _WeightedSum((shape_metric, 1.0, shape), (pose_metric, self.pose_weight, posed))
+        terms = [(shape_metric, 1.0, shape), (pose_metric, self.pose_weight, posed)]
         faces = space.template.faces
         least_areas = np.minimum(*(triangle_areas(body, faces) for body in (shape, posed)))
+
+        def weighted_sum(surface: ndarray) -> tuple[float, ndarray]:
+            value, gradient = 0.0, np.zeros_like(surface)
+            for metric, weight, point in terms:
+                squared, slopes = metric.energy_and_gradient(np.stack([point, surface]))
+                value += weight * squared
+                gradient += weight * slopes[1]
+            return value, gradient
 
         def objective(surface: ndarray) -> tuple[float, ndarray]:
             if np.any(triangle_areas(surface, faces) < _LEAST_AREA * least_areas):
                 return np.inf, np.zeros_like(surface)
-            return sum_.value_and_gradient(surface)
+            return weighted_sum(surface)
+
+        def factor(surface: ndarray) -> CholeskyFactor:
+            matrix: Any = sum(w * metric.metric_matrix(surface) for metric, w, _ in terms)
+            return SparseCholeskyFactor(2.0 * matrix)
 
         minimum = minimize_from(
             posed,
             space,
             None,
             objective,
-            sum_.factor,
+            factor,
             tolerance=self.tolerance,
             max_iter=self.max_iter,
-            floor=sum_.rounding(posed),
+            floor=sum(w * rounding_energy(m, posed, size=_ROUNDING) for m, w, _ in terms),
             progress="disentangling" if self.progress else "",
         )
         surface, value = minimum.x, minimum.value
@@ -307,7 +319,7 @@ class Disentangling(Solver):
             difference = surface - shape
             difference -= difference.mean(axis=0)
             surface = shape + self.basis.project(difference)
-            value = sum_.value_and_gradient(surface)[0]
+            value, _ = weighted_sum(surface)
         surface = surface + np.mean(pose - surface, axis=0)
         result = DisentanglingResult(
             surface,
@@ -319,31 +331,6 @@ class Disentangling(Solver):
             **minimum.outcome,
         )
         return finish(self, result)
-
-
-class _WeightedSum:
-    """Σ w d(x, f)² over a few metrics, each with its weight w and its point x."""
-
-    def __init__(self, *terms: tuple[SurfaceMetric, float, ndarray]) -> None:
-        self._terms = terms
-
-    def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
-        value, gradient = 0.0, np.zeros_like(surface)
-        for metric, weight, point in self._terms:
-            squared, slopes = metric.energy_and_gradient(np.stack([point, surface]))
-            value += weight * squared
-            gradient += weight * slopes[1]
-        return value, gradient
-
-    def rounding(self, surface: ndarray) -> float:
-        """Return the value between surfaces that are the same to rounding errors."""
-        pair = np.stack([surface, rounded(surface, _ROUNDING)])
-        return sum(weight * float(metric.energy(pair)) for metric, weight, _ in self._terms)
-
-    def factor(self, surface: ndarray) -> CholeskyFactor:
-        """Return the factor of the sum's Hessian, near both points."""
-        matrix: Any = sum(w * m.metric_matrix(surface) for m, w, _ in self._terms)
-        return SparseCholeskyFactor(2.0 * matrix)
 
 
 class _ChangeTransfer:

@@ -17,7 +17,6 @@ def bodies():
 @pytest.mark.parametrize(
     ("Metric", "weights"),
     [
-        (rh.ElasticMetric, {}),
         (rh.ElasticMetric, {"a": 0.0, "lam": 0.0, "c": 1.0}),
         (rh.SobolevMetric, {}),
     ],

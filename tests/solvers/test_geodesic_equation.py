@@ -32,6 +32,7 @@ def stationarity(metric, points):
     return metric.space.to_tangent(gradient[1], points[1])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("case", FIELDS + OTHERS, ids=name_of)
 def test_all_three_solve_the_equation(case):
     equation = GeodesicEquation(case.metric, tolerance=1e-10)
@@ -50,6 +51,7 @@ def test_all_three_solve_the_equation(case):
         assert np.abs(stationarity(case.metric, triple.points)).max() < 1e-6 * size
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("case", FIELDS, ids=name_of)
 def test_follows_closed_form_geodesics(case):
     """On a geodesic every point is halfway between its neighbours, at any distance."""

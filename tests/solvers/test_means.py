@@ -84,6 +84,7 @@ def natural_poses(person, seed):
     return natural.template, natural.points[10 * person : 10 * person + 10]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("weights", [(1.0, 1.0, 0.1), (0.0, 0.0, 1.0)])
 def test_the_default_mean_of_poses_is_a_body(weights):
     """Over the points' differences alone its variance was more than a fourth larger, and with
@@ -154,6 +155,7 @@ def test_weights_pull_the_mean():
     assert space.metric.dist(twice.estimate_, thrice.estimate_) < 1e-3 * np.sqrt(twice.variance_)
 
 
+@pytest.mark.sampled(2)
 @on_fields
 def test_means_on_fields(space):
     """By descent along logarithms, which cancel at the mean, over a basis, and in batches."""
@@ -206,10 +208,11 @@ def test_median_of_weighted_numbers_is_one_of_them(solver, in_batches):
     assert np.all(np.diff(median.result_.variances) < 1e-9)
 
 
+@pytest.mark.sampled(2)
 @on_fields
 def test_median_has_the_least_sum_of_distances(space):
     points = near_points(space)
-    median = GeometricMedian(space, GradientDescentMean(tolerance=1e-10)).fit(points)
+    median = GeometricMedian(space, GradientDescentMean(tolerance=1e-8)).fit(points)
 
     def total(point):
         return space.metric.dist(points, point).sum()
@@ -220,7 +223,7 @@ def test_median_has_the_least_sum_of_distances(space):
     vectors = space.random_tangent_vec(median.estimate_, 8, rng=5)
     nearby = space.projection(median.estimate_ + 1e-3 * vectors)
     assert np.all(best <= [total(point) for point in nearby])
-    over_all = GeometricMedian(space, BasisMean(tolerance=1e-10)).fit(points)
+    over_all = GeometricMedian(space, BasisMean(tolerance=1e-7)).fit(points)
     assert total(over_all.estimate_) == pytest.approx(best, rel=1e-5)
 
 
@@ -283,13 +286,6 @@ def test_wrong_points_and_settings():
             FrechetMean(space, solver).fit(wrong)
     with pytest.raises(ArgumentError, match="3606.*12"):
         FrechetMean(space, BasisMean(basis_of(np.eye(12)))).fit(points)
-    for settings, message in (
-        ({"companion_weight": -1.0}, "companion_weight must be"),
-        ({"sample_size": 0}, "sample_size"),
-        ({"tolerance": 0.0}, "tolerance"),
-    ):
-        with pytest.raises(ArgumentError, match=message):
-            BasisMean(**settings)
     fields = NormalFields(triangle_template())
     with pytest.raises(OutsideManifoldError, match="antipodal"):
         FrechetMean(fields).fit(np.array([[[0, 0, 1.0]], [[0, 0, -1.0]]]))

@@ -107,7 +107,7 @@ def test_second_order_without_closed_forms(case, ladder):
     inner = case.metric.inner_product
     size = np.sqrt(inner(u, u, start) * inner(v, v, start))
     carried, gaps = [], []
-    for n_rungs in (3, 6, 12):
+    for n_rungs in (2, 4, 8):
         path = DiscreteExponential(n_steps=n_rungs).solve(case.metric, velocity, start).path
         ends = [ladder().solve(case.metric, w, start, path=path) for w in (u, v)]
         assert all(end.converged for end in ends)
@@ -146,7 +146,7 @@ def test_half_plane_against_the_known_transport():
 
 def test_on_bodies_in_a_basis():
     metric = ElasticMetric(bodies.space(), 1.0, 0.1, 0.1)
-    basis = bodies.basis(30)
+    basis = bodies.basis(12)
     start, end = bodies.body("resting"), bodies.body("arm raised")
     u, v = basis.vectors[0] + 0.5 * basis.vectors[3], basis.vectors[1]
     norm = metric.norm(u, start)

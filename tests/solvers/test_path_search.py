@@ -92,14 +92,15 @@ def check_result(metric, result, start, end):
 # What they reach.
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("case", cases_that("dist", "geodesic"), ids=name_of)
 def test_the_geodesic_where_it_has_a_closed_form(case):
     # A product does not tell which coordinates belong together: its preconditioner is coarser.
     tolerance = 1e-10 if case.name == "product" else 1e-9
-    result = solve(case, n_nodes=7, tolerance=tolerance)
+    result = solve(case, n_nodes=5, tolerance=tolerance)
     squared_dist = case.metric.squared_dist(*case.points[:2])
     assert squared_dist * (1 - 1e-10) <= result.energy <= squared_dist * (1 + 1e-7)
-    geodesic = ClosedFormGeodesic(7).solve(case.metric, *case.points[:2]).path
+    geodesic = ClosedFormGeodesic(5).solve(case.metric, *case.points[:2]).path
     assert case.metric.dist(result.path, geodesic).max() < 1e-3 * np.sqrt(squared_dist)
 
 
@@ -414,7 +415,7 @@ def test_the_tolerance_is_the_share_that_a_newton_step_would_gain(make, share, i
 def test_how_far_energies_are_above_the_minimum(weights):
     """Within a tenth of a per cent over a basis, half a per cent over all, and said so."""
     metric, gaps = elastic(*weights), []
-    for seed in (2, 5, 7):
+    for seed in (2, 7):
         ends = bodies.swung_arms(seed)
         found = over_basis(7).solve(metric, *ends)
         least = over_basis(7, tolerance=1e-9).solve(metric, *ends, found.path).energy

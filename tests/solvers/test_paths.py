@@ -74,6 +74,7 @@ def test_gradients_of_segment_energy(case):
     check_gradient(SEGMENT, case)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "case", [case for case in CASES.values() if case.metric.has_inner_product], ids=name_of
 )

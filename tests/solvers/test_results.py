@@ -16,6 +16,7 @@ from riemhuman.errors import (
     ArgumentTypeError,
     ConvergenceWarning,
     FileFormatError,
+    RiemhumanError,
 )
 from riemhuman.geometry import ElasticMetric, VectorSpace
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -74,7 +75,7 @@ def test_solvers_and_results_are_frozen(cls):
             setattr(instance, field.name, None)
 
 
-LEAST = {"n_nodes": 2, "max_iter": 1, "n_steps": 1, "n_rungs": 1}
+LEAST = {"n_nodes": 2, "max_iter": 1, "n_steps": 1, "n_rungs": 1, "sample_size": 1}
 MODELS = {"basis": DeformationBasis(np.eye(1, 3)[None]), "model": print, "parameters": print}
 WRONG = {
     "basis": (np.zeros((1, 1, 3)), "a DeformationBasis; found ndarray"),
@@ -83,6 +84,11 @@ WRONG = {
     "geodesic_solver": (MODELS["basis"], "a strategy with a method.*; found DeformationBasis"),
     "callback": (3, "a function; found int"),
     "parameters": (3, "a function; found int"),
+    "tolerance": (0.0, "a finite number above 0"),
+    "end_tolerance": (0.0, "a finite number above 0"),
+    "pose_weight": (0.0, "a finite number above 0"),
+    "bone_smoothing": (0.0, "a finite number above 0"),
+    "companion_weight": (-1.0, "a finite number of at least 0"),
 }
 
 
@@ -111,9 +117,9 @@ def test_least_numbers_are_legal(cls, name):
 
 
 @pytest.mark.parametrize(("cls", "name"), settings_of(WRONG))
-def test_settings_of_another_kind_are_refused(cls, name):
+def test_wrong_settings_are_refused(cls, name):
     if cls is not PathStraightening or name != "basis":
-        with pytest.raises(ArgumentTypeError, match=f"{name} must be {WRONG[name][1]}"):
+        with pytest.raises(RiemhumanError, match=f"{name} must be {WRONG[name][1]}"):
             build(cls, **{name: WRONG[name][0]})
 
 

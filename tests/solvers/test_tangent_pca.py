@@ -152,7 +152,7 @@ def equipped(a, lam, c):
     return space.equip_with_metric(ElasticMetric, a=a, lam=lam, c=c)
 
 
-SETS = {"people": slice(0, 100, 10), "poses": slice(0, 10)}
+SETS = {"people": slice(0, 100, 20), "poses": slice(0, 10)}
 
 
 @cache
@@ -207,7 +207,7 @@ def test_generated_bodies_are_bodies():
         return not inverted_triangles(surface, pca.mean_, faces).any()
 
     samples = pca.sample(2, rng=0)
-    worst = max(count_self_intersections(point, faces) for point in points[[2, 5]])
+    worst = max(count_self_intersections(point, faces) for point in points[[1, 3]])
     for sample in samples:
         assert is_sound(sample)
         assert count_self_intersections(sample, faces) <= 1.5 * worst
