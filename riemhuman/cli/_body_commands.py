@@ -453,12 +453,9 @@ def _register(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.io.outputs import check_output_file
 
     is_folder = options.scans.is_dir()
-    for name, what in {
-        "untrusted": "one scan",
-        "landmarks": "one scan",
-        "sequence": "a folder",
-    }.items():
-        if getattr(options, name) and is_folder != (what == "a folder"):
+    for name in ("untrusted", "landmarks") if is_folder else ("sequence",):
+        if getattr(options, name):
+            what = "one scan" if is_folder else "a folder"
             raise ArgumentError(f"--{name} is for {what}; {options.scans} is not")
     if not is_folder:
         check_output_file(options.output, cli.MESH_ENDINGS, force=options.force)
