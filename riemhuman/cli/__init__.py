@@ -20,16 +20,8 @@ from riemhuman.cli import _distance_commands, _body_commands  # noqa: F401
 from riemhuman.cli import _measurement_commands, _motion_commands, _file_commands  # noqa: F401
 
 # isort: on
+from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._commands import Answer, make_parser
-from riemhuman.cli._terminal import (
-    Reporter,
-    as_json,
-    discard_output,
-    lines,
-    note,
-    short_warnings,
-    tolerate_ascii,
-)
 from riemhuman.errors import RiemhumanError
 from riemhuman.optional import import_optional
 
@@ -64,21 +56,21 @@ interrupted; 141 closed output pipe
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    tolerate_ascii()
+    terminal.tolerate_ascii()
     try:
         try:
             return _run(given)
         finally:
             sys.stdout.flush()
     except KeyboardInterrupt:
-        note("interrupted")
+        terminal.note("interrupted")
         return _INTERRUPTED
     except BrokenPipeError:
-        discard_output()
+        terminal.discard_output()
         return _BROKEN_PIPE
     except OSError as error:  # of standard output: `_run` tells all others
-        discard_output()
-        note(f"standard output cannot be written: {error.strerror or error}")
+        terminal.discard_output()
+        terminal.note(f"standard output cannot be written: {error.strerror or error}")
         return _NOT_DONE
 
 
@@ -90,10 +82,10 @@ def _run(given: Sequence[str]) -> int:
     if not hasattr(options, "run"):
         parser.print_help()
         return _DONE
-    reporter = Reporter(options.quiet)
+    reporter = terminal.Reporter(options.quiet)
     options.task, options.bars, options.written = reporter.task, reporter.bars, []
     try:
-        with short_warnings() as unconverged:
+        with terminal.short_warnings() as unconverged:
             for check in options.checks:
                 check(options)
             answer: Answer = options.run(options)
@@ -101,11 +93,13 @@ def _run(given: Sequence[str]) -> int:
         if getattr(options, "debug", False):
             raise
         if isinstance(error, RiemhumanError):
-            note(str(error))
+            terminal.note(str(error))
         elif isinstance(error, MemoryError):
-            note("not enough memory; use fewer or coarser meshes")
+            terminal.note("not enough memory; use fewer or coarser meshes")
         else:
-            note(f"unexpected {type(error).__name__}: {error}; --debug shows the traceback")
+            terminal.note(
+                f"unexpected {type(error).__name__}: {error}; --debug shows the traceback"
+            )
         return _NOT_DONE
     sys.stdout.write(f"{_text(answer, options)}\n")
     return _NOT_TRUSTED if unconverged or not answer.trusted else _DONE
@@ -118,8 +112,8 @@ def _text(answer: Answer, options: argparse.Namespace) -> str:
         record = answer.record
         if options.written and isinstance(record, dict):
             record = record | {"output": options.output if places else None}
-        return as_json(record)
+        return terminal.as_json(record)
     if isinstance(answer.text, str):
         said = [f"written to {place}" if answer.text else str(place) for place in places]
         return "\n".join([answer.text] * bool(answer.text) + said)
-    return lines({**answer.text, "written to": " and ".join(map(str, places)) or None})
+    return terminal.lines({**answer.text, "written to": " and ".join(map(str, places)) or None})

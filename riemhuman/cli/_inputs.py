@@ -10,16 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import riemhuman as rh
-from riemhuman.cli._commands import (
-    ALIGN,
-    MESH_ENDINGS,
-    Argument,
-    option,
-    output,
-    path_option,
-    several,
-    template,
-)
+from riemhuman.cli import _commands as cli
 from riemhuman.cli._terminal import as_json
 from riemhuman.errors import ArgumentError
 
@@ -49,6 +40,7 @@ def is_amass(file: Path) -> bool:
 def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, dict[str, float]]:
     """Return the frames in a file, their triangles, and the seconds of a recording."""
     # A body of the recorded proportions performs it, or for comparisons of movements the mean one.
+    motion: Any
     if file.suffix.lower() == ".bvh":
         recording = rh.datasets.load_bvh(file)
         rate = min(recording.frames_per_second, _RECORDED_RATE)
@@ -117,23 +109,23 @@ def advice(scan: Path) -> str:
 
 def metric_options(
     reference: str, default: tuple[float, float, float] = _PRESETS["shape"]
-) -> Argument:
+) -> cli.Argument:
     """Return the declaration of the template, alignment and metric, with default weights."""
     name = "--shape" if default == _PRESETS["shape"] else "-a {:g} -l {:g} -c {:g}".format(*default)
 
-    def preset(name: str, text: str) -> Argument:
-        return option(f"--{name}", text, dest="metric", action="store_const", const=name)
+    def preset(name: str, text: str) -> cli.Argument:
+        return cli.option(f"--{name}", text, dest="metric", action="store_const", const=name)
 
-    def weight(flags: str, text: str, value: float, metavar: str) -> Argument:
-        return option(flags, f"{text} (default: {value:g})", type=float, metavar=metavar)
+    def weight(flags: str, text: str, value: float, metavar: str) -> cli.Argument:
+        return cli.option(flags, f"{text} (default: {value:g})", type=float, metavar=metavar)
 
     a, lam, c = default
-    metric = several(
-        several(
+    metric = cli.several(
+        cli.several(
             preset("shape", "compares people: (a, λ, c) = (1, 0.0001, 0)"),
             preset("pose", "compares poses: (a, λ, c) = (0, 0, 1)"),
             preset("srnf", "square root normal fields, for comparison"),
-            option(
+            cli.option(
                 "--metric",
                 "metric of another package, see riemhuman.extensions",
                 dest="extension",
@@ -148,7 +140,7 @@ def metric_options(
         title="metric",
         text=f"a · Ebin(λ) + c · normals (default: {name}); -a, -l and -c change one weight each",
     )
-    return several(template(reference), ALIGN, metric)
+    return cli.several(cli.template(reference), cli.ALIGN, metric)
 
 
 def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
@@ -174,9 +166,11 @@ def metric_record(metric: Any) -> dict[str, Any]:
     return {"name": type(metric).__name__, **weights}
 
 
-BASIS = several(
-    path_option("--basis", "NPZ", "basis of deformations (default: mesh harmonics)"),
-    option("--n-components", f"mesh harmonics (default: {_N_HARMONICS})", type=int, metavar="K"),
+BASIS = cli.several(
+    cli.path_option("--basis", "NPZ", "basis of deformations (default: mesh harmonics)"),
+    cli.option(
+        "--n-components", f"mesh harmonics (default: {_N_HARMONICS})", type=int, metavar="K"
+    ),
     exclusive=True,
 )
 
@@ -197,7 +191,7 @@ def chosen_basis(options: argparse.Namespace, template: Template) -> Deformation
     return basis
 
 
-def path_output(mesh: str, *pages: str) -> Argument:
+def path_output(mesh: str, *pages: str) -> cli.Argument:
     """Return the declaration of a path to write: a file, or a folder of meshes and of pages."""
     written = "|".join(map(re.escape, (*pages, _SUMMARY)))
     text = (
@@ -205,8 +199,8 @@ def path_output(mesh: str, *pages: str) -> Argument:
         "interactive page (.html) or the array path (.npz)"
     )
     has_figure = any(name.endswith(".png") for name in pages)
-    return several(
-        output("PATH", *_PATH_ENDINGS, text=text, names=rf"{mesh}_\d{{4,}}\.ply|{written}"),
+    return cli.several(
+        cli.output("PATH", *_PATH_ENDINGS, text=text, names=rf"{mesh}_\d{{4,}}\.ply|{written}"),
         lambda parser: parser.set_defaults(mesh=mesh, pages=pages, has_figure=has_figure),
     )
 
@@ -283,12 +277,12 @@ def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> M
         is_hdf5 = place.suffix.lower() in (".hdf5", ".h5") or bool(list(place.glob("*.hdf5")))
         if any(chosen.values()) and not is_hdf5:
             raise ArgumentError(f"--subjects and --sequences choose from HDF5 files; found {place}")
-        if recorded and not any(file.suffix.lower() in MESH_ENDINGS for file in files):
+        if recorded and not any(file.suffix.lower() in cli.MESH_ENDINGS for file in files):
             found += [(file.stem, *read_motion(file, is_mean=True)[:2]) for file in recorded]
         else:
             load = rh.datasets.load_dfaust if is_hdf5 else rh.datasets.load_mesh_motions
-            motions = load(place, **(chosen if is_hdf5 else units))
-            found += [(motion.sequence, motion, motion.faces) for motion in motions]
+            loaded = load(place, **(chosen if is_hdf5 else units))
+            found += [(motion.sequence, motion, motion.faces) for motion in loaded]
     names, motions, triangles = zip(*found, strict=True)
     if options.template is None:
         body, source = rh.Template(motions[0][0], triangles[0]), names[0]
