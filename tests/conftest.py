@@ -1,5 +1,6 @@
 """Settings shared by all tests, the one browser of the session, and a few bodies."""
 
+import functools
 import gc
 import os
 import sys
@@ -15,6 +16,7 @@ import pytest
 from headless_browser import opened_browser
 from lengths import deselected
 
+import riemhuman.datasets
 from riemhuman.datasets import Bodies, load_open_bodies
 
 # While thousands of tests are collected, next to nothing becomes garbage; what is there then stays
@@ -27,18 +29,34 @@ def pytest_collection_finish(session):
     gc.enable()
 
 
-# Of two workers, one begins with the first half of the tests and the other with the second: when
-# these are last, the second finds most functions that they need compiled by the first.
-COMPILED_LAST = ("registration", "report", "retrieval", "solvers")
+# Of two workers, one begins with the first half of the tests and the other with the second: that
+# one compiles what most tests need, while this one first runs tests that compile next to nothing.
+COMPILED_FIRST = ("bodies", "descriptors", "geometry", "kernels", "learned", "motions", "terms")
+COMPILED_LAST = ("cli", "measurements", "registration", "report", "retrieval", "solvers")
 
 
 def pytest_collection_modifyitems(config, items):
-    items.sort(key=lambda item: item.path.parent.name in COMPILED_LAST)
+    names = [item.path.parent.name for item in items]
+    places = [(name in COMPILED_LAST) - (name in COMPILED_FIRST) for name in names]
+    items[:] = [items[k] for k in np.argsort(places, kind="stable")]
     if any("::" in argument for argument in config.args):
         return  # who names a test runs it
     left_out = deselected(items)
     items[:] = [item for item in items if item not in left_out]
     config.hook.pytest_deselected(items=list(left_out))
+
+
+computed_bodies = functools.cache(load_open_bodies)
+
+
+@functools.wraps(load_open_bodies)
+def open_bodies(*arguments, **options):
+    """Return the open bodies, computed once for all tests, in arrays that a test may change."""
+    bodies = vars(computed_bodies(*arguments, **options))
+    return Bodies(**{k: v.copy() if isinstance(v, np.ndarray) else v for k, v in bodies.items()})
+
+
+riemhuman.datasets.load_open_bodies = open_bodies
 
 
 @pytest.fixture(scope="session")
@@ -51,7 +69,7 @@ def browser():
 @pytest.fixture(scope="session")
 def nine_bodies():
     """Return three people in three poses, coarse."""
-    bodies = load_open_bodies("coarse")
+    bodies = open_bodies("coarse")
     chosen = np.flatnonzero(np.isin(bodies.subject, [0, 5, 8]) & np.isin(bodies.pose, [0, 1, 3]))
     per_body = ("points", "subject", "pose", "betas", "pose_vectors", "translations")
     kept = {name: getattr(bodies, name)[chosen] for name in per_body}

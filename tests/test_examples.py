@@ -5,7 +5,6 @@ built, in `.ci/docs`.
 """
 
 import doctest
-import functools
 import inspect
 import warnings
 
@@ -30,13 +29,9 @@ SLOW = {
 
 @pytest.fixture
 def quick(monkeypatch, tmp_path):
-    """Load the open bodies once, write files to a folder of the test, and draw on no screen."""
-    monkeypatch.setattr(rh.datasets, "load_open_bodies", open_bodies)
+    """Write files to a folder of the test, and draw on no screen."""
     monkeypatch.setenv("MPLBACKEND", "agg")
     monkeypatch.chdir(tmp_path)
-
-
-open_bodies = functools.cache(rh.datasets.load_open_bodies)
 
 
 def failures(text, name):
