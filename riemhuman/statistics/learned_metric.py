@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Sequence
 from functools import partial
 from typing import Any, Self
 
@@ -18,10 +18,7 @@ from riemhuman.geometry import PullbackMetric, RiemannianMetric, VectorSpace
 from riemhuman.kernels.projections import principal_components
 from riemhuman.optional import import_optional
 
-LEDOIT_WOLF, CROSS_VALIDATION = "ledoit-wolf", "cross-validation"
-
-# Shrinkages that cross-validation compares.
-_SHRINKAGES = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
+LEDOIT_WOLF = "ledoit-wolf"
 
 
 class LearnedMetric(Estimator):
@@ -44,12 +41,10 @@ class LearnedMetric(Estimator):
         Metric whose coordinates are used; it must have `lower_bound_coordinates`. For poses, use
         ``ElasticMetric(space, 0, 0, 1)`` or ``RotationMetric(space)``; for people,
         ``ElasticMetric(space, 1, 1, 0)``.
-    shrinkage : {"ledoit-wolf", "cross-validation"} or float
-        The shrinkage s, from 0 (not included) to 1, or how to choose it: by a formula [2]_, or so
-        that of left-out groups most triplets (a point, one of its class, one of another) are in
-        the right order.
+    shrinkage : "ledoit-wolf" or float
+        The shrinkage s, from 0 (not included) to 1; by default from a formula [2]_.
     n_folds : int
-        Number of folds of the groups, for cross-validation and `held_out_distances`.
+        Number of folds of the groups in `held_out_distances`.
 
     Attributes
     ----------
@@ -94,12 +89,7 @@ class LearnedMetric(Estimator):
         self.shrinkage = shrinkage
         self.n_folds = n_folds
 
-    def fit(
-        self,
-        X: ndarray,
-        y: Sequence[Hashable] | ndarray,
-        groups: Sequence[Hashable] | ndarray | None = None,
-    ) -> Self:
+    def fit(self, X: ndarray, y: Sequence[Hashable] | ndarray) -> Self:
         r"""Learn the metric.
 
         Parameters
@@ -108,22 +98,11 @@ class LearnedMetric(Estimator):
             Points.
         y : sequence of hashable, length n
             Class of each point, such as its pose or its person.
-        groups : sequence of hashable, length n, optional
-            Group of each point, such as its person, which cross-validation keeps together; by
-            default every point is a group.
         """
         coordinates = self._coordinates(X)
         classes = class_numbers(y, "y", len(coordinates))[0]
-        members = np.arange(len(classes))
-        if groups is not None:
-            members = class_numbers(groups, "groups", len(classes))[0]
-        shrinkage = self.shrinkage
-        if isinstance(shrinkage, str):
-            one_of(shrinkage, "shrinkage", (LEDOIT_WOLF, CROSS_VALIDATION))
-        elif not 0.0 < real_number(shrinkage, "shrinkage", minimum=0.0, strict=True) <= 1.0:
-            raise ArgumentError(f"shrinkage must be at most 1; found {shrinkage:g}")
         self.mean_, directions, reduced = _principal(coordinates)
-        whitening, self.shrinkage_ = self._learn(reduced, classes, members)
+        whitening, self.shrinkage_ = self._whitening(reduced, classes)
         self.components_ = whitening @ directions
         self.metric_ = PullbackMetric(
             self.metric.space,
@@ -154,17 +133,24 @@ class LearnedMetric(Estimator):
 
         Parameters
         ----------
-        X, y, groups
+        X, y
             As for `fit`.
+        groups : sequence of hashable, length n
+            Group of each point, such as its person.
         """
         coordinates = self._coordinates(X)
         classes = class_numbers(y, "y", len(coordinates))[0]
         members = class_numbers(groups, "groups", len(coordinates))[0]
+        n_folds, n_groups = whole_number(self.n_folds, "n_folds", minimum=2), members.max() + 1
+        if n_groups < n_folds:
+            raise ArgumentError(
+                f"groups must hold at least n_folds={n_folds} groups; found {n_groups}"
+            )
         _, _, reduced = _principal(coordinates)
         distances = np.empty((len(reduced), len(reduced)))
-        for held_out in self._folds(members):
-            seen = ~held_out
-            whitening, _ = self._learn(reduced[seen], classes[seen], members[seen])
+        for fold in range(n_folds):
+            held_out = members % n_folds == fold
+            whitening, _ = self._whitening(reduced[~held_out], classes[~held_out])
             whitened = reduced @ whitening.T
             distances[held_out] = cdist(whitened[held_out], whitened)
         return distances
@@ -174,28 +160,31 @@ class LearnedMetric(Estimator):
         metric: Any = self.metric
         return np.concatenate([metric.lower_bound_coordinates(point[None]) for point in points])
 
-    def _folds(self, members: ndarray) -> Iterator[ndarray]:
-        n_folds, n_groups = whole_number(self.n_folds, "n_folds", minimum=2), members.max() + 1
-        if n_groups < n_folds:
-            raise ArgumentError(
-                f"groups must hold at least n_folds={n_folds} groups; found {n_groups}"
-            )
-        for fold in range(n_folds):
-            yield members % n_folds == fold
-
-    def _learn(self, reduced: ndarray, classes: ndarray, members: ndarray) -> tuple[ndarray, float]:
+    def _whitening(self, coordinates: ndarray, classes: ndarray) -> tuple[ndarray, float]:
         """Return the rows that whiten the scatter within classes, and the shrinkage."""
-        if self.shrinkage != CROSS_VALIDATION:
-            return _whitening(reduced, classes, self.shrinkage)
-        members = np.unique(members, return_inverse=True)[1]
-        shares = np.zeros(len(_SHRINKAGES))
-        for held_out in self._folds(members):
-            for k, shrinkage in enumerate(_SHRINKAGES):
-                whitening, _ = _whitening(reduced[~held_out], classes[~held_out], shrinkage)
-                whitened = reduced @ whitening.T
-                distances = cdist(whitened[held_out], whitened)
-                shares[k] += _share_in_order(distances, classes, np.flatnonzero(held_out))
-        return _whitening(reduced, classes, _SHRINKAGES[int(np.argmax(shares))])
+        shrinkage = self.shrinkage
+        if isinstance(shrinkage, str):
+            one_of(shrinkage, "shrinkage", (LEDOIT_WOLF,))
+        elif not 0.0 < real_number(shrinkage, "shrinkage", minimum=0.0, strict=True) <= 1.0:
+            raise ArgumentError(f"shrinkage must be at most 1; found {shrinkage:g}")
+        _, directions, reduced = _principal(coordinates)
+        numbers, classes = np.unique(classes, return_inverse=True)
+        if len(numbers) < 2:
+            raise ArgumentError(
+                f"y must name at least two classes to learn from; found {len(numbers)}"
+            )
+        sums = np.zeros((len(numbers), reduced.shape[1]))
+        np.add.at(sums, classes, reduced)
+        within = reduced - (sums / np.bincount(classes)[:, None])[classes]
+        if np.abs(within).max(initial=0.0) <= 1e-9 * np.abs(reduced).max(initial=0.0):
+            raise ArgumentError("y must give the same class to two different points to learn from")
+        scatter = within.T @ within / len(within)
+        if shrinkage == LEDOIT_WOLF:
+            covariance = import_optional("sklearn.covariance", "statistics")
+            shrinkage = covariance.ledoit_wolf_shrinkage(within, assume_centered=True)
+        scatter = (1.0 - shrinkage) * scatter
+        scatter += shrinkage * np.sum(within**2) / within.size * np.eye(len(scatter))
+        return np.linalg.inv(np.linalg.cholesky(scatter)) @ directions, float(shrinkage)
 
 
 def _whitened(metric: Any, mean: ndarray, components: ndarray, points: Any) -> Any:
@@ -206,36 +195,3 @@ def _principal(coordinates: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     """Return the mean, the principal directions, and the coordinates along these."""
     mean, directions = principal_components(coordinates)
     return mean, directions, (coordinates - mean) @ directions.T
-
-
-def _whitening(
-    coordinates: ndarray, classes: ndarray, shrinkage: str | float
-) -> tuple[ndarray, float]:
-    """Return the rows that whiten the scatter within classes, and the shrinkage."""
-    _, directions, reduced = _principal(coordinates)
-    numbers, classes = np.unique(classes, return_inverse=True)
-    if len(numbers) < 2:
-        raise ArgumentError(f"y must name at least two classes to learn from; found {len(numbers)}")
-    sums = np.zeros((len(numbers), reduced.shape[1]))
-    np.add.at(sums, classes, reduced)
-    within = reduced - (sums / np.bincount(classes)[:, None])[classes]
-    if np.abs(within).max(initial=0.0) <= 1e-9 * np.abs(reduced).max(initial=0.0):
-        raise ArgumentError("y must give the same class to two different points to learn from")
-    scatter = within.T @ within / len(within)
-    if isinstance(shrinkage, str):
-        covariance = import_optional("sklearn.covariance", "statistics")
-        shrinkage = float(covariance.ledoit_wolf_shrinkage(within, assume_centered=True))
-    scatter = (1.0 - shrinkage) * scatter
-    scatter += shrinkage * np.sum(within**2) / within.size * np.eye(len(scatter))
-    return np.linalg.inv(np.linalg.cholesky(scatter)) @ directions, float(shrinkage)
-
-
-def _share_in_order(distances: ndarray, classes: ndarray, queries: ndarray) -> float:
-    """Return the share of triplets (query, one of its class, one of another) in the right order."""
-    shares = []
-    for query, row in zip(queries, distances, strict=True):
-        same = classes == classes[query]
-        others, same[query] = np.sort(row[~same]), False
-        if same.any() and len(others):
-            shares.append(1.0 - np.searchsorted(others, row[same]).mean() / len(others))
-    return float(np.mean(shares)) if shares else 0.0
