@@ -229,8 +229,5 @@ def trace_gain(products: ndarray, n_steps: int, lower: ndarray, left: ndarray) -
 
 @compiled
 def _roots(n_steps: int) -> ndarray:
-    roots = np.empty((n_steps + 1, n_steps + 1))
-    for k in range(n_steps + 1):
-        for p in range(n_steps + 1):
-            roots[k, p] = math.sqrt(k * p) / n_steps
-    return roots
+    steps = np.arange(n_steps + 1.0)
+    return np.sqrt(np.outer(steps, steps)) / n_steps

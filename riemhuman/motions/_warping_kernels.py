@@ -75,16 +75,14 @@ def costs_between_frames(costs: ndarray, steps_a: ndarray, steps_b: ndarray) -> 
     result = np.empty((n, m))
     for i in range(n):
         for j in range(m):
-            here = costs[i, j]
-            about_b, about_a = here, here
-            if j + 1 < m:
-                about_b = min(about_b, _least_on_step(here, costs[i, j + 1], steps_b[j]))
-            if j > 0:
-                about_b = min(about_b, _least_on_step(here, costs[i, j - 1], steps_b[j - 1]))
-            if i + 1 < n:
-                about_a = min(about_a, _least_on_step(here, costs[i + 1, j], steps_a[i]))
-            if i > 0:
-                about_a = min(about_a, _least_on_step(here, costs[i - 1, j], steps_a[i - 1]))
+            here = about_a = about_b = costs[i, j]
+            for side in (-1, 1):
+                if 0 <= j + side < m:
+                    step = steps_b[min(j, j + side)]
+                    about_b = min(about_b, _least_on_step(here, costs[i, j + side], step))
+                if 0 <= i + side < n:
+                    step = steps_a[min(i, i + side)]
+                    about_a = min(about_a, _least_on_step(here, costs[i + side, j], step))
             result[i, j] = 0.5 * (about_b + about_a)
     return result
 

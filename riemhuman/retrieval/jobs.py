@@ -41,7 +41,7 @@ from riemhuman.solvers.paths import solve_pairs
 
 _RESULT, _UNFINISHED_RESULT = "D.npy", "D.unfinished.npy"
 _ROWS, _DONE, _DIGESTS, _POINTS = "rows.npy", "done.npy", "digests.npy", "points.npy"
-_FORMAT = "riemhuman job 6"
+_FORMAT = "riemhuman job 7"
 
 # Tiles are small enough for an interrupted job to have made progress, and large enough for their
 # overhead not to matter.
@@ -135,10 +135,7 @@ def pairwise_job(
         layout = job.claim(described, _layout(n_points, first, features, memory))
         tiles = tiles_of(n_points, layout["tile"])
         blocks = list(slices(n_points, layout["block"]))
-        arrays = dict(zip(map(_feature_file, range(len(features))), features, strict=True))
-        if precision == "single":
-            # Distances too small for single precision are computed again from the points.
-            arrays[_POINTS] = first
+        arrays = _by_file(features, first)
         tables: dict[str, tuple[tuple[int, ...], Any]] = {_DIGESTS: ((len(blocks), 32), np.uint8)}
         complete = job.exists(_RESULT)
         if complete:
@@ -164,7 +161,7 @@ def pairwise_job(
         for number in bar:
             _write_features(job, metric, points, blocks[number], number, precision, n_jobs)
         if not complete:
-            reader = TileReader(str(job.path), len(features), n_jobs)
+            reader = TileReader(job.path, list(arrays)[:-1], n_jobs)
             _compute(job, metric, reader, tiles, client, progress)
             job.rename(_UNFINISHED_RESULT, _RESULT)
         job.remove(_DONE, *arrays)
@@ -262,8 +259,10 @@ def tiles_of(n_points: int, size: int) -> list[Tile]:
     return [(rows, columns) for i, rows in enumerate(sides) for columns in sides[i:]]
 
 
-def _feature_file(number: int) -> str:
-    return f"features_{number}.npy"
+def _by_file(features: tuple[ndarray, ...], points: ndarray) -> dict[str, ndarray]:
+    """Return what a job keeps of points, by the name of the file."""
+    # Distances too small for the precision of features are computed again from the points.
+    return {f"features_{k}.npy": array for k, array in enumerate(features)} | {_POINTS: points}
 
 
 def _read_points(
@@ -296,10 +295,8 @@ def _write_features(
         features = metric.features(some, precision, n_jobs)
     except ArgumentError as error:
         raise type(error)(f"points[{block.start}:{block.stop}]: {error}") from error
-    for k, feature in enumerate(features):
-        job.write(_feature_file(k), (block, feature))
-    if precision == "single":
-        job.write(_POINTS, (block, some))
+    for name, rows in _by_file(features, some).items():
+        job.write(name, (block, rows))
     # The record follows the entries: a kill in between costs only this block.
     job.write(_DIGESTS, (number, np.frombuffer(digest(some), np.uint8)))
 
@@ -326,8 +323,8 @@ def _try_distances(
     some = np.concatenate([metric.check_points(points[slice(n, n + 1)]) for n in order])
     rounding = _ROUNDING[precision]
     if not complete:
-        for k, features in enumerate(metric.features(some, precision)):
-            _compare(job, "a feature", job.read(_feature_file(k))[order], features, rounding)
+        for name, rows in _by_file(metric.features(some, precision), some).items():
+            _compare(job, "a feature", job.read(name)[order], rows, rounding)
     i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
     known = job.read(_RESULT if complete else _UNFINISHED_RESULT)[i, j]
     again = metric.dist_pairwise(some, n_jobs, precision=precision)
@@ -400,8 +397,8 @@ def _compute(
 class TileReader:
     """Computes tiles from the files of a job, in this process or in a worker of a cluster."""
 
-    folder: str
-    n_features: int
+    folder: Path
+    names: list[str]
     n_jobs: int | None
     _rows: tuple[slice, tuple[ndarray, ...]] | None = field(default=None, init=False)
 
@@ -417,21 +414,18 @@ class TileReader:
             self._rows = (tile[0], self._features(tile[0]))
         rows = self._rows[1]
         columns = rows if tile[1] == tile[0] else self._features(tile[1])
-        has_points = (Path(self.folder) / _POINTS).exists()
-        points = self._open(_POINTS) if has_points else np.empty(0)
-        squared = squared_dist_rectangle(
-            metric, rows, columns, points[tile[0]], points[tile[1]], self.n_jobs
-        )
+        points = self._open(_POINTS)
+        some, others = points[tile[0]], points[tile[1]]
+        squared = squared_dist_rectangle(metric, rows, columns, some, others, self.n_jobs)
         return np.sqrt(squared)
 
     def _features(self, part: slice) -> tuple[ndarray, ...]:
         # Copied, since compiled loops take no memory maps, whose pages need not stay in memory.
-        names = map(_feature_file, range(self.n_features))
-        return tuple(np.array(self._open(name)[part], order="C") for name in names)
+        return tuple(np.array(self._open(name)[part], order="C") for name in self.names)
 
     def _open(self, name: str) -> Any:
         try:
-            return load_array(Path(self.folder) / name, mode="r")
+            return load_array(self.folder / name, mode="r")
         except FileError as error:
             raise FileError(
                 f"{error}; the folder of a job must be on a file system that all workers share"

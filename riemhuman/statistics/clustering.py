@@ -184,12 +184,10 @@ def _exchange(distances: ndarray, medoids: ndarray) -> tuple[ndarray, float, int
     medoids, n_exchanges = medoids.copy(), 0
     rounding = 1e-12 * distances.sum()
     while True:
-        to_medoids = distances[:, medoids]
+        # The column of infinities is a second nearest medoid where there is but one.
+        to_medoids = np.column_stack([distances[:, medoids], np.full(len(distances), np.inf)])
         nearest = np.argmin(to_medoids, axis=1)
-        first = to_medoids.min(axis=1)
-        second = np.full(len(distances), np.inf)
-        if len(medoids) > 1:
-            second = np.partition(to_medoids, 1, axis=1)[:, 1]
+        first, second = np.partition(to_medoids, 1, axis=1)[:, :2].T
         # Without a medoid, its points go to their second nearest, or to the new one.
         stay, leave = np.minimum(distances, first), np.minimum(distances, second)
         belongs = nearest[:, None] == np.arange(len(medoids))

@@ -165,7 +165,7 @@ def test_a_worker_without_the_library(client, tmp_path):
 
 
 def test_a_folder_the_workers_do_not_share(tmp_path):
-    reader = TileReader(str(tmp_path / "elsewhere"), 2, None)
+    reader = TileReader(tmp_path / "elsewhere", ["features_0.npy"], None)
     with pytest.raises(FileError, match="a file system that all workers share") as failure:
         reader.compute(METRIC, (slice(0, 3), slice(3, 6)))
     assert str(pickle.loads(pickle.dumps(failure.value))) == str(failure.value)
