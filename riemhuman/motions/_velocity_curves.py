@@ -1,13 +1,8 @@
-r"""Motions as polygons of transported velocities in one Euclidean space, and their best matching.
+r"""The curves of transported velocities that `RateInvariantMetric` compares, and their matching.
 
 The fields Φ(f_k) of the frames are joined by geodesics. The velocity at the middle of each is
-transported along a geodesic to one fixed point, the fields of a reference surface (Su, Kurtek,
-Klassen and Srivastava, "Statistical analysis of trajectories on Riemannian manifolds", Annals of
-Applied Statistics 8, 2014). There all velocities of all motions are vectors of one Euclidean space,
-in orthonormal coordinates, and add up to a polygon.
-
-The sides of this polygon change with the frames; the cubic spline through its vertices changes
-little, and its Gaussian mean along its length removes movements shorter than frames can resolve.
+transported to one point, where velocities in orthonormal coordinates add up to a polygon. Its sides
+change with the frames; the cubic spline through its vertices changes little.
 
 Two polygons with segments v_i and w_j have, after the best re-timing, the squared distance L + M −
 2F of their lengths L, M and

@@ -199,9 +199,8 @@ class RateDependentMetric(RiemannianMetric):
     @property
     def bulk(self) -> Bulk:
         return SumOfFactors(
-            [(partial(_at, t=t), w, self.metric.bulk) for t, w in enumerate(self.time_weights)]
+            [
+                (partial(np.take, indices=t, axis=1), weight, self.metric.bulk)
+                for t, weight in enumerate(self.time_weights)
+            ]
         )
-
-
-def _at(points: ndarray, t: int) -> ndarray:
-    return np.ascontiguousarray(points[:, t])

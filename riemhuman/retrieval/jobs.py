@@ -150,16 +150,15 @@ def pairwise_job(
         known: ndarray = np.asarray(np.any(job.read(_DIGESTS), axis=1))
         if complete and not known.all():
             raise FileFormatError(f"{job.path / _DIGESTS} is damaged: it lacks digests of points")
-        for number in np.flatnonzero(known):
-            _read_points(job, metric, points, blocks[number], int(number))
+        kept = _PointsOfJob(job, metric, points, precision, n_jobs)
+        for number in np.flatnonzero(known).tolist():
+            kept.read(number, blocks[number])
         finished = [] if complete else [tiles[k] for k in np.flatnonzero(job.read(_DONE))]
-        ends = [blocks[k] for k in np.flatnonzero(known)]
-        _try_distances(job, metric, points, ends, finished, precision, n_jobs)
-        bar = ProgressBar(
+        kept.try_again([blocks[k] for k in np.flatnonzero(known)], finished)
+        for number in ProgressBar(
             np.flatnonzero(~known), desc="Points", disable=not progress, unit=" blocks"
-        )
-        for number in bar:
-            _write_features(job, metric, points, blocks[number], number, precision, n_jobs)
+        ):
+            kept.keep(number, blocks[number])
         if not complete:
             reader = TileReader(job.path, list(arrays)[:-1], n_jobs)
             _compute(job, metric, reader, tiles, client, progress)
@@ -265,71 +264,70 @@ def _by_file(features: tuple[ndarray, ...], points: ndarray) -> dict[str, ndarra
     return {f"features_{k}.npy": array for k, array in enumerate(features)} | {_POINTS: points}
 
 
-def _read_points(
-    job: JobFolder, metric: RiemannianMetric, points: Any, block: slice, number: int
-) -> ndarray:
-    """Return a block of points, if they are those of an earlier run."""
-    where = f"points[{block.start}:{block.stop}]"
-    some = metric.check_points(points[block], where)
-    if len(some) != block.stop - block.start:
-        raise ArgumentError(f"{where} must be {block.stop - block.start} points; found {len(some)}")
-    known = np.array(job.read(_DIGESTS)[number])
-    if known.any() and known.tobytes() != digest(some):
-        raise ArgumentError(
-            f"folder must be that of the same job; that in {job.path} has other {where}"
-        )
+def checked_part(metric: RiemannianMetric, points: Any, part: slice, name: str) -> ndarray:
+    """Return a range of points after checking them."""
+    where = f"{name}[{part.start}:{part.stop}]"
+    some = metric.check_points(points[part], where)
+    if len(some) != part.stop - part.start:
+        raise ArgumentError(f"{where} must be {part.stop - part.start} points; found {len(some)}")
     return some
 
 
-def _write_features(
-    job: JobFolder,
-    metric: RiemannianMetric,
-    points: Any,
-    block: slice,
-    number: int,
-    precision: str,
-    n_jobs: int | None,
-) -> None:
-    some = _read_points(job, metric, points, block, number)
-    try:
-        features = metric.features(some, precision, n_jobs)
-    except ArgumentError as error:
-        raise type(error)(f"points[{block.start}:{block.stop}]: {error}") from error
-    for name, rows in _by_file(features, some).items():
-        job.write(name, (block, rows))
-    # The record follows the entries: a kill in between costs only this block.
-    job.write(_DIGESTS, (number, np.frombuffer(digest(some), np.uint8)))
+@dataclass(frozen=True)
+class _PointsOfJob:
+    """The points of a job of distances, and what its folder keeps of them."""
 
+    job: JobFolder
+    metric: RiemannianMetric
+    points: Any
+    precision: str
+    n_jobs: int | None
 
-def _try_distances(
-    job: JobFolder,
-    metric: RiemannianMetric,
-    points: Any,
-    blocks: list[slice],
-    tiles: list[Tile],
-    precision: str,
-    n_jobs: int | None,
-) -> None:
-    """Compute some features and distances again, and raise an error if they differ."""
-    if not blocks:
-        return
-    complete = job.exists(_RESULT)
-    numbers = {block.start for block in _spread(blocks, _TRIED)} | {blocks[-1].stop - 1}
-    pairs = list(product(numbers, repeat=2))
-    if not complete:
-        # A corner of each of some tiles; their blocks are known, as features are written first.
-        pairs = [(rows.start, columns.stop - 1) for rows, columns in _spread(tiles, _TRIED)]
-    order = sorted(numbers.union(*pairs))
-    some = np.concatenate([metric.check_points(points[slice(n, n + 1)]) for n in order])
-    rounding = _ROUNDING[precision]
-    if not complete:
-        for name, rows in _by_file(metric.features(some, precision), some).items():
-            _compare(job, "a feature", job.read(name)[order], rows, rounding)
-    i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
-    known = job.read(_RESULT if complete else _UNFINISHED_RESULT)[i, j]
-    again = metric.dist_pairwise(some, n_jobs, precision=precision)
-    tried = again[np.searchsorted(order, i), np.searchsorted(order, j)]
-    _compare(job, "a distance", known, tried, rounding, again.max())
+    def read(self, number: int, block: slice) -> ndarray:
+        """Return a block of points, if they are those of an earlier run."""
+        some = checked_part(self.metric, self.points, block, "points")
+        known = np.array(self.job.read(_DIGESTS)[number])
+        if known.any() and known.tobytes() != digest(some):
+            raise ArgumentError(
+                f"folder must be that of the same job; that in {self.job.path} has other "
+                f"points[{block.start}:{block.stop}]"
+            )
+        return some
+
+    def keep(self, number: int, block: slice) -> None:
+        """Write a block of points and their features."""
+        some = self.read(number, block)
+        try:
+            features = self.metric.features(some, self.precision, self.n_jobs)
+        except ArgumentError as error:
+            raise type(error)(f"points[{block.start}:{block.stop}]: {error}") from error
+        for name, rows in _by_file(features, some).items():
+            self.job.write(name, (block, rows))
+        # The record follows the entries: a kill in between costs only this block.
+        self.job.write(_DIGESTS, (number, np.frombuffer(digest(some), np.uint8)))
+
+    def try_again(self, blocks: list[slice], tiles: list[Tile]) -> None:
+        """Compute some features and distances again, and raise an error if they differ."""
+        if not blocks:
+            return
+        job, metric, rounding = self.job, self.metric, _ROUNDING[self.precision]
+        complete = job.exists(_RESULT)
+        numbers = {block.start for block in _spread(blocks, _TRIED)} | {blocks[-1].stop - 1}
+        pairs = list(product(numbers, repeat=2))
+        if not complete:
+            # A corner of each of some tiles; features of their blocks were written first.
+            pairs = [(rows.start, columns.stop - 1) for rows, columns in _spread(tiles, _TRIED)]
+        order = sorted(numbers.union(*pairs))
+        parts = [checked_part(metric, self.points, slice(n, n + 1), "points") for n in order]
+        some = np.concatenate(parts)
+        if not complete:
+            for name, rows in _by_file(metric.features(some, self.precision), some).items():
+                _compare(job, "a feature", job.read(name)[order], rows, rounding)
+        i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
+        known = job.read(_RESULT if complete else _UNFINISHED_RESULT)[i, j]
+        again = metric.dist_pairwise(some, self.n_jobs, precision=self.precision)
+        tried = again[np.searchsorted(order, i), np.searchsorted(order, j)]
+        _compare(job, "a distance", known, tried, rounding, again.max())
 
 
 def _try_paths(

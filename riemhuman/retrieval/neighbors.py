@@ -14,6 +14,7 @@ from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.projections import Projection
 from riemhuman.kernels.threads import mapped, slices, thread_count
+from riemhuman.retrieval.jobs import checked_part
 
 _ALGORITHMS = ("auto", "brute", "index")
 
@@ -191,25 +192,15 @@ class NearestNeighbors(Estimator):
         if unused or self.n_components == 0 or not self.metric.has_lower_bound_coordinates:
             return None
         coordinates = self.metric.lower_bound_coordinates
-        size = coordinates(self._checked(X, slice(0, 1))).size
+        size = coordinates(checked_part(self.metric, X, slice(0, 1), "X")).size
         n_sample = min(_SAMPLE, max(1, _SAMPLE_SIZE // size), len(X))
-        sample = np.linspace(0, len(X) - 1, n_sample).astype(int)
-        rows = [coordinates(self._checked(X, slice(i, i + 1))) for i in sample.tolist()]
+        parts = [slice(i, i + 1) for i in np.linspace(0, len(X) - 1, n_sample).astype(int).tolist()]
+        rows = [coordinates(checked_part(self.metric, X, part, "X")) for part in parts]
         return Projection.fit(np.concatenate(rows), self.n_components)
-
-    def _checked(self, X: Any, part: slice) -> ndarray:
-        """Return a range of points after checking them."""
-        where = f"X[{part.start}:{part.stop}]"
-        points = self.metric.check_points(X[part], where)
-        if len(points) != part.stop - part.start:
-            raise ArgumentError(
-                f"{where} must be {part.stop - part.start} points; found {len(points)}"
-            )
-        return points
 
     def _rows_of(self, X: Any, part: slice) -> list[ndarray]:
         """Return coordinates that bound distances, none without a projection, and features."""
-        points = self._checked(X, part)
+        points = checked_part(self.metric, X, part, "X")
         coordinates = np.empty((len(points), 0))
         if self._projection is not None:
             coordinates = self._projection(self.metric.lower_bound_coordinates(points))

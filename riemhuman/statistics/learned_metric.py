@@ -162,7 +162,7 @@ class LearnedMetric(Estimator):
 
     def _whitening(self, coordinates: ndarray, classes: ndarray) -> tuple[ndarray, float]:
         """Return the rows that whiten the scatter within classes, and the shrinkage."""
-        shrinkage = self.shrinkage
+        shrinkage: Any = self.shrinkage
         if isinstance(shrinkage, str):
             one_of(shrinkage, "shrinkage", (LEDOIT_WOLF,))
         elif not 0.0 < real_number(shrinkage, "shrinkage", minimum=0.0, strict=True) <= 1.0:
