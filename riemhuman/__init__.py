@@ -29,7 +29,7 @@ _ROOM_OF_NAME = {
     "RiemannianMetric": "geometry.metric",
     "ProductManifold": "geometry.product",
     "ProductMetric": "geometry.product",
-    "PullbackMetric": "geometry.pullback",
+    "PullbackMetric": "geometry.product",
     "RotationFieldMetric": "geometry.fields",
     "RotationFields": "geometry.fields",
     "RotationMetric": "geometry.surface_metric",

@@ -7,5 +7,5 @@ from riemhuman.terms._sum import SumOfTerms
 
 def field_features(term, fields, areas, precision):
     """Return the features of fields of one term over triangles with areas, and their rounding."""
-    template = SimpleNamespace(n_faces=len(areas), face_areas=areas)
+    template = SimpleNamespace(faces=None, frame_coefficients=None, face_areas=areas)
     return SumOfTerms([term], template, lambda _: fields).features(fields[0], precision)

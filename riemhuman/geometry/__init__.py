@@ -11,8 +11,7 @@ from riemhuman.geometry.fields import (
 )
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.product import ProductManifold, ProductMetric
-from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.geometry.product import ProductManifold, ProductMetric, PullbackMetric
 from riemhuman.geometry.sobolev_metric import GaugeInvariantMetric, SobolevMetric
 from riemhuman.geometry.surface_metric import (
     ElasticMetric,

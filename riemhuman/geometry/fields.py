@@ -309,10 +309,7 @@ class EbinMetric(ConeMetric):
 
 
 class GeneralElasticFieldMetric(ConeMetric):
-    r"""The general elastic metric on pairs of a metric field and a normal field.
-
-    A cone over H² × S²; `GeneralElasticMetric` pulls it back.
-    """
+    """The metric that `GeneralElasticMetric` pulls back, on pairs of metric and normal fields."""
 
     def __init__(
         self, space: ProductManifold, a: float = 1.0, b: float = 1.0, c: float = 1.0

@@ -26,8 +26,7 @@ from riemhuman.geometry.fields import (
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk
-from riemhuman.geometry.product import ProductManifold, ProductMetric
-from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.geometry.product import ProductManifold, ProductMetric, PullbackMetric
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels import surface

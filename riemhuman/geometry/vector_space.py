@@ -96,7 +96,7 @@ class FlatMetric(FieldMetric):
     def _template(self) -> Any:
         """What stands for a template: a triangle for each number, with its weight for an area."""
         areas = np.repeat(self._weights, int(np.prod(self.space.shape[1:])))
-        return SimpleNamespace(n_faces=len(areas), face_areas=areas)
+        return SimpleNamespace(faces=None, frame_coefficients=None, face_areas=areas)
 
     def _fields(self, point: Any, name: str) -> Fields:
         return (self._numbers(self.space.check_point(point, name))[..., None],)

@@ -45,19 +45,17 @@ class Derivatives(NamedTuple):
 
 
 def derivatives(points: ndarray, operator: csr_matrix) -> Derivatives:
-    """Return the first derivatives of surfaces with the quantities computed from them.
-
-    det g = ‖f_u × f_v‖² comes with relative errors of ε times the aspect ratio of a triangle; from
-    rounded entries of g, the square of that ratio would count.
-    """
+    """Return the first derivatives of surfaces with the quantities computed from them."""
+    # det g = ‖f_u × f_v‖² comes with relative errors of ε times the aspect ratio of a triangle;
+    # from rounded entries of g, the square of that ratio would count.
     return follow_up(*partial_derivatives(points, operator))
 
 
-def follow_up(f_u: ndarray, f_v: ndarray, bound: float = DEGENERATE) -> Derivatives:
+def follow_up(f_u: ndarray, f_v: ndarray) -> Derivatives:
     """Return first derivatives with the quantities computed from them."""
     area_vectors = np.cross(f_u, f_v)
     squared, e = dot(area_vectors, area_vectors), dot(f_u, f_u)
-    degenerate = squared <= bound * e * dot(f_v, f_v)
+    degenerate = squared <= DEGENERATE * e * dot(f_v, f_v)
     areas = np.sqrt(np.where(degenerate, 1.0, squared))
     e = np.where(degenerate, 1.0, e)
     return Derivatives(f_u, f_v, area_vectors, areas, e, dot(f_u, f_v), degenerate)
@@ -218,9 +216,9 @@ def unit_normals(f_u: ndarray, f_v: ndarray) -> ndarray:
     return area_vectors / np.sqrt(dot(area_vectors, area_vectors))[..., None]
 
 
-def is_degenerate(f_u: ndarray, f_v: ndarray, bound: float = DEGENERATE) -> ndarray:
+def is_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
     """Tell the triangles on which g is singular to working precision, see `Derivatives`."""
-    return follow_up(f_u, f_v, bound).degenerate
+    return follow_up(f_u, f_v).degenerate
 
 
 def refuse_degenerate(degenerate: ndarray, name: str = "the surface") -> None:

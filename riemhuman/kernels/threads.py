@@ -87,10 +87,8 @@ _limiter: Any = None
 
 @contextmanager
 def single_threaded_libraries() -> Iterator[None]:
-    """Keep libraries in the calling thread, for code that runs threads of its own.
-
-    Idle threads of OpenBLAS and OpenMP wait in a busy loop, on cores that others need.
-    """
+    """Keep libraries in the calling thread, for code that runs threads of its own."""
+    # Idle threads of OpenBLAS and OpenMP wait in a busy loop, on cores that others need.
     global _n_limited, _limiter
     with _lock:
         # One limit for all who are in it: limits that overlap would restore what another has set.
@@ -198,10 +196,8 @@ def slices(n: int, size: int) -> Iterator[slice]:
 
 
 def of_one_kind(array: ndarray) -> ndarray:
-    """Return a read-only C-contiguous array, the kind that loops are compiled for.
-
-    Loops over another kind would be compiled again, and could add up in another order.
-    """
+    """Return a read-only C-contiguous array, the kind that loops are compiled for."""
+    # Loops over another kind would be compiled again, and could add up in another order.
     view = np.ascontiguousarray(array).view()
     view.flags.writeable = False
     return view

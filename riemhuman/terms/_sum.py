@@ -50,11 +50,11 @@ class SumOfTerms:
         self.terms, self.template, self._fields_of = tuple(terms), template, fields_of
         self.n_arrays = 2 * len(self.terms)
         self.needs_area = any(term.needs_area for term in self.terms)
+        self._faces, self._frames = template.faces, template.frame_coefficients
+        self.areas = template.face_areas
 
-    @property
-    def areas(self) -> ndarray:
-        """The areas of the triangles."""
-        return self.template.face_areas
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.terms, self.template, self._fields_of)
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
         """Return the inner product of the derivatives of the fields along h and k."""
@@ -69,7 +69,7 @@ class SumOfTerms:
 
     def features(self, points: ndarray, precision: str) -> Features:
         """Return the features of surfaces."""
-        n_faces, fields = self.template.n_faces, None
+        n_faces, fields = len(self.areas), None
         if self._fields_of is not None:
             fields = tuple(map(of_one_kind, self._fields_of(points)))
         found: Features = ()
@@ -82,8 +82,7 @@ class SumOfTerms:
         for i, point in enumerate(points):
             if fields is None:
                 surface_alone = of_one_kind(point)[:, None]
-                over = self.template.faces, self.template.frame_coefficients
-                fill_records(surface_alone, *over, 0, n_faces, records)
+                fill_records(surface_alone, self._faces, self._frames, 0, n_faces, records)
                 if self.needs_area and not records[0, 9].all():
                     degenerate[i] = records[0, 9] == 0.0
                     continue
@@ -117,8 +116,7 @@ class SumOfTerms:
 
     def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
         """Return the closed-form path energy n Σ d²(f_i, f_{i+1}) and its gradient."""
-        template, areas = self.template, self.template.face_areas
-        faces, frames = template.faces, template.frame_coefficients
+        faces, frames, areas = self._faces, self._frames, self.areas
         # Vertex by vertex, all times together: what one triangle reads lies close together.
         surfaces, n_times = onp.ascontiguousarray(onp.swapaxes(path, 0, 1)), len(path)
         surfaces.flags.writeable = False  # the kind that loops are compiled for
@@ -154,8 +152,7 @@ class SumOfTerms:
         other_faces: ndarray | None = None,
     ) -> tuple[ndarray, ndarray]:
         """Return the squared distances of one surface from others, and the slope of their sum."""
-        template, areas = self.template, self.template.face_areas
-        faces, frames = template.faces, template.frame_coefficients
+        faces, frames, areas = self._faces, self._frames, self.areas
         other_faces = faces if other_faces is None else other_faces
         f = of_one_kind(point)[:, None]
         kinds = [of_one_kind(other)[:, None] for other in others]
@@ -185,10 +182,10 @@ class SumOfTerms:
 
     def matrix(self, surfaces: ndarray) -> csr_array:
         """Return the matrix of the inner product, the mean over surfaces."""
-        blocks = onp.zeros((self.template.n_faces, 9, 9))
+        blocks = onp.zeros((len(self._faces), 9, 9))
         for f in surfaces:
             first = surface.derivatives(f, self.template.differential_operator)
-            surface.add_blocks(blocks, f, self.template.faces, self._forms(first))
+            surface.add_blocks(blocks, f, self._faces, self._forms(first))
         return self.template.assembler.assemble(blocks / len(surfaces))
 
 
