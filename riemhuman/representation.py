@@ -21,7 +21,7 @@ def constructor_text(value: object, leave_out: Sequence[str] = ()) -> str:
     """Return the call that makes an object, with numbers and what differs from its default."""
     shown = []
     for name, parameter in inspect.signature(type(value)).parameters.items():
-        kept: Any = getattr(value, name, getattr(value, f"_{name}", _MISSING))
+        kept: Any = getattr(value, name if hasattr(value, name) else f"_{name}", _MISSING)
         if name in leave_out or kept is _MISSING:
             continue
         if parameter.kind is parameter.VAR_KEYWORD:
