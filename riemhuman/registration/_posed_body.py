@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
@@ -52,10 +53,6 @@ class ModelSamples(NamedTuple):
     posedirs: np.ndarray  # (n, 3, P); P is 0 for a model without posedirs
     weights: np.ndarray  # (n, J) skinning weights
     skeleton: Skeleton
-    # The same in single precision, for derivatives.
-    single_shapedirs: np.ndarray
-    single_weights: np.ndarray
-    weights_below: np.ndarray  # (n, J) weights of each joint and of those that it moves
 
     def only(self, chosen: np.ndarray) -> ModelSamples:
         """Return some of the points."""
@@ -93,9 +90,6 @@ def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
         posedirs=np.concatenate([posedirs, np.zeros((n_joints, 3, n_features))]),
         weights=weights,
         skeleton=skeleton,
-        single_shapedirs=shapedirs.astype(np.float32),
-        single_weights=weights.astype(np.float32),
-        weights_below=(weights @ skeleton.below).astype(np.float32),
     )
 
 
@@ -141,29 +135,6 @@ class Prior(NamedTuple):
     betas_precisions: np.ndarray  # (B,) inverse variances
 
 
-# The cross-product matrices of the axes: v @ _CROSS is that of v.
-_CROSS = np.array(
-    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]],
-    dtype=float,
-)
-
-
-def _rotation_vectors(rotations: np.ndarray) -> np.ndarray:
-    """Return axis-angle vectors, 0 for half turns, whose axis has two signs."""
-    sines = 0.5 * rotations.reshape(-1, 9) @ _CROSS.T
-    sine = np.linalg.norm(sines, axis=1)
-    angles = np.arctan2(sine, 0.5 * (np.trace(rotations, axis1=1, axis2=2) - 1.0))
-    return sines * (angles / np.maximum(sine, np.finfo(float).tiny))[:, np.newaxis]
-
-
-def _rotation_matrices(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Return the rotations by axis-angle vectors, shape (n, 3), of lengths `angles`, (n, 1)."""
-    cross = (vectors @ _CROSS).reshape(-1, 3, 3)
-    sine = np.sinc(angles / np.pi)[:, :, np.newaxis]
-    cosine = 0.5 * np.sinc(0.5 * angles / np.pi)[:, :, np.newaxis] ** 2
-    return np.eye(3) + sine * cross + cosine * (cross @ cross)
-
-
 def take_step(
     posed: PosedBody,
     prior: Prior,
@@ -181,14 +152,10 @@ def take_step(
     pose, body = posed.pose, posed.body
     scale = np.sqrt(shares, dtype=np.float32)[:, np.newaxis]
     # In single precision, which suffices for steps, and without the change of the pose offsets.
+    weights, below = body.weights.astype(np.float32), body.skeleton.below.astype(np.float32)
+    shapedirs = body.shapedirs.astype(np.float32)
     rows = skinning_derivatives(
-        posed.motions,
-        posed.shaped,
-        posed.blended,
-        body.single_weights,
-        body.single_shapedirs,
-        body.skeleton.below.astype(np.float32),
-        body.weights_below,
+        posed.motions, posed.shaped, posed.blended, weights, shapedirs, below, weights @ below
     )
     rows *= scale
     sides = (gaps * scale).T
@@ -206,7 +173,7 @@ def take_step(
 
     of_place = np.full(3, prior.precisions[body.skeleton.order[0]])
     precisions = np.concatenate([np.tile(prior.precisions, 3), prior.betas_precisions, of_place])
-    away = _rotation_vectors(pose.local @ prior.local.transpose(0, 2, 1))
+    away = Rotation.from_matrix(pose.local @ prior.local.transpose(0, 2, 1)).as_rotvec()
     in_space = np.einsum("jxy,jy->xj", posed.motions.axes, away)
     offsets = np.concatenate([in_space.ravel(), pose.betas - prior.betas, np.zeros(3)])
     right -= prior_weight * precisions * offsets
@@ -218,7 +185,7 @@ def take_step(
     vectors = np.einsum("jyx,yj->jx", posed.motions.axes, step[:n_angles].reshape(3, -1))
     angles = np.linalg.norm(vectors, axis=1, keepdims=True)
     vectors *= longest / np.maximum(angles, longest)
-    local = _rotation_matrices(vectors, np.minimum(angles, longest)) @ pose.local
+    local = Rotation.from_rotvec(vectors).as_matrix() @ pose.local
     return Pose(local, pose.betas + step[n_angles:-3], pose.trans + step[-3:])
 
 
@@ -275,16 +242,8 @@ def assign(
             cosine = cosine if signed else abs(cosine)
             t = one - (dx * dx + dy * dy + dz * dz) * scale - (one - cosine) * angular
             t = t if t > zero else zero
-            t *= t
-            t *= t
-            t *= t
-            t *= t
-            t *= t
-            t *= t
-            t *= t
-            t *= t
-            t *= t
-            t *= t
+            for _ in range(10):
+                t *= t
             t *= areas[i]
             share[i] = t
             total += t
