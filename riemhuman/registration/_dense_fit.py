@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -128,39 +127,48 @@ def fit_elastic(
     return points, matches
 
 
-class _Arm(NamedTuple):
+class _Arm:
     """The surface of a forearm with its hand."""
 
-    joints: np.ndarray  # from the collar to the wrist
-    vertices: np.ndarray  # numbers in the model
-    on_hand: np.ndarray  # those of them that poses of the hand move
-    skin: ModelSamples  # these vertices
-    samples: ModelSamples  # a few points of the whole arm
-    metric: ElasticMetric
-    hands: list[np.ndarray]  # coefficients of poses of this hand; NaN for the other
+    def __init__(self, search: StartSearch, joints: np.ndarray) -> None:
+        model, parts = search.model, search.parts
+        self.joints = joints  # from the collar to the wrist
+        inside = parts.vertices(joints[-2:].tolist())
+        faces = model.faces[inside[model.faces].all(axis=1)]
+        self.vertices, corners = np.unique(faces, return_inverse=True)  # numbers in the model
+        self.faces = corners.reshape(-1, 3)
+        template = Template(model.template.vertices[self.vertices], self.faces)
+        self.metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=1.0)
+        self.skin = search.samples(None).only(self.vertices)
+        # A few points of the whole arm, and the vertices that poses of the hand move.
+        few, on_arm = search.samples(_N_ROTATED), parts.vertices(joints[1:].tolist())
+        self.samples = few.only(on_arm[few.numbers] & (few.numbers >= 0))
+        moves = np.abs(model.hand_directions[self.vertices]).max(axis=(1, 2), initial=0.0)
+        self.on_hand = self.vertices[moves > _HAND_MOVES]
+        # Coefficients of poses of this hand; NaN for the other.
+        hands = [model.hand_pose(pose).reshape(2, -1) for pose in model.hand_poses]
+        is_right = parts.names[joints[-1]].startswith("right")
+        own = np.array([[not is_right], [is_right]])
+        self.hands = [np.where(own, both, np.nan).ravel() for both in hands]
 
     def distances(self, surface: np.ndarray, points: np.ndarray, farthest: float) -> np.ndarray:
         """Return the distances of points from the surface of the arm, metres."""
-        distances = nearest_points(points, surface, self.metric.space.template.faces)[1]
-        return np.minimum(distances, farthest)
+        return np.minimum(nearest_points(points, surface, self.faces)[1], farthest)
 
 
-class DenseFitter:
-    """Fits a body model to all points of a scan."""
-
-    def __init__(self, search: StartSearch) -> None:
-        self.search, self.model, self.parts = search, search.model, search.parts
+class DenseFitter(StartSearch):
+    """The search for starts, and what fits of one body model to all points of scans share."""
 
     @cached_property
     def metric(self) -> ElasticMetric:
         return ElasticMetric(AlignedSurfaces(self.model.template), a=1.0, lam=1.0, c=1.0)
 
     @cached_property
-    def arms(self) -> list[_Arm]:
-        return [_arm_surface(self.search, joints) for joints in self.search.arms]
+    def arm_surfaces(self) -> list[_Arm]:
+        return [_Arm(self, joints) for joints in self.arms]
 
     def surface(self, pose: Pose) -> np.ndarray:
-        return pose_body(self.search.samples(None), pose).points[: self.model.n_vertices]
+        return pose_body(self.samples(None), pose).points[: self.model.n_vertices]
 
     @cached_property
     def _on_head(self) -> np.ndarray:
@@ -192,15 +200,14 @@ class DenseFit:
     """A body fitted to all points of a scan, from its likeliest start."""
 
     def __init__(self, fitter: DenseFitter, best: Candidate, scan: PreparedScan) -> None:
-        search = fitter.search
-        self._fitter, self._search, self._model = fitter, search, search.model
+        self._fitter, self._model = fitter, fitter.model
         self._best, self._scan = best, scan
         betas_precisions = np.minimum(best.prior.betas_precisions, _HANDS_PRECISION)
         self._prior = best.prior._replace(betas_precisions=betas_precisions)
         # Where surfaces curve, soft assignment moves them inward; closest points do not.
-        self.pose = search.anneal_finely(best, scan)
-        self._visible = search.find_visible(fitter.surface(self.pose), scan.points, best.up)
-        dense = search.samples(_N_DENSE)
+        self.pose = fitter.anneal_finely(best, scan)
+        self._visible = fitter.find_visible(fitter.surface(self.pose), scan.points, best.up)
+        dense = fitter.samples(_N_DENSE)
         areas = dense.areas * self._visible[dense.numbers]
         self._dense = dense._replace(areas=areas / areas.sum())
         scales = _KNOWN_SCALES if best.known else _MODEL_SCALES
@@ -250,9 +257,9 @@ class DenseFit:
 
         def fit(other: Pose) -> tuple[float, Pose]:
             other = self._fit_arm(arm, other, self._prior)
-            return self._search.likelihood(other, self._scan, self._best.up), other
+            return self._fitter.likelihood(other, self._scan, self._best.up), other
 
-        for arm in self._fitter.arms:
+        for arm in self._fitter.arm_surfaces:
             own = self._points_on(arm.vertices)
             if not len(own):
                 continue
@@ -291,7 +298,7 @@ class DenseFit:
             return arm.distances(surface, own, _HAND_METRES), pose, prior
 
         # Twice, because the wrist moves with the first change.
-        for arm in (*self._fitter.arms, *self._fitter.arms):
+        for arm in (*self._fitter.arm_surfaces, *self._fitter.arm_surfaces):
             own = self._points_on(arm.on_hand)
             if not len(own):
                 continue
@@ -322,27 +329,6 @@ class DenseFit:
         samples = arm.samples
         samples = samples._replace(areas=samples.areas * self._visible[samples.numbers])
         return fit_closest(samples, start, of_arm, self._scan)
-
-
-def _arm_surface(search: StartSearch, joints: np.ndarray) -> _Arm:
-    model, parts = search.model, search.parts
-    inside = parts.vertices(joints[-2:].tolist())
-    faces = model.faces[inside[model.faces].all(axis=1)]
-    used, corners = np.unique(faces, return_inverse=True)
-    template = Template(model.template.vertices[used], corners.reshape(-1, 3))
-    metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=1.0)
-    side = int(parts.names[joints[-1]].startswith("right"))
-    hands = []
-    for pose in model.hand_poses:
-        both = model.hand_pose(pose).reshape(2, -1)
-        both[1 - side] = np.nan
-        hands.append(both.ravel())
-    moves = np.abs(model.hand_directions[used]).max(axis=(1, 2), initial=0.0)
-    few = search.samples(_N_ROTATED)
-    on_arm = parts.vertices(joints[1:].tolist())
-    samples = few.only(on_arm[few.numbers] & (few.numbers >= 0))
-    skin = search.samples(None).only(used)
-    return _Arm(joints, used, used[moves > _HAND_MOVES], skin, samples, metric, hands)
 
 
 def _are_less(some: np.ndarray, others: np.ndarray) -> bool:

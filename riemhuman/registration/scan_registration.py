@@ -25,7 +25,7 @@ from riemhuman.registration._dense_fit import DenseFit, DenseFitter, fit_elastic
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._scan_preparation import PreparedScan, prepare_scan
 from riemhuman.registration._start_poses import BodyParts
-from riemhuman.registration._start_search import Candidate, StartSearch
+from riemhuman.registration._start_search import Candidate
 from riemhuman.registration._trust import (
     AREA,
     FAR_SHARE,
@@ -254,21 +254,17 @@ class ScanRegistration:
 
     @cached_property
     def _fitter(self) -> DenseFitter:
-        return DenseFitter(StartSearch(self.model))
+        return DenseFitter(self.model)
 
     @cached_property
     def _partial_fitters(self) -> list[DenseFitter]:
         """Fitters of bodies without legs, and without what is above some height."""
         cuts = (-1, 1) if self._parts.halves else ()
-        return [DenseFitter(StartSearch(self.model, cut)) for cut in cuts]
-
-    @property
-    def _search(self) -> StartSearch:
-        return self._fitter.search
+        return [DenseFitter(self.model, cut) for cut in cuts]
 
     @property
     def _parts(self) -> BodyParts:
-        return self._search.parts
+        return self._fitter.parts
 
     def _prepare(self, scan: Any, landmarks: Any) -> PreparedScan:
         whole = as_scan(scan, self.unit)
@@ -333,16 +329,16 @@ class ScanRegistration:
         again: bool = False,
     ) -> RegisteredScan:
         """Return the result of one search, from other starts if it is done again."""
-        bodies, parts, whole, template = fitter.search, self._parts, scan.whole, self.model.template
-        candidates, scan = self._search_candidates(bodies, scan, start, again)
+        parts, whole, template = self._parts, scan.whole, self.model.template
+        candidates, scan = self._search_candidates(fitter, scan, start, again)
         up = candidates[0].up
         fit = DenseFit(fitter, candidates[0], scan)
         pose, points, model_points = fit.pose, fit.points, fit.model_points
         betas, hands = np.split(pose.betas, [self.model.n_betas])
         places, distances = nearest_points(whole.points, points, self.model.faces)
         background = scan.background | fitter.find_hair(model_points, whole.points)
-        visible = bodies.find_visible(model_points, scan.points, up)
-        likelihood = self._likelihood(bodies, pose, scan, up, visible)
+        visible = fitter.find_visible(model_points, scan.points, up)
+        likelihood = self._likelihood(fitter, pose, scan, up, visible)
         gaps = np.linalg.norm(fit.matches.gaps, axis=1)
         matched = visible & (gaps < _MATCHED_METRES) & (fit.matches.weights > 0.1)
         some = scan.points[:: max(len(scan.points) // _N_DENSE, 1)]
@@ -358,7 +354,7 @@ class ScanRegistration:
         limb = int(np.argmin(shares))
         doubts, limb_doubts = find_doubts(
             likelihood=likelihood,
-            margin=self._margin(bodies, candidates, scan),
+            margin=self._margin(fitter, candidates, scan),
             near=float(np.mean(distances[~background] < NEAR_METRES)),
             betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
             far=float(np.quantile(model_distances, FAR_SHARE)),
@@ -394,13 +390,13 @@ class ScanRegistration:
             correspondence=places,
             background=background,
             up=up,
-            transform=_upright_transform(points, pose.local[bodies.root], up),
+            transform=_upright_transform(points, pose.local[fitter.root], up),
             unit=whole.unit,
         )
 
     def _search_candidates(
         self,
-        bodies: StartSearch,
+        fitter: DenseFitter,
         scan: PreparedScan,
         start: RegisteredScan | None,
         again: bool,
@@ -409,11 +405,11 @@ class ScanRegistration:
 
         def search(target: PreparedScan) -> list[Candidate]:
             if start is not None and start.fit is not None:
-                warm = bodies.run_from(_pose(start.fit), start.up, target)
-                likelihood = self._likelihood(bodies, warm.pose, scan, start.up)
+                warm = fitter.run_from(_pose(start.fit), start.up, target)
+                likelihood = self._likelihood(fitter, warm.pose, scan, start.up)
                 if likelihood > start.likelihood - _WARM_LOSS:
                     return [warm]
-            return bodies.run(target, again=again)
+            return fitter.run(target, again=again)
 
         candidates = search(scan)
         if not scan.estimated and scan.parts is None:
@@ -426,7 +422,7 @@ class ScanRegistration:
 
     def _orient_normals(self, scan: PreparedScan, pose: Pose) -> tuple[np.ndarray, float]:
         """Return normals oriented like the body's, and the share that were before."""
-        body = self._search.samples(_N_DENSE)
+        body = self._fitter.samples(_N_DENSE)
         posed, skin = pose_body(body, pose), body.numbers >= 0
         near = cKDTree(posed.points[skin]).query(scan.points, k=5)[1]
         cosines = np.einsum("nkx,nx->n", posed.normals[skin][near], scan.normals)
@@ -437,7 +433,7 @@ class ScanRegistration:
 
     def _likelihood(
         self,
-        bodies: StartSearch,
+        fitter: DenseFitter,
         pose: Pose,
         scan: PreparedScan,
         up: np.ndarray,
@@ -446,7 +442,7 @@ class ScanRegistration:
         """Return the log-likelihood for a body of the standard area."""
         areas = triangle_areas(self.model(pose.betas[: self.model.n_betas]), self.model.faces)
         area = areas.sum() if visible is None else areas @ visible[self.model.faces[:, 0]]
-        likelihood = bodies.likelihood(pose, scan, up)
+        likelihood = fitter.likelihood(pose, scan, up)
         return likelihood + float(np.log(area / AREA))
 
     def _unseen_parts(self, seen: np.ndarray, lost: np.ndarray, scan: PreparedScan) -> list[str]:
@@ -468,15 +464,15 @@ class ScanRegistration:
         names = self._parts.names
         if not {"left_ankle", "right_ankle", "neck"} <= {*names}:
             return up
-        motions = pose_body(self._search.samples(1000), pose).motions
+        motions = pose_body(self._fitter.samples(1000), pose).motions
         left, right = (motions.rotations[names.index(f"{s}_ankle")][:, 1] for s in _SIDES)
-        trunk = motions.positions[names.index("neck")] - motions.positions[self._search.root]
+        trunk = motions.positions[names.index("neck")] - motions.positions[self._fitter.root]
         trunk, feet = (each / np.linalg.norm(each) for each in (trunk, left + right))
         leans = max(feet @ up, trunk @ up) < _LEANING and left @ right > _FEET_AGREE
         return feet if leans else up
 
     def _landmark_doubts(self, pose: Pose, scan: PreparedScan) -> list[str]:
-        joints = pose_body(self._search.samples(1000), pose).points[-self.model.n_joints :]
+        joints = pose_body(self._fitter.samples(1000), pose).points[-self.model.n_joints :]
         misses = {k: np.linalg.norm(joints[k] - place) for k, place in scan.landmarks.items()}
         return [
             f"{self._parts.names[k]} is {100 * miss:.0f} cm from its landmark"
@@ -485,12 +481,12 @@ class ScanRegistration:
         ]
 
     def _margin(
-        self, bodies: StartSearch, candidates: list[Candidate], scan: PreparedScan
+        self, fitter: DenseFitter, candidates: list[Candidate], scan: PreparedScan
     ) -> float:
         """Return how much likelier the best body is than all whose visible part is elsewhere."""
-        body = bodies.samples(1000)
+        body = fitter.samples(1000)
         own = pose_body(body, candidates[0].pose).points
-        end = bodies.end_of(scan.points, candidates[0].up)
+        end = fitter.end_of(scan.points, candidates[0].up)
         shown = np.ones(len(own), bool) if end is None else (body.areas > 0) & end.shows(own)
         others = [
             each.likelihood

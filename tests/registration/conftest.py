@@ -26,8 +26,7 @@ def registration_from_few_poses(model):
     def make(up=None):
         registration = ScanRegistration(model, up=up)
         for fitter in (registration._fitter, *registration._partial_fitters):
-            poses = fitter.search.poses
-            fitter.search.poses = {name: poses[name] for name in FEW_POSES}
+            fitter.poses = {name: fitter.poses[name] for name in FEW_POSES}
         return registration
 
     return make

@@ -12,7 +12,7 @@ from riemhuman.registration import simulated_scan
 from riemhuman.registration._dense_fit import DenseFit, DenseFitter
 from riemhuman.registration._posed_body import Pose, Prior
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._start_search import Candidate, StartSearch
+from riemhuman.registration._start_search import Candidate
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -34,7 +34,7 @@ def test_turned_hands_come_back(model, registration_from_few_poses):
         rh.registration.Scan(simulated_scan(body, triangles, 0, n_points=6000, rotate=False).points)
     )
     fitter = registration_from_few_poses()._fitter
-    best = fitter.search.run(replace(prepared, up=UP))[0]
+    best = fitter.run(replace(prepared, up=UP))[0]
     right = DenseFit(fitter, best, prepared)
     arm = fitter.parts.arms[0]
     elbow, wrist = arm[2:]
@@ -56,13 +56,12 @@ def test_turned_hands_come_back(model, registration_from_few_poses):
 
 def test_hands_come_out_as_they_are(model):
     """Of a scan with an open hand and a fist, from a start with relaxed hands."""
-    fitter = DenseFitter(StartSearch(model))
-    search, hands = fitter.search, model.hand_pose("open", "fist")
-    local = search.poses["a"]
+    fitter, hands = DenseFitter(model), model.hand_pose("open", "fist")
+    local = fitter.poses["a"]
     body = model(pose=Rotation.from_matrix(local).as_rotvec(), hands=hands)
     scan = simulated_scan(body, model.faces, 0, n_points=8000, rotate=False)
     betas = np.zeros(model.n_betas + len(hands))
-    prior = Prior(local, search.precisions, betas, search.betas_precisions)
+    prior = Prior(local, fitter.precisions, betas, fitter.betas_precisions)
     start = Candidate(Pose(local, betas, np.zeros(3)), prior, 0.0, UP)
     fit = DenseFit(fitter, start, prepare_scan(rh.registration.Scan(scan.points)))
     np.testing.assert_allclose(fit.pose.betas[model.n_betas :], hands, atol=0.1)

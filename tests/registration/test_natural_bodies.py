@@ -57,7 +57,7 @@ def test_a_hand_on_the_ear(registration, bodies):
 @pytest.mark.sampled(6, "scans that are refused")
 def test_a_wrong_arm_is_not_trusted(registration, bodies, monkeypatch):
     """From one start pose alone, an arm is not found, and missed."""
-    search = registration._search
+    search = registration._fitter
     monkeypatch.setattr(search, "arms", [])
     monkeypatch.setattr(search, "poses", {"hips": search.poses["hips"]})
     scan = scan_of(bodies, HAND_ON_EAR)
@@ -70,7 +70,7 @@ def test_a_wrong_arm_is_not_trusted(registration, bodies, monkeypatch):
 
 @pytest.mark.sampled(3, "scans that are trusted")
 def test_landmarks_bring_the_arm_where_it_is(registration, bodies, monkeypatch):
-    monkeypatch.setattr(registration._search, "arms", [])
+    monkeypatch.setattr(registration._fitter, "arms", [])
     scan = scan_of(bodies, HAND_ON_EAR)
     joints = registration.model.joint_regressor @ scan.body
     names = list(registration.model.joint_names)

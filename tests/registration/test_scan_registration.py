@@ -49,7 +49,7 @@ def test_a_sequence_starts_from_the_scan_before(registration, scan, result, fram
     rotation = np.linalg.lstsq(frames[0], scan.body)[0]
     faces = registration.model.faces
     later = simulated_scan(frames[1] @ rotation, faces, rng=5, n_points=6000, rotate=False)
-    monkeypatch.setattr(registration._search, "run", None)  # no cold start any more
+    monkeypatch.setattr(registration._fitter, "run", None)  # no cold start any more
     second = registration.solve(later.points, start=result)
     assert second.trusted
     assert errors(second, later).mean() < 0.008

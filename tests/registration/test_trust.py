@@ -81,7 +81,7 @@ def test_a_body_the_wrong_way_round_is_refused():
     # Both arms forward, no heading: a body that looks the other way is half a metre off.
     points = bodies[2]
     scan = rh.registration.simulated_scan(points, model.faces, 4, n_points=6000, rotate=False)
-    search = registration._search
+    search = registration._fitter
     everything = search._starts
 
     def backwards(*options):
