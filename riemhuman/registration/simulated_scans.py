@@ -65,9 +65,7 @@ def simulated_scan(
     rotate: bool = True,
     clothing: float = 0.0,
     view: Any = None,
-    cut: tuple[float, float] = (0.0, 0.0),
     floor: bool = False,
-    n_strays: int = 0,
 ) -> SimulatedScan:
     """Return a simulated scan of a body.
 
@@ -95,12 +93,8 @@ def simulated_scan(
         Largest distance of clothes from the body, metres.
     view : array_like, shape (3,), optional
         Direction from the body, before it is rotated, to the only scanner.
-    cut : pair of float
-        Heights removed at the feet and at the top, metres.
     floor : bool
         Whether the scan contains the floor.
-    n_strays : int
-        Number of stray points in the air.
 
     Examples
     --------
@@ -124,8 +118,6 @@ def simulated_scan(
     else:
         scan, new_faces = _sample(surface, triangles, n_points, random), None
     keep = np.ones(len(scan), dtype=bool)
-    heights = scan[:, 1] - scan[:, 1].min()
-    keep &= (heights >= cut[0]) & (heights <= heights.max() - cut[1])
     if view is not None:
         keep &= _visible(scan, surface, triangles, np.asarray(view, dtype=float), random)
     while missing and 1.0 - keep.mean() < missing:
@@ -138,7 +130,8 @@ def simulated_scan(
         used, corners = np.unique(new_faces, return_inverse=True)
         scan, new_faces = scan[used], corners.reshape(-1, 3)
     scan = scan + noise * random.standard_normal(scan.shape)
-    scan = np.concatenate([scan, *_surroundings(vertices, floor, n_strays, random)])
+    if floor:
+        scan = np.concatenate([scan, _floor_below(vertices, random)])
     if rotate:
         angle = random.uniform(0.0, 2.0 * np.pi)
         rotation = Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix().T
@@ -226,31 +219,19 @@ def _visible(
     dense = _sample(points, faces, 200_000, rng)
     low = (dense @ across.T).min(axis=0) - _PIXEL_METRES
 
-    def pixels(points: np.ndarray) -> np.ndarray:
-        columns = ((points @ across.T - low) / _PIXEL_METRES).astype(np.int64)
-        flat: np.ndarray = columns[:, 0] * 100_000 + columns[:, 1]
-        return flat
+    def pixels(points: np.ndarray) -> tuple[np.ndarray, ...]:
+        return tuple(((points @ across.T - low) / _PIXEL_METRES).astype(np.int64).T)
 
-    filled, numbers = np.unique(pixels(dense), return_inverse=True)
-    nearest = np.full(len(filled), -np.inf)
-    np.maximum.at(nearest, numbers, dense @ view)
-    own = np.clip(np.searchsorted(filled, pixels(scan)), 0, len(filled) - 1)
-    hidden = nearest[own] - scan @ view > _DEPTH_METRES
-    return ~hidden
+    dense_pixels = pixels(dense)
+    nearest = np.full([each.max() + 2 for each in dense_pixels], -np.inf)
+    np.maximum.at(nearest, dense_pixels, dense @ view)
+    visible: np.ndarray = nearest[pixels(scan)] - scan @ view <= _DEPTH_METRES
+    return visible
 
 
-def _surroundings(
-    body: np.ndarray, floor: bool, n_strays: int, rng: np.random.Generator
-) -> list[np.ndarray]:
-    """Return points of the floor and in the air."""
-    parts = []
+def _floor_below(body: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     low, high = body.min(axis=0), body.max(axis=0)
-    centre = 0.5 * (low + high)
-    if floor:
-        count = int((_FLOOR_METRES / _FLOOR_SPACING) ** 2)
-        places = rng.uniform(-0.5, 0.5, (count, 3)) * [_FLOOR_METRES, 0.0, _FLOOR_METRES]
-        places += [centre[0], low[1], centre[2]]
-        parts.append(places + rng.normal(0.0, 0.002, places.shape))
-    if n_strays:
-        parts.append(rng.uniform(low - 0.3, high + 0.3, (n_strays, 3)))
-    return parts
+    count = int((_FLOOR_METRES / _FLOOR_SPACING) ** 2)
+    places = rng.uniform(-0.5, 0.5, (count, 3)) * [_FLOOR_METRES, 0.0, _FLOOR_METRES]
+    places += [0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2])]
+    return places + rng.normal(0.0, 0.002, places.shape)
