@@ -14,7 +14,12 @@ from scipy.spatial import cKDTree
 
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
-from riemhuman.registration.scans import FEWEST_POINTS, Scan, find_inward_triangles
+from riemhuman.registration.scans import (
+    FEWEST_POINTS,
+    Scan,
+    find_inward_triangles,
+    oriented_alike,
+)
 from riemhuman.surfaces.measures import vertex_components
 
 # A fit gains nothing from more points.
@@ -127,7 +132,7 @@ def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
     numbers = np.arange(len(everything))
     estimated = all_normals is None
     if faces is not None:
-        estimated = not has_one_side(faces)
+        estimated = np.count_nonzero(~oriented_alike(faces)[1]) > _MIXED * 3 * len(faces)
         everything, faces = _outward_fine_mesh(everything, faces)
         all_normals = vertex_normals(everything, faces)
         numbers = np.unique(faces)
@@ -288,16 +293,6 @@ def smooth_normals(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     places = np.concatenate([points, _NORMAL_METRES * normals], axis=1)
     neighbours = cKDTree(places).query(places, k=min(_N_NEIGHBOURS, len(points)))[1]
     return unit_vectors(normals[neighbours].mean(axis=1))
-
-
-def has_one_side(faces: np.ndarray) -> bool:
-    """Return whether neighbouring triangles are consistently oriented, with few exceptions."""
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    n_vertices = int(faces.max()) + 1
-    forward = np.sort(edges[:, 0] * n_vertices + edges[:, 1])
-    # Two consistently oriented triangles pass their common edge in opposite directions.
-    twice = np.count_nonzero(forward[1:] == forward[:-1])
-    return bool(twice <= _MIXED * len(edges))
 
 
 def thin_points(points: np.ndarray, n_points: int, rng: np.random.Generator) -> np.ndarray:

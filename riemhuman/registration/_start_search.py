@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, rotation_matrix
 from riemhuman.kernels.threads import mapped
@@ -164,7 +165,7 @@ class StartSearch:
     ) -> list[Candidate]:
         """Return starts with headings that differ by sixths of 360°, from an offset in sixths."""
         body = self.samples(_ROUNDS[0].n_model)
-        upright = _rotation_between(_UP, up)
+        upright = Rotation.align_vectors(up, _UP)[0].as_matrix()
         centre, end = scan.points.mean(axis=0), self.end_of(scan.points, up)
         betas = np.zeros(len(self.betas_precisions))
         starts = []
@@ -230,13 +231,3 @@ def _different(candidates: list[Candidate], body: ModelSamples, n_best: int) -> 
             different.append(candidate)
             surfaces.append(points)
     return different
-
-
-def _rotation_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return the shortest rotation from one unit vector to another."""
-    axis = np.cross(start, end)
-    sine, cosine = np.linalg.norm(axis), start @ end
-    if sine < 1e-9:
-        return np.eye(3) if cosine > 0 else np.diag([1.0, -1.0, -1.0])
-    vector: np.ndarray = axis * (np.arctan2(sine, cosine) / sine)
-    return rotation_matrix(vector)

@@ -19,7 +19,7 @@ from riemhuman.checks import real_array
 from riemhuman.datasets.registered_meshes import existing_folder, natural_key
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
-from riemhuman.io.files import file_path, read_bytes
+from riemhuman.io.files import convert_errors, file_path, read_bytes
 from riemhuman.io.fingerprint import describe
 from riemhuman.io.meshes import POINT_SUFFIXES, save_mesh
 from riemhuman.progress import ProgressBar
@@ -128,11 +128,9 @@ def register_folder(
     """
     files = _scan_files(scans)
     folder = file_path(output, "output", "folder")
-    try:
+    with convert_errors(folder, "cannot be made"):
         folder.mkdir(exist_ok=True)
         (folder / RECORDS).mkdir(exist_ok=True)
-    except OSError as error:
-        raise FileError(f"{folder} cannot be made: {error.strerror or error}") from error
     complete = _read_output(folder, {file.stem for file in files})
     identity = _identity(registration, sequence, keep_axes)
     records: list[ScanRecord] = []

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel, ModelFit, correspondence_matrix, joint_motions
+from riemhuman.bodies import BodyModel, ModelFit, correspondence_matrix
+from riemhuman.bodies.skinning import JointMotions, Skeleton
 from riemhuman.checks import UNITS, likely_units, one_of, real_array
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError
@@ -702,16 +703,13 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     posedirs = None if model.posedirs is None else _combined(forth, model.posedirs)
 
     local = rotation_matrix(fit.pose)
-    joints = model.joints(fit.betas)
-    rotations, positions = joint_motions(joints, local, model.parents, model.joint_order)
-    shifts = positions - np.einsum("jxy,jy->jx", rotations, joints)
-    blended = np.einsum("vj,jxy->vxy", weights, rotations)
-    moved = vertices - fit.trans - weights @ shifts
+    motions = JointMotions(Skeleton(model, with_hands=False), local, fit.betas)
+    blended = np.einsum("vj,jxy->vxy", weights, motions.rotations)
+    moved = vertices - fit.trans - weights @ motions.shifts
     rest = np.linalg.solve(blended, moved[..., None])[..., 0]
     rest = rest - shapedirs @ fit.betas - hand_directions @ fit.hands
     if posedirs is not None:
-        limbs = model.parents >= 0
-        rest = rest - posedirs @ (local[limbs] - np.eye(3)).ravel()
+        rest = rest - posedirs @ motions.pose_feature
     return BodyModel(
         rest,
         faces,

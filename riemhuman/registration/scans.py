@@ -16,6 +16,7 @@ from riemhuman.io.files import file_path
 from riemhuman.io.meshes import as_arrays, load_points
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.kernels.surface import unit_vectors
+from riemhuman.surfaces.measures import adjacent_triangles
 
 FEWEST_POINTS = 200
 
@@ -146,26 +147,23 @@ def find_inward_triangles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
         most = np.bincount(part, np.linalg.norm(offsets, axis=1) * areas)
         return along / np.maximum(most, np.finfo(float).tiny), area
 
-    part = _oriented_parts(faces, len(points))
+    pairs, alike = oriented_alike(faces)
+    links = sparse.coo_array((alike[alike], pairs[alike].T), shape=(len(faces),) * 2)
+    part = connected_components(links, directed=False)[1]
     own, area = outwardness(part)
     together, _ = outwardness(np.zeros(len(faces), dtype=np.int64))
     decided = (np.abs(own) > _LEAST_CURVATURE) & (area > _LEAST_AREA * area.sum())
     return np.where(decided, own < 0, together[0] < 0)[part]
 
 
-def _oriented_parts(faces: np.ndarray, n_vertices: int) -> np.ndarray:
-    """Return the part of each triangle; neighbours of one part pass their edge both ways."""
-    starts, ends = faces.T.ravel(), faces[:, [1, 2, 0]].T.ravel()
-    owners = np.tile(np.arange(len(faces)), 3)
-    keys, reversed_keys = starts * n_vertices + ends, ends * n_vertices + starts
-    order = np.argsort(keys)
-    place = order[np.searchsorted(keys, reversed_keys, sorter=order) % len(keys)]
-    shared = keys[place] == reversed_keys
-    links = sparse.coo_array(
-        (shared[shared], (owners[shared], owners[place[shared]])), shape=(len(faces),) * 2
+def oriented_alike(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of triangles that share an edge, (P, 2), and which pass it in opposite ways."""
+    pairs, edges = adjacent_triangles(faces)
+    first, second = (
+        (faces[own] == edges[:, :1]) & (np.roll(faces[own], -1, axis=1) == edges[:, 1:])
+        for own in pairs.T
     )
-    parts: np.ndarray = connected_components(links, directed=False)[1]
-    return parts
+    return pairs, first.any(axis=1) != second.any(axis=1)
 
 
 def as_scan(scan: Any, unit: str | None = None) -> Scan:
