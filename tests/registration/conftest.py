@@ -15,6 +15,22 @@ def model():
 
 
 @pytest.fixture(scope="session")
+def bending(model):
+    """Return the model with random pose directions and no hands."""
+    shape = (model.n_vertices, 3, 9 * (model.n_joints - 1))
+    return rh.BodyModel(
+        model.template.vertices,
+        model.faces,
+        model.shapedirs,
+        model.joint_regressor,
+        model.weights,
+        np.stack([model.parents, np.arange(model.n_joints)]),
+        posedirs=1e-3 * np.random.default_rng(0).standard_normal(shape),
+        joint_names=model.joint_names,
+    )
+
+
+@pytest.fixture(scope="session")
 def registration(model):
     return ScanRegistration(model, up="y")
 
@@ -47,5 +63,5 @@ def scan(model, frames):
 
 
 @pytest.fixture(scope="session")
-def result(registration, scan):
-    return registration.solve(scan.surface)
+def result(registration_from_few_poses, scan):
+    return registration_from_few_poses("y").solve(scan.surface)

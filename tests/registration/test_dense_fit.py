@@ -35,23 +35,17 @@ def test_turned_hands_come_back(model, registration_from_few_poses):
     )
     fitter = registration_from_few_poses()._fitter
     best = fitter.run(replace(prepared, up=UP))[0]
-    right = DenseFit(fitter, best, prepared)
-    arm = fitter.parts.arms[0]
-    elbow, wrist = arm[2:]
-    rest = model.joint_regressor @ model.template.vertices
+    elbow, wrist = fitter.arms[0][2:]
+    rest = model.joints()
     axis = (rest[wrist] - rest[elbow]) / np.linalg.norm(rest[wrist] - rest[elbow])
+    local = best.pose.local.copy()
+    local[elbow] = local[elbow] @ rh.bodies.rotation_matrix(np.radians(120.0) * axis)
+    turned = replace(best, pose=best.pose._replace(local=local))
+    found = points_at(places, DenseFit(fitter, turned, prepared).points, model.faces)
     hand = model.weights.argmax(axis=1) == wrist
     there = hand[model.faces[places.triangles]].any(axis=1)
-
-    def error(points):
-        moved = points_at(places, points, model.faces) - body
-        return np.linalg.norm(moved, axis=1)[there].mean()
-
-    local = right.pose.local.copy()
-    local[elbow] = local[elbow] @ rh.bodies.rotation_matrix(np.radians(120.0) * axis)
-    start = Pose(local, right.pose.betas, right.pose.trans)
-    found = DenseFit(fitter, Candidate(start, best.prior, 0.0, UP), prepared)
-    assert error(found.points) < error(right.points) + 0.005
+    # The hand that stays turned is 55 mm off, the one that was never turned 6.
+    assert np.linalg.norm(found - body, axis=1)[there].mean() < 0.011
 
 
 def test_hands_come_out_as_they_are(model):

@@ -50,21 +50,11 @@ def test_points_are_those_of_the_model(model, body, parameters):
     np.testing.assert_allclose(np.linalg.norm(normals[skin], axis=1), 1.0, atol=1e-12)
 
 
-def test_points_are_those_of_a_model_with_pose_offsets(model, rng, parameters):
-    offsets = rng.normal(0.0, 0.01, (model.n_vertices, 3, 9 * (model.n_joints - 1)))
-    with_offsets = rh.BodyModel(
-        model.template.vertices,
-        model.faces,
-        model.shapedirs,
-        model.joint_regressor,
-        model.weights,
-        np.stack([model.parents, np.arange(model.n_joints)]),
-        posedirs=offsets,
-    )
-    body = sample_model(with_offsets, 60)
+def test_points_are_those_of_a_model_with_pose_offsets(bending, parameters):
+    body = sample_model(bending, 60)
     points, *_ = pose_body(body, as_pose(*parameters[:3]))
     skin = body.numbers >= 0
-    expected = with_offsets(*parameters[:3])[body.numbers[skin]]
+    expected = bending(*parameters[:3])[body.numbers[skin]]
     np.testing.assert_allclose(points[skin], expected, atol=1e-12)
 
 

@@ -94,33 +94,3 @@ def test_a_body_the_wrong_way_round_is_refused():
     result = registration._solve(registration._fitter, prepared)
     assert np.linalg.norm(result.points - scan.body, axis=1).mean() > 0.2
     assert not result.trusted
-
-
-def box(low, high, n_points, rng):
-    low, high = np.array(low), np.array(high)
-    sides = high - low
-    axes = rng.choice(3, n_points, p=(1.0 / sides) / (1.0 / sides).sum())
-    places = rng.random((n_points, 3))
-    places[np.arange(n_points), axes] = rng.integers(0, 2, n_points)
-    return low + places * sides
-
-
-@pytest.mark.sampled(6, "scans that are refused")
-def test_a_person_next_to_a_chair_is_refused():
-    rng = np.random.default_rng(0)
-    legs = [(x, z) for x in (0.0, 0.38) for z in (0.0, 0.38)]
-    chair = np.concatenate(
-        [
-            box([0, 0.43, 0], [0.42, 0.46, 0.42], 1100, rng),
-            box([0, 0.46, 0], [0.42, 0.9, 0.03], 1200, rng),
-            *[box([x, 0, z], [x + 0.04, 0.43, z + 0.04], 200, rng) for x, z in legs],
-        ]
-    )
-    model = rh.datasets.load_open_model("coarse")
-    body = rh.datasets.load_open_bodies("coarse")[3]
-    scan = rh.registration.simulated_scan(body, model.faces, 3, n_points=5000, rotate=False)
-    low, high = scan.body.min(axis=0), scan.body.max(axis=0)
-    both = np.concatenate([scan.points, chair + [high[0] + 0.02, low[1], low[2]]])
-    result = ScanRegistration(model, up="y").solve(both)
-    assert not result.trusted
-    assert "there is something else in it" in result.message
