@@ -132,7 +132,7 @@ def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
     numbers = np.arange(len(everything))
     estimated = all_normals is None
     if faces is not None:
-        estimated = np.count_nonzero(~oriented_alike(faces)[1]) > _MIXED * 3 * len(faces)
+        estimated = bool(np.sum(~oriented_alike(faces)[1]) > _MIXED * 3 * len(faces))
         everything, faces = _outward_fine_mesh(everything, faces)
         all_normals = vertex_normals(everything, faces)
         numbers = np.unique(faces)
