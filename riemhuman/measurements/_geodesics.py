@@ -187,26 +187,27 @@ def _trimmed(faces: Any, strip: Any, ends: Any) -> Any:
     return strip[first : last + 1]
 
 
-# Written in loops: numba takes seconds to compile assignments of arrays to parts of arrays.
+@compiled
+def _apex(f: Any, p: int, q: int, apex: int) -> complex:
+    """Return the apex of a triangle in the plane where p is 0 and q lies on the positive axis."""
+    x = _product(f, p, q, apex) / np.sqrt(_product(f, p, q, q))
+    return complex(x, np.sqrt(max(_product(f, p, apex, apex) - x * x, 0.0)))
+
+
 @compiled
 def _unfold(f: Any, mesh: Any, strip: Any, ends: Any, edges: Any, sides: Any) -> bool:
     """Lay a strip flat; edges[k] is the right and the left vertex between triangles k and k + 1.
 
-    The first row of `right` and `left` is the start of the path, the last its end.
+    The columns of `sides` are their places in the complex plane, between the start of the path and
+    its end.
     """
-    (faces, neighbours), (vertices, weights), (right, left) = mesh, ends, sides
-    face, size = strip[0], len(strip)
-    start = _in_triangle(faces[face], vertices[0], weights[0])
-    end = _in_triangle(faces[strip[-1]], vertices[1], weights[1])
-    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-    along = np.sqrt(_product(f, a, b, b))
-    x = _product(f, a, b, c) / along
-    flat = np.zeros((3, 2))
-    flat[1, 0] = along
-    flat[2, 0], flat[2, 1] = x, np.sqrt(max(_product(f, a, c, c) - x * x, 0.0))
-    for k in range(2):
-        right[0, k] = start[0] * flat[0, k] + start[1] * flat[1, k] + start[2] * flat[2, k]
-        left[0, k] = right[0, k]
+    (faces, neighbours), (vertices, weights) = mesh, ends
+    corners, size = faces[strip[0]], len(strip)
+    flat = np.zeros(3, np.complex128)
+    flat[1] = np.sqrt(_product(f, corners[0], corners[1], corners[1]))
+    flat[2] = _apex(f, corners[0], corners[1], corners[2])
+    start = _in_triangle(corners, vertices[0], weights[0])
+    sides[:, 0] = np.sum(start * flat)
     for step in range(1, size):
         face, beyond = strip[step - 1], strip[step]
         out = -1
@@ -217,77 +218,60 @@ def _unfold(f: Any, mesh: Any, strip: Any, ends: Any, edges: Any, sides: Any) ->
             return False
         p, q = faces[face, out], faces[face, (out + 1) % 3]
         edges[step - 1, 0], edges[step - 1, 1] = p, q
-        for k in range(2):
-            right[step, k], left[step, k] = flat[out, k], flat[(out + 1) % 3, k]
+        right, left = flat[out], flat[(out + 1) % 3]
+        sides[0, step], sides[1, step] = right, left
         corner = _corner_of(faces, beyond, q)
         if corner < 0 or faces[beyond, (corner + 1) % 3] != p:
             return False
-        apex = faces[beyond, (corner + 2) % 3]
-        along = np.sqrt(_product(f, p, q, q))
-        x = _product(f, p, apex, q) / along
-        height = np.sqrt(max(_product(f, p, apex, apex) - x * x, 0.0))
-        e0, e1 = (
-            (left[step, 0] - right[step, 0]) / along,
-            (left[step, 1] - right[step, 1]) / along,
-        )
-        for k in range(2):
-            flat[corner, k], flat[(corner + 1) % 3, k] = left[step, k], right[step, k]
-        flat[(corner + 2) % 3, 0] = right[step, 0] + x * e0 + height * e1
-        flat[(corner + 2) % 3, 1] = right[step, 1] + x * e1 - height * e0
-    for k in range(2):
-        right[size, k] = end[0] * flat[0, k] + end[1] * flat[1, k] + end[2] * flat[2, k]
-        left[size, k] = right[size, k]
+        third = (corner + 2) % 3
+        scale = 1.0 / np.sqrt(_product(f, p, q, q))
+        away = scale * _apex(f, p, q, faces[beyond, third]).conjugate()
+        flat[corner], flat[(corner + 1) % 3] = left, right
+        flat[third] = right + away * (left - right)
+    end = _in_triangle(faces[strip[-1]], vertices[1], weights[1])
+    sides[:, size] = np.sum(end * flat)
     return True
 
 
 @compiled
-def _funnel(right: Any, left: Any) -> Any:
-    """Return the bends of the shortest path through edges laid flat, and which are on the left."""
-    bends, of_left = np.empty(len(right), np.int64), np.empty(len(right), np.bool_)
-    count, apex, low, high = 0, 0, 0, 0
-    place, lower, upper = right[0], right[0], left[0]
-    k = 1
-    while k < len(right):
-        if side(place, lower, right[k]) >= 0.0:
-            if low == apex or side(place, upper, right[k]) < 0.0:
-                low, lower = k, right[k]
-            else:
-                bends[count], of_left[count] = high, True
-                count += 1
-                apex, place = high, left[high]
-                low, lower, upper = apex, place, place
-                k = apex + 1
+def _funnel(sides: Any) -> Any:
+    """Return the bends of the shortest path, with its end, and the side on which each one is."""
+    size = sides.shape[1]
+    bends, which = np.empty(size, np.int64), np.zeros(size, np.int64)
+    count, apex, place, k = 0, 0, sides[0, 0], 1
+    # What limits the view from the last bend, to the right and to the left.
+    limits, views = np.zeros(2, np.int64), np.array([place, place])
+    while k < size:
+        for own in range(2):
+            other, point, turn = 1 - own, sides[own, k], 1.0 - 2.0 * own
+            if turn * side(place, views[own], point) < 0.0:
                 continue
-        if side(place, upper, left[k]) <= 0.0:
-            if high == apex or side(place, lower, left[k]) > 0.0:
-                high, upper = k, left[k]
-            else:
-                bends[count], of_left[count] = low, False
-                count += 1
-                apex, place = low, right[low]
-                high, lower, upper = apex, place, place
-                k = apex + 1
+            if limits[own] == apex or turn * side(place, views[other], point) < 0.0:
+                limits[own], views[own] = k, point
                 continue
+            apex, place = limits[other], views[other]
+            bends[count], which[count] = apex, other
+            count, k = count + 1, apex
+            limits[:], views[:] = apex, place
+            break
         k += 1
-    return bends[:count], of_left[:count]
+    bends[count] = size - 1
+    return bends[: count + 1], which[: count + 1]
 
 
 @compiled
-def _cross_edges(right: Any, left: Any, bends: Any, of_left: Any) -> Any:
+def _cross_edges(sides: Any, bends: Any, which: Any) -> Any:
     """Return the length of the path, and where it crosses edges, from 0 (right) to 1 (left)."""
-    count, size = len(bends), len(right) - 1
-    length, k, places = 0.0, 1, np.empty(size - 1)
-    here = right[0]
-    for number in range(count + 1):
-        last = bends[number] if number < count else size
-        goal = left[last] if number < count and of_left[number] else right[last]
-        length += np.sqrt((goal[0] - here[0]) ** 2 + (goal[1] - here[1]) ** 2)
-        while k <= last and k < size:
-            on_right, on_left = side(here, goal, right[k]), side(here, goal, left[k])
+    length, k, places = 0.0, 1, np.empty(sides.shape[1] - 2)
+    here = sides[0, 0]
+    for number in range(len(bends)):
+        last, own = bends[number], which[number]
+        goal = sides[own, last]
+        length += abs(goal - here)
+        while k <= min(last, len(places)):
+            on_right, on_left = side(here, goal, sides[0, k]), side(here, goal, sides[1, k])
             t = 0.5 if on_right == on_left else on_right / (on_right - on_left)
-            if k == last:
-                t = 1.0 if of_left[number] else 0.0
-            places[k - 1] = min(max(t, 0.0), 1.0)
+            places[k - 1] = float(own) if k == last else min(max(t, 0.0), 1.0)
             k += 1
         here = goal
     return length, places
@@ -336,23 +320,16 @@ def _reroute(mesh: Any, strip: Any, vertex: int, edge: int, edges: Any) -> Any:
 
 @compiled
 def _path_in(f: Any, mesh: Any, strip: Any, ends: Any) -> Any:
-    """Return the length of the shortest path in a strip, its edges, places on them, and bends."""
+    """Return the length of a strip's shortest path, its edges, places on them, bends and sides."""
     size = len(strip)
-    edges = np.zeros((size - 1, 2), np.int64)
-    right, left = np.empty((size + 1, 2)), np.empty((size + 1, 2))
-    is_strip = _unfold(f, mesh, strip, ends, edges, (right, left))
+    edges, sides = np.zeros((size - 1, 2), np.int64), np.empty((2, size + 1), np.complex128)
+    length, places = np.nan, np.zeros(size - 1)
+    bends = which = np.empty(0, np.int64)
     # Edges without length lead to NaN, with which `_funnel` would never end.
-    if not (is_strip and np.isfinite(right).all() and np.isfinite(left).all()):
-        return (
-            np.nan,
-            edges,
-            np.zeros(size - 1),
-            np.empty(0, np.int64),
-            np.empty(0, np.bool_),
-        )
-    bends, of_left = _funnel(right, left)
-    length, places = _cross_edges(right, left, bends, of_left)
-    return length, edges, places, bends, of_left
+    if _unfold(f, mesh, strip, ends, edges, sides) and np.isfinite(sides).all():
+        bends, which = _funnel(sides)
+        length, places = _cross_edges(sides, bends, which)
+    return length, edges, places, bends, which
 
 
 @compiled
@@ -363,12 +340,12 @@ def _straighten(f: Any, mesh: Any, strip: Any, ends: Any) -> Any:
     shorter = True
     while shorter:  # ends: no strip comes twice
         shorter = False
-        length, edges, _, bends, of_left = path
+        length, edges, _, bends, which = path
         for number in range(len(bends)):
             edge = bends[number] - 1
             if not 0 <= edge < len(edges):  # the bend is an end of the path
                 continue
-            vertex = edges[edge, 1] if of_left[number] else edges[edge, 0]
+            vertex = edges[edge, which[number]]
             other = _reroute(mesh, strip, vertex, edge, edges)
             if len(other) == 0:
                 continue

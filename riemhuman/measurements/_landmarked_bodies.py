@@ -18,7 +18,7 @@ from riemhuman.surfaces.nearest_points import nearest_points
 Place = str | Mapping[str, float]
 """A landmark, or an affine combination of landmarks such as ``{"hip": 0.5, "knee": 0.5}``."""
 
-_AXES = {"left": 0, "up": 1, "forward": 2}
+AXES = ("left", "up", "forward")
 
 
 class LandmarkedBodies:
@@ -45,7 +45,7 @@ class LandmarkedBodies:
     def axis(self, axis: Any) -> Any:
         """Return an axis of the bodies, or the unit vectors that two or three places define."""
         if isinstance(axis, str):
-            return self._axes[..., _AXES[axis]]
+            return self._axes[..., AXES.index(axis)]
         start, *ends = axis
         steps = [self.place(end) - self.place(start) for end in ends]
         return _unit(steps[0] if len(steps) == 1 else np.cross(*steps))

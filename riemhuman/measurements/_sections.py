@@ -59,8 +59,8 @@ class Lines:
         """Return the convex hulls of lines in planes with these normals, shape (n, 3), closed."""
 
         def around(points: ndarray, body: int) -> ndarray:
-            across = [[1, 2], [2, 0], [0, 1]][onp.abs(normals[body]).argmax()]
-            return _circular(_hull(points[:, across]))
+            x, y = [[1, 2], [2, 0], [0, 1]][onp.abs(normals[body]).argmax()]
+            return _circular(_hull(points[:, x] + 1j * points[:, y]))
 
         return self.select(around)
 
@@ -181,9 +181,9 @@ def _trace(f: Any, heights: Any, o: Any, mesh: Any) -> Any:
 
 
 @compiled
-def side(a: Any, b: Any, c: Any) -> float:
+def side(a: complex, b: complex, c: complex) -> float:
     """Return twice the signed area of the triangle a, b, c: positive where c lies left of a, b."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    return ((b - a).conjugate() * (c - a)).imag
 
 
 @compiled
@@ -191,18 +191,17 @@ def _hull(points: Any) -> Any:
     """Return the numbers of the points in a plane on their convex hull, by wrapping a line."""
     here, size, hull = 0, 0, onp.empty(len(points), onp.int64)
     for k in range(len(points)):
-        if (points[k, 0], points[k, 1]) < (points[here, 0], points[here, 1]):
+        if (points[k].real, points[k].imag) < (points[here].real, points[here].imag):
             here = k
     while size < len(points):
-        hull[size], goal, farthest = here, here, 0.0
+        hull[size], goal = here, here
         size += 1
         for k in range(len(points)):
-            turn = side(points[here], points[goal], points[k])
-            x, y = points[k, 0] - points[here, 0], points[k, 1] - points[here, 1]
-            if turn < 0.0 or (turn == 0.0 and x * x + y * y > farthest):
-                goal, farthest = k, x * x + y * y
+            turn, away = side(points[here], points[goal], points[k]), points[k] - points[here]
+            if turn < 0.0 or (turn == 0.0 and abs(away) > abs(points[goal] - points[here])):
+                goal = k
         for k in hull[:size]:  # rounding may pass over the first point on a straight side
-            if points[k, 0] == points[goal, 0] and points[k, 1] == points[goal, 1]:
+            if points[k] == points[goal]:
                 return hull[:size]
         here = goal
     return hull

@@ -15,15 +15,18 @@ from typing import Any, ClassVar
 import autograd.numpy as np
 
 from riemhuman.checks import one_of, real_number, values_of
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.measurements._geodesics import geodesics
-from riemhuman.measurements._landmarked_bodies import LandmarkedBodies, Place
+from riemhuman.measurements._landmarked_bodies import AXES, LandmarkedBodies, Place
 from riemhuman.measurements._sections import MEETS_OTHER_PART, MISSES, OPEN, Lines, section
 
 # Density of a body in kg/m³: that of water, from which the body's differs by a few per cent.
 DENSITY = 1000.0
 
-_AXES = ("up", "left", "forward")
+Parts = tuple[str, ...]
+Places = tuple[Place, ...]
+Axis = str | Places | None
+
 _PATHS = ("straight", "surface", "joints")
 
 
@@ -54,21 +57,29 @@ class Measurement:
     note: str = ""
     equivalents: Mapping[str, str] = field(default_factory=dict)
     units: ClassVar[str] = "m"
-    needs_closed_surface: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise ArgumentTypeError(f"name must be a non-empty string; found {self.name!r}")
+        for f in fields(self):
+            if f.type in _CHECKS:
+                value = _CHECKS[f.type](getattr(self, f.name), f.name)
+                object.__setattr__(self, f.name, value)
 
     @property
     def places(self) -> tuple[Place, ...]:
         """Places that the measurement refers to."""
-        return ()
+        places = [place for place in self._fields_of("Place") if place is not None]
+        lists = (*self._fields_of("Places"), *self._fields_of("Axis"))
+        return (*places, *(place for own in lists if isinstance(own, tuple) for place in own))
 
     @property
     def part_names(self) -> tuple[str, ...]:
         """Parts of the body that the measurement refers to."""
-        return ()
+        return tuple(name for own in self._fields_of("Parts") for name in own)
+
+    def _fields_of(self, kind: str) -> list[Any]:
+        return [getattr(self, f.name) for f in fields(self) if f.type == kind]
 
     def value(self, bodies: LandmarkedBodies) -> Any:
         """Return the measurement of each body, NaN where it is not defined, shape (n,).
@@ -107,18 +118,34 @@ class Measurement:
         return record
 
 
-def _names(value: Any, name: str) -> tuple[str, ...]:
-    if isinstance(value, str) or not all(isinstance(part, str) for part in value):
-        raise ArgumentTypeError(f"{name} must be a list of names; found {value!r}")
-    return tuple(value)
+def _checked_parts(parts: Any, name: str) -> Parts:
+    if isinstance(parts, str) or not all(isinstance(part, str) for part in parts):
+        raise ArgumentTypeError(f"{name} must be a list of names; found {parts!r}")
+    return tuple(parts)
 
 
-def _checked_axis(axis: Any, name: str) -> Any:
+def _checked_places(places: Any, name: str) -> Places:
+    if isinstance(places, (str, Mapping)) or len(places) < 2:
+        raise ArgumentError(f"{name} must hold two or more places; found {places!r}")
+    return tuple(places)
+
+
+def _checked_axis(axis: Any, name: str) -> Axis:
+    if axis is None:
+        return None
     if isinstance(axis, str):
-        return one_of(axis, name, _AXES)
+        return str(one_of(axis, name, AXES))
     if not isinstance(axis, Sequence) or len(axis) not in (2, 3):
         raise ArgumentError(f"{name} must be an axis or two or three places; found {axis!r}")
     return tuple(axis)
+
+
+# By the annotation of a field, which also says what a measurement refers to.
+_CHECKS: dict[Any, Any] = {
+    "Parts": _checked_parts,
+    "Places": _checked_places,
+    "Axis": _checked_axis,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,24 +153,9 @@ class _PlaneSection(Measurement):
     """A measurement of the section of the body by a plane."""
 
     at: Place
-    normal: Any = "up"
-    parts: tuple[str, ...] = ()
-    leave_out: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "parts", _names(self.parts, "parts"))
-        object.__setattr__(self, "leave_out", _names(self.leave_out, "leave_out"))
-        object.__setattr__(self, "normal", _checked_axis(self.normal, "normal"))
-
-    @property
-    def places(self) -> tuple[Place, ...]:
-        bone = () if isinstance(self.normal, str) else tuple(self.normal)
-        return (self.at, *bone)
-
-    @property
-    def part_names(self) -> tuple[str, ...]:
-        return (*self.parts, *self.leave_out)
+    normal: Axis = "up"
+    parts: Parts = ()
+    leave_out: Parts = ()
 
     def why_missing(self, bodies: LandmarkedBodies) -> str:
         parts = " and ".join(self.parts) or "the surface"
@@ -270,11 +282,7 @@ class Height(Measurement):
     """
 
     at: Place
-    above: Any = None
-
-    @property
-    def places(self) -> tuple[Place, ...]:
-        return (self.at,) if self.above is None else (self.at, self.above)
+    above: Place = None
 
     def value(self, bodies: LandmarkedBodies) -> Any:
         up = bodies.axis("up")
@@ -311,27 +319,15 @@ class Length(Measurement):
     ('left_hip', 'left_ankle')
     """
 
-    along: tuple[Place, ...]
+    along: Places
     path: str = "straight"
-    axis: Any = None
+    axis: Axis = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         one_of(self.path, "path", _PATHS)
-        if self.axis is not None:
-            object.__setattr__(self, "axis", _checked_axis(self.axis, "axis"))
-        if isinstance(self.along, (str, Mapping)) or len(self.along) < 2:
-            raise ArgumentError(f"along must hold two or more places; found {self.along!r}")
-        object.__setattr__(self, "along", tuple(self.along))
-        if self.path == "joints" and (
-            len(self.along) != 2 or not all(isinstance(place, str) for place in self.along)
-        ):
+        if self.path == "joints" and [type(place) for place in self.along] != [str, str]:
             raise ArgumentError(f"along must hold two names of joints; found {self.along!r}")
-
-    @property
-    def places(self) -> tuple[Place, ...]:
-        ends = () if self.axis is None or isinstance(self.axis, str) else self.axis
-        return (*self.along, *ends)
 
     def _pairs(self, bodies: LandmarkedBodies) -> list[tuple[Any, Any]]:
         """Return the places at the ends of every straight step of the path."""
@@ -376,9 +372,12 @@ class Volume(Measurement):
     """
 
     units: ClassVar[str] = "m³"
-    needs_closed_surface: ClassVar[bool] = True
 
     def value(self, bodies: LandmarkedBodies) -> Any:
+        if not bodies.set.is_closed:
+            raise DegenerateSurfaceError(
+                f"{self.name!r} needs a closed surface; the template has boundaries"
+            )
         return bodies.volumes
 
 
@@ -407,7 +406,7 @@ class Mass(Volume):
         real_number(self.density, "density", minimum=0.0, strict=True)
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        return self.density * bodies.volumes
+        return self.density * super().value(bodies)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -427,16 +426,8 @@ class Area(Measurement):
     'm²'
     """
 
-    parts: tuple[str, ...] = ()
+    parts: Parts = ()
     units: ClassVar[str] = "m²"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "parts", _names(self.parts, "parts"))
-
-    @property
-    def part_names(self) -> tuple[str, ...]:
-        return self.parts
 
     def value(self, bodies: LandmarkedBodies) -> Any:
         return bodies.areas(bodies.set.faces[bodies.set.in_parts(self.parts)])

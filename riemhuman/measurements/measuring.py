@@ -188,11 +188,6 @@ class Measurements:
         lead = points.shape[:-2]
         surfaces = points.reshape(-1, *points.shape[-2:])
         _check_metres(surfaces)
-        for measurement in self.definitions.measurements:
-            if measurement.needs_closed_surface and not self.definitions.is_closed:
-                raise DegenerateSurfaceError(
-                    f"{measurement.name!r} needs a closed surface; the template has boundaries"
-                )
         if self.definitions.is_closed:
             # One at a time: their corners would take many times their memory.
             for number, surface in enumerate(surfaces):
