@@ -78,28 +78,16 @@ class LandmarkedBodies:
         return tuple(names[number] for number in path)
 
     def on_surface(self, place: Place) -> SurfacePoint:
-        """Return the triangle that a place, or the nearest point of the template, lies in."""
-        shares = {place: 1.0} if isinstance(place, str) else place
-        known, key = self.set.mesh.places, tuple(shares.items())
+        """Return the point of the template nearest to a place: its triangle and coordinates."""
+        known, description = self.set.mesh.places, self.set
+        key = place if isinstance(place, str) else tuple(place.items())
         if key not in known:
-            known[key] = self._nearest_on_surface(shares)
+            template = LandmarkedBodies(description, description.vertices[onp.newaxis], "space")
+            nearest, _ = nearest_points(
+                template.place(place), description.vertices, description.faces
+            )
+            known[key] = int(nearest.triangles[0]), nearest.barycentric[0]
         return known[key]
-
-    def _nearest_on_surface(self, shares: Mapping[str, float]) -> SurfacePoint:
-        marks = [self.set.landmarks[name] for name in shares]
-        vertices = onp.concatenate([own for own, _ in marks])
-        weights = onp.concatenate(
-            [w * own for w, (_, own) in zip(shares.values(), marks, strict=True)]
-        )
-        weights = weights / weights.sum()
-        faces = self.set.faces
-        for face in onp.flatnonzero(onp.isin(faces, vertices[weights != 0]).any(axis=1)):
-            corners = [weights[vertices == corner].sum() for corner in faces[face]]
-            if abs(sum(corners) - 1.0) < 1e-9 and min(corners) >= 0:
-                return int(face), onp.array(corners)
-        point = weights @ self.set.vertices[vertices]
-        nearest, _ = nearest_points(point[onp.newaxis], self.set.vertices, faces)
-        return int(nearest.triangles[0]), nearest.barycentric[0]
 
     @cached_property
     def floor(self) -> Any:

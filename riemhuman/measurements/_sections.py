@@ -65,39 +65,40 @@ class Lines:
         return self.select(around)
 
     @property
-    def steps(self) -> tuple[Any, ndarray]:
-        """Steps from point to point, and which of them belong to each surface, shape (n, m)."""
-        first = onp.flatnonzero(self.bodies[1:] == self.bodies[:-1])
-        belongs = self.bodies[first] == onp.arange(len(self.statuses))[:, None]
-        return self.points[first + 1] - self.points[first], belongs
-
-    @property
     def lengths(self) -> Any:
         """Lengths of the lines, shape (n,); NaN where there is none."""
-        steps, belongs = self.steps
-        squares = np.sum(steps**2, axis=1)
+        first = onp.flatnonzero(self.bodies[1:] == self.bodies[:-1])
+        squares = np.sum((self.points[first + 1] - self.points[first]) ** 2, axis=1)
         # Points coincide where a plane meets a vertex: a root of zero has no derivative.
         apart = onp.flatnonzero(values_of(squares) > 0.0)
-        return np.dot(belongs[:, apart], np.sqrt(squares[apart])) + self._missing
+        belongs = self.bodies[first[apart]] == onp.arange(len(self.statuses))[:, None]
+        missing = onp.where(self.statuses == 0, 0.0, onp.nan)
+        return np.dot(belongs, np.sqrt(squares[apart])) + missing
 
-    def extents(self, directions: Any) -> Any:
-        """Return the extents of the lines along unit vectors, shape (n, 3)."""
+    def extents(self, directions: Any) -> Lines:
+        """Return the extents of the lines along unit vectors, shape (n, 3), as straight lines."""
         axes = values_of(directions)
 
         def ends(points: ndarray, body: int) -> ndarray:
             along = points @ axes[body]
             return onp.array([along.argmin(), along.argmax()])
 
-        steps, belongs = self.select(ends).steps
-        return np.sum(np.dot(belongs, steps) * directions, axis=1) + self._missing
-
-    @property
-    def _missing(self) -> ndarray:
-        return onp.where(self.statuses == 0, 0.0, onp.nan)
+        outer = self.select(ends)
+        a, b = outer.points[::2], outer.points[1::2]
+        line = straight_lines(a, b, directions[self.statuses == 0])
+        return Lines(line.points, outer.bodies, self.statuses)
 
 
 def _circular(numbers: ndarray) -> ndarray:
     return onp.append(numbers, numbers[:1])
+
+
+def straight_lines(a: Any, b: Any, axes: Any = None) -> Lines:
+    """Return lines between points, shape (n, 3), or from the first ones along unit vectors."""
+    if axes is not None:
+        b = a + np.sum((b - a) * axes, axis=-1, keepdims=True) * axes
+    points = np.reshape(np.stack([a, b], axis=1), (-1, 3))
+    return Lines(points, onp.repeat(onp.arange(len(a)), 2), onp.zeros(len(a), int))
 
 
 def section(surfaces: Any, origins: Any, normals: Any, cutter: Cutter) -> Lines:

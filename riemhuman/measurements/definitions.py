@@ -18,7 +18,14 @@ from riemhuman.checks import one_of, real_number, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.measurements._geodesics import geodesics
 from riemhuman.measurements._landmarked_bodies import AXES, LandmarkedBodies, Place
-from riemhuman.measurements._sections import MEETS_OTHER_PART, MISSES, OPEN, Lines, section
+from riemhuman.measurements._sections import (
+    MEETS_OTHER_PART,
+    MISSES,
+    OPEN,
+    Lines,
+    section,
+    straight_lines,
+)
 
 # Density of a body in kg/m³: that of water, from which the body's differs by a few per cent.
 DENSITY = 1000.0
@@ -88,7 +95,7 @@ class Measurement:
         ----------
         bodies : LandmarkedBodies
         """
-        raise NotImplementedError
+        return sum(path.lengths for path in self._paths(bodies))
 
     def lines(self, bodies: LandmarkedBodies) -> list[Any]:
         """Return the measurement lines on the first body, each of shape (k, 3).
@@ -97,6 +104,10 @@ class Measurement:
         ----------
         bodies : LandmarkedBodies
         """
+        return [path.points[path.bodies == 0] for path in self._paths(bodies)]
+
+    def _paths(self, bodies: LandmarkedBodies) -> list[Lines]:
+        """Return the lines whose lengths add up to the measurement."""
         return []
 
     def why_missing(self, bodies: LandmarkedBodies) -> str:
@@ -206,15 +217,9 @@ class Girth(_PlaneSection):
         if self.leave_out and not self.hull:
             raise ArgumentError(f"{self.name!r} has leave_out; it needs hull=True")
 
-    def value(self, bodies: LandmarkedBodies) -> Any:
-        return self._line(bodies).lengths
-
-    def lines(self, bodies: LandmarkedBodies) -> list[Any]:
-        return [self._line(bodies).points]
-
-    def _line(self, bodies: LandmarkedBodies) -> Lines:
+    def _paths(self, bodies: LandmarkedBodies) -> list[Lines]:
         line = self._section(bodies)
-        return line.hulls(values_of(bodies.axis(self.normal))) if self.hull else line.closed()
+        return [line.hulls(values_of(bodies.axis(self.normal))) if self.hull else line.closed()]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,14 +239,8 @@ class Breadth(_PlaneSection):
 
     _direction: ClassVar[str] = "left"
 
-    def value(self, bodies: LandmarkedBodies) -> Any:
-        return self._section(bodies).extents(bodies.axis(self._direction))
-
-    def lines(self, bodies: LandmarkedBodies) -> list[Any]:
-        points, axis = self._section(bodies).points, bodies.axis(self._direction)[0]
-        middle = points.mean(axis=0)
-        along = (points - middle) @ axis
-        return [middle + np.array([along.min(), along.max()])[:, None] * axis]
+    def _paths(self, bodies: LandmarkedBodies) -> list[Lines]:
+        return [self._section(bodies).extents(bodies.axis(self._direction))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -329,31 +328,14 @@ class Length(Measurement):
         if self.path == "joints" and [type(place) for place in self.along] != [str, str]:
             raise ArgumentError(f"along must hold two names of joints; found {self.along!r}")
 
-    def _pairs(self, bodies: LandmarkedBodies) -> list[tuple[Any, Any]]:
-        """Return the places at the ends of every straight step of the path."""
+    def _paths(self, bodies: LandmarkedBodies) -> list[Lines]:
+        if self.path == "surface":
+            places = [bodies.on_surface(place) for place in self.along]
+            return [geodesics(bodies.surfaces, *ends, bodies.set.mesh) for ends in pairwise(places)]
         is_joints = self.path == "joints"
-        return list(pairwise(bodies.bones(*map(str, self.along)) if is_joints else self.along))
-
-    def _geodesics(self, bodies: LandmarkedBodies) -> list[Lines]:
-        ends = pairwise(bodies.on_surface(place) for place in self.along)
-        return [geodesics(bodies.surfaces, a, b, bodies.set.mesh) for a, b in ends]
-
-    def value(self, bodies: LandmarkedBodies) -> Any:
-        if self.path == "surface":
-            return sum(path.lengths for path in self._geodesics(bodies))
-        steps = (bodies.place(a) - bodies.place(b) for a, b in self._pairs(bodies))
-        if self.axis is not None:
-            return sum(np.abs(np.sum(step * bodies.axis(self.axis), axis=-1)) for step in steps)
-        return sum(np.sqrt(np.sum(step**2, axis=-1)) for step in steps)
-
-    def lines(self, bodies: LandmarkedBodies) -> list[Any]:
-        if self.path == "surface":
-            return [path.points for path in self._geodesics(bodies)]
-        lines = [np.stack([bodies.place(a)[0], bodies.place(b)[0]]) for a, b in self._pairs(bodies)]
-        if self.axis is None:
-            return lines
-        axis = bodies.axis(self.axis)[0]
-        return [np.stack([a, a + (b - a) @ axis * axis]) for a, b in lines]
+        stops = bodies.bones(*map(str, self.along)) if is_joints else self.along
+        axis = None if self.axis is None else bodies.axis(self.axis)
+        return [straight_lines(a, b, axis) for a, b in pairwise(map(bodies.place, stops))]
 
 
 @dataclass(frozen=True, kw_only=True)
