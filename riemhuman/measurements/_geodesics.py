@@ -155,10 +155,7 @@ def _product(f: Any, origin: int, a: int, b: int) -> float:
 
 @compiled
 def _in_triangle(corners: Any, vertices: Any, weights: Any) -> Any:
-    """Return the coordinates in a triangle of a point of the surface; empty if it lies elsewhere.
-
-    The point is given by the corners of another triangle and their weights.
-    """
+    """Return coordinates in a triangle of a point in another one; empty if it lies elsewhere."""
     coordinates = np.zeros(3)
     for k in range(3):
         if weights[k] > 0.0:
@@ -173,11 +170,8 @@ def _in_triangle(corners: Any, vertices: Any, weights: Any) -> Any:
 
 @compiled
 def _trimmed(faces: Any, strip: Any, ends: Any) -> Any:
-    """Return a strip without the triangles that it leaves, or enters, where the path ends.
-
-    An end on an edge or a vertex lies in several triangles. From within the edge by which the path
-    leaves a triangle, the funnel would have no direction.
-    """
+    """Return a strip without the triangles that it leaves, or enters, where the path ends."""
+    # From within the edge by which the path leaves a triangle, the funnel would have no direction.
     vertices, weights = ends
     first, last = 0, len(strip) - 1
     while first < last and len(_in_triangle(faces[strip[first + 1]], vertices[0], weights[0])):
@@ -196,11 +190,8 @@ def _apex(f: Any, p: int, q: int, apex: int) -> complex:
 
 @compiled
 def _unfold(f: Any, mesh: Any, strip: Any, ends: Any, edges: Any, sides: Any) -> bool:
-    """Lay a strip flat; edges[k] is the right and the left vertex between triangles k and k + 1.
-
-    The columns of `sides` are their places in the complex plane, between the start of the path and
-    its end.
-    """
+    """Lay a strip flat; edges[k] is the right and the left vertex between triangles k and k + 1."""
+    # Columns of `sides` are their places in the complex plane, between both ends of the path.
     (faces, neighbours), (vertices, weights) = mesh, ends
     corners, size = faces[strip[0]], len(strip)
     flat = np.zeros(3, np.complex128)

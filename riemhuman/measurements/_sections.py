@@ -32,14 +32,11 @@ Cutter = tuple[ndarray, ndarray, ndarray, ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """A line on each of n surfaces, or none: points in order, and the surface of each.
+    """A line on each of n surfaces, or none: points in order, and the surface of each."""
 
-    `points` (k, 3) can be differentiated by autograd. `statuses` (n,) are 0, or why there is none.
-    """
-
-    points: Any
-    bodies: ndarray
-    statuses: ndarray
+    points: Any  # (k, 3), differentiable by autograd
+    bodies: ndarray  # (k,)
+    statuses: ndarray  # (n,) 0, or why there is none
 
     def select(self, choose: Any) -> Lines:
         """Return other lines through the points that a function of each line's points chooses."""

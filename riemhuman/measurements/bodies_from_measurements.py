@@ -23,10 +23,9 @@ derivatives of the measurements, the step p solves 2 M p + Jᵀ μ = −g, J p =
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -34,10 +33,11 @@ import numpy as np
 from numpy import ndarray
 from scipy import stats
 from scipy.optimize import least_squares
+from scipy.special import softmax
 
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
-from riemhuman.measurements.measurement_set import DATA, open_measurements
+from riemhuman.measurements.measurement_set import load_json, open_measurements
 from riemhuman.measurements.measuring import Measurements, as_mapping
 from riemhuman.solvers._preconditioners import SparseCholeskyFactor
 
@@ -169,21 +169,15 @@ def model_from_measurements(
     for name, error in as_mapping(tolerances, list(given)).items() if tolerances else ():
         errors[name] = real_number(error, f"tolerance of {name}", minimum=0.0, strict=True)
     prediction = predict(given, sex, errors)
-    own = Measurements(standing, [m for m in standing.names if m in given or m in prediction.mean])
-    goals, spread = np.empty((2, len(own.names)))
-    for k, name in enumerate(own.names):
-        if name in given:
-            goals[k], spread[k] = given[name], errors[name]
-        else:
-            offsets = (
-                share * adults()[one]["offsets"].get(name, 0.0)
-                for one, share in prediction.sexes.items()
-            )
-            goals[k] = prediction.mean[name] + sum(offsets)
-            spread[k] = _OF_PREDICTED * prediction.std[name]
+    sexes, goals = prediction.sexes, dict(given)
+    spread = {name: _OF_PREDICTED * std for name, std in prediction.std.items()} | errors
+    for name, mean in prediction.mean.items():
+        offsets = (share * adults()[k]["offsets"].get(name, 0.0) for k, share in sexes.items())
+        goals[name] = mean + sum(offsets)
+    own = Measurements(standing, [name for name in standing.names if name in goals])
+    wanted, allowed = (np.array([each[name] for name in own.names]) for each in (goals, spread))
     is_given = np.array([name in given for name in own.names])
-    shapes = _shapes(prediction)
-    found, betas, points = _nearest_betas(own, shapes, goals, spread, is_given, max_iter)
+    found, betas, points = _nearest_betas(own, sexes, wanted, allowed, is_given, max_iter)
     measured = own.measure(points, axes="space", missing="nan").to_dict()
     in_body = {name: float(measured[name]) for name in given if name in measured}
     converged = bool(found.status > 0)
@@ -202,7 +196,7 @@ def model_from_measurements(
         misses=misses,
         predicted=prediction.mean,
         predicted_std=prediction.std,
-        sexes=prediction.sexes,
+        sexes=sexes,
         z_scores=prediction.scores,
         contradictory=prediction.contradictory,
         improbability=float(np.linalg.norm(found.x)),
@@ -213,29 +207,26 @@ def model_from_measurements(
 
 @dataclass(frozen=True)
 class Prediction:
-    """What given values say: the others, the sex, and values that contradict each other.
-
-    `scores` are t-values of the given values, `pair` the two values that fit each other least, with
-    the first one's value that would fit, and `rarity` the share of adults as far from the mean.
-    """
+    """What given values say: the others, the sex, and values that contradict each other."""
 
     mean: dict[str, float]
     std: dict[str, float]
     sexes: dict[str, float]
-    scores: dict[str, float]
+    scores: dict[str, float]  # t-values of the given values
     contradictory: tuple[str, ...]
+    # The two values that fit each other least, with the first one's value that would fit.
     pair: tuple[str, str, float] | None
-    rarity: float
+    rarity: float  # share of adults as far from the mean
 
 
-@lru_cache(maxsize=1)
+@cache
 def adults() -> dict[str, Any]:
     """Return names, and by sex means, covariances and offsets: those of the model less ANSUR's."""
-    record = json.loads((DATA / "measurements_of_adults.json").read_text(encoding="utf-8"))
+    record: dict[str, Any] = load_json("measurements_of_adults.json")
     size = len(record["names"])
     for sex in SEXES:
         entry, correlations = record[sex], np.eye(size)
-        correlations[np.tril_indices(size, -1)] = entry.pop("correlations")
+        correlations[np.tril_indices(size, -1)] = entry["correlations"]
         correlations += np.tril(correlations, -1).T
         std = np.array(entry["std"])
         entry["mean"] = np.array(entry["mean"])
@@ -254,23 +245,21 @@ def predict(
     values = np.array([given[name] for name in known])
     noise = np.array([(errors or {}).get(name, 0.0) for name in known])
     sexes = [sex] if sex in SEXES else list(SEXES)
-    parts, likelihoods = [], []
-    for one in sexes:
+    means, variances = np.empty((2, len(sexes), len(rest)))
+    likelihoods = np.zeros(len(sexes))
+    for k, one in enumerate(sexes):
         mean, covariance = adults()[one]["mean"], adults()[one]["covariance"]
         inner = covariance[np.ix_(rows, rows)] + np.diag(noise**2)
         slopes = np.linalg.solve(inner, covariance[np.ix_(rows, rest)])
-        variances = np.diag(covariance)[rest]
-        variances = variances - np.sum(covariance[np.ix_(rows, rest)] * slopes, axis=0)
-        parts.append((mean[rest] + (values - mean[rows]) @ slopes, variances))
-        tails = stats.multivariate_t(mean[rows], inner, df=_DEGREES) if known else None
-        likelihoods.append(tails.logpdf(values) if tails else 0.0)
-    shares = np.exp(np.array(likelihoods) - max(likelihoods))
-    shares = shares / shares.sum()
-    expected = sum(share * mean for share, (mean, _) in zip(shares, parts, strict=True))
-    variance = sum(
-        share * (variances + (mean - expected) ** 2)
-        for share, (mean, variances) in zip(shares, parts, strict=True)
-    )
+        means[k] = mean[rest] + (values - mean[rows]) @ slopes
+        explained = np.sum(covariance[np.ix_(rows, rest)] * slopes, axis=0)
+        variances[k] = np.diag(covariance)[rest] - explained
+        if known:
+            tails = stats.multivariate_t(mean[rows], inner, df=_DEGREES)
+            likelihoods[k] = tails.logpdf(values)
+    shares = softmax(likelihoods)
+    expected = shares @ means
+    variance = shares @ (variances + (means - expected) ** 2)
     others = [names[k] for k in rest]
     return Prediction(
         dict(zip(others, expected.tolist(), strict=True)),
@@ -319,23 +308,6 @@ def _t_values(deviations: ndarray, covariance: ndarray) -> tuple[ndarray, ndarra
     return scores, pull / np.diag(precision)
 
 
-@lru_cache(maxsize=1)
-def _adult_shapes() -> dict[str, tuple[ndarray, ndarray]]:
-    """Return mean and covariance of the shape coefficients among women and men."""
-    record = json.loads((DATA / "adults.json").read_text(encoding="utf-8"))
-    return {s: (np.array(record[s]["mean"]), np.array(record[s]["covariance"])) for s in SEXES}
-
-
-def _shapes(prediction: Prediction) -> tuple[ndarray, ndarray]:
-    """Return mean and covariance of the shape coefficients in the mixture of both sexes."""
-    parts = [(share, *_adult_shapes()[sex]) for sex, share in prediction.sexes.items()]
-    mean = np.sum([share * own for share, own, _ in parts], axis=0)
-    covariances = [
-        share * (covariance + np.outer(own - mean, own - mean)) for share, own, covariance in parts
-    ]
-    return mean, np.sum(covariances, axis=0)
-
-
 def _remarks(
     given: Mapping[str, float], sex: str, prediction: Prediction, converged: bool
 ) -> list[str]:
@@ -365,20 +337,26 @@ def _remarks(
 
 def _nearest_betas(
     own: Measurements,
-    shapes: tuple[ndarray, ndarray],
+    sexes: Mapping[str, float],
     goals: ndarray,
     spread: ndarray,
     is_given: ndarray,
     max_iter: int,
 ) -> tuple[Any, ndarray, ndarray]:
-    """Search for the shape coefficients whose measurements are nearest to goals, and their body.
-
-    Coordinates have unit variance among adults: a first step is one unit, since after larger ones
-    measurements may not be defined.
-    """
+    """Search for the shape coefficients whose measurements are nearest to goals, and their body."""
     model, pose = own.definitions.model, own.definitions.standard_pose_vector
     assert model is not None
-    mean, covariance = shapes
+    means, covariances = (
+        np.array([load_json("adults.json")[sex][kind] for sex in sexes])
+        for kind in ("mean", "covariance")
+    )
+    # Of the mixture of both sexes.
+    shares = np.array(list(sexes.values()))
+    mean = shares @ means
+    away = means - mean
+    covariance = np.tensordot(shares, covariances, axes=1) + (shares * away.T) @ away
+    # Coordinates have unit variance among adults: a first step is one unit, since after larger ones
+    # measurements may not be defined.
     root = np.linalg.cholesky(covariance)
     bodies = model(np.concatenate([mean[np.newaxis], mean + root.T]), pose)
     middle, directions = bodies[0], bodies[1:] - bodies[0]

@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -400,12 +400,18 @@ def open_measurements(
     return None
 
 
-@lru_cache(maxsize=4)
+@cache
+def load_json(name: str) -> Any:
+    """Return what a file of this subpackage's data holds."""
+    return json.loads((DATA / name).read_text(encoding="utf-8"))
+
+
+@cache
 def _load_open_set(resolution: str, pose: str) -> MeasurementSet:
     if pose == "standing":
         path = DATA / f"open_body_{resolution}.json"
         return MeasurementSet.load(path, load_open_model(resolution))
-    seated = json.loads(read_bytes(DATA / "seated.json"))
+    seated = load_json("seated.json")
     definitions = [measurement_from_dict(entry) for entry in seated["measurements"]]
     standing = _load_open_set(resolution, "standing")
     return replace(standing, measurements=definitions, standard_pose=seated["standard_pose"])

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.measurements.measurement_set import DATA
+from riemhuman.measurements.measurement_set import load_json
 from riemhuman.measurements.measuring import Measurements, in_standard_pose
 from riemhuman.surfaces.procrustes import procrustes
 
@@ -130,7 +128,9 @@ def compare_visits(
     assert description.model is not None
     space = AlignedSurfaces(description.model.template, equip=False, scale=None)
     areas = space.face_areas(straight)
-    known, by_part = noise_of_poses()
+    # See tutorials/remake/build_noise_of_poses.py.
+    noise = load_json("noise_of_poses.json")
+    by_part = noise["log_areas"]
     area_noise = np.full(len(description.faces), np.nan)
     for name in filter(description.parts.__contains__, by_part):
         area_noise[description.parts[name]] = by_part[name]
@@ -139,7 +139,7 @@ def compare_visits(
         units=measured.units,
         before=measured.values[0],
         after=measured.values[1],
-        noise=np.array([known.get(name, np.nan) for name in measured.names]),
+        noise=np.array([noise["measurements"].get(name, np.nan) for name in measured.names]),
         points_before=first,
         points_after=second,
         area_changes=np.where(
@@ -153,13 +153,3 @@ def compare_visits(
         ),
         why_missing=measured.why_missing,
     )
-
-
-@lru_cache(maxsize=1)
-def noise_of_poses() -> tuple[dict[str, float], dict[str, float]]:
-    """Return the noise of each measurement over poses of a person, and of log areas by part.
-
-    See `tutorials/remake/build_noise_of_poses.py`.
-    """
-    record = json.loads((DATA / "noise_of_poses.json").read_text(encoding="utf-8"))
-    return record["measurements"], record["log_areas"]

@@ -13,7 +13,7 @@ from riemhuman.measurements import (
     open_measurements,
     regress_shape,
 )
-from riemhuman.measurements.visits import noise_of_poses
+from riemhuman.measurements.measurement_set import load_json
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,8 @@ def test_as_many_measurements_are_marked_as_chance_marks():
     """Of natural people, who bulge at their joints, and who were not measured for the noise."""
     natural = load_open_bodies("coarse", "natural", people=5)
     own = Measurements(natural.model)
-    noise = np.array([noise_of_poses()[0][name] for name in own.names])
+    known = load_json("noise_of_poses.json")["measurements"]
+    noise = np.array([known[name] for name in own.names])
     points = natural.points[:40].reshape(4, 10, -1, 3)[:, ::3]
     values = own.measure(points, pose="standard", missing="nan").values
     i, j = np.triu_indices(4, 1)
@@ -68,7 +69,7 @@ def test_a_change_is_found_where_it_is(bodies):
 
 
 def test_noise_is_known_of_all_measurements():
-    measurements, parts = noise_of_poses()
+    measurements, parts = load_json("noise_of_poses.json").values()
     assert set(measurements) == set(open_measurements("full").names)
     assert set(parts) == set(open_measurements("full").parts)
     assert all(0 < value < 1 for value in measurements.values())
