@@ -10,7 +10,7 @@ import numpy as np
 from scipy import linalg, sparse
 
 from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
-from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
+from riemhuman.kernels.rotations import nearest_rotations, rotation_derivative, rotation_matrix
 
 # Number of points in a patch: their derivatives fit in the processor's cache, and most patches
 # depend on few joints, so that most columns are left out.
@@ -31,7 +31,7 @@ class _Patch:
     """Some points, the vertices that they combine, and the joints on which these depend."""
 
     points: np.ndarray
-    combine: sparse.csr_array | None
+    combine: sparse.csr_array
     rest: np.ndarray
     shapedirs: np.ndarray
     posedirs: np.ndarray | None
@@ -43,20 +43,12 @@ class _Patch:
 
     def combined(self, values: np.ndarray) -> np.ndarray:
         """Map values at vertices, (n_vertices, ...), to values at points."""
-        if self.combine is None:
-            return values
         flat = self.combine @ values.reshape(len(values), -1)
         return flat.reshape(-1, *values.shape[1:])
 
     def surface(self, motions: JointMotions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the shaped vertices, their blended rotations and the moved vertices."""
-        shaped = self.rest + self.shapedirs @ motions.betas
-        if self.posedirs is not None:
-            shaped = shaped + self.posedirs @ motions.pose_feature
-        blended = self.weights @ motions.rotations[self.bones].reshape(-1, 9)
-        rotations = blended.reshape(-1, 3, 3)
-        moved = np.matmul(rotations, shaped[..., np.newaxis])[..., 0]
-        return shaped, rotations, moved + self.weights @ motions.shifts[self.bones]
+        return motions.skin(self.rest, self.shapedirs, self.posedirs, self.weights, self.bones)
 
     def derivatives(
         self, motions: JointMotions, shaped: np.ndarray, rotations: np.ndarray
@@ -100,7 +92,7 @@ class Equations:
         loss: Loss,
         prior: np.ndarray,
     ) -> None:
-        self._skeleton, self._loss, self._prior = skeleton, loss, prior
+        self.skeleton, self._loss, self._prior = skeleton, loss, prior
         self._shares = shares / shares[numbers].sum()
         self._patches = [
             _patch(skeleton, combine, numbers[first : first + _PATCH])
@@ -111,8 +103,8 @@ class Equations:
 
     def _motions(self, parameters: np.ndarray) -> JointMotions:
         """Return the motions for parameters: axis-angle vectors of the joints, betas, trans."""
-        pose, betas = np.split(parameters[:-3], [3 * self._skeleton.n_joints])
-        return JointMotions(self._skeleton, rotation_matrix(pose.reshape(-1, 3)), betas)
+        pose, betas = np.split(parameters[:-3], [3 * self.skeleton.n_joints])
+        return JointMotions(self.skeleton, rotation_matrix(pose.reshape(-1, 3)), betas)
 
     def cost(self, parameters: np.ndarray, target: np.ndarray) -> float:
         """Return the mean loss of the distances from the points to their targets, and the prior."""
@@ -125,7 +117,7 @@ class Equations:
     def normal(self, parameters: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the normal equations: the matrix, and half the negative gradient of the cost."""
         motions = self._motions(parameters)
-        n_angles, n_columns = 3 * self._skeleton.n_joints, len(parameters)
+        n_angles, n_columns = 3 * self.skeleton.n_joints, len(parameters)
         matrix, right = np.zeros((n_columns, n_columns)), np.zeros(n_columns)
         for patch in self._patches:
             shaped, rotations, moved = patch.surface(motions)
@@ -154,14 +146,12 @@ class Equations:
         spread -= goals[:, :, np.newaxis] * centres[:, np.newaxis]
         size = weights.T @ np.sum(points**2, axis=-1) / mass[:, 0] - np.sum(centres**2, axis=-1)
         rotations = np.empty_like(spread)
-        for joint in self._skeleton.order:
-            parent = self._skeleton.parents[joint]
+        for joint in self.skeleton.order:
+            parent = self.skeleton.parents[joint]
             # The rotation of the parent, where the points do not determine the joint's own.
             known = rotations[parent] if parent >= 0 else np.eye(3)
             pull = _PULL * max(size[joint], 0.0) + np.finfo(float).eps
-            left, _, right = np.linalg.svd(spread[joint] + pull * known)
-            left[:, 2] *= np.linalg.det(left @ right)
-            rotations[joint] = left @ right
+            rotations[joint] = nearest_rotations(spread[joint] + pull * known)
         return rotations
 
 
@@ -169,10 +159,6 @@ def _patch(skeleton: Skeleton, combine: sparse.csr_array, numbers: np.ndarray) -
     model = skeleton.model
     rows = combine[numbers]
     vertices = np.unique(rows.indices)
-    local = rows[:, vertices]
-    is_choice = local.nnz == len(numbers) and np.all(local.data == 1.0)
-    if is_choice:
-        vertices = rows.indices
     weights = model.weights[vertices]
     bones = np.flatnonzero(weights.any(axis=0))
     below = skeleton.below[bones]
@@ -185,7 +171,7 @@ def _patch(skeleton: Skeleton, combine: sparse.csr_array, numbers: np.ndarray) -
     rest = np.arange(n_angles, n_angles + skeleton.n_betas + 3)
     return _Patch(
         points=numbers,
-        combine=None if is_choice else local,
+        combine=rows[:, vertices],
         rest=model.template.vertices[vertices],
         shapedirs=skeleton.directions[vertices],
         posedirs=posedirs,

@@ -154,18 +154,21 @@ def fit_model(
     if hands_prior is not None:
         weight = real_number(hands_prior, "hands_prior", minimum=0.0)
         in_hands = np.full(len(model.hand_pose("relaxed")), weight)
-    fitter = _Fitter(
+    stages = _stages(
         Skeleton(model, with_hands=hands_prior is not None),
         combine,
         _shares(weights, n_points),
         _loss(loss, real_number(loss_scale, "loss_scale", minimum=0.0, strict=True)),
         np.concatenate([np.repeat(in_pose, 3), in_betas, in_hands, np.zeros(3)]),
-        real_number(tolerance, "tolerance", minimum=0.0, strict=True),
-        whole_number(max_iter, "max_iter", minimum=1),
     )
+    tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
+    max_iter = whole_number(max_iter, "max_iter", minimum=1)
     lead = surfaces.shape[:-2]
     with single_threaded_libraries():  # the patches are too small to be shared between threads
-        fits = [fitter.fit(surfaces[index]) for index in np.ndindex(lead)]
+        fits = [
+            _fit(stages, combine, surfaces[index], tolerance, max_iter)
+            for index in np.ndindex(lead)
+        ]
     failed = [number for number, fit in enumerate(fits) if not fit.converged]
     if failed:
         warn(
@@ -246,97 +249,93 @@ def _refuse_outside(numbers: np.ndarray, count: int, name: str) -> None:
         )
 
 
-class _Fitter:
-    """Fits of single surfaces, with common preparations."""
+def _stages(
+    skeleton: Skeleton, combine: sparse.csr_array, shares: np.ndarray, loss: Loss, prior: np.ndarray
+) -> list[Equations]:
+    """Return the equations of some of the points, unless that is most, and those of all."""
+    # By the joint that moves them most, so that neighbours depend on few joints.
+    main = np.where(shares > 0, (combine @ skeleton.model.weights).argmax(axis=1), -1)
+    of_joints = [np.flatnonzero(main == joint) for joint in skeleton.order]
+    everything = np.concatenate(of_joints)
+    few = np.concatenate([_spread_out(numbers, len(everything)) for numbers in of_joints])
+    stages = (few, everything) if len(few) < len(everything) else (everything,)
+    return [Equations(skeleton, combine, shares, numbers, loss, prior) for numbers in stages]
 
-    def __init__(
-        self,
-        skeleton: Skeleton,
-        combine: sparse.csr_array,
-        shares: np.ndarray,
-        loss: Loss,
-        prior: np.ndarray,
-        tolerance: float,
-        max_iter: int,
-    ) -> None:
-        self._skeleton, self._combine, model = skeleton, combine, skeleton.model
-        self._tolerance, self._max_iter = tolerance, max_iter
-        # By the joint that moves them most, so that neighbours depend on few joints.
-        main = np.where(shares > 0, (combine @ model.weights).argmax(axis=1), -1)
-        of_joints = [np.flatnonzero(main == joint) for joint in model.joint_order]
-        everything = np.concatenate(of_joints)
-        few = np.concatenate([_spread_out(numbers, len(everything)) for numbers in of_joints])
-        self._stages = [
-            Equations(skeleton, combine, shares, numbers, loss, prior)
-            for numbers in ((few, everything) if len(few) < len(everything) else (everything,))
-        ]
 
-    def fit(self, target: np.ndarray) -> ModelFit:
-        parameters = self._start(target)
-        n_iterations, converged = 0, False
-        for stage in self._stages:
-            parameters, steps, converged = self._descend(stage, target, parameters)
-            n_iterations += steps
-        model = self._skeleton.model
-        n_angles = 3 * model.n_joints
-        ends = np.cumsum([n_angles, model.n_betas])
-        pose, betas, hands = np.split(parameters[:-3], ends)
-        pose, trans = pose.reshape(-1, 3), parameters[-3:]
-        points = model(betas, pose, trans, hands if hands.size else None)
-        gaps = self._combine @ points - target
-        return ModelFit(
-            betas=betas,
-            pose=Rotation.from_rotvec(pose).as_rotvec(),
-            trans=trans,
-            distances=np.linalg.norm(gaps, axis=-1),
-            converged=np.array(converged),
-            n_iterations=np.array(n_iterations),
-            hands=hands,
+def _fit(
+    stages: list[Equations],
+    combine: sparse.csr_array,
+    target: np.ndarray,
+    tolerance: float,
+    max_iter: int,
+) -> ModelFit:
+    """Return the fit to one surface."""
+    parameters, n_iterations, converged = _start(stages[0], target), 0, False
+    for stage in stages:
+        parameters, steps, converged = _descend(stage, target, parameters, tolerance, max_iter)
+        n_iterations += steps
+    model = stages[0].skeleton.model
+    ends = np.cumsum([3 * model.n_joints, model.n_betas])
+    pose, betas, hands = np.split(parameters[:-3], ends)
+    pose, trans = pose.reshape(-1, 3), parameters[-3:]
+    gaps = combine @ model(betas, pose, trans, hands if hands.size else None) - target
+    return ModelFit(
+        betas=betas,
+        pose=Rotation.from_rotvec(pose).as_rotvec(),
+        trans=trans,
+        distances=np.linalg.norm(gaps, axis=-1),
+        converged=np.array(converged),
+        n_iterations=np.array(n_iterations),
+        hands=hands,
+    )
+
+
+def _start(equations: Equations, target: np.ndarray) -> np.ndarray:
+    """Return the closed-form start of a fit."""
+    skeleton = equations.skeleton
+    n_angles = 3 * skeleton.n_joints
+    parameters = np.zeros(n_angles + skeleton.n_betas + 3)
+    for _ in range(_CLOSED_FORM_ROUNDS):
+        rotations = equations.closed_form_rotations(target, parameters[n_angles:-3])
+        # Relative to the parent joint, and those of the root to nothing.
+        is_limb = (skeleton.parents >= 0)[:, np.newaxis, np.newaxis]
+        axes = np.where(is_limb, rotations[skeleton.parents], np.eye(3))
+        pose = Rotation.from_matrix(axes.transpose(0, 2, 1) @ rotations).as_rotvec()
+        parameters[:n_angles] = pose.ravel()
+        matrix, right = equations.normal(parameters, target)
+        parameters[n_angles:] += least_squares_step(
+            matrix[n_angles:, n_angles:], right[n_angles:], _LEAST_DAMPING
         )
+    return parameters
 
-    def _start(self, target: np.ndarray) -> np.ndarray:
-        """Return the closed-form start of a fit."""
-        equations, skeleton = self._stages[0], self._skeleton
-        n_angles = 3 * skeleton.n_joints
-        parameters = np.zeros(n_angles + skeleton.n_betas + 3)
-        for _ in range(_CLOSED_FORM_ROUNDS):
-            rotations = equations.closed_form_rotations(target, parameters[n_angles:-3])
-            # Relative to the parent joint, and those of the root to nothing.
-            is_limb = (skeleton.parents >= 0)[:, np.newaxis, np.newaxis]
-            axes = np.where(is_limb, rotations[skeleton.parents], np.eye(3))
-            pose = Rotation.from_matrix(axes.transpose(0, 2, 1) @ rotations).as_rotvec()
-            parameters[:n_angles] = pose.ravel()
-            matrix, right = equations.normal(parameters, target)
-            parameters[n_angles:] += least_squares_step(
-                matrix[n_angles:, n_angles:], right[n_angles:], _LEAST_DAMPING
-            )
-        return parameters
 
-    def _descend(
-        self, equations: Equations, target: np.ndarray, parameters: np.ndarray
-    ) -> tuple[np.ndarray, int, bool]:
-        """Return the last parameters, the number of steps and whether they have converged."""
-        damping = _LEAST_DAMPING
-        cost = equations.cost(parameters, target)
-        for n_steps in range(1, self._max_iter + 1):
-            matrix, right = equations.normal(parameters, target)
-            while True:
-                step = least_squares_step(matrix, right, damping)
-                trial = parameters + step
-                movement = np.sqrt(step @ matrix @ step)
-                if damping < 1.0 and (
-                    movement < self._tolerance or step @ right < _ROUNDING * cost
-                ):
-                    return trial, n_steps, True
-                trial_cost = equations.cost(trial, target)
-                if trial_cost < cost:
-                    break
-                damping = 10.0 * max(damping, 1e-5)
-                if damping > _MOST_DAMPING:
-                    return parameters, n_steps, False
-            parameters, cost = trial, trial_cost
-            damping = max(damping / 10.0, _LEAST_DAMPING)
-        return parameters, self._max_iter, False
+def _descend(
+    equations: Equations,
+    target: np.ndarray,
+    parameters: np.ndarray,
+    tolerance: float,
+    max_iter: int,
+) -> tuple[np.ndarray, int, bool]:
+    """Return the last parameters, the number of steps and whether they have converged."""
+    damping = _LEAST_DAMPING
+    cost = equations.cost(parameters, target)
+    for n_steps in range(1, max_iter + 1):
+        matrix, right = equations.normal(parameters, target)
+        while True:
+            step = least_squares_step(matrix, right, damping)
+            trial = parameters + step
+            movement = np.sqrt(step @ matrix @ step)
+            if damping < 1.0 and (movement < tolerance or step @ right < _ROUNDING * cost):
+                return trial, n_steps, True
+            trial_cost = equations.cost(trial, target)
+            if trial_cost < cost:
+                break
+            damping = 10.0 * max(damping, 1e-5)
+            if damping > _MOST_DAMPING:
+                return parameters, n_steps, False
+        parameters, cost = trial, trial_cost
+        damping = max(damping / 10.0, _LEAST_DAMPING)
+    return parameters, max_iter, False
 
 
 def _spread_out(numbers: np.ndarray, n_points: int) -> np.ndarray:

@@ -76,17 +76,17 @@ class Measurement:
     @property
     def places(self) -> tuple[Place, ...]:
         """Places that the measurement refers to."""
-        places = [place for place in self._fields_of("Place") if place is not None]
-        lists = (*self._fields_of("Places"), *self._fields_of("Axis"))
-        return (*places, *(place for own in lists if isinstance(own, tuple) for place in own))
+        places = [place for place in self._fields_of("Place", "Place | None") if place is not None]
+        lists = [own for own in self._fields_of("Places", "Axis") if isinstance(own, tuple)]
+        return (*places, *(place for own in lists for place in own))
 
     @property
     def part_names(self) -> tuple[str, ...]:
         """Parts of the body that the measurement refers to."""
         return tuple(name for own in self._fields_of("Parts") for name in own)
 
-    def _fields_of(self, kind: str) -> list[Any]:
-        return [getattr(self, f.name) for f in fields(self) if f.type == kind]
+    def _fields_of(self, *types: str) -> list[Any]:
+        return [getattr(self, f.name) for f in fields(self) if f.type in types]
 
     def value(self, bodies: LandmarkedBodies) -> Any:
         """Return the measurement of each body, NaN where it is not defined, shape (n,).
@@ -281,7 +281,7 @@ class Height(Measurement):
     """
 
     at: Place
-    above: Place = None
+    above: Place | None = None
 
     def value(self, bodies: LandmarkedBodies) -> Any:
         up = bodies.axis("up")

@@ -115,14 +115,9 @@ class PosedBody(NamedTuple):
 
 def pose_body(body: ModelSamples, pose: Pose) -> PosedBody:
     motions = JointMotions(body.skeleton, pose.local, pose.betas)
-    shaped = body.rest + body.shapedirs @ pose.betas
-    if body.posedirs.shape[2]:
-        shaped += body.posedirs @ motions.pose_feature
-    blended = (body.weights @ motions.rotations.reshape(-1, 9)).reshape(-1, 3, 3)
-    moved = np.einsum("nxy,ny->nx", blended, shaped)
-    points = moved + body.weights @ motions.shifts + pose.trans
+    shaped, blended, moved = motions.skin(body.rest, body.shapedirs, body.posedirs, body.weights)
     normals = unit_vectors(np.einsum("nxy,ny->nx", blended, body.normals))
-    return PosedBody(points, normals, pose, shaped, blended, motions, body)
+    return PosedBody(moved + pose.trans, normals, pose, shaped, blended, motions, body)
 
 
 class Prior(NamedTuple):
