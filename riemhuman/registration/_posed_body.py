@@ -115,7 +115,8 @@ class PosedBody(NamedTuple):
 
 def pose_body(body: ModelSamples, pose: Pose) -> PosedBody:
     motions = JointMotions(body.skeleton, pose.local, pose.betas)
-    shaped, blended, moved = motions.skin(body.rest, body.shapedirs, body.posedirs, body.weights)
+    posedirs = body.posedirs if body.posedirs.shape[2] else None
+    shaped, blended, moved = motions.skin(body.rest, body.shapedirs, posedirs, body.weights)
     normals = unit_vectors(np.einsum("nxy,ny->nx", blended, body.normals))
     return PosedBody(moved + pose.trans, normals, pose, shaped, blended, motions, body)
 
