@@ -25,8 +25,6 @@ _CHANNELS = tuple(f"{axis}{kind}" for kind in ("POSITION", "ROTATION") for axis 
 _BYTES_OF_JOINT = 96
 # Larger numbers, and shorter times from frame to frame (seconds), are damage.
 _LARGEST, _SHORTEST = 1e9, 1e-5
-# Messages quote at most so many characters of a file.
-_LONGEST_QUOTE = 60
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -180,7 +178,7 @@ class _Reader:
         """Return the next word in capitals, which must be one of some words."""
         word = next(self._words, "the end of the file")
         if word.upper() not in expected:
-            raise self._error(f"{' or '.join(expected)} expected; found {_shortened(word)}")
+            raise self._error(f"{' or '.join(expected)} expected; found {word[:60]!r}")
         return word.upper()
 
     def read(self) -> tuple[list[_Joint], np.ndarray, float]:
@@ -272,12 +270,8 @@ class _Reader:
         self._line, line = next(lines, (self._line, "the end of the file"))
         key, _, value = line.partition(":")
         if " ".join(key.lower().split()) != name.lower():
-            raise self._error(f"{name}: expected; found {_shortened(line)}")
+            raise self._error(f"{name}: expected; found {line[:60]!r}")
         (number,) = self._floats([value])
         if not number > _SHORTEST:
             raise self._error(f"{name} must be above {_SHORTEST:g}; found {number:g}")
         return number
-
-
-def _shortened(text: str) -> str:
-    return repr(text if len(text) <= _LONGEST_QUOTE else text[:_LONGEST_QUOTE] + "…")

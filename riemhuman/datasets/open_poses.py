@@ -27,7 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_array
-from riemhuman.datasets._skeletons import shortest
+from riemhuman.datasets._skeletons import LIMBS, shortest
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import log
 from riemhuman.kernels.surface import unit_vectors
@@ -132,16 +132,15 @@ def _rest_to_t_pose(model: BodyModel) -> np.ndarray:
     """Return each joint's global rotation from the rest pose to the T-pose, shape (J, 3, 3)."""
     joints = dict(zip(model.joint_names, model.joints(), strict=True))
     straight = {name: np.eye(3) for name in model.joint_names}
-    down = np.array([0.0, -1.0, 0.0])
-    for side, outward in (("left", [1.0, 0.0, 0.0]), ("right", [-1.0, 0.0, 0.0])):
-        for upper, lower, end, direction in (
-            ("shoulder", "elbow", "wrist", np.array(outward)),
-            ("hip", "knee", "ankle", down),
-        ):
-            first, second, third = (joints[f"{side}_{name}"] for name in (upper, lower, end))
-            rotation = shortest(unit_vectors(second - first), direction)
-            straight[f"{side}_{upper}"] = rotation
-            bend = shortest(rotation @ unit_vectors(third - second), direction)
-            straight[f"{side}_{lower}"] = bend @ rotation
-        straight[f"{side}_wrist"] = straight[f"{side}_elbow"]
+    for upper, lower, end in LIMBS:
+        direction = np.array([0.0, -1.0, 0.0])
+        if end.endswith("wrist"):
+            direction = np.array([1.0 if end.startswith("left") else -1.0, 0.0, 0.0])
+        bones = (unit_vectors(joints[b] - joints[a]) for a, b in ((upper, lower), (lower, end)))
+        rotation = np.eye(3)
+        for name, bone in zip((upper, lower), bones, strict=True):
+            rotation = shortest(rotation @ bone, direction) @ rotation
+            straight[name] = rotation
+        if end.endswith("wrist"):
+            straight[end] = rotation
     return np.stack([straight[name] for name in model.joint_names])

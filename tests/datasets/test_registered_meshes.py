@@ -153,14 +153,6 @@ def test_faust_in_every_layout(mesh, tmp_path, level, ending):
     np.testing.assert_array_equal(bodies.points, mesh[0][:3])
 
 
-def test_faust_in_several_formats_is_read_from_ply(own_faust, mesh):
-    write_faust(own_faust, (mesh[0] + 1.0, mesh[1]), "obj", numbers=[3, 4])
-    write_faust(own_faust, (mesh[0] + 2.0, mesh[1]), "off", numbers=[4])
-    (own_faust / "tr_reg_004.ply").unlink()
-    offsets = load_faust(own_faust, align=False).points - mesh[0]
-    np.testing.assert_allclose(offsets[[3, 4, 5], 0, 0], [0.0, 1.0, 0.0], atol=1e-15)
-
-
 def test_missing_registrations_of_faust_are_named(own_faust, mesh):
     missing = [1, 4, 20, 33, 50, 99]
     for number in missing:
