@@ -79,7 +79,7 @@ class Bodies:
         points = real_array(
             self.points, "points", ("n_bodies", self.template.n_vertices, 3), batched=False
         )
-        self._set(points=points)
+        values: dict[str, Any] = {"points": points}
         for name in ("subject", "pose"):
             labels = integer_array(getattr(self, name), name, (len(points),))
             names = tuple(str(label) for label in getattr(self, f"{name}_names"))
@@ -88,20 +88,18 @@ class Bodies:
                     f"{name} holds labels from {labels.min()} to {labels.max()}; "
                     f"{name}_names names only {len(names)} of them"
                 )
-            self._set(**{name: labels, f"{name}_names": names})
+            values |= {name: labels, f"{name}_names": names}
         trailing = {"betas": ("n_betas",), "pose_vectors": ("n_joints", 3), "translations": (3,)}
         for name, shape in trailing.items():
-            if getattr(self, name) is not None:
-                array = real_array(getattr(self, name), name, (len(points), *shape), batched=False)
-                self._set(**{name: array})
-
+            if (given := getattr(self, name)) is not None:
+                values[name] = real_array(given, name, (len(points), *shape), batched=False)
         ids = tuple(str(name) for name in (self.ids or range(len(points))))
         if len(ids) != len(points) or len(set(ids)) < len(ids):
             raise ArgumentError(
                 f"ids must be as many different names as there are surfaces, {len(points)}; found "
                 f"{len(ids)}, {len(set(ids))} of them different"
             )
-        self._set(ids=ids)
+        vars(self).update(values, ids=ids)
 
     def __len__(self) -> int:
         """Return the number of surfaces."""
@@ -214,10 +212,6 @@ class Bodies:
             name: value[numbers] for name, value in stored.items() if value is not None
         }
         return replace(self, **chosen, ids=tuple(self.ids[number] for number in numbers))
-
-    def _set(self, **values: object) -> None:
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
 
 
 def _labels(wanted: Any, name: str, names: tuple[str, ...]) -> list[int]:

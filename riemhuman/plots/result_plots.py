@@ -89,17 +89,9 @@ def plot_precision_recall(
     >>> ax = rh.plots.plot_precision_recall({"toy": D}, [0, 0, 1, 1])
     """
     ax = new_axes(ax, 4.2, 3.2)
-    styles = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
-    for index, (name, matrix) in enumerate(distances.items()):
+    for (name, matrix), color in zip(distances.items(), class_colors(len(distances)), strict=True):
         recall, precision = precision_recall(matrix, labels)
-        ax.plot(
-            100 * recall,
-            100 * precision,
-            color=class_colors(max(10, len(distances)))[index],
-            linestyle=styles[index // 10 % len(styles)],
-            marker=".",
-            label=name,
-        )
+        ax.plot(100 * recall, 100 * precision, color=color, marker=".", label=name)
     ax.set(xlabel="recall, %", ylabel="precision, %", xlim=(0, 102), ylim=(0, 104))
     _hide_frame(ax)
     ax.legend(
