@@ -12,8 +12,8 @@ from autograd import grad
 from numpy import ndarray
 from scipy.sparse.linalg import LinearOperator, lsmr
 
-from riemhuman.checks import real_array, values_of, whole_number
-from riemhuman.errors import ArgumentError, ConvergenceWarning, NotDefinedError, warn
+from riemhuman.checks import path_array, real_array, values_of, whole_number
+from riemhuman.errors import ConvergenceWarning, NotDefinedError, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import ExpSolver
@@ -153,9 +153,7 @@ class DiscreteExponential(Solver, ExpSolver):
         n_steps : int
             Number of points to add.
         """
-        path = metric.check_points(path, "path")
-        if len(path) < 2:
-            raise ArgumentError(f"path must have at least two times; found {len(path)}")
+        path = path_array(path, metric.space, batched=False)
         n_steps = whole_number(n_steps, "n_steps", minimum=1)
         result, _ = self._walk(metric, list(path), len(path) - 1, n_steps)
         return finish(self, result)

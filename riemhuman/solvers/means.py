@@ -127,21 +127,19 @@ class BasisMean(Solver, MeanSolver):
         check_metric(metric)
         of_search = metric_of_search(metric, self.companion_weight)
         dispersion = Dispersion(of_search, points, weights, self.sample_size)
-        point = self._origin(dispersion.sample, initial_point)
+        point, minimum = self._origin(dispersion.sample, initial_point), None
         if dispersion.in_batches or exponent == 1:
             tolerance = max(self.tolerance or 0.0, _ROUGH_TOLERANCE)
             rough = replace(self, tolerance=tolerance, callback=None, progress=False)
             start = rough._search(dispersion.sample, point)
-            is_finished = start.status is not Status.INTERRUPTED
-            if exponent == 1 and start.value > 0.0 and is_finished:
+            if exponent == 1 and start.value > 0.0 and start.status is not Status.INTERRUPTED:
                 dispersion = dispersion.changed(smoothing=_SMOOTHING * np.sqrt(start.value))
                 if dispersion.in_batches:
                     start = rough._search(dispersion.sample, start.x)
             point = start.x
             if start.status is Status.INTERRUPTED:
-                variance = dispersion.sample.changed(metric).value(point)
-                return finish(self, MeanResult(point, variance, start.values, **start.outcome))
-        minimum = self._search(dispersion, point)
+                dispersion, minimum = dispersion.sample, start
+        minimum = minimum or self._search(dispersion, point)
         variance = minimum.value
         if of_search is not metric or dispersion.smoothing is not None:
             variance = dispersion.changed(metric).value(minimum.x)

@@ -109,11 +109,11 @@ class NearestSurface(Solver):
 
         def function(f: ndarray) -> tuple[float, ndarray]:
             value, gradient = distances.value_and_gradient(f)
-            if companion is None:
-                return value, gradient
-            squared, slopes = companion.energy_and_gradient(np.stack([start, f]))
-            weight = self.companion_weight
-            return value + weight * squared, gradient + weight * slopes[1]
+            if companion is not None:
+                squared, slopes = companion.energy_and_gradient(np.stack([start, f]))
+                value += self.companion_weight * squared
+                gradient = gradient + self.companion_weight * slopes[1]
+            return value, gradient
 
         def half_inverse_hessian_at(f: ndarray) -> CholeskyFactor:
             if companion is None:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import real_array
+from riemhuman.checks import path_array, real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
@@ -230,10 +230,8 @@ class _ClosedForms(NamedTuple):
 
 
 def _check_path(metric: RiemannianMetric, base_point: ndarray, path: Any) -> ndarray:
-    path = metric.check_points(path, "path")
+    path = path_array(path, metric.space, batched=False)
     base_point, _ = check_end_points(metric, base_point, base_point)
-    if len(path) < 2:
-        raise ArgumentError(f"path must have at least two times; found {len(path)}")
     gap = np.abs(path[0] - base_point).max()
     if gap > 1e-9 * np.abs(base_point).max():
         raise ArgumentError(f"path must start at base_point; it is off by {gap:.3g}")

@@ -270,10 +270,8 @@ class PairsOfPoints(Sequence[Any]):
 
 
 def change_along_path(sizes: ndarray) -> ndarray:
-    """Return the largest relative change of sizes along a path, see `PathComparison`.
-
-    It is infinite where a size vanishes only between the ends, or only at both ends.
-    """
+    """Return the largest relative changes of sizes along a path, see `PathComparison`."""
+    # They are infinite where a size vanishes only between the ends, or only at both ends.
     sizes = np.abs(real_array(sizes, "sizes", finite=False))
     largest, smallest = np.maximum(sizes[0], sizes[-1]), np.minimum(sizes[0], sizes[-1])
     growth = _ratio(sizes.max(axis=0), largest)

@@ -157,8 +157,7 @@ class PathSearch(PathSolver):
             return PathPreconditioner(factor, len(nodes) + 1)
 
         def report(iteration: int, value: float, nodes: ndarray) -> None:
-            if self.callback is not None:
-                self.callback(iteration, value, _with_interior(path, nodes))
+            cast(Any, self.callback)(iteration, value, _with_interior(path, nodes))
 
         minimum = minimize_from(
             path[1:-1],
@@ -166,7 +165,7 @@ class PathSearch(PathSolver):
             directions,
             energy,
             inverse_hessian_at,
-            report,
+            report if self.callback else None,
             tolerance=self.tolerance,
             max_iter=self.max_iter,
             recent_decrease=max(self._recent_decrease, self._recent_tolerances * self.tolerance),

@@ -274,10 +274,7 @@ def rounding_energy(
     energy: PathEnergy | None = None,
     size: float = _ROUNDING,
 ) -> float:
-    """Return a squared distance that counts as 0: that of a point from itself, rounded.
-
-    `size` is the relative error of the point's entries.
-    """
+    """Return the squared distance of a point from itself with relative errors of this size."""
     near = metric.space.projection(rounded(point, size))
     return (energy or SegmentEnergy()).value(metric, np.stack([point, near]))
 

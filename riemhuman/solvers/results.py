@@ -257,10 +257,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 def finish(solver: object, result: ResultType) -> ResultType:
-    """Return the result of a solver; warn unless it converged.
-
-    Raises `Interrupted` with the result if the solver was stopped from the keyboard.
-    """
+    """Return a solver's result; warn if it has not converged, raise `Interrupted` if stopped."""
     if result.status is Status.INTERRUPTED:
         raise Interrupted(result)
     if not result.converged:
