@@ -201,24 +201,6 @@ def test_users_metrics_on_any_manifold(metric_class):
     np.testing.assert_allclose(radii, radii[0], rtol=2e-3)
 
 
-class VertexMetric(RiemannianMetric):
-    """A user's metric by its inner product alone: the geodesics are the straight paths."""
-
-    def inner_product(self, tangent_vec_a, tangent_vec_b, base_point):
-        """Return Σ ⟨a, b⟩."""
-        return anp.sum(tangent_vec_a * tangent_vec_b, axis=(-2, -1)) + 0.0 * anp.sum(
-            base_point, axis=(-2, -1)
-        )
-
-
-class VertexDistance(RiemannianMetric):
-    """The same by its squared distance alone."""
-
-    def squared_dist(self, point_a, point_b):
-        """Return Σ ‖a − b‖²."""
-        return anp.sum((point_a - point_b) ** 2, axis=(-2, -1))
-
-
 class Counting(SegmentEnergy):
     """The energy, counting its gradients."""
 
@@ -230,10 +212,8 @@ class Counting(SegmentEnergy):
         return super().value_and_gradient(metric, path)
 
 
-@pytest.mark.parametrize("metric_class", [VertexMetric, VertexDistance])
-def test_users_metrics_over_a_basis(metric_class):
-    """Each evaluation is counted, and the callback sees each iteration."""
-    metric, energy, seen = metric_class(bodies.space()), Counting(), []
+def test_evaluations_are_counted_and_iterations_seen():
+    metric, energy, seen = FlatMetric(bodies.space()), Counting(), []
     ends = bodies.body("resting"), bodies.body("arm raised")
     few = bodies.basis().truncate(5)
     bulge = LinearPath(5).solve(metric, *ends).path
@@ -254,14 +234,11 @@ def check_seen(metric, result, seen):
         assert metric.energy(path) == pytest.approx(energy, rel=1e-10)
 
 
-def test_other_energies_and_few_times():
+def test_other_energies():
     ends, metric = (bodies.body("resting"), bodies.body("arm raised")), elastic(1, 1, 0)
     finite = over_basis(5, energy=FiniteDifferenceEnergy()).solve(metric, *ends)
     closed = over_basis(5).solve(metric, *ends)
     assert finite.energy == pytest.approx(closed.energy, rel=0.05)
-    srnf = SRNFMetric(bodies.space())
-    assert over_basis(5).solve(srnf, *ends).energy <= LinearPath(5).solve(srnf, *ends).energy
-    assert over_basis(3).solve(metric, *ends).path.shape[0] == 3
 
 
 @both_solvers
@@ -430,13 +407,6 @@ def test_how_far_energies_are_above_the_minimum(weights):
     shown = 100.0 * (found.energy / solver.solve(metric, *ends, found.path).energy - 1.0)
     assert shown < 0.5
     assert shown / 5.0 < found.gap < 10.0 * shown
-
-
-def test_not_converging_is_said_and_warned_of_once():
-    with pytest.warns(ConvergenceWarning, match="after 1 iteration:") as caught:
-        result = solve(CASES["pose open"], max_iter=1)
-    assert len(caught) == 1
-    assert (result.converged, result.n_iterations) == (False, 1)
 
 
 @both_solvers

@@ -23,33 +23,22 @@ from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.solvers import BasisMean, GradientDescentMean, PathStraightening, TangentPCA
 from riemhuman.solvers._lbfgs import Minimum
 from riemhuman.solvers.parallel_transport import TransportResult
-from riemhuman.solvers.results import MeanResult, PathResult, Status, finish
+from riemhuman.solvers.results import MeanResult, PathResult, Status
 from riemhuman.statistics import FrechetMean, GeometricMedian
 from riemhuman.surfaces import DeformationBasis
 
 
-class Solver:
-    def solve(self, converged):
-        result = PathResult(
-            np.zeros((2, 1)),
-            1.0,
-            np.array([1.0]),
-            n_iterations=7,
-            status=Status.CONVERGED if converged else Status.MAX_ITER,
-            message="out of time",
-        )
-        finish(self, result)
-        return result
-
-
 def test_a_solver_that_has_not_converged_warns_its_caller_once():
+    case = CASES["pose open"]
     with pytest.warns(ConvergenceWarning) as caught:
-        Solver().solve(converged=False)
+        result = PathStraightening(max_iter=1).solve(case.metric, *case.points[:2])
     (warning,) = caught
     assert str(warning.message) == (
-        "Solver stopped without converging after 7 iterations: out of time"
+        "PathStraightening stopped without converging after 1 iteration: the most iterations were "
+        "made"
     )
     assert warning.filename == __file__
+    assert (result.converged, result.n_iterations) == (False, 1)
 
 
 MODULES = [
