@@ -209,20 +209,10 @@ def measurement_section(report: Report) -> Section | None:
     if definitions is None:
         return None
     step, faces = _measure(report, definitions), bodies.template.faces
-    names, units = step.record["names"], step.record["units"]
-    people = [bodies.subject_names[int(person)] for person in step.arrays["people"]]
-    means = [
-        {"person": person, **dict(zip(names, values, strict=True))}
-        for person, values in zip(people, step.arrays["means"].tolist(), strict=True)
-    ]
-    spreads = [
-        {"measurement": name, "median": float(np.median(own)), "worst": float(own.max())}
-        for name, unit, own in zip(names, units, 1000.0 * step.arrays["spreads"].T, strict=True)
-        if unit == "m"
-    ]
+    means = step.record["means"]
     shown = [
         (name, f"{name}, {unit}", ".1f" if unit == "kg" else ".3f")
-        for name, unit in zip(names, units, strict=True)
+        for name, unit in step.record["units"].items()
         if name in _SHOWN_MEASUREMENTS
     ]
     strip, along = None, step.arrays.get("along")
@@ -234,8 +224,8 @@ def measurement_section(report: Report) -> Section | None:
         people=output.table("measurements", means),
         columns=[("person", "Person"), *shown],
         lines=output.figure("measurement-lines", _draw_lines, step.arrays["straight"][0], faces),
-        person=people[0],
-        spread=output.table("measurement-spread", spreads),
+        person=means[0]["person"],
+        spread=output.table("measurement-spread", step.record["spreads"]),
         along=_ALONG,
         strip=strip,
         regression=step.record,
@@ -256,18 +246,25 @@ def _measure(report: Report, definitions: MeasurementSet) -> Step:
         ]
         values = [measurements.measure(f, axes="space", missing="nan").values for f in straight]
         spreads = [v.std(axis=0, ddof=1) if len(v) > 1 else np.nan * v[0] for v in values]
-        arrays = {
-            "people": people,
-            "means": np.array([value.mean(axis=0) for value in values]),
-            "spreads": np.array(spreads),
-            "straight": np.array([points[0] for points in straight]),
-        }
+        means = np.array([value.mean(axis=0) for value in values])
+        arrays = {"straight": np.array([points[0] for points in straight])}
+        names = measurements.names
+        units = dict(zip(names, measurements.units, strict=True))
+        by_name = zip(units.items(), 1000.0 * np.transpose(spreads), strict=True)
         record: dict[str, Any] = {
-            "names": list(measurements.names),
-            "units": list(measurements.units),
+            "units": units,
+            "means": [
+                {"person": bodies.subject_names[person], **dict(zip(names, own, strict=True))}
+                for person, own in zip(people, means.tolist(), strict=True)
+            ],
+            "spreads": [
+                {"measurement": name, "median": float(np.median(own)), "worst": float(own.max())}
+                for (name, unit), own in by_name
+                if unit == "m"
+            ],
         }
         if len(people) >= _FEWEST_PEOPLE:
-            girths = arrays["means"][:, measurements.names.index(_ALONG)]
+            girths = means[:, names.index(_ALONG)]
             space = AlignedSurfaces(bodies.template)
             space.equip_with_metric(ElasticMetric, **_REGRESSION_WEIGHTS)
             shape = regress_shape(space, girths, arrays["straight"], rng=seed, max_iter=0)

@@ -58,9 +58,9 @@ _parameters: Any = attrgetter("betas", "pose", "trans")  # of a model's fit
 _SOBOLEV_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 0.0, 1e-3)
 _GEODESICS = {SAME_PERSON: ("pose-change", PATH_WEIGHTS), SAME_POSE: ("shape-change", POSE_WEIGHTS)}
 _VIEWED_METRICS = {
-    "shape (1, 1, 0)": PATH_WEIGHTS,
-    "pose (0, 0, 1)": POSE_WEIGHTS,
-    "both (1, 1, 0.1)": (1.0, 1.0, 0.1),
+    "shape (1, 1, 0)": ("shape", PATH_WEIGHTS),
+    "pose (0, 0, 1)": ("pose", POSE_WEIGHTS),
+    "both (1, 1, 0.1)": ("both", (1.0, 1.0, 0.1)),
 }
 _COUNTS = {4: "Four", 5: "Five"}
 
@@ -106,31 +106,25 @@ def _differences(report: Report) -> Step:
 
 def geodesic_section(report: Report) -> Section | None:
     bodies, output = report.bodies, report.output
-    geodesics = {
-        name: _geodesic(report, *_GEODESICS[name], pair, name)
-        for name, pair in report.pairs.items()
-    }
+    pairs = {name: (*_GEODESICS[name], pair) for name, pair in report.pairs.items()}
     both = report.pair(POSE_METRIC, 0.5, person=False, pose=False)
-    viewed = {
-        name: _geodesic(report, name.split()[0], weights, both, name)
-        for name, weights in _VIEWED_METRICS.items()
-        if both is not None
-    }
-    rows = [_geodesic_row(bodies, name, step) for name, step in {**geodesics, **viewed}.items()]
-    if not rows:
+    viewed = {} if both is None else {name: (*how, both) for name, how in _VIEWED_METRICS.items()}
+    steps = {name: _geodesic(report, name, *how) for name, how in {**pairs, **viewed}.items()}
+    if not steps:
         return None
     viewer = ""
     if viewed:
-        paths = {name: step.arrays["path"] for name, step in viewed.items()}
+        paths = {name: steps[name].arrays["path"] for name in viewed}
         title = "Geodesic under three metrics"
         shown = view_path(paths, bodies.template.faces, legend="Metric", title=title)
         viewer = shown.fragment("geodesics-view")
+    rows = [step.record for step in steps.values()]
     html = fill(
         "geodesics",
         basis=report.basis[1],
         strips=[
-            (output.figure(step.name, _draw_geodesic, bodies, step), row)
-            for step, row in zip(geodesics.values(), rows, strict=False)
+            (output.figure(steps[name].name, _draw_geodesic, bodies, steps[name]), row)
+            for name, row in zip(pairs, rows, strict=False)
         ],
         viewer=viewer,
         ends=(rows[-1]["from"], rows[-1]["to"]),
@@ -139,10 +133,10 @@ def geodesic_section(report: Report) -> Section | None:
     return Section("geodesics", "Geodesics", "Geodesics", html)
 
 
-def _geodesic(report: Report, slug: str, weights: Weights, pair: Pair, title: str) -> Step:
+def _geodesic(report: Report, title: str, slug: str, weights: Weights, pair: Pair) -> Step:
     """Find the geodesic between two bodies from a rotating and from a straight path (figure 4)."""
-    solver = report.path_solver()
-    start, end = report.bodies.points[list(pair)]
+    solver, bodies = report.path_solver(), report.bodies
+    start, end = bodies.points[list(pair)]
 
     def compute() -> Computed:
         metric = report.metric(weights)
@@ -159,9 +153,11 @@ def _geodesic(report: Report, slug: str, weights: Weights, pair: Pair, title: st
             "energies_from_straight": from_straight.energies,
         }
         return arrays, {
+            "geodesic": title,
+            "from": name_of(bodies, pair[0]),
+            "to": name_of(bodies, pair[1]),
+            "metric": f"({', '.join(f'{weight:g}' for weight in weights)})",
             "seconds": time.perf_counter() - began,
-            "pair": list(pair),
-            "weights": list(weights),
             "straight_energy": linear.solve(metric, start, end).energy,
             "energy_from_straight": from_straight.energy,
             "energy": result.energy,
@@ -170,15 +166,8 @@ def _geodesic(report: Report, slug: str, weights: Weights, pair: Pair, title: st
             "converged": bool(result.converged),
         }
 
-    title = f"Geodesic, {title}"
-    return report.path_step(f"geodesic-{slug}", compute, title, pair=pair, weights=weights)
-
-
-def _geodesic_row(bodies: Bodies, name: str, step: Step) -> dict[str, Any]:
-    values = dict(step.record)
-    start, end = (name_of(bodies, number) for number in values.pop("pair"))
-    metric = f"({', '.join(f'{weight:g}' for weight in values.pop('weights'))})"
-    return {"geodesic": name, "from": start, "to": end, "metric": metric, **values}
+    inputs = {"pair": pair, "weights": weights}
+    return report.path_step(f"geodesic-{slug}", compute, f"Geodesic, {title}", **inputs)
 
 
 def comparison_section(report: Report) -> Section | None:

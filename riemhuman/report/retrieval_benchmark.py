@@ -47,8 +47,6 @@ from riemhuman.surfaces.template import Template
 # Names in tables.
 SHAPE_METRIC = "shape metric (1, 0.0001, 0)"
 POSE_METRIC = "pose metric (0, 0, 1)"
-_ROTATION_METRIC = "rotation metric"
-_GENERAL_METRIC = "general elastic metric (1, 1, 1)"
 _LEARNED_METRIC = "learned from labels, other people"  # fitted without the people of the query
 # Metrics without closed form, compared by the cost of straight paths.
 _STRAIGHT = ", straight"
@@ -190,8 +188,8 @@ def table_metrics(bodies: Any) -> dict[str, Any]:
         SHAPE_METRIC: ElasticMetric(space, a=1.0, lam=1e-4, c=0.0),
         POSE_METRIC: ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
         "SRNF": SRNFMetric(space),
-        _ROTATION_METRIC: RotationMetric(space),
-        _GENERAL_METRIC: GeneralElasticMetric(space, a=1.0, b=1.0, c=1.0),
+        "rotation metric": RotationMetric(space),
+        "general elastic metric (1, 1, 1)": GeneralElasticMetric(space, a=1.0, b=1.0, c=1.0),
     }
 
 
