@@ -21,7 +21,7 @@ def bodies():
 
 
 def test_spectra_and_points_are_told_from_codes(codes, bodies):
-    points = bodies.points[::9]
+    points = bodies.points[::17]
     found = codes.transform(points)
     faces = bodies.model.faces
     wanted = [spectrum(f, faces, codes.n_eigenvalues).eigenvalues for f in points]

@@ -30,14 +30,11 @@ def test_bodies_come_back_and_shape_and_pose_come_apart(codes, bodies):
     people, others, truth = bodies.transfers()
     moved = codes.transfer(bodies.points[people], bodies.points[others])
     assert mean_error(moved, truth) < 20.0
+    assert codes.transform(bodies.points[:0]).shape == (0, codes.n_shape + codes.n_pose)
     shape, pose = codes.split(found)
     np.testing.assert_array_equal(np.concatenate([shape, pose], axis=1), found)
     mixed = np.concatenate([shape[people], pose[others]], axis=1)
     np.testing.assert_allclose(codes.inverse_transform(mixed), moved)
-
-
-def test_no_bodies_have_no_codes(codes, bodies):
-    assert codes.transform(bodies.points[:0]).shape == (0, codes.n_shape + codes.n_pose)
 
 
 def test_codes_do_not_know_place_nor_heading(codes, bodies):
@@ -89,14 +86,6 @@ def test_triangles_that_collapse_are_left_out(codes, n_places, error):
     assert scores(squareform(pdist(pose)), natural.pose).nn > 75.0
     some = slice(None, None, 11)
     assert mean_error(collapsed.inverse_transform(found[some]), natural.points[some]) < error
-
-
-def test_open_bodies_tell_who_and_how():
-    open_bodies = load_open_bodies("coarse")
-    codes = ShapePoseCodes.load_pretrained()
-    found = codes.split(codes.transform(open_bodies.points))
-    for own, labels in zip(found, (open_bodies.subject, open_bodies.pose), strict=True):
-        assert scores(squareform(pdist(own)), labels).nn > 95.0
 
 
 def test_refuses(codes, bodies):

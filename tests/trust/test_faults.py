@@ -9,6 +9,7 @@ import re
 import shutil
 import signal
 import sys
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -79,21 +80,21 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, tm
     assert server.run(operation, tmp_path / "old", inputs=server.others)[0] == 0
     shutil.rmtree(tmp_path / "old" / "work", ignore_errors=True)
     # Replacing a result takes a few changes more.
-    for change in sample(range(1, n_changes + 6), 9, n_changes % 9):
-        for before in ({}, old):
-            outputs = tmp_path / f"{change} {len(before)}"
-            if before:
-                shutil.copytree(tmp_path / "old", outputs)
-            code, *_ = server.run(operation, outputs, kill_at=change)
-            assert code == -signal.SIGKILL or change > n_changes
-            found = content(outputs)
-            # Between two renames, an old folder is there under a hidden name alone.
-            is_between = not found and list(outputs.glob(".*/*"))
-            assert is_old_or_new(found, before, new) or is_between, change
-            code, said, _ = server.run(operation, outputs)
-            assert code == 0, said
-            assert content(outputs) == new
-            shutil.rmtree(outputs)
+    # An odd step: changes of new files and of old ones in turn.
+    for change, before in sample(product(range(1, n_changes + 6), ({}, old)), 19, n_changes % 19):
+        outputs = tmp_path / f"{change} {len(before)}"
+        if before:
+            shutil.copytree(tmp_path / "old", outputs)
+        code, *_ = server.run(operation, outputs, kill_at=change)
+        assert code == -signal.SIGKILL or change > n_changes
+        found = content(outputs)
+        # Between two renames, an old folder is there under a hidden name alone.
+        is_between = not found and list(outputs.glob(".*/*"))
+        assert is_old_or_new(found, before, new) or is_between, change
+        code, said, _ = server.run(operation, outputs)
+        assert code == 0, said
+        assert content(outputs) == new
+        shutil.rmtree(outputs)
 
 
 @pytest.mark.parametrize("operation", OPERATIONS)
