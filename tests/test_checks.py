@@ -1,5 +1,7 @@
 """Checks say which argument was wrong, what was found and what was expected."""
 
+import re
+
 import autograd.numpy as anp
 import numpy as np
 import pytest
@@ -32,43 +34,28 @@ def test_float64_is_not_copied():
 
 
 @pytest.mark.parametrize(
-    ("shape", "batched", "found", "message"),
+    ("shape", "batched", "found", "expected"),
     [
-        ((3, 3), True, (2, 3), r"f must have shape \(\.\.\., 3, 3\); found \(2, 3\)"),
-        ((3, 3), True, (3,), r"f must have shape \(\.\.\., 3, 3\); found \(3,\)"),
-        (
-            ("n_points", 3),
-            True,
-            (4, 2),
-            r"f must have shape \(\.\.\., n_points, 3\); found \(4, 2\)",
-        ),
-        (
-            ("n_points", 3),
-            False,
-            (2, 4, 3),
-            r"f must have shape \(n_points, 3\); found \(2, 4, 3\)",
-        ),
-        ((3,), True, (), r"f must have shape \(\.\.\., 3\); found \(\)"),
+        ((3, 3), True, (2, 3), "..., 3, 3"),
+        ((3, 3), True, (3,), "..., 3, 3"),
+        (("n_points", 3), True, (4, 2), "..., n_points, 3"),
+        (("n_points", 3), False, (2, 4, 3), "n_points, 3"),
+        ((3,), True, (), "..., 3"),
+        ((3, 3), True, (3, 3), None),
+        ((3, 3), True, (5, 2, 3, 3), None),
+        (("n", 3), False, (7, 3), None),
+        (("n", 3), True, (0, 3), None),
+        (None, True, (4, 2), None),
+        ((), True, (2,), None),
     ],
 )
-def test_shapes(shape, batched, found, message):
-    with pytest.raises(ArgumentError, match=message):
-        checks.real_array(np.zeros(found), "f", shape, batched=batched)
-
-
-@pytest.mark.parametrize(
-    ("shape", "batched", "found"),
-    [
-        ((3, 3), True, (3, 3)),
-        ((3, 3), True, (5, 2, 3, 3)),
-        (("n", 3), False, (7, 3)),
-        (("n", 3), True, (0, 3)),
-        (None, True, (4, 2)),
-        ((), True, (2,)),
-    ],
-)
-def test_shapes_that_fit(shape, batched, found):
-    assert checks.real_array(np.zeros(found), "f", shape, batched=batched).shape == found
+def test_shapes(shape, batched, found, expected):
+    if expected is None:
+        assert checks.real_array(np.zeros(found), "f", shape, batched=batched).shape == found
+    else:
+        message = re.escape(f"f must have shape ({expected}); found {found}")
+        with pytest.raises(ArgumentError, match=message):
+            checks.real_array(np.zeros(found), "f", shape, batched=batched)
 
 
 @pytest.mark.parametrize(

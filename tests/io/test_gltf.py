@@ -20,7 +20,8 @@ def path():
     rng = np.random.default_rng(3)
     sphere = trimesh.creation.icosphere(subdivisions=2)
     shapes = np.asarray(sphere.vertices) * [0.3, 0.9, 0.2]
-    return shapes * rng.uniform(0.8, 1.2, (4, 1, 3)), np.asarray(sphere.faces)
+    # An odd number of triangles, whose two-byte corners must be filled up.
+    return shapes * rng.uniform(0.8, 1.2, (4, 1, 3)), np.asarray(sphere.faces)[:-1]
 
 
 def read(file):
@@ -104,16 +105,6 @@ def test_trimesh_reads_the_first_surface(path, tmp_path):
     (mesh,) = loaded.geometry.values()
     np.testing.assert_array_equal(mesh.vertices, surfaces[0].astype(np.float32))
     np.testing.assert_array_equal(mesh.faces, faces)
-
-
-def test_parts_of_odd_length_are_filled_up(path, tmp_path):
-    surfaces, faces = path
-    save_glb(tmp_path / "odd.glb", surfaces, faces[:-1])
-    document, array = read(tmp_path / "odd.glb")
-    primitive = document["meshes"][0]["primitives"][0]
-    np.testing.assert_array_equal(array(primitive["indices"]).reshape(-1, 3), faces[:-1])
-    positions = array(primitive["attributes"]["POSITION"])
-    np.testing.assert_array_equal(positions, surfaces[0].astype(np.float32))
 
 
 def test_many_vertices_take_long_indices(tmp_path):

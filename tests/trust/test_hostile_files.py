@@ -149,24 +149,6 @@ def test_a_sparse_matrix_of_any_shape_stays_sparse(tmp_path):
         BodyModel.from_file(tmp_path / "m.pkl")
 
 
-def test_selections_of_selections_take_no_memory(tmp_path):
-    zeros = np.zeros(20_000, np.int8)
-    (tmp_path / "m.pkl").write_bytes(with_memo(zeros, depth=6))
-    with bounded(2**25):
-        found = load_pickled_arrays(tmp_path / "m.pkl", ["shapedirs"])
-    assert found["shapedirs"].nbytes == zeros.nbytes
-
-
-def with_memo(zeros, depth):
-    """Return a pickle in which each choice is made by the one before, out of the one before."""
-    content = b"\x80\x02}(U\x09shapedirs" + pickled(select(ch(zeros), zeros, None))[2:-1] + b"q\x00"
-    for number in range(depth):
-        before = Raw(b"h" + bytes([number]))
-        chosen = pickled(select(before, before, None))[2:-1]
-        content += b"U\x09shapedirs" + chosen + b"q" + bytes([number + 1])
-    return content + b"u."
-
-
 def test_long_texts_are_not_multiplied(tmp_path):
     long = np.array([b"x" * 4000])
     chosen = select(ch(long), np.zeros(200_000, np.int8), None)
