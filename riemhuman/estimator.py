@@ -18,7 +18,7 @@ class Estimator:
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Return the parameters by name."""
-        params = {name: getattr(self, name) for name in self._parameter_names()}
+        params = {name: getattr(self, name) for name in inspect.signature(type(self)).parameters}
         if deep:
             for name, value in list(params.items()):
                 if hasattr(value, "get_params") and not isinstance(value, type):
@@ -28,7 +28,7 @@ class Estimator:
 
     def set_params(self, **params: Any) -> Self:
         """Set parameters by name."""
-        names = self._parameter_names()
+        names = self.get_params(deep=False)
         for key, value in params.items():
             name, _, inner = key.partition("__")
             if name not in names:
@@ -57,7 +57,3 @@ class Estimator:
     def _require_fit(self, attribute: str) -> None:
         if not hasattr(self, attribute):
             raise ArgumentError(f"{type(self).__name__} must be fitted first, by its method fit")
-
-    @classmethod
-    def _parameter_names(cls) -> list[str]:
-        return list(inspect.signature(cls).parameters)

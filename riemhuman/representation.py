@@ -94,13 +94,10 @@ def _completing(constructor: Callable[..., None]) -> Callable[..., None]:
     return construct
 
 
-def _brief(value: object) -> str:
-    return _cut(" ".join(_name(value).split()))
+def _brief(value: Any) -> str:
+    text = value.__qualname__ if inspect.isroutine(value) else repr(value)
+    return _cut(" ".join(text.split()))
 
 
 def _cut(text: str) -> str:
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
-
-
-def _name(value: Any) -> str:
-    return value.__qualname__ if inspect.isroutine(value) else repr(value)

@@ -33,14 +33,14 @@ class PairedCodes(ABC):
     code_names: ClassVar[tuple[str, str]]
     parameters_: dict[str, ndarray]
 
-    # Whole numbers in files, the file that ships, and the size of hidden layers per `n_hidden`.
+    # Other whole numbers in files, the file that ships, and hidden layers in units of `n_hidden`.
     _SETTINGS: ClassVar[tuple[str, ...]]
     _SHIPPED: ClassVar[str]
     _WIDTH: ClassVar[int] = 1
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         with format_errors(file_path(path), "a trained network"):
-            weights = Weights(path, type(self).__name__, self._SETTINGS)
+            weights = Weights(path, type(self).__name__, (*self._SETTINGS, "n_hidden"))
             self._fields = weights.fields
             for name, value in weights.settings.items():
                 setattr(self, name, value)

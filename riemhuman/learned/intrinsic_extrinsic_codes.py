@@ -69,9 +69,7 @@ class IntrinsicExtrinsicCodes(PairedCodes):
 
     code_names = ("intrinsic", "extrinsic")
     _WIDTH = 2
-    _SETTINGS = ("n_intrinsic", "n_extrinsic", "n_points", "n_eigenvalues") + (
-        ("n_hidden", "n_features")
-    )
+    _SETTINGS = ("n_intrinsic", "n_extrinsic", "n_points", "n_eigenvalues", "n_features")
     _SHIPPED = "intrinsic_extrinsic_codes.npz"
 
     def transform(self, X: ArrayLike) -> ndarray:

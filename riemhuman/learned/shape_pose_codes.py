@@ -66,7 +66,7 @@ class ShapePoseCodes(PairedCodes):
     _carried: Correspondence | None = None
 
     code_names = ("shape", "pose")
-    _SETTINGS = ("n_shape", "n_pose", "n_parts", "n_hidden")
+    _SETTINGS = ("n_shape", "n_pose", "n_parts")
     _SHIPPED = "shape_pose_codes.npz"
 
     def on(self, template: Template, correspondence: Any = None) -> Self:
