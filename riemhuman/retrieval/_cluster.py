@@ -6,6 +6,7 @@ import pkgutil
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from copy import copy
 from itertools import islice
 from typing import Any
 
@@ -54,7 +55,7 @@ def _in_turn(
     tiles: Sequence[tuple[int, Any]],
 ) -> Iterator[tuple[int, ndarray]]:
     # Sent once; the scheduler sends it again to a worker that replaces a lost one.
-    sent = client.submit(_same, metric, pure=False)
+    sent = client.submit(copy, metric, pure=False)
     waiting = iter(tiles)
     running: dict[Any, int] = {}
     n_running = _TILES_A_THREAD * max(1, sum(client.nthreads().values()))
@@ -109,10 +110,6 @@ def _first_finished(client: Any, distributed: Any, running: Collection[Any]) -> 
         except TimeoutError:
             n_without_workers = 0 if client.nthreads() else n_without_workers + 1
     raise _lost(f"the cluster has had no worker for {_PATIENCE * _SECONDS} seconds")
-
-
-def _same(metric: RiemannianMetric) -> RiemannianMetric:
-    return metric
 
 
 def _check_workers(client: Any) -> None:

@@ -33,11 +33,11 @@ def distance(request, space):
 
 
 def test_all_pairs_are_the_single_ones_in_both_orders(make, motions):
-    unequal = [motions[0], motions[1][:7], motions[2], motions[3][2:]]
+    unequal = [motions[0], motions[1][:7], motions[3][2:]]
     distance = make(n_jobs=2)
     distances = distance.dist_pairwise(unequal)
     assert not distances.diagonal().any()
-    for i, j in itertools.combinations(range(4), 2):
+    for i, j in itertools.combinations(range(3), 2):
         single = distance.dist(unequal[i], unequal[j])
         assert distances[i, j] == distances[j, i] == pytest.approx(single, rel=1e-9)
         assert distance.dist(unequal[j], unequal[i]) == pytest.approx(single, rel=1e-9)
