@@ -246,12 +246,12 @@ def test_flesh_moves_with_the_pose_as_the_model_cannot(natural, bodies):
 
 
 def test_the_same_people_come_again_and_others_with_another_seed(natural, bodies, people):
-    again = load_open_bodies.__wrapped__("coarse", "natural", people=people)  # computed anew
-    np.testing.assert_array_equal(again.points, natural.points)
     if people is None:
         np.testing.assert_array_equal(natural.betas, bodies.betas)
         assert natural.subject_names == bodies.subject_names
     else:
+        again = load_open_bodies.__wrapped__("coarse", "natural", people=people)  # computed anew
+        np.testing.assert_array_equal(again.points, natural.points)
         gaps = np.linalg.norm(natural.betas[::10, None] - bodies.betas[None, ::10], axis=-1)
         assert gaps.min() > 1
 
