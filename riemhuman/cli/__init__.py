@@ -11,6 +11,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 
 from riemhuman import __version__
 
@@ -82,8 +83,8 @@ def _run(given: Sequence[str]) -> int:
     if not hasattr(options, "run"):
         parser.print_help()
         return _DONE
-    reporter = terminal.Reporter(options.quiet)
-    options.task, options.bars, options.written = reporter.task, reporter.bars, []
+    options.bars = not options.quiet and sys.stderr.isatty()
+    options.task, options.written = partial(terminal.task, options), []
     try:
         with terminal.short_warnings() as unconverged:
             for check in options.checks:

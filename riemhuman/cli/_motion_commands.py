@@ -181,7 +181,7 @@ def _find(options: argparse.Namespace) -> cli.Answer:
     record = [{"distance": p.dist, "first": p.start, "last": p.stop - 1} for p in parts]
     rows = [f"{p.dist:10.6g}  {p.start:6d}  {p.stop - 1:6d}" for p in parts]
     head, rate = "  distance   first    last", getattr(read.motions[1], "frames_per_second", None)
-    if rate is not None:
+    if rate is not None and not options.b_motion.is_dir():  # meshes do not tell their rate
         head += "   seconds"
         for number, part in enumerate(record):
             seconds = [part[end] / rate for end in ("first", "last")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import io
 import json
 import os
@@ -98,25 +99,18 @@ def discard_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-class Reporter:
-    """Reports on standard error what a command does; progress bars appear only on a terminal."""
-
-    def __init__(self, quiet: bool) -> None:
-        self.quiet = quiet
-        self.bars = not quiet and sys.stderr.isatty()
-
-    @contextmanager
-    def task(self, name: str) -> Iterator[None]:
-        """Report a task, and then the time that it took."""
-        start = time.perf_counter()
-        if self.bars:
-            sys.stderr.write(f"{name} ...")
-            sys.stderr.flush()
-        yield
-        if not self.quiet:
-            # On a terminal, this replaces the name of the task.
-            begin = "\r" if self.bars else ""
-            sys.stderr.write(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
+@contextmanager
+def task(options: argparse.Namespace, name: str) -> Iterator[None]:
+    """Report a task on standard error with the time that it took, on a terminal as it begins."""
+    start = time.perf_counter()
+    if options.bars:
+        sys.stderr.write(f"{name} ...")
+        sys.stderr.flush()
+    yield
+    if not options.quiet:
+        # On a terminal, this replaces the name of the task.
+        begin = "\r" if options.bars else ""
+        sys.stderr.write(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
 
 
 @contextmanager

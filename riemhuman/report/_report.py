@@ -149,7 +149,7 @@ class Report:
         def compute(name: str, representation: Any) -> Computed:
             own = described().get(name) if hasattr(representation, "describe_together") else None
             try:
-                matrix, per_body, per_pair = timed_distances(representation, self.bodies, own)
+                matrix, (per_body, per_pair) = timed_distances(representation, self.bodies, own)
             except RiemhumanError as error:
                 return {}, {"problem": f"{type(error).__name__}: {error}"}
             record = {"seconds_per_body": per_body, "seconds_per_pair": per_pair}

@@ -162,8 +162,7 @@ def benchmark(
         try:
             with task(f"{name}: {n_pairs:,} distances"):
                 own = described.get(name)
-                distances, *both = timed_distances(representation, bodies, own)
-                times = both[0], both[1]
+                distances, times = timed_distances(representation, bodies, own)
             found = score(dict.fromkeys(labels, distances))
         except RiemhumanError as error:
             problem = f"{type(error).__name__}: {error}"
@@ -318,8 +317,8 @@ def described_together(
 
 def timed_distances(
     representation: Any, bodies: Any, described: Described | None = None
-) -> tuple[np.ndarray, float, float]:
-    """Return all distances within a set of bodies, and the time that they took."""
+) -> tuple[np.ndarray, tuple[float, float]]:
+    """Return all distances within a set of bodies, and the seconds for a body and for a pair."""
     n_bodies = len(bodies)
     n_pairs = n_bodies * (n_bodies - 1) // 2
     if hasattr(representation, "dist_pairwise"):
@@ -329,7 +328,7 @@ def timed_distances(
         representation.dist_pairwise(bodies.points[:2])
         start = time.perf_counter()
         distances = representation.dist_pairwise(bodies.points, n_jobs=-1)
-        return distances, 0.0, (time.perf_counter() - start) / n_pairs
+        return distances, (0.0, (time.perf_counter() - start) / n_pairs)
 
     if described is None:
         start = time.perf_counter()
@@ -342,7 +341,7 @@ def timed_distances(
     vectors, seconds = described
     start = time.perf_counter()
     distances = representation.distances(vectors)
-    return distances, seconds / n_bodies, (time.perf_counter() - start) / n_pairs
+    return distances, (seconds / n_bodies, (time.perf_counter() - start) / n_pairs)
 
 
 def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import pytest
 import riemhuman
 from riemhuman.cli import main
 from riemhuman.cli._commands import COMMANDS, make_parser
-from riemhuman.cli._terminal import Reporter, as_json, note
+from riemhuman.cli._terminal import as_json, note, task
 from riemhuman.progress import ProgressBar
 
 NAMES = tuple(COMMANDS)
@@ -200,18 +201,16 @@ def test_the_shell_completes_names_and_options(tmp_path):
     assert "--align" in completed("riemhuman dist --al")
 
 
-def test_a_terminal_is_told_at_once(capsys, monkeypatch):
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    reporter = Reporter(quiet=False)
-    assert reporter.bars
-    with reporter.task("Reading"):
+def test_a_terminal_is_told_at_once(capsys):
+    with task(SimpleNamespace(quiet=False, bars=True), "Reading"):
         assert capsys.readouterr().err == "Reading ..."
     assert re.fullmatch(r"\rReading: \d\.\d s\n", capsys.readouterr().err)
 
 
 def test_notes_stand_above_bars(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with Reporter(quiet=False).task("Reading"), ProgressBar(range(3)) as bar:
+    reported = task(SimpleNamespace(quiet=False, bars=True), "Reading")
+    with reported, ProgressBar(range(3)) as bar:
         bar.update()
         note("one is unreadable")
     written = capsys.readouterr().err
