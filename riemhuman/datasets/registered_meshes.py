@@ -132,7 +132,7 @@ class RegisteredMeshes:
 def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
     """Return the mesh files of a folder in natural order: body_2 comes before body_10.
 
-    Subfolders and hidden files are ignored.
+    Subfolders and hidden files are ignored, and GLB files beside meshes of other formats.
 
     Parameters
     ----------
@@ -150,6 +150,8 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
         files = [file for file in root.iterdir() if is_visible(file, MESH_ENDINGS)]
     if not files:
         raise no_meshes(root)
+    # Beside other meshes, a GLB file is their animation.
+    files = [file for file in files if file.suffix.lower() != ".glb"] or files
     return sorted(files, key=lambda file: natural_key(file.name))
 
 

@@ -51,6 +51,7 @@ def test_folder_holds_meshes_pictures_animation_and_page(run, ends, expected, tm
     page = (output / "path.html").read_text(encoding="utf-8")
     assert "<p>From body_0.ply to body_1.ply in " in page
     assert (output / "path.glb").read_bytes().startswith(b"glTF")
+    assert json.loads(run("info", output, "--json").out)["first"] == "time_0000.ply"
 
     again = run("geodesic", *ends, *options)
     assert (again.code, again.out) == (2, "")
