@@ -25,6 +25,7 @@ from riemhuman.checks import (
     one_of,
     real_array,
     real_number,
+    weight_shares,
     whole_number,
 )
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
@@ -157,7 +158,7 @@ def fit_model(
     stages = _stages(
         Skeleton(model, with_hands=hands_prior is not None),
         combine,
-        _shares(weights, n_points),
+        weight_shares(weights, n_points),
         _loss(loss, real_number(loss_scale, "loss_scale", minimum=0.0, strict=True)),
         np.concatenate([np.repeat(in_pose, 3), in_betas, in_hands, np.zeros(3)]),
     )
@@ -357,15 +358,3 @@ def _loss(name: str, scale: float) -> Loss:
         return np.where(far, 2.0 * scale * distances - scale**2, squares), factor
 
     return huber
-
-
-def _shares(weights: Any, n_points: int) -> np.ndarray:
-    if weights is None:
-        return np.full(n_points, 1.0 / n_points)
-    values = real_array(weights, "weights", (n_points,), batched=False)
-    if (values < 0).any() or not (values > 0).any():
-        raise ArgumentError(
-            "weights must not be negative, and at least one must be positive; found values from "
-            f"{values.min():g} to {values.max():g}"
-        )
-    return values / values.sum()

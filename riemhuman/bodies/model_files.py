@@ -30,7 +30,9 @@ _USUAL_BETAS = 10
 _HANDS = ("hands_componentsl", "hands_componentsr", "hands_meanl", "hands_meanr")
 _LANDMARKS = ("lmk_faces_idx", "dynamic_lmk_faces_idx")
 
-_SMPLX_JOINTS, _SMPLH_JOINTS, _SMAL_JOINTS = 55, 52, (33, 35)
+# By the number of joints.
+_FAMILIES = {24: "SMPL", 52: "SMPL-H", 55: "SMPL-X", 33: "SMAL", 35: "SMAL"}
+_OTHER_FAMILY = "SMPL's layout"
 # Shape coefficients of SMPL-X, by the number of all its coefficients; expressions come after them.
 _SHAPES_OF_SMPLX = {400: 300, 20: 10}
 
@@ -139,19 +141,12 @@ def _contents(fields: Mapping[str, Any], n_betas: int | None) -> ModelContents:
     n_coefficients = _last_length(fields["shapedirs"])
     by_quaternions = n_entries == 4 * (n_joints - 1) + 1
     has_face = any(name in fields for name in _LANDMARKS)
+    family = "STAR" if by_quaternions else _FAMILIES.get(n_joints, _OTHER_FAMILY)
+    if family == "SMPL-X" and not has_face and n_coefficients not in _SHAPES_OF_SMPLX:
+        family = _OTHER_FAMILY
     n_shapes = n_coefficients
-    if by_quaternions:
-        family = "STAR"
-    elif n_joints == _SMPLX_JOINTS and (has_face or n_coefficients in _SHAPES_OF_SMPLX):
-        family = "SMPL-X"
+    if family == "SMPL-X":
         n_shapes = _SHAPES_OF_SMPLX.get(n_coefficients, n_coefficients)
-    elif n_joints == _SMPLH_JOINTS:
-        family = "SMPL-H"
-    elif n_joints in _SMAL_JOINTS:
-        family = "SMAL"
-    else:
-        family = "SMPL" if n_joints == 24 else "SMPL's layout"
-
     n_used = min(_usual_betas(fields, n_betas), n_shapes)
     used = [f"{n_joints} joints", f"{n_used} shape coefficients"]
     left_out = []

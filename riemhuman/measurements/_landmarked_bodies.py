@@ -22,11 +22,7 @@ AXES = ("left", "up", "forward")
 
 
 class LandmarkedBodies:
-    """Surfaces, shape (n, V, 3) in metres, with landmarks and axes by name.
-
-    Autograd can differentiate everything by the surfaces. Axes are those of the bodies, which move
-    with their trunks ("body"), or those of the template in space ("space").
-    """
+    """Surfaces, shape (n, V, 3) in metres, with landmarks, and axes of the "body" or in "space"."""
 
     def __init__(self, description: Any, surfaces: Any, axes: str) -> None:
         self.set, self.surfaces, self._frames = description, surfaces, axes

@@ -38,8 +38,6 @@ _MOST_UNSEEN = 0.05
 _HANDS_PRIOR = 1e-6
 # Uneven bends of a spine, root of the sum of their squares in radians, that poses can have.
 _BENDS_OF_POSES = np.radians(7.0)
-# Number of vertices from which the size of a body is estimated.
-_N_SAMPLES = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,17 +185,8 @@ class Measurements:
         points = real_array(points, "points", (self.definitions.n_vertices, 3))
         lead = points.shape[:-2]
         surfaces = points.reshape(-1, *points.shape[-2:])
-        _check_metres(surfaces)
-        if self.definitions.is_closed:
-            # One at a time: their corners would take many times their memory.
-            for number, surface in enumerate(surfaces):
-                both = np.stack([surface, self.definitions.vertices])
-                volume, own = LandmarkedBodies(self.definitions, both, "space").volumes
-                if not volume * own > 0.0:
-                    raise DegenerateSurfaceError(
-                        f"points[{number}] encloses {volume:.3g} m³ and the template {own:.3g} m³: "
-                        "the body is inside out, as after a reflection, or has no extent"
-                    )
+        for number, surface in enumerate(surfaces):
+            self._check_surface(surface, f"points[{number}]")
         if pose == "standard":
             if gradient:
                 raise ArgumentError('gradient requires pose="as is"; found pose="standard"')
@@ -255,6 +244,24 @@ class Measurements:
             own = measurement.lines(bodies) if is_defined else []
             lines[measurement.name] = [np.asarray(line) for line in own]
         return lines
+
+    def _check_surface(self, surface: ndarray, name: str) -> None:
+        """Raise an error if a body is in other units or inside out; any other size is accepted."""
+        extent = float(np.ptp(surface, axis=0).max())
+        units = likely_units(extent)
+        if units and "metres" not in units:
+            raise ArgumentError(
+                f"{name} is {extent:.4g} long, as a body in {' or '.join(units)} is; measurements "
+                "need bodies in metres"
+            )
+        if self.definitions.is_closed:
+            both = np.stack([surface, self.definitions.vertices])
+            volume, own = LandmarkedBodies(self.definitions, both, "space").volumes
+            if not volume * own > 0.0:
+                raise DegenerateSurfaceError(
+                    f"{name} encloses {volume:.3g} m³ and the template {own:.3g} m³: the body is "
+                    "inside out, as after a reflection, or has no extent"
+                )
 
     def _measure(self, surfaces: ndarray, axes: str, gradient: bool) -> tuple[ndarray, Any]:
         measurements = self.definitions.measurements
@@ -382,17 +389,3 @@ def as_mapping(values: Any, names: Sequence[str]) -> dict[str, float]:
         raise ArgumentError(f"values must map names of measurements to numbers; found {values!r}")
     named = {nearest_name(str(name), "measurement", names): v for name, v in values.items()}
     return {name: real_number(value, name) for name, value in named.items()}
-
-
-def _check_metres(surfaces: ndarray) -> None:
-    """Raise an error if bodies are in other units; sizes that fit no unit are accepted."""
-    if not surfaces.size:
-        return
-    some = surfaces[:, :: max(1, surfaces.shape[1] // _N_SAMPLES)]
-    for number, extent in enumerate(np.ptp(some, axis=1).max(axis=1)):
-        units = likely_units(float(extent))
-        if units and "metres" not in units:
-            raise ArgumentError(
-                f"points[{number}] is {extent:.4g} long, as a body in {' or '.join(units)} is; "
-                "measurements need bodies in metres"
-            )

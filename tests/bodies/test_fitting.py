@@ -130,14 +130,12 @@ def test_points_inside_triangles(model):
     points = model(betas, pose, trans)
     scan = np.einsum("pc,npcx->npx", coordinates, points[:, model.faces[triangles]])
     matrix = correspondence_matrix(model, (triangles, coordinates))
-    fits = [
-        model.fit(scan, correspondence=each)
-        for each in ((triangles, coordinates), [triangles, coordinates], matrix, matrix.tocoo())
-    ]
-    for fit in fits:
-        assert fit.converged.all()
-        assert fit.mean_distance.max() < 1e-6
-        assert distances_mm(model(fit.betas, fit.pose, fit.trans), points).max() < 0.1
+    for same in ([triangles, coordinates], matrix, matrix.tocoo()):
+        assert (correspondence_matrix(model, same) != matrix).nnz == 0
+    fit = model.fit(scan, correspondence=(triangles, coordinates))
+    assert fit.converged.all()
+    assert fit.mean_distance.max() < 1e-6
+    assert distances_mm(model(fit.betas, fit.pose, fit.trans), points).max() < 0.1
 
 
 def test_weights_leave_points_out(model):
@@ -284,7 +282,7 @@ BAD = {
         {"correspondence": sparse.eye_array(7)},
         r"correspondence must have shape \(n_points, 1202\); found \(7, 7\)",
     ),
-    "negative weights": ({"weights": np.full(1202, -1.0)}, "weights must not be negative"),
+    "negative weights": ({"weights": np.full(1202, -1.0)}, "weights must be at least 0"),
     "loss": ({"loss": "cubic"}, "loss must be one of 'squared', 'huber'"),
     "scale": ({"loss_scale": 0.0}, "loss_scale must be a finite number above 0"),
     "steps": ({"max_iter": 0}, "max_iter must be a whole number of at least 1"),
