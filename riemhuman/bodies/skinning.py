@@ -141,6 +141,11 @@ class JointMotions:
         self.positions = skeleton.below @ bones
         self.shifts = self.positions - _apply(self.rotations, joints)
 
+    @property
+    def pose_feature(self) -> onp.ndarray:
+        """The entries of R - I, by which pose-dependent displacements are multiplied."""
+        return (self.local[self.skeleton.limbs] - onp.eye(3)).ravel()
+
     def skin(
         self,
         rest: onp.ndarray,
@@ -152,7 +157,7 @@ class JointMotions:
         """Return points before the joints rotate, their blended rotations, and where they move."""
         shaped = rest + shapedirs @ self.betas
         if posedirs is not None:
-            shaped += posedirs @ (self.local[self.skeleton.limbs] - onp.eye(3)).ravel()
+            shaped += posedirs @ self.pose_feature
         blended = (weights @ self.rotations[bones].reshape(-1, 9)).reshape(-1, 3, 3)
         return shaped, blended, _apply(blended, shaped) + weights @ self.shifts[bones]
 
