@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from riemhuman.checks import integer_array, real_number
+from riemhuman.checks import integer_array
+from riemhuman.datasets.bvh import nearest_frames
 from riemhuman.datasets.motions import Motion, Motions, choose_names
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import memory_limit, memory_size
@@ -29,12 +30,12 @@ _SPAN = 64
 
 
 class DynamicFaustMotion(Motion):
-    """One sequence of Dynamic FAUST, of which every `step`-th frame is read on access."""
+    """One sequence of Dynamic FAUST, whose frames are read on access."""
 
     def __init__(
-        self, path: Path, subject: str, sequence: str, faces: np.ndarray, step: int
+        self, path: Path, subject: str, sequence: str, faces: np.ndarray, rate: Any
     ) -> None:
-        self.path, self._step, self._key = path, step, f"{subject}_{sequence}"
+        self.path, self._key = path, f"{subject}_{sequence}"
         self._n_vertices = int(faces.max()) + 1
         with _open(path) as contents:
             data = _stored(contents, self._key, path)
@@ -46,23 +47,23 @@ class DynamicFaustMotion(Motion):
                 f"{self._key} of {path} must have shape ({self._n_vertices}, 3, n_frames), as its "
                 f"triangles ask for; found {shape}"
             )
-        rate, n_used = _FRAMES_PER_SECOND / step, -(-shape[2] // step)
-        super().__init__(subject, sequence, rate, n_used, faces)
+        self._numbers = nearest_frames(shape[2], _FRAMES_PER_SECOND, rate)
+        super().__init__(subject, sequence, float(rate), len(self._numbers), faces)
 
     def _frames(self, numbers: range) -> np.ndarray:
-        step = self._step
-        numbers = range(step * numbers.start, step * numbers.stop, step * numbers.step)
-        frames = np.empty((len(numbers), self._n_vertices, 3))
-        run = max(1, _SPAN // abs(numbers.step))
+        chosen = self._numbers[np.asarray(numbers, dtype=np.int64)]
+        frames = np.empty((len(chosen), self._n_vertices, 3))
+        stride = abs(numbers.step) * _FRAMES_PER_SECOND / self.frames_per_second
+        run = max(1, int(_SPAN / stride))
         with _open(self.path) as file:
-            for start in range(0, len(numbers), run):
-                some = np.asarray(numbers[start : start + run])
+            for start in range(0, len(chosen), run):
+                some = chosen[start : start + run]
                 first, end = int(some.min()), int(some.max()) + 1
                 read = file[self._key][:, :, first:end]
                 frames[start : start + run] = np.moveaxis(read[:, :, some - first], -1, 0)
         finite = np.isfinite(frames).all(axis=(1, 2))
         if not finite.all():
-            bad = [str(number) for number in np.array(numbers)[~finite]]
+            bad = [str(number) for number in chosen[~finite]]
             raise FileFormatError(
                 f"{self.path}: NaN or infinite coordinates in frames {join_names(bad)} of "
                 f"{self._key}"
@@ -92,7 +93,7 @@ def load_dfaust(
         Motions to load; by default all. Unless `subjects` are given, people who lack one of these
         motions are skipped for it.
     frames_per_second : float
-        Frame rate: 60, as in the files, or 60 divided by a whole number.
+        Frame rate, at most 60, that of the files: the frames nearest in time are used.
 
     References
     ----------
@@ -109,13 +110,6 @@ def load_dfaust(
     >>> rh.datasets.load_dfaust("registrations_f.hdf5")[0].n_frames
     4
     """
-    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
-    step = max(1, round(_FRAMES_PER_SECOND / rate))
-    if abs(step * rate - _FRAMES_PER_SECOND) > 1e-6 * _FRAMES_PER_SECOND:
-        raise ArgumentError(
-            f"frames_per_second must be {_FRAMES_PER_SECOND:g} divided by a whole number; "
-            f"found {rate:g}"
-        )
     root = file_path(path, kind="file or folder")
     files = [root]
     if root.is_dir():
@@ -145,7 +139,8 @@ def load_dfaust(
     for subject, sequence in itertools.product(people, names):
         if sequence in recorded[subject]:
             file = recorded[subject][sequence]
-            motions.append(DynamicFaustMotion(file, subject, sequence, faces, step))
+            made = DynamicFaustMotion(file, subject, sequence, faces, frames_per_second)
+            motions.append(made)
         else:
             missing.append(f"{subject}_{sequence}")
     if missing and sequences is not None and subjects is not None:

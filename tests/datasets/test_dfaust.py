@@ -137,7 +137,7 @@ def test_wrong_arguments(folder, tmp_path):
         ((folder, 2.5), ArgumentTypeError, r"subjects must be a list of names; found 2\.5"),
         ((tmp_path / "nowhere",), FileError, "no file .*nowhere"),
         ((tmp_path / "empty",), FileError, f"holds neither {MEN} nor {WOMEN}"),
-        ((folder, None, None, 59), ArgumentError, "must be 60 divided by a whole number"),
+        ((folder, None, None, 61), ArgumentError, "must be at most .* 60; found 61"),
     ):
         with pytest.raises(error, match=message):
             load_dfaust(*arguments)
