@@ -211,7 +211,7 @@ def test_median_of_weighted_numbers_is_one_of_them(solver, in_batches):
 @pytest.mark.sampled(2)
 @on_fields
 def test_median_has_the_least_sum_of_distances(space):
-    points = near_points(space)
+    points = near_points(space, 3)
     median = GeometricMedian(space, GradientDescentMean(tolerance=1e-8)).fit(points)
 
     def total(point):
