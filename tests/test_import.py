@@ -7,7 +7,7 @@ import pytest
 
 import riemhuman
 
-HEAVY = {"dask", "h5py", "matplotlib", "numba", "pandas", "torch", "trimesh"}
+HEAVY = {"dask", "h5py", "matplotlib", "numba", "torch", "trimesh"}
 
 REFUSE_NETWORK = """
 import sys

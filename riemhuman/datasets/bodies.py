@@ -15,7 +15,6 @@ from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, format_errors
-from riemhuman.optional import import_optional
 from riemhuman.surfaces.template import Template
 
 Class = int | str
@@ -183,15 +182,6 @@ class Bodies:
             values: dict[str, Any] = {name: arrays[name] for name in _STORED if name in arrays}
             values |= {name: tuple(arrays[name].tolist()) for name in _NAMES if name in arrays}
             return cls(template=template, **values)
-
-    def to_frame(self) -> Any:
-        """Return the names of people and poses as a pandas table, one row per surface by `ids`."""
-        pandas = import_optional("pandas", "tables")
-        columns = {
-            name: [getattr(self, f"{name}_names")[label] for label in getattr(self, name)]
-            for name in ("subject", "pose")
-        }
-        return pandas.DataFrame(columns, index=pandas.Index(self.ids, name="id"))
 
     def __repr__(self) -> str:
         people, poses = len(np.unique(self.subject)), len(np.unique(self.pose))
