@@ -65,10 +65,7 @@ class Record:
 
 
 class Unchanging:
-    """Base of classes whose constructor arguments cannot be set again on an object.
-
-    Constructors, with those of subclasses around them, may set them as often as they like.
-    """
+    """Base of classes whose arguments cannot be set again once an object is constructed."""
 
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)

@@ -5,7 +5,6 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.checks import UNITS, check_same_scale, likely_units
-from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, FileFormatError
 
 
@@ -25,24 +24,23 @@ def test_units_of_bodies(extent, units):
     assert likely_units(extent) == units
 
 
-def test_bodies_of_one_unit_pass():
-    bodies = load_open_bodies("coarse")
+@pytest.fixture(scope="module")
+def bodies():
+    return rh.datasets.load_open_bodies("coarse")
+
+
+def test_bodies_of_one_unit_pass(bodies):
     check_same_scale(bodies.points, bodies.template.vertices, "points", "template")
     for factor in (0.3, 1.9):  # a child, and a giant with raised arms
         check_same_scale(factor * bodies[0], bodies.template.vertices, "points", "template")
     check_same_scale(0.0 * bodies[0], bodies.template.vertices, "points", "template")
 
 
-@pytest.fixture(scope="module")
-def open_bodies():
-    return load_open_bodies("coarse")
-
-
 @pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "metres"])
 @pytest.mark.parametrize("person", range(0, 100, 10))
-def test_other_units_are_named(unit, person, open_bodies):
-    points = UNITS[unit] * open_bodies.points[person : person + 10]
-    reference = open_bodies.points[55]
+def test_other_units_are_named(unit, person, bodies):
+    points = UNITS[unit] * bodies.points[person : person + 10]
+    reference = bodies.points[55]
     with pytest.raises(ArgumentError, match=rf"f\[0\] is .* large as T, as if one were in {unit}"):
         check_same_scale(points, reference, "f", "T")
     with pytest.raises(ArgumentError, match="as small as T, as if one were in metres"):
@@ -55,8 +53,9 @@ def test_sizes_of_no_unit_are_refused_without_one():
         check_same_scale(300 * surface, surface, "f", "T", error=FileFormatError)
 
 
-def meetings(bodies, space, one, other, far):
+def meetings(bodies, space, far):
     """Return all ways by which a body meets others, in which `far` is in another unit."""
+    one, other = bodies[:2]
     metric, solvers = space.metric, rh.solvers
     pose = rh.ElasticMetric(space, 0.0, 0.0, 1.0)
     basis = rh.DeformationBasis.from_laplacian(space.template, n_components=4)
@@ -88,27 +87,24 @@ def meetings(bodies, space, one, other, far):
 
 
 @pytest.mark.parametrize("factor", [1000.0, 100.0, 39.37])
-def test_units_are_told_apart_wherever_bodies_meet(factor):
-    bodies = load_open_bodies("coarse")
+def test_units_are_told_apart_wherever_bodies_meet(factor, bodies):
     space = rh.AlignedSurfaces(bodies.template)
-    ways = meetings(bodies, space, bodies[0], bodies[1], factor * bodies[2])
+    ways = meetings(bodies, space, factor * bodies[2])
     for meet in ways.values():
         with pytest.raises(ArgumentError, match="times as large as .*as if one were in"):
             meet()
 
 
-def test_children_are_no_other_unit():
-    bodies = load_open_bodies("coarse")
+def test_children_are_no_other_unit(bodies):
     space = rh.AlignedSurfaces(bodies.template)
-    ways = meetings(bodies, space, bodies[0], bodies[1], 0.5 * bodies[2])
+    ways = meetings(bodies, space, 0.5 * bodies[2])
     for name in ("dist", "length", "LinearPath", "ShapeTransfer", "procrustes", "from_motions"):
         ways[name]()
 
 
-def test_other_objects_are_taken_as_they_are_once_that_is_said():
-    bodies = load_open_bodies("coarse")
+def test_other_objects_are_taken_as_they_are_once_that_is_said(bodies):
     space = rh.AlignedSurfaces(bodies.template, scale=None)
-    ways = meetings(bodies, space, bodies[0], bodies[1], 100.0 * bodies[2])
+    ways = meetings(bodies, space, 100.0 * bodies[2])
     for name in ("dist", "dist_pairwise", "length", "map", "LinearPath", "MotionTransfer"):
         ways[name]()
     far = rh.procrustes(100.0 * bodies[2], to=bodies[0], scale=None)

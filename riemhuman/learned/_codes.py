@@ -14,7 +14,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import check_same_scale, real_array
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentTypeError
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
 from riemhuman.learned._networks import network_shapes
@@ -151,11 +151,8 @@ class PairedCodes(ABC):
 
     def _check_points(self, X: Any) -> ndarray:
         points = self._template.check_points(X, "X")
-        if points.ndim != 3:
-            raise ArgumentError(
-                f"X must have shape (n, {self._template.n_vertices}, 3); found {points.shape}"
-            )
-        return points
+        shape = ("n", self._template.n_vertices, 3)
+        return np.asarray(real_array(points, "X", shape, batched=False))
 
     def _check_scale(self, points: ndarray, name: str) -> None:
         reference = self._home.vertices

@@ -186,9 +186,7 @@ def test_chumpy_in_chumpy_without_end(folder):
 
 
 def test_arrays_share_nothing_that_can_be_written(folder):
-    (folder / "model.pkl").write_bytes(
-        pickled({"a": np.arange(3.0), "b": np.float32(2.5)}.copy() | {"b": np.arange(2)})
-    )
+    (folder / "model.pkl").write_bytes(pickled({"a": np.arange(3.0), "b": np.arange(2)}))
     found = load_pickled_arrays("model.pkl", ["a"], ["b", "c"])
     assert list(found) == ["a", "b"]
     assert not found["a"].flags.writeable
