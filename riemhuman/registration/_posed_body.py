@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
 from riemhuman.kernels.compilation import SUM, compiled
+from riemhuman.kernels.rotations import axial
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.registration._scan_preparation import PreparedScan, thin_points
 
@@ -131,6 +132,15 @@ class Prior(NamedTuple):
     betas_precisions: np.ndarray  # (B,) inverse variances
 
 
+def _rotation_vectors(rotations: np.ndarray) -> np.ndarray:
+    """Return axis-angle vectors, 0 for half turns, whose axis has two signs."""
+    sines = axial(rotations)
+    sine = np.linalg.norm(sines, axis=1, keepdims=True)
+    cosine = 0.5 * (np.trace(rotations, axis1=1, axis2=2) - 1.0)
+    angles = np.arctan2(sine, cosine[:, np.newaxis])
+    return sines * angles / np.maximum(sine, np.finfo(float).tiny)
+
+
 def take_step(
     posed: PosedBody,
     prior: Prior,
@@ -169,7 +179,7 @@ def take_step(
 
     of_place = np.full(3, prior.precisions[body.skeleton.order[0]])
     precisions = np.concatenate([np.tile(prior.precisions, 3), prior.betas_precisions, of_place])
-    away = Rotation.from_matrix(pose.local @ prior.local.transpose(0, 2, 1)).as_rotvec()
+    away = _rotation_vectors(pose.local @ prior.local.transpose(0, 2, 1))
     in_space = np.einsum("jxy,jy->xj", posed.motions.axes, away)
     offsets = np.concatenate([in_space.ravel(), pose.betas - prior.betas, np.zeros(3)])
     right -= prior_weight * precisions * offsets

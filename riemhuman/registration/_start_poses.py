@@ -61,7 +61,7 @@ def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
         written[f"{name}_right"] = _mirror_pose(_START_POSES[name])
     poses = {}
     for name, angles in written.items():
-        known = {joint: own for joint, own in angles.items() if _has(names, joint)}
+        known = {k: own for k, own in angles.items() if k in names or f"left_{k}" in names}
         vectors = pose_vectors(joint_rotations(known, model), model)
         poses[name] = np.ascontiguousarray(rotation_matrix(vectors))
     return poses
@@ -72,10 +72,6 @@ def joint_precisions(model: BodyModel) -> np.ndarray:
     joints = [name.split("_")[-1] for name in joint_names(model)]
     deviations = np.radians([_DEGREES.get(joint, _OTHER_DEGREES) for joint in joints])
     return np.where(model.parents < 0, 0.0, deviations**-2.0)
-
-
-def _has(names: tuple[str, ...], joint: str) -> bool:
-    return joint in names or f"left_{joint}" in names
 
 
 def _mirror_pose(angles: dict[str, Any]) -> dict[str, Any]:

@@ -406,7 +406,10 @@ class ScanRegistration:
 
         def search(target: PreparedScan) -> list[Candidate]:
             if start is not None and start.fit is not None:
-                warm = fitter.run_from(_pose(start.fit), start.up, target)
+                fit = start.fit
+                betas = np.concatenate([fit.betas, fit.hands])
+                pose = Pose(rotation_matrix(fit.pose), betas, fit.trans)
+                warm = fitter.run_from(pose, start.up, target)
                 likelihood = self._likelihood(fitter, warm.pose, scan, start.up)
                 if likelihood > start.likelihood - _WARM_LOSS:
                     return [warm]
@@ -535,12 +538,6 @@ def _upright_transform(points: np.ndarray, root: np.ndarray, up: np.ndarray) -> 
     transform[:3, 3] = -0.5 * (low + high)
     transform[1, 3] = -low[1]
     return transform
-
-
-def _pose(fit: ModelFit) -> Pose:
-    local = rotation_matrix(fit.pose)
-    hands = np.zeros(0) if fit.hands is None else fit.hands
-    return Pose(local, np.append(fit.betas, hands), fit.trans)
 
 
 # Templates are scaled to the size of a body, for which all lengths below were chosen.

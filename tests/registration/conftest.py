@@ -37,12 +37,13 @@ def registration(model):
 
 @pytest.fixture(scope="session")
 def registration_from_few_poses(model):
-    """Return a function that makes registrations whose search is short, with a direction up."""
+    """Return a function that makes registrations whose search is short; few try other arms."""
 
-    def make(up=None):
+    def make(up=None, with_arms=False):
         registration = ScanRegistration(model, up=up)
         for fitter in (registration._fitter, *registration._partial_fitters):
             fitter.poses = {name: fitter.poses[name] for name in FEW_POSES}
+            fitter.arms = fitter.arms if with_arms else []
         return registration
 
     return make

@@ -33,7 +33,7 @@ def test_turned_hands_come_back(model, registration_from_few_poses):
     prepared = prepare_scan(
         rh.registration.Scan(simulated_scan(body, triangles, 0, n_points=6000, rotate=False).points)
     )
-    fitter = registration_from_few_poses()._fitter
+    fitter = registration_from_few_poses(with_arms=True)._fitter
     best = fitter.run(replace(prepared, up=UP))[0]
     elbow, wrist = fitter.arms[0][2:]
     rest = model.joints()
