@@ -32,8 +32,9 @@ _SLOPE_LEFT = 0.9
 _MOST_TRIALS = 20
 
 # Along directions that no step has explored the inverse Hessian is often larger than the operator:
-# on geodesics of bodies, what was still to gain was three times a Newton step's in the median.
-_CAUTION = 3.0
+# on geodesics of bodies, what was still to gain was three times a Newton step's in the median, and
+# up to fourteen times.
+_CAUTION = 5.0
 # Number of iterations from which on the gain of their second half estimates what is still to gain.
 _SLOW = 10
 
