@@ -112,7 +112,7 @@ def test_mean_is_that_of_the_library(run, scans, bodies, tmp_path):
 
 def test_components_are_those_of_the_library(run, bodies, tmp_path):
     output = tmp_path / "components"
-    points, files = bodies.points[[0, 20]], [tmp_path / f"{name}.ply" for name in "ab"]
+    points, files = bodies.points[[0, 20, 40]], [tmp_path / f"{name}.ply" for name in "abc"]
     for file, surface in zip(files, points, strict=True):
         save_mesh(file, surface, bodies.template.faces)
     command = ("components", *files, "-o", f"{output}/", "-n", 1)
