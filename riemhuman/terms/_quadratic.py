@@ -375,10 +375,16 @@ def _vertex_sums(
     by_normals: ndarray | None = None,
 ) -> tuple[Any, ...]:
     """Return what `_add_vertex_sums` adds up: A, N, L z and slopes, each where it is asked for."""
-    given, shape = (surfaces, template.faces, h, z, by_areas, by_normals), surfaces.shape
     images, slopes = z is not None, by_areas is not None or by_normals is not None
-    wanted = not (images or slopes), images, slopes
+    wanted, shape = (not (images or slopes), images, slopes), surfaces.shape
     shapes = [shape if one else (0, 0, 0) for one in wanted]
+    # Arrays that are not given are empty, so that the loop is compiled only once.
+    empty = onp.empty((0, 0, 0)), onp.empty((0, 0, 0)), onp.empty((0, 0)), onp.empty((0, 0, 0))
+    arrays = [
+        none if one is None else onp.ascontiguousarray(one)
+        for one, none in zip((h, z, by_areas, by_normals), empty, strict=True)
+    ]
+    given = surfaces, template.faces, *arrays
     return _in_chunks(_add_vertex_sums, given, shape[:2], *shapes)
 
 
@@ -386,10 +392,10 @@ def _vertex_sums(
 def _add_vertex_sums(
     surfaces: ndarray,
     faces: ndarray,
-    h: Any,
-    z: Any,
-    by_areas: ndarray | None,
-    by_normals: ndarray | None,
+    h: ndarray,
+    z: ndarray,
+    by_areas: ndarray,
+    by_normals: ndarray,
     first: int,
     last: int,
     areas: ndarray,
@@ -430,7 +436,7 @@ def _add_vertex_sums(
             # The half cotangents of the angles are inner products of edges over 4 A.
             factor = 0.25 / area
             at_one, at_two, at_three = factor * xy, factor * (xx - xy), factor * (yy - xy)
-            if z is not None:
+            if len(z) > 0:
                 for d in range(3):
                     toward_two = at_three * (z[two, i, d] - z[one, i, d])
                     toward_three = at_two * (z[three, i, d] - z[one, i, d])
@@ -438,10 +444,10 @@ def _add_vertex_sums(
                     images[one, i, d] -= toward_two + toward_three
                     images[two, i, d] += toward_two - between
                     images[three, i, d] += toward_three + between
-            if by_areas is not None:
+            if len(by_areas) > 0:
                 by_area = (by_areas[one, i] + by_areas[two, i] + by_areas[three, i]) / 3.0
                 product12 = product13 = product23 = 0.0
-                if h is not None:
+                if len(h) > 0:
                     for d in range(3):
                         h12, h13 = h[two, i, d] - h[one, i, d], h[three, i, d] - h[one, i, d]
                         z12, z13 = z[two, i, d] - z[one, i, d], z[three, i, d] - z[one, i, d]
@@ -458,7 +464,7 @@ def _add_vertex_sums(
                     slopes[two, i, d] += step_two
                     slopes[three, i, d] += step_three
                     slopes[one, i, d] -= step_two + step_three
-            if by_normals is not None:
+            if len(by_normals) > 0:
                 for d in range(3):
                     b[d] = by_normals[one, i, d] + by_normals[two, i, d] + by_normals[three, i, d]
                 for d in range(3):
