@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -33,10 +34,25 @@ class TriangleFields(Manifold):
 
     value_dim: int
     value_shape: tuple[int, ...]
+    value_name: str
 
     def __init__(self, template: Template, equip: bool = True) -> None:
         self.template, n_faces = template, template.n_faces
         super().__init__(self.value_dim * n_faces, (n_faces, *self.value_shape), equip)
+
+    @abstractmethod
+    def _are_values(self, values: ndarray, atol: float) -> ndarray:
+        """Return which triangles have a value of the kind, shape (..., F)."""
+
+    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+        point, finite = self._candidates(point, "point")
+        return finite & np.all(self._are_values(point, atol), axis=-1)
+
+    def check_point(self, point: Any, name: str = "point") -> ndarray:
+        point = real_array(point, name, self.shape, rows=True)
+        wrong = ~self._are_values(values_of(point), 1e-6)
+        refuse_triangles(wrong, f"{name} must hold {self.value_name}", ArgumentError)
+        return point
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
@@ -119,11 +135,9 @@ class MetricFields(TriangleFields):
     def default_metric(self) -> type[RiemannianMetric]:
         return EbinMetric
 
-    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        point, finite = self._candidates(point, "point")
-        symmetric = np.abs(point[..., 0, 1] - point[..., 1, 0]) <= atol
-        positive = (point[..., 0, 0] > 0) & ~cones.is_degenerate(point)
-        return finite & np.all(symmetric & positive, axis=-1)
+    def _are_values(self, values: ndarray, atol: float) -> ndarray:
+        symmetric = np.abs(values[..., 0, 1] - values[..., 1, 0]) <= atol
+        return symmetric & (values[..., 0, 0] > 0) & ~cones.is_degenerate(values)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         return cones.symmetric_part(vector)
@@ -335,30 +349,19 @@ class NormalFields(TriangleFields):
     ((2400, 3), 4800)
     """
 
-    value_dim, value_shape = 2, (3,)
+    value_dim, value_shape, value_name = 2, (3,), "unit vectors"
 
     def default_metric(self) -> type[RiemannianMetric]:
         return NormalFieldMetric
 
-    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        point, finite = self._candidates(point, "point")
-        return finite & np.all(np.abs(np.sqrt(dot(point, point)) - 1.0) <= atol, axis=-1)
+    def _are_values(self, values: ndarray, atol: float) -> ndarray:
+        return np.abs(np.sqrt(dot(values, values)) - 1.0) <= atol
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         return sphere.to_tangent(vector, self._needed_base_point(base_point))
 
     def projection(self, point: ndarray) -> ndarray:
         return point / np.sqrt(dot(point, point))[..., None]
-
-    def check_point(self, point: Any, name: str = "point") -> ndarray:
-        point = real_array(point, name, self.shape, rows=True)
-        values = values_of(point)
-        refuse_triangles(
-            np.abs(dot(values, values) - 1.0) > 2e-6,
-            f"{name} must hold unit vectors",
-            ArgumentError,
-        )
-        return point
 
 
 class NormalFieldMetric(FieldMetric):
@@ -427,14 +430,15 @@ class RotationFields(TriangleFields):
     ((2400, 3, 3), 7200)
     """
 
-    value_dim, value_shape = 3, (3, 3)
+    value_dim, value_shape, value_name = 3, (3, 3), "rotations"
 
     def default_metric(self) -> type[RiemannianMetric]:
         return RotationFieldMetric
 
-    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        point, finite = self._candidates(point, "point")
-        return finite & np.all(_is_rotation(point, atol), axis=-1)
+    def _are_values(self, values: ndarray, atol: float) -> ndarray:
+        # Gaps are twice as large as those of lengths from 1.
+        gaps = transpose(values) @ values - np.eye(3)
+        return np.all(np.abs(gaps) <= 2.0 * atol, axis=(-2, -1)) & (np.linalg.det(values) > 0)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         base_point = self._needed_base_point(base_point)
@@ -442,13 +446,6 @@ class RotationFields(TriangleFields):
 
     def projection(self, point: ndarray) -> ndarray:
         return rotations.nearest_rotations(point)
-
-    def check_point(self, point: Any, name: str = "point") -> ndarray:
-        point = real_array(point, name, self.shape, rows=True)
-        refuse_triangles(
-            ~_is_rotation(values_of(point), 2e-6), f"{name} must hold rotations", ArgumentError
-        )
-        return point
 
 
 class RotationFieldMetric(FieldMetric):
@@ -511,8 +508,3 @@ def _angular_velocity(tangent_vec: ndarray, base_point: ndarray) -> ndarray:
 
 def _tangent_vec(angular_velocity: ndarray, base_point: ndarray) -> ndarray:
     return np.matmul(base_point, cross_product_matrix(angular_velocity))
-
-
-def _is_rotation(matrices: ndarray, atol: float) -> ndarray:
-    gaps = transpose(matrices) @ matrices - np.eye(3)
-    return np.all(np.abs(gaps) <= atol, axis=(-2, -1)) & (np.linalg.det(matrices) > 0)

@@ -44,6 +44,7 @@ from riemhuman.geometry.strategies import (
     check_strategy,
     solve_geodesic,
 )
+from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.surface import differential, square_root
 from riemhuman.representation import Unchanging, constructor_text
 
@@ -96,6 +97,9 @@ class RiemannianMetric(Unchanging):
 
     is_reparametrization_invariant: bool = False
     """Whether it costs nothing when a surface slides along itself."""
+
+    has_target_metric: bool = False
+    """Whether it is pulled back by `map` from a space where geodesics have a closed form."""
 
     def __init__(
         self,
@@ -163,11 +167,6 @@ class RiemannianMetric(Unchanging):
             for name in ("exp", "log")
         )
         return _is_overridden(self, "_geodesic_between") or (exp and log)
-
-    @property
-    def has_target_metric(self) -> bool:
-        """Whether it is pulled back by `map` from a space where geodesics have a closed form."""
-        return False
 
     @property
     def target_metric(self) -> RiemannianMetric:
@@ -560,7 +559,10 @@ class RiemannianMetric(Unchanging):
         ----------
         path : array, shape (n_times, \*shape)
         """
-        return path
+        if not self.is_translation_invariant:
+            return path
+        path, areas = self.check_points(path, "path"), self.space.template.vertex_areas
+        return still_path(path, areas, rotations=self.is_rotation_invariant)
 
     def _squared_segments(self, path: ndarray) -> ndarray:
         whole_point = (slice(None),) * len(self.space.shape)

@@ -275,6 +275,8 @@ class PullbackMetric(RiemannianMetric):
     0.0
     """
 
+    has_target_metric = True
+
     def __init__(
         self,
         space: Manifold,
@@ -285,10 +287,6 @@ class PullbackMetric(RiemannianMetric):
         super().__init__(space, **solvers)
         self._target_metric = target_metric
         self.map = map  # type: ignore[method-assign, assignment]
-
-    @property
-    def has_target_metric(self) -> bool:
-        return True
 
     @property
     def target_metric(self) -> RiemannianMetric:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Unpack
 
 import numpy as np
-from numpy import ndarray
 
 from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.surface_metric import MetricOfTerms, SurfaceMetric, all_terms
-from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.surface import derivatives
 from riemhuman.terms._quadratic import (
     FirstOrderTerm,
@@ -35,12 +33,6 @@ class MidpointMetric(MetricOfTerms):
     driver = SumOfQuadraticTerms
     is_translation_invariant = all_terms("is_translation_invariant")
     is_reparametrization_invariant = all_terms("is_reparametrization_invariant")
-
-    def remove_drift(self, path: ndarray) -> ndarray:
-        path = self.check_points(path, "path")
-        if not self.is_translation_invariant:
-            return path
-        return still_path(path, self.space.template.vertex_areas, rotations=False)
 
 
 class SobolevMetric(MidpointMetric):

@@ -30,7 +30,6 @@ from riemhuman.geometry.product import ProductManifold, ProductMetric, PullbackM
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels import surface
-from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.rotations import nearest_rotations, quaternions, transpose
 from riemhuman.kernels.threads import quadratic_form
@@ -190,11 +189,6 @@ class SurfaceMetric(MetricOfTerms):
     def bulk(self) -> SumOfTerms:
         return self._sum
 
-    def remove_drift(self, path: ndarray) -> ndarray:
-        path = self.check_points(path, "path")
-        areas = self.space.template.vertex_areas
-        return still_path(path, areas, rotations=self.is_rotation_invariant)
-
     def lower_bound_coordinates(self, points: ndarray) -> ndarray:
         points = self.space.check_point(points, "points")
         first = self._derivatives(points)
@@ -207,7 +201,7 @@ class SurfaceMetric(MetricOfTerms):
         return np.concatenate(sketches, axis=-1)
 
     @property
-    def has_target_metric(self) -> bool:
+    def has_target_metric(self) -> bool:  # type: ignore[override]
         return all(map(_parts_of, self.terms))
 
     @cached_property
@@ -547,7 +541,3 @@ class RotationMetric(PullbackMetric):
                 images[some] = changes.reshape(len(changes), -1)
             gram += images @ images.T
         return gram / len(surfaces)
-
-    def remove_drift(self, path: ndarray) -> ndarray:
-        path = self.check_points(path, "path")
-        return still_path(path, self.space.template.vertex_areas, rotations=False)
