@@ -301,7 +301,7 @@ def parallel_transport(vector: Parts, point: Parts, velocity: Parts, cone: ConeT
     ahead = inverse[..., None, None] * shear
     # Inner products of the link: κ² times those of shears, and of changes of the normal. One of
     # radius 2 has δs = 1, so that ½ tr is twice the radial part.
-    xi = cone.angle_per_length**2 * _dot(ahead, strain)
+    xi = 0.5 * cone.angle_per_length**2 * np.sum(ahead * strain, axis=(-2, -1))
     turning = [inverse[..., None] * turn for turn in velocity[1:]]
     for turn, u in zip(turning, vector[1:], strict=True):
         xi = xi + cone.angle_per_turn**2 * dot(turn, u)
@@ -320,8 +320,3 @@ def parallel_transport(vector: Parts, point: Parts, velocity: Parts, cone: ConeT
         for u, turn, n, delta_n in zip(vector[1:], turning, point[1:], velocity[1:], strict=True)
     ]
     return carried, *turned
-
-
-def _dot(a: ndarray, b: ndarray) -> ndarray:
-    """Return ½ tr(a b) of symmetric traceless matrices."""
-    return a[..., 0, 0] * b[..., 0, 0] + a[..., 0, 1] * b[..., 0, 1]

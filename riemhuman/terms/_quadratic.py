@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import autograd.numpy as np
 import numpy as onp
 from numpy import ndarray
-from scipy.sparse import csr_array, diags_array, eye_array, kron
+from scipy.sparse import bsr_array, csr_array, diags_array, eye_array, kron
 
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
@@ -586,43 +586,6 @@ def project(h: ndarray, f: ndarray, template: Any, averages: csr_array) -> ndarr
     return surface.dot(h, normals)[..., None] * normals
 
 
-def projection_matrix(normals: ndarray) -> csr_array:
-    """Return the matrix P of the projection."""
-    coordinates = onp.arange(normals.size).reshape(-1, 3)
-    blocks = normals[:, :, None] * normals[:, None, :]
-    columns = onp.broadcast_to(coordinates[:, None, :], blocks.shape)
-    ends = onp.arange(0, blocks.size + 1, 3)
-    return csr_array((blocks.ravel(), columns.ravel(), ends), shape=(normals.size,) * 2)
-
-
-class NormalProjections:
-    """The projections at surfaces, and the way back for slopes, in compiled loops."""
-
-    def __init__(self, surfaces: ndarray, template: Any) -> None:
-        self._surfaces, self._template = surfaces, template
-        _, areas, sums, *_ = _vertex_sums(surfaces, template)
-        lengths = onp.linalg.norm(sums, axis=-1, keepdims=True)
-        self.exist = not onp.any((lengths[..., 0] <= 3.0 * _CANCELLED * areas) & (areas > 0.0))
-        self._lengths = onp.where(lengths > 0.0, lengths, 1.0)
-        self._normals = sums / self._lengths
-
-    def project(self, vectors: ndarray) -> ndarray:
-        """Return P h."""
-        return self._along(vectors) * self._normals
-
-    def slopes(self, vectors: ndarray, slopes: ndarray) -> tuple[ndarray, ndarray]:
-        """Return slopes in h and in the surfaces from slopes in P h."""
-        along = self._along(slopes)
-        in_normals = self._along(vectors) * slopes + along * vectors
-        tangential = in_normals - self._along(in_normals) * self._normals
-        by_normals = tangential / self._lengths
-        *_, surface_slopes = _vertex_sums(self._surfaces, self._template, by_normals=by_normals)
-        return along * self._normals, surface_slopes
-
-    def _along(self, vectors: ndarray) -> ndarray:
-        return onp.einsum("vid,vid->vi", vectors, self._normals)[..., None]
-
-
 class NormalPartTerm(QuadraticTerm):
     """A term of the normal parts of deformations, ⟨P h, P k⟩."""
 
@@ -648,12 +611,26 @@ class NormalPartTerm(QuadraticTerm):
         return self.term.inner_product(normal_h, normal_k, f)
 
     def matrix(self, f: ndarray) -> csr_array:
-        projection = projection_matrix(vertex_normals(f, self.template, self._averages))
+        normals = vertex_normals(f, self.template, self._averages)
+        each, ends = onp.arange(len(normals)), onp.arange(len(normals) + 1)
+        blocks = bsr_array((normals[:, :, None] * normals[:, None, :], each, ends))
+        projection = csr_array(blocks)
         return projection @ self.term.matrix(f) @ projection
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        projections = NormalProjections(surfaces, self.template)
-        parts = projections.project(vectors)
+        _, areas, sums, *_ = _vertex_sums(surfaces, self.template)
+        lengths = onp.linalg.norm(sums, axis=-1, keepdims=True)
+        cancelled = (lengths[..., 0] <= 3.0 * _CANCELLED * areas) & (areas > 0.0)
+        lengths = onp.where(lengths > 0.0, lengths, 1.0)
+        normals = sums / lengths
+
+        def along(vectors: ndarray) -> ndarray:
+            return surface.dot(vectors, normals)[..., None]
+
+        parts = along(vectors) * normals
         value, in_parts, in_surfaces = self.term.squared_norms_and_slopes(parts, surfaces)
-        in_vectors, through_normals = projections.slopes(vectors, in_parts)
-        return value if projections.exist else onp.inf, in_vectors, in_surfaces + through_normals
+        in_normals = along(vectors) * in_parts + along(in_parts) * vectors
+        in_sums = (in_normals - along(in_normals) * normals) / lengths
+        *_, through_normals = _vertex_sums(surfaces, self.template, by_normals=in_sums)
+        in_vectors = along(in_parts) * normals
+        return math.inf if cancelled.any() else value, in_vectors, in_surfaces + through_normals

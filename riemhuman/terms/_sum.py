@@ -124,12 +124,9 @@ class SumOfTerms:
         def run(first: int, last: int) -> tuple[Any, ...]:
             total, found = 0.0, onp.zeros(surfaces.shape if gradient else 0)
             size = max(1, min(_IN_CACHE // n_times, last - first))
-            records, slopes = onp.empty((2, n_times, LENGTH, size))
             for start in range(first, last, size):
                 end = min(start + size, last)
-                if end - start < size:
-                    records, slopes = onp.empty((2, n_times, LENGTH, end - start))
-                slopes[:] = 0.0
+                records, slopes = onp.zeros((2, n_times, LENGTH, end - start))
                 fill_records(surfaces, faces, frames, start, end, records)
                 for term in self.terms:
                     total += term.add_segments(records, slopes, areas[start:end])
@@ -160,12 +157,9 @@ class SumOfTerms:
         def run(first: int, last: int) -> tuple[ndarray, ndarray]:
             squared, gradient = onp.zeros(len(others)), onp.zeros((len(point), 1, 3))
             size = max(1, min(_IN_CACHE // 2, last - first))
-            records, slopes = onp.empty((2, 2, LENGTH, size))
             for start in range(first, last, size):
                 end = min(start + size, last)
-                if end - start < size:
-                    records, slopes = onp.empty((2, 2, LENGTH, end - start))
-                slopes[:] = 0.0
+                records, slopes = onp.zeros((2, 2, LENGTH, end - start))
                 fill_records(f, faces, frames, start, end, records[1:])
                 for i, other in enumerate(kinds):
                     # The slopes by these are added up as well, and not used.
