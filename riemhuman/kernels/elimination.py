@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from riemhuman.kernels.compilation import FUSED, compiled
 
@@ -24,6 +24,16 @@ class Elimination(NamedTuple):
     by_row: ndarray
     sources: ndarray
     targets: ndarray
+
+
+def symmetric_factor(matrix: Any) -> SuperLU:
+    """Factorise a sparse symmetric matrix in an order of minimum degree, without pivoting."""
+    return splu(
+        sparse.csc_array(matrix),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )
 
 
 def elimination_of(matrix: sparse.bsr_array) -> Elimination:
@@ -63,13 +73,7 @@ def _order(ends: ndarray, indices: ndarray) -> ndarray:
     pattern = sparse.csr_array((np.ones(len(indices)), indices, ends), shape=(size, size))
     # Any matrix of this pattern that can be eliminated.
     matrix = pattern + sparse.diags_array(1.0 + np.diff(ends))
-    elimination = splu(
-        sparse.csc_array(matrix),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
-    return np.argsort(elimination.perm_c)
+    return np.argsort(symmetric_factor(matrix).perm_c)
 
 
 def _filled(n: int, columns: ndarray, rows: ndarray) -> tuple[ndarray, ndarray]:

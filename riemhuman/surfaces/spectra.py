@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg, sparse
-from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
+from scipy.sparse.linalg import LinearOperator, eigsh
 
 from riemhuman.checks import one_of, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.kernels.elimination import symmetric_factor
 from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.optional import import_optional
 from riemhuman.representation import Record
@@ -142,7 +143,6 @@ def harmonics(
     template: Template, n_harmonics: int, name: str = "n_harmonics"
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest solutions of L h = μ A h with μ > 0, A the vertex areas, 0 where unused."""
-    n_harmonics = whole_number(n_harmonics, name, minimum=1)
     areas, used = template.vertex_areas, np.flatnonzero(template.vertex_areas)
     laplacian = cotangent_laplacian(template.vertices, template.faces)[used][:, used]
     return _eigenfunctions(laplacian, areas, template.faces, n_harmonics, name)
@@ -173,7 +173,8 @@ def lowest_eigenpairs(
         )
     shift = _SHIFT * 4 * np.pi / areas.sum()
     roots = np.sqrt(areas)
-    factor = _factor(laplacian, areas, -shift)
+    masses = sparse.diags_array(areas)
+    factor = symmetric_factor(laplacian + shift * masses)
     start = np.random.default_rng(0).normal(size=n_vertices)
 
     def more(n_more: int, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -193,7 +194,7 @@ def lowest_eigenpairs(
     # Lanczos iterations may miss copies of an eigenvalue that symmetry makes multiple.
     limit = values.max() * (1 - 1e-8)
     # By Sylvester's law of inertia, as many are below the limit as pivots are negative.
-    n_below = int(np.sum(_factor(laplacian, areas, limit).U.diagonal() < 0))
+    n_below = int(np.sum(symmetric_factor(laplacian - limit * masses).U.diagonal() < 0))
     while (n_missing := n_below - int(np.sum(values < limit))) > 0:
         new_values, new_vectors = more(n_missing, vectors)
         if new_values.min() >= limit:
@@ -202,13 +203,3 @@ def lowest_eigenpairs(
         vectors = np.concatenate([vectors, new_vectors], axis=1)
     order = np.argsort(values)[:count]
     return values[order], vectors[:, order] / roots[:, np.newaxis]
-
-
-def _factor(laplacian: sparse.csr_array, areas: np.ndarray, shift: float) -> SuperLU:
-    """Factorise L - shift A without pivoting, so that the factors are symmetric."""
-    return splu(
-        sparse.csc_array(laplacian - shift * sparse.diags_array(areas)),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )

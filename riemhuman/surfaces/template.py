@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, splu
+from scipy.sparse.linalg import LinearOperator
 
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
@@ -21,6 +21,7 @@ from riemhuman.io.meshes import (
     to_pyvista,
     to_trimesh,
 )
+from riemhuman.kernels.elimination import symmetric_factor
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.surfaces._poisson import PoissonInterpolator
 from riemhuman.surfaces.measures import adjacent_triangles
@@ -298,13 +299,6 @@ class TriangleAssembler:
         return sparse.csr_array((entries, self._columns, self._row_ends), shape=shape)
 
 
-# The systems of heat are symmetric and positive definite: pivots stay on the diagonal.
-_SYMMETRIC: Any = {
-    "permc_spec": "MMD_AT_PLUS_A",
-    "options": {"SymmetricMode": True, "DiagPivotThresh": 0.0},
-}
-
-
 class TriangleHeat:
     """The flow of heat between triangles; its factorisations are computed once."""
 
@@ -343,8 +337,7 @@ class TriangleHeat:
     def _step(self, time: float, laplacian: Any) -> LinearOperator:
         """Return (A + time L)⁻¹ A, which keeps constants and ∫ X dx, with its transpose."""
         areas = self.face_areas
-        system = sparse.diags_array(areas) + time * laplacian
-        factor = splu(system.tocsc(), **_SYMMETRIC)
+        factor = symmetric_factor(sparse.diags_array(areas) + time * laplacian)
 
         def solve(values: np.ndarray) -> np.ndarray:
             with single_threaded_libraries():
