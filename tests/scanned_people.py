@@ -8,8 +8,9 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
+from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS, usual_joint_names
 from riemhuman.datasets.open_bodies import surface_noise
-from riemhuman.registration._start_poses import _SMPL_TREE, joint_names, rename_joints
+from riemhuman.registration._start_poses import rename_joints
 from riemhuman.registration.simulated_scans import remesh
 from riemhuman.surfaces.nearest_points import nearest_points
 
@@ -171,7 +172,7 @@ def bun(model, scan, rng, n_points=400, radius=0.05):
 def wrong_starts(registration, result):
     """Yield names and poses in which a registered body turns round, or limbs change sides."""
     model, pose = registration.model, result.fit.pose
-    names = joint_names(model)
+    names = usual_joint_names(model)
     other_side = {"left": "right", "right": "left"}
     mirrored = np.empty_like(pose)
     for k, name in enumerate(names):
@@ -261,9 +262,9 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
 
 def with_smpls_tree(model):
     """Return the open model with SMPL's joints in SMPL's order, without names."""
-    order = [model.joint_names.index(name) for name in _SMPL_TREE]
+    order = [model.joint_names.index(name) for name in SMPL_JOINTS]
     weights = model.weights[:, order].copy()
-    chest, upper = model.joint_names.index("chest"), list(_SMPL_TREE).index("upper_spine")
+    chest, upper = model.joint_names.index("chest"), SMPL_JOINTS.index("upper_spine")
     weights[:, upper] += model.weights[:, chest]
     return rh.BodyModel(
         model.template.vertices,
@@ -271,7 +272,7 @@ def with_smpls_tree(model):
         model.shapedirs,
         model.joint_regressor[order],
         weights / weights.sum(axis=1, keepdims=True),
-        np.stack([list(_SMPL_TREE.values()), np.arange(len(order))]),
+        np.stack([SMPL_PARENTS, np.arange(len(order))]),
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,20 +25,29 @@ Loss = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 _CROSS_WITH_AXES = np.cross(np.eye(3)[:, np.newaxis], np.eye(3)).transpose(0, 2, 1)
 
 
-@dataclass(frozen=True)
 class _Patch:
     """Some points, the vertices that they combine, and the joints on which these depend."""
 
-    points: np.ndarray
-    combine: sparse.csr_array
-    rest: np.ndarray
-    shapedirs: np.ndarray
-    posedirs: np.ndarray | None
-    bones: np.ndarray  # joints with weight here
-    weights: np.ndarray
-    active: np.ndarray  # joints that move something here
-    below: np.ndarray  # (bones, active): whether the bone moves with the joint
-    columns: np.ndarray
+    def __init__(self, skeleton: Skeleton, combine: sparse.csr_array, numbers: np.ndarray) -> None:
+        model, rows = skeleton.model, combine[numbers]
+        vertices = np.unique(rows.indices)
+        self.points, self.combine = numbers, rows[:, vertices]
+        self.rest = model.template.vertices[vertices]
+        self.shapedirs = skeleton.directions[vertices]
+        self.posedirs = None if model.posedirs is None else model.posedirs[vertices]
+        weights = model.weights[vertices]
+        self.bones = np.flatnonzero(weights.any(axis=0))  # joints with weight here
+        self.weights = weights[:, self.bones]
+        below = skeleton.below[self.bones]
+        # Joints that move something here; with pose offsets, all do.
+        moves = below.any(axis=0) | (self.posedirs is not None)
+        self.active = np.flatnonzero(moves)
+        # Whether the bone moves with the joint, shape (bones, active).
+        self.below = below[:, self.active]
+        n_angles = 3 * skeleton.n_joints
+        rotations = 3 * self.active + np.arange(3)[:, np.newaxis]
+        rest = np.arange(n_angles, n_angles + skeleton.n_betas + 3)
+        self.columns = np.concatenate([rotations.ravel(), rest])
 
     def combined(self, values: np.ndarray) -> np.ndarray:
         """Map values at vertices, (n_vertices, ...), to values at points."""
@@ -95,7 +103,7 @@ class Equations:
         self.skeleton, self._loss, self._prior = skeleton, loss, prior
         self._shares = shares / shares[numbers].sum()
         self._patches = [
-            _patch(skeleton, combine, numbers[first : first + _PATCH])
+            _Patch(skeleton, combine, numbers[first : first + _PATCH])
             for first in range(0, len(numbers), _PATCH)
         ]
         self._numbers = numbers
@@ -153,34 +161,6 @@ class Equations:
             pull = _PULL * max(size[joint], 0.0) + np.finfo(float).eps
             rotations[joint] = nearest_rotations(spread[joint] + pull * known)
         return rotations
-
-
-def _patch(skeleton: Skeleton, combine: sparse.csr_array, numbers: np.ndarray) -> _Patch:
-    model = skeleton.model
-    rows = combine[numbers]
-    vertices = np.unique(rows.indices)
-    weights = model.weights[vertices]
-    bones = np.flatnonzero(weights.any(axis=0))
-    below = skeleton.below[bones]
-    posedirs = None if model.posedirs is None else model.posedirs[vertices]
-    active = np.flatnonzero(below.any(axis=0))
-    if posedirs is not None:
-        active = np.arange(skeleton.n_joints)
-    n_angles = 3 * skeleton.n_joints
-    rotations = 3 * active + np.arange(3)[:, np.newaxis]
-    rest = np.arange(n_angles, n_angles + skeleton.n_betas + 3)
-    return _Patch(
-        points=numbers,
-        combine=rows[:, vertices],
-        rest=model.template.vertices[vertices],
-        shapedirs=skeleton.directions[vertices],
-        posedirs=posedirs,
-        bones=bones,
-        weights=weights[:, bones],
-        active=active,
-        below=below[:, active],
-        columns=np.concatenate([rotations.ravel(), rest]),
-    )
 
 
 def least_squares_step(matrix: np.ndarray, right: np.ndarray, damping: float) -> np.ndarray:

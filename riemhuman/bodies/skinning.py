@@ -18,6 +18,15 @@ from riemhuman.errors import ArgumentError
 # The root's parent, -1, as an unsigned number.
 _UNSIGNED_ROOT = 2**32 - 1
 
+# The first joints of SMPL, SMPL-H and SMPL-X by the names of the open model, and their parents.
+SMPL_JOINTS = (
+    *("pelvis", "left_hip", "right_hip", "lower_spine", "left_knee", "right_knee", "middle_spine"),
+    *("left_ankle", "right_ankle", "upper_spine", "left_toes", "right_toes", "neck", "left_collar"),
+    *("right_collar", "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow"),
+    *("left_wrist", "right_wrist"),
+)
+SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
+
 
 def joint_motions(
     joints: Any, rotations: Any, parents: Any, order: Sequence[int]
@@ -219,15 +228,25 @@ def joints_between(parents: Any, first: int, last: int) -> list[int]:
     >>> rh.bodies.joints_between([-1, 0, 1, 0], 2, 3)
     [2, 1, 0, 3]
     """
-    to_root = []
-    for joint in (first, last):
-        path = [joint]
-        while parents[path[-1]] >= 0:
-            path.append(int(parents[path[-1]]))
-        to_root.append(path)
-    up, down = to_root
+    up, down = (joints_to_root(parents, joint) for joint in (first, last))
     shared = next(joint for joint in up if joint in down)
     return up[: up.index(shared) + 1] + down[: down.index(shared)][::-1]
+
+
+def joints_to_root(parents: Any, joint: int) -> list[int]:
+    """Return a joint and those between it and the root, in this order."""
+    path = [joint]
+    while parents[path[-1]] >= 0:
+        path.append(int(parents[path[-1]]))
+    return path
+
+
+def usual_joint_names(model: Any) -> tuple[str, ...]:
+    """Return the names of a model's joints; those of SMPL's tree are named as in the open model."""
+    names, n_body = tuple(model.joint_names), len(SMPL_JOINTS)
+    if "left_shoulder" in names or tuple(model.parents[:n_body]) != SMPL_PARENTS:
+        return names
+    return (*SMPL_JOINTS, *names[n_body:])
 
 
 def joint_parents(kintree_table: Any, n_joints: int) -> onp.ndarray:

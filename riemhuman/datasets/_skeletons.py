@@ -12,6 +12,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.skinning import joints_to_root, usual_joint_names
 from riemhuman.datasets.bvh import SkeletonMotion
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import unit_vectors as unit
@@ -52,13 +53,6 @@ _UPRIGHT = 0.8
 # A knee or elbow shows its axis where it bends by more than this, degrees.
 BENT = 15.0
 _MOST_NAMES = 40
-SMPL_JOINTS = (
-    *("pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2"),
-    *("left_ankle", "right_ankle", "spine3", "left_foot", "right_foot", "neck", "left_collar"),
-    *("right_collar", "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow"),
-    *("left_wrist", "right_wrist"),
-)
-SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
 
 
 def find_joints(
@@ -71,7 +65,7 @@ def find_joints(
             known = join_names(names, _MOST_NAMES)
             raise ArgumentError(f"joints[{role!r}] must be one of {known}; found {name!r}")
         found[role] = list(names).index(name)
-    branches = [_branch(parents, joint) for joint in range(len(names))]
+    branches = [joints_to_root(parents, joint) for joint in range(len(names))]
     read = [_read_name(name) for name in names]
     sides = [(f"{side}_", side, _SIDED_NAMES) for side in SIDES] + [("", "", _OTHER_NAMES)]
     for prefix, side, parts in sides:
@@ -110,14 +104,6 @@ def find_joints(
     return found
 
 
-def _branch(parents: ndarray, joint: int) -> list[int]:
-    """Return a joint and those between it and the root, in this order."""
-    branch = [joint]
-    while parents[branch[-1]] >= 0:
-        branch.append(int(parents[branch[-1]]))
-    return branch
-
-
 def _read_name(name: str) -> tuple[str, str]:
     """Return the side and the part that the name of a joint says, or empty texts."""
     name = name.rpartition(":")[2]  # before the colon is the name of the person
@@ -137,11 +123,7 @@ def _read_name(name: str) -> tuple[str, str]:
 
 def model_joints(model: BodyModel) -> dict[str, int]:
     """Return the numbers of a model's joints; those of SMPL need no names."""
-    names = model.joint_names
-    n_body = len(SMPL_JOINTS)
-    if names[0] == "joint_0" and tuple(model.parents[:n_body]) == SMPL_PARENTS:
-        names = (*SMPL_JOINTS, *names[n_body:])
-    return find_joints(names, model.parents)
+    return find_joints(usual_joint_names(model), model.parents)
 
 
 class Skeleton:

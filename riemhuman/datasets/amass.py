@@ -14,8 +14,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS
 from riemhuman.checks import real_array, real_number
-from riemhuman.datasets._skeletons import SMPL_JOINTS, SMPL_PARENTS, model_joints
+from riemhuman.datasets._skeletons import model_joints
 from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model

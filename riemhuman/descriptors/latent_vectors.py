@@ -44,7 +44,7 @@ class LatentVectors(Record, Descriptor):
     vectors: np.ndarray
 
     def __post_init__(self) -> None:
-        ids = _as_ids(self.ids, "ids")
+        ids = _as_ids(self.ids)
         vectors = real_array(self.vectors, "vectors", (len(ids), "n_numbers"), batched=False)
         if vectors.size == 0:
             raise ArgumentError(f"vectors holds no numbers; found shape {vectors.shape}")
@@ -91,7 +91,7 @@ class LatentVectors(Record, Descriptor):
         ids : iterable of str or int
             Ids of the data set; other vectors are left out.
         """
-        wanted = _as_ids(ids, "ids")
+        wanted = _as_ids(ids)
         rows = {name: row for row, name in enumerate(self.ids)}
         missing = [name for name in wanted if name not in rows]
         if missing:
@@ -120,17 +120,17 @@ class LatentVectors(Record, Descriptor):
         return self.select(numbers if by_number else getattr(bodies, "ids", numbers)).vectors
 
 
-def _as_ids(ids: Any, name: str) -> tuple[str, ...]:
+def _as_ids(ids: Any) -> tuple[str, ...]:
     found = []
     for number, value in enumerate(ids):
         if isinstance(value, bytes):
             value = value.decode("utf-8", errors="replace")
         if isinstance(value, bool | np.bool_) or not isinstance(value, str | int | np.integer):
             raise ArgumentTypeError(
-                f"{name}[{number}] must be text or a whole number; found {value!r}"
+                f"ids[{number}] must be text or a whole number; found {value!r}"
             )
         text = str(value).strip()
         if not text:
-            raise ArgumentError(f"{name}[{number}] is missing")
+            raise ArgumentError(f"ids[{number}] is missing")
         found.append(text)
     return tuple(found)

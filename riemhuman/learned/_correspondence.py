@@ -17,6 +17,7 @@ from riemhuman.kernels.surface import (
     triangle_frames,
 )
 from riemhuman.surfaces import Template
+from riemhuman.surfaces.measures import triangle_areas
 
 # Largest distance of matching vertices, relative to the size of the template: files round.
 _SAME = 1e-5
@@ -48,8 +49,7 @@ class Correspondence:
                 f"network's template; found {self._forth.shape[0]}"
             )
         start = self._forth @ template.vertices
-        edges = start[home.faces[:, 1:]] - start[home.faces[:, :1]]
-        areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+        areas = triangle_areas(start, home.faces)
         self.usable = areas > _COLLAPSED * home.face_areas * (areas.sum() / home.face_areas.sum())
         share = home.face_areas[self.usable].sum() / home.face_areas.sum()
         if share < _TOO_LITTLE:

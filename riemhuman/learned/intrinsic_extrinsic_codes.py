@@ -14,6 +14,7 @@ from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.learned._codes import PairedCodes
 from riemhuman.learned._networks import cloud_features, cloud_shapes, network
 from riemhuman.learned._weight_files import Weights
+from riemhuman.surfaces.measures import triangle_areas
 
 # Number of clouds of a body whose codes are averaged, and the seed of their points.
 _CLOUDS, _SEED_OF_POINTS = 4, 0
@@ -133,15 +134,12 @@ def surface_points(
     vertices: ndarray, faces: ndarray, n_points: int, rng: np.random.Generator
 ) -> ndarray:
     """Return random points spread evenly over a surface, one in each stretch of equal area."""
-    corners = vertices[faces]
-    sides = corners[:, 1:] - corners[:, :1]
-    areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    ends = np.cumsum(areas)
+    ends = np.cumsum(triangle_areas(vertices, faces))
     if not len(ends) or not ends[-1] > 0:
         raise DegenerateSurfaceError("the surface has no area; points cannot be spread over it")
     wanted = (np.arange(n_points) + rng.random(n_points)) * (ends[-1] / n_points)
     triangles = np.minimum(np.searchsorted(ends, wanted), len(ends) - 1)
     root, share = np.sqrt(rng.random(n_points)), rng.random(n_points)
     shares = np.stack([1.0 - root, root * (1.0 - share), root * share], axis=1)
-    points = np.einsum("ij,ijk->ik", shares, corners[triangles])
+    points = np.einsum("ij,ijk->ik", shares, vertices[faces[triangles]])
     return points - points.mean(axis=0)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from riemhuman.bodies import BodyModel, rotation_matrix
+from riemhuman.bodies.skinning import usual_joint_names
 from riemhuman.datasets import joint_rotations, pose_vectors
 from riemhuman.datasets.open_poses import mirror_angles
 from riemhuman.registration._posed_body import Pose
@@ -26,8 +27,6 @@ _START_POSES = _TABLE["poses"]
 _MIRRORED = _TABLE["mirrored"]
 # The poses by which the direction up is found.
 UP_POSES = _TABLE["up_poses"]
-# The first joints of SMPL, SMPL-H and SMPL-X by the names of the open model, and their parents.
-_SMPL_TREE = _TABLE["smpl_parents"]
 # Standard deviations of joints from a start pose, degrees.
 _DEGREES = _TABLE["degrees"]
 _OTHER_DEGREES = 15.0
@@ -40,18 +39,9 @@ _ALIKE = 0.05
 _FOREARM_ANGLES = np.radians(60.0 * np.arange(6))
 
 
-def joint_names(model: BodyModel) -> tuple[str, ...]:
-    """Return the names of a model's joints; those of SMPL's tree are named as in the open model."""
-    if "left_shoulder" in model.joint_names:
-        return model.joint_names
-    if model.parents[: len(_SMPL_TREE)].tolist() == list(_SMPL_TREE.values()):
-        return (*_SMPL_TREE, *model.joint_names[len(_SMPL_TREE) :])
-    return model.joint_names
-
-
 def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
     """Return the poses to start from, as rotations of the joints."""
-    names = joint_names(model)
+    names = usual_joint_names(model)
     if "left_shoulder" not in names:
         return {"rest": np.tile(np.eye(3), (model.n_joints, 1, 1))}
     if names != model.joint_names:
@@ -69,7 +59,7 @@ def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
 
 def joint_precisions(model: BodyModel) -> np.ndarray:
     """Return inverse variances of the joints' rotations from a start pose, 0 for the root."""
-    joints = [name.split("_")[-1] for name in joint_names(model)]
+    joints = [name.split("_")[-1] for name in usual_joint_names(model)]
     deviations = np.radians([_DEGREES.get(joint, _OTHER_DEGREES) for joint in joints])
     return np.where(model.parents < 0, 0.0, deviations**-2.0)
 
@@ -94,7 +84,7 @@ class BodyParts:
     """The joints of a model by their usual names, and the vertices that each moves most."""
 
     def __init__(self, model: BodyModel) -> None:
-        self.model, self.names = model, joint_names(model)
+        self.model, self.names = model, usual_joint_names(model)
         self.owners = model.weights.argmax(axis=1)
         arms = [[f"{side}_{joint}" for joint in _ARM_JOINTS] for side in ("left", "right")]
         # The joints of each arm, from the collar to the wrist.

@@ -4,11 +4,10 @@ import numpy as np
 from scanned_people import with_other_names, with_smpls_tree
 from scipy.spatial.transform import Rotation
 
+from riemhuman.bodies.skinning import SMPL_JOINTS, usual_joint_names
 from riemhuman.registration._posed_body import Pose, _landmark_cost, pose_body, sample_model
 from riemhuman.registration._start_poses import (
-    _SMPL_TREE,
     BodyParts,
-    joint_names,
     joint_precisions,
     other_arms,
     rotate_forearm,
@@ -19,7 +18,7 @@ from riemhuman.registration._start_search import StartSearch
 
 def test_arms_reach_from_the_collar_to_the_wrist(model):
     for each in (model, with_smpls_tree(model)):
-        names = joint_names(each)
+        names = usual_joint_names(each)
         for side, arm in zip(("left", "right"), BodyParts(each).arms, strict=True):
             joints = [f"{side}_{joint}" for joint in ("collar", "shoulder", "elbow", "wrist")]
             assert [names[joint] for joint in arm] == joints
@@ -83,7 +82,7 @@ def test_smpls_tree_is_recognised(model):
     own, found = start_poses(model), start_poses(other)
     assert list(own) == list(found)
     for name in own:
-        order = [model.joint_names.index(joint) for joint in _SMPL_TREE]
+        order = [model.joint_names.index(joint) for joint in SMPL_JOINTS]
         np.testing.assert_allclose(found[name], own[name][order], atol=1e-9)
     np.testing.assert_allclose(joint_precisions(other), joint_precisions(model)[order])
 
