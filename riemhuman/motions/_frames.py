@@ -73,9 +73,7 @@ def surfaces_between(space: Any, start: ndarray, end: ndarray, times: ndarray) -
     if inside.any():
         space.check_immersed(np.stack([start, end]), "frames")
         interpolator = space.template.interpolator
-        rotations = interpolator.rotations(start, end)
-        if interpolator.has_jumps(rotations):
-            rotations = interpolator.unwrap(rotations)
+        rotations = interpolator.unwrap(interpolator.rotations(start, end))
         surfaces[inside] = interpolator.interpolate(start, end, times[inside], rotations)
     return surfaces
 

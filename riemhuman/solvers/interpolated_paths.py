@@ -72,15 +72,12 @@ def rotating_paths(
     space.check_immersed(end, "end")
     interpolator = space.template.interpolator
 
-    alike = shorter = interpolator.rotations(start, end)
-    parts, n_limbs = [], 0
-    if interpolator.has_jumps(shorter):
-        alike = interpolator.unwrap(shorter)
-        parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)
-        areas = space.template.face_areas
-        n_limbs = sum(areas[part].sum() >= _LIMB * areas.sum() for part in parts[:_MOST_LIMBS])
-        if parts[n_limbs:]:
-            parts = [*parts[:n_limbs], np.concatenate(parts[n_limbs:])]
+    shorter, areas = interpolator.rotations(start, end), space.template.face_areas
+    alike = interpolator.unwrap(shorter)
+    parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)
+    n_limbs = sum(areas[part].sum() >= _LIMB * areas.sum() for part in parts[:_MOST_LIMBS])
+    if parts[n_limbs:]:
+        parts = [*parts[:n_limbs], np.concatenate(parts[n_limbs:])]
 
     @cache
     def candidate(ways: tuple[bool, ...]) -> tuple[float, ndarray]:

@@ -71,6 +71,8 @@ class PoissonInterpolator:
 
     def unwrap(self, rotations: ndarray) -> ndarray:
         """Return the same rotations plus multiples of 2π, so that neighbours rotate alike."""
+        if not self.has_jumps(rotations):
+            return rotations
         # From the triangle that rotates least across the edges where rotations differ least.
         n_faces, angles = len(rotations), np.linalg.norm(rotations, axis=1)
         # sin(angle / 2) / angle, also where the angle is 0.
