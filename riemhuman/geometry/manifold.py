@@ -247,17 +247,13 @@ class Manifold(ABC):
             )
         return base_point
 
-    def _candidates(
-        self, array: ndarray, name: str, finite: bool = True
-    ) -> tuple[ndarray, ndarray]:
+    def _candidates(self, array: ndarray, name: str) -> tuple[ndarray, ndarray]:
         """Return arrays of the points' shape, and which of them are those that were given."""
-        # Arrays of another shape and, if `finite`, arrays with infinite entries become 0.
+        # Arrays of another shape, and arrays with infinite entries, become 0.
         values = real_array(values_of(array, name), name, finite=False)
         leading = values.shape[: max(values.ndim - self.point_ndim, 0)]
         if values.shape != (*leading, *self.shape):
             return np.zeros((*leading, *self.shape)), np.zeros(leading, dtype=bool)
-        if not finite:
-            return values, np.ones(leading, dtype=bool)
         good = np.all(np.isfinite(values), axis=self._point_axes)
         return np.where(np.expand_dims(good, self._point_axes), values, 0.0), good
 

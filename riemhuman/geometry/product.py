@@ -95,13 +95,13 @@ class ProductManifold(Manifold):
         return np.reshape(flat, flat.shape[:-1] + self.factors[index].shape)
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        point, right_shape = self._candidates(point, "point", finite=False)
+        point, finite = self._candidates(point, "point")
         components = self.project_from_product(point)
         verdicts = [
             factor.belongs(component, atol)
             for factor, component in zip(self.factors, components, strict=True)
         ]
-        return right_shape & np.all(np.stack(verdicts), axis=0)
+        return finite & np.all(np.stack(verdicts), axis=0)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         if base_point is None:

@@ -159,7 +159,10 @@ class Descent:
 
     @property
     def _recent_gain(self) -> float:
-        return _gain_of_second_half([*self.earlier, *self._values])
+        """What the second half of the iterations has gained, nan if they are few."""
+        values = [*self.earlier, *self._values]
+        n_iterations = len(values) - 1
+        return values[n_iterations // 2] - values[-1] if n_iterations >= _SLOW else np.nan
 
     def _test(self, slope: float) -> None:
         """Stop if a test is met, given the slope along the next step."""
@@ -186,12 +189,6 @@ class Descent:
         elif self._n_since_formed < 2:
             self._end(Status.STALLED, "hardly a step lowers the value")
         self._operator = None
-
-
-def _gain_of_second_half(values: Sequence[float] | ndarray) -> float:
-    """Return what the second half of iterations gained, nan if they are few."""
-    n_iterations = len(values) - 1
-    return float(values[n_iterations // 2] - values[-1]) if n_iterations >= _SLOW else np.nan
 
 
 class _Trial(NamedTuple):

@@ -259,8 +259,10 @@ def _without_shift(
 ) -> ndarray:
     """Return derivatives by x, y and z of a function of z, where s solves the equation."""
     # With the equation's multiplier μ, g(z) − μ ∂E/∂y does not depend on s to first order.
-    shape = points.shape
-    along = _second_derivatives(metric, points)
+    shape, slopes = points.shape, grad(metric.energy)
+
+    def along(direction: ndarray) -> ndarray:
+        return grad(lambda x: anp.sum(slopes(x) * direction))(points)
 
     def middle(vector: ndarray) -> ndarray:
         return np.stack([np.zeros(shape[1:]), vector, np.zeros(shape[1:])])
@@ -276,15 +278,6 @@ def _without_shift(
     derivatives = -along(middle(multiplier))
     derivatives[2] += covector
     return derivatives
-
-
-def _second_derivatives(metric: RiemannianMetric, points: ndarray) -> Callable[[ndarray], ndarray]:
-    slopes = grad(metric.energy)
-
-    def along(direction: ndarray) -> ndarray:
-        return grad(lambda x: anp.sum(slopes(x) * direction))(points)
-
-    return along
 
 
 def _least_squares(

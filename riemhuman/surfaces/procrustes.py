@@ -134,7 +134,8 @@ def generalized_procrustes(
     for _ in range(max_iter):
         previous, mean = mean, _align(surfaces, mean, shares, bool(scale)).mean(axis=leading)
         if scale:
-            mean = _resize(mean, shares, size)
+            centred = _center(mean, shares)
+            mean = mean + (size / np.sqrt(_squared_size(centred, shares)) - 1.0) * centred
         if _squared_size(_center(mean - previous, shares), shares) <= (tolerance * size) ** 2:
             break
     else:
@@ -190,12 +191,6 @@ def _center(surfaces: np.ndarray, shares: np.ndarray) -> np.ndarray:
 def _squared_size(centred: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """Return the weighted mean squared distance of vertices from the origin."""
     return np.sum(centred**2, axis=-1) @ shares
-
-
-def _resize(surface: np.ndarray, shares: np.ndarray, size: float) -> np.ndarray:
-    """Scale a surface about its centre to the given size."""
-    centred = _center(surface, shares)
-    return surface + centred * (size / np.sqrt(_squared_size(centred, shares)) - 1.0)
 
 
 # Rotations to y up by the axis that points up, about the third axis.

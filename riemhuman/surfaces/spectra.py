@@ -116,18 +116,6 @@ def _robust_spectrum(vertices: np.ndarray, faces: np.ndarray, n_eigenvalues: int
     return Spectrum(*found, _constants(faces, areas), areas)
 
 
-def _check_count(count: int, faces: np.ndarray, n_vertices: int, name: str) -> int:
-    """Return the number of connected components; raise if there are too few eigenvalues."""
-    n_used = len(np.unique(faces))
-    n_components = int(vertex_components(faces, n_vertices).max()) + 1 - (n_vertices - n_used)
-    if count > n_used - n_components:
-        raise ArgumentError(
-            f"{name}={count} exceeds the {n_used - n_components} of a mesh with {n_used} vertices "
-            f"in {n_components} connected components"
-        )
-    return n_components
-
-
 def _constants(faces: np.ndarray, areas: np.ndarray) -> np.ndarray:
     components = vertex_components(faces, len(areas))
     sizes = np.bincount(components, areas)
@@ -152,8 +140,14 @@ def _eigenfunctions(
     laplacian: sparse.csr_array, areas: np.ndarray, faces: np.ndarray, count: int, name: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest eigenfunctions with μ > 0, from the Laplacian at vertices with areas."""
-    used = np.flatnonzero(areas)
-    n_constant = _check_count(count, faces, len(areas), name)
+    used, n_used = np.flatnonzero(areas), len(np.unique(faces))
+    n_unused = len(areas) - n_used
+    n_constant = int(vertex_components(faces, len(areas)).max()) + 1 - n_unused
+    if count > n_used - n_constant:
+        raise ArgumentError(
+            f"{name}={count} exceeds the {n_used - n_constant} of a mesh with {n_used} vertices "
+            f"in {n_constant} connected components"
+        )
     values, vectors = lowest_eigenpairs(laplacian, areas[used], n_constant + count)
     functions = np.zeros((count, len(areas)))
     functions[:, used] = vectors[:, n_constant:].T
