@@ -6,7 +6,7 @@ from unittest import mock
 
 import numpy as np
 
-from riemhuman.datasets import load_open_bodies, open_bodies
+from riemhuman.datasets import open_bodies
 from riemhuman.datasets.open_bodies import natural_surfaces
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import Disentangling
@@ -42,7 +42,7 @@ def natural_people(resolution, people=None):
         return natural_surfaces(model, joints, betas, poses, rng)
 
     with mock.patch.object(open_bodies, "natural_surfaces", recording):
-        bodies = load_open_bodies(resolution, variant="natural", people=people)
+        bodies = open_bodies.load_open_bodies(resolution, variant="natural", people=people)
 
     def perform(person, pose):
         model, joints, betas, rng = drawn[person]
