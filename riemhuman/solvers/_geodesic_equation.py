@@ -25,7 +25,7 @@ from riemhuman.errors import RiemhumanError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.drift import centroid
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
+from riemhuman.solvers._preconditioners import metric_factor
 from riemhuman.solvers.paths import rounded, rounding_energy
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -128,7 +128,10 @@ class GeodesicEquation:
         # A step may be no longer than rounding errors.
         near = self._project(rounded(middle, _ROUNDING))
         unit = max(energy, self._squared_dist(middle, near)) or 1.0
-        directions, factor = self._preconditioner(middle, abs(derivative) / unit)
+        directions = None if self.basis is None else self.basis.flat
+        factor = metric_factor(
+            metric, middle[None], unit / abs(derivative), directions, ridge=_RIDGE
+        )
         scale = np.sign(derivative) / unit
 
         def shift_of(variables: ndarray) -> ndarray:
@@ -164,15 +167,6 @@ class GeodesicEquation:
             root.residual,
             bool(root.residual <= self.tolerance),
         )
-
-    def _preconditioner(
-        self, middle: ndarray, scale: float
-    ) -> tuple[ndarray | None, CholeskyFactor]:
-        if self.basis is None:
-            return None, metric_factor(self.metric, middle[None], 1.0 / scale, ridge=_RIDGE)
-        directions = self.basis.flat
-        gram = self.metric.gram_matrix(directions.reshape(-1, *middle.shape), middle)
-        return directions, CholeskyFactor(scale * gram)
 
 
 def has_long_step(metric: RiemannianMetric, path: ndarray, all_coordinates: bool) -> bool:

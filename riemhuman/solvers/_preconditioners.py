@@ -206,10 +206,14 @@ def metric_factor(
     metric: RiemannianMetric,
     points: ndarray,
     scale: float = 1.0,
+    directions: ndarray | None = None,
     stiffness: float = 0.0,
     ridge: float = _RIDGE,
 ) -> CholeskyFactor:
-    """Return a factor of the metric's matrix M / scale in all coordinates, averaged over points."""
+    """Return a factor of M / scale, M the mean of the metric's matrix or Gram matrix at points."""
+    if directions is not None:
+        vectors = directions.reshape(-1, *metric.space.shape)
+        return CholeskyFactor(metric.gram_matrix(vectors, points) / scale)
     # What costs nothing to first order, as bending if c = 0, still affects distances between
     # surfaces further apart: `stiffness` weighs the Dirichlet energy, relative to the diagonals.
     if metric.has_metric_matrix:

@@ -189,11 +189,8 @@ class BasisMean(Solver, MeanSolver):
             return dispersion.value_and_gradient(point)
 
         def factor_at(point: ndarray) -> CholeskyFactor:
-            scale = dispersion.curvature(variance)
-            if directions is None:
-                return metric_factor(metric, point[None], 1.0 / scale)
-            vectors = directions.reshape(-1, *origin.shape)
-            return CholeskyFactor(scale * metric.gram_matrix(vectors, point))
+            scale = 1.0 / dispersion.curvature(variance)
+            return metric_factor(metric, point[None], scale, directions)
 
         def report(iteration: int, value: float, point: ndarray) -> None:
             check_areas(point)
