@@ -68,9 +68,7 @@ class Dispersion:
         """The functional of the sample; where all points are in memory, of all of them."""
         if not self.in_batches:
             return self
-        sample = Dispersion(self.metric, self.points, self.weights)
-        sample.smoothing = self.smoothing
-        return sample
+        return Dispersion(self.metric, self.points, self.weights).changed(smoothing=self.smoothing)
 
     def changed(
         self, metric: RiemannianMetric | None = None, smoothing: float | None = None

@@ -26,7 +26,7 @@ from riemhuman.solvers.paths import (
     known_path,
     linear_path,
     lower_bound,
-    path_floor,
+    rounding_energy,
 )
 from riemhuman.solvers.results import PathResult, Status, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -159,6 +159,8 @@ class PathSearch(PathSolver):
         def report(iteration: int, value: float, nodes: ndarray) -> None:
             cast(Any, self.callback)(iteration, value, _with_interior(path, nodes))
 
+        # The energy of a constant path with rounding errors.
+        rounding = max(rounding_energy(metric, point, self.energy) for point in path[[0, -1]])
         minimum = minimize_from(
             path[1:-1],
             metric.space,
@@ -170,7 +172,7 @@ class PathSearch(PathSolver):
             max_iter=self.max_iter,
             recent_decrease=max(self._recent_decrease, self._recent_tolerances * self.tolerance),
             shortest=_SHORT if over_all and metric.space.is_surface_space else 0.0,
-            floor=path_floor(metric, self.energy, path),
+            floor=(len(path) - 1) ** 2 * rounding,
             earlier=earlier,
             progress="geodesic" if self.progress else "",
         )
@@ -253,7 +255,7 @@ class BasisPath(PathSearch):
         if not np.all(metric.space.belongs(nodes)):
             # A triangle has vanished on the way, as it may at a small λ.
             nodes = path[[0, -1]]
-        return CholeskyFactor(metric.gram_matrix(self.basis.vectors, nodes))
+        return metric_factor(metric, nodes, directions=self.basis.flat)
 
 
 @dataclass(frozen=True)

@@ -282,9 +282,3 @@ def rounding_energy(
 def rounded(point: ndarray, size: float) -> ndarray:
     """Return a point with rounding errors up to a relative size, the same ones at every call."""
     return point * (1.0 + np.random.default_rng(0).uniform(-size, size, point.shape))
-
-
-def path_floor(metric: RiemannianMetric, energy: PathEnergy, path: ndarray) -> float:
-    """Return the energy of a constant path with rounding errors."""
-    energies = [rounding_energy(metric, point, energy) for point in path[[0, -1]]]
-    return (len(path) - 1) ** 2 * max(energies)

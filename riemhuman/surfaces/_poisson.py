@@ -63,15 +63,11 @@ class PoissonInterpolator:
         frames = (triangle_frames(f, self._operator) for f in (start, end))
         return log(np.eye(3), nearest_rotations(deformation_gradients(*frames)))
 
-    def has_jumps(self, rotations: ndarray) -> bool:
-        """Return whether rotation vectors of some neighbouring triangles differ by more than π."""
-        first, second = self._neighbours.T
-        gaps = rotations[first] - rotations[second]
-        return bool(np.any(np.sum(gaps * gaps, axis=1) > np.pi**2))
-
     def unwrap(self, rotations: ndarray) -> ndarray:
         """Return the same rotations plus multiples of 2π, so that neighbours rotate alike."""
-        if not self.has_jumps(rotations):
+        first, second = self._neighbours.T
+        gaps = rotations[first] - rotations[second]
+        if not np.any(np.sum(gaps * gaps, axis=1) > np.pi**2):
             return rotations
         # From the triangle that rotates least across the edges where rotations differ least.
         n_faces, angles = len(rotations), np.linalg.norm(rotations, axis=1)

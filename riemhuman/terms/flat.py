@@ -67,8 +67,11 @@ class FlatTerm(Term):
         return sum(pack_vector(row, one) for row, one in zip(rows, kept, strict=True))
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
-        rows = a.reshape(len(a), -1)
-        return flat_distances(rows, rows if b is a else b.reshape(len(b), -1))
+        # A product of matrices, ‖a‖² + ‖b‖² − 2 ⟨a, b⟩, loses the digits of what is close; with
+        # these pairs summed again by differences, it takes no less time.
+        squared = np.zeros((len(a), len(b)))
+        _tile(a.reshape(len(a), -1), b.reshape(len(b), -1), a is b, squared)
+        return squared
 
 
 @compiled(fastmath=SUM)
@@ -137,15 +140,6 @@ def _block(
 def _add(sums: Four, x: float, y: Four) -> Four:
     d0, d1, d2, d3 = x - y[0], x - y[1], x - y[2], x - y[3]
     return sums[0] + d0 * d0, sums[1] + d1 * d1, sums[2] + d2 * d2, sums[3] + d3 * d3
-
-
-def flat_distances(a: ndarray, b: ndarray) -> ndarray:
-    """Return squared Euclidean distances of vectors, from their differences."""
-    # A product of matrices, ‖a‖² + ‖b‖² − 2 ⟨a, b⟩, loses the digits of what is close; with these
-    # pairs summed again by differences, it takes no less time.
-    squared = np.zeros((len(a), len(b)))
-    _tile(a, b, a is b, squared)
-    return squared
 
 
 class RootNormalTerm(FlatTerm):
