@@ -15,13 +15,13 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS
-from riemhuman.checks import real_array, real_number
+from riemhuman.checks import real_array, real_number, refuse_type
 from riemhuman.datasets._skeletons import model_joints
 from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.retargeting import RetargetedMotion
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
 from riemhuman.io.files import convert_errors, file_path, format_errors
 from riemhuman.io.mesh_arrays import face_difference
@@ -225,7 +225,7 @@ def _models(model: Any) -> dict[str | None, BodyModel]:
     for gender, each in models.items():
         label = "model" if gender is None else f"model[{gender!r}]"
         if not isinstance(each, BodyModel):
-            raise ArgumentTypeError(f"{label} must be a BodyModel; found {type(each).__name__}")
+            refuse_type(each, label, "a BodyModel")
         if not _is_smpl(each):
             model_joints(each)
         if face_difference(each.faces, first.faces):

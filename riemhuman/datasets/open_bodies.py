@@ -17,7 +17,7 @@ from riemhuman.checks import one_of, whole_number
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.open_poses import DATA, joint_rotations, pose_vectors, read_table
 from riemhuman.kernels.rotations import log
-from riemhuman.kernels.surface import unit_vectors
+from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.kernels.threads import single_threaded_libraries
 
 _RESOLUTIONS = ("full", "coarse")
@@ -280,12 +280,9 @@ def _touched(
     gaps = np.linalg.norm(model.template.vertices - points[:, None], axis=-1) + elsewhere
     nearest = gaps.argmin(axis=1)
     surfaces = model(betas, poses)
-    corners = surfaces[:, model.faces]
-    areas = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
-    around = (model.faces == nearest[:, None, None]).any(axis=-1)
-    outward = np.sum(np.where(around[..., None], areas, 0.0), axis=1)
+    normals = np.stack([vertex_normals(surface, model.faces) for surface in surfaces])
     people = np.arange(len(betas))
-    return surfaces[people, nearest], unit_vectors(outward)
+    return surfaces[people, nearest], normals[people, nearest]
 
 
 def surface_noise(

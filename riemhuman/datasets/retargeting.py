@@ -30,7 +30,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, joints_between
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import one_of, real_array, refuse_type
 from riemhuman.datasets._skeletons import (
     BENT,
     BONES,
@@ -46,7 +46,6 @@ from riemhuman.datasets._skeletons import (
 from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ModelMotion
 from riemhuman.datasets.open_bodies import load_open_model
-from riemhuman.errors import ArgumentTypeError
 from riemhuman.kernels.rotations import exp, log
 from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.representation import Record
@@ -224,12 +223,10 @@ def retarget(
     >>> jump = rh.datasets.retarget(rh.datasets.load_bvh("jump.bvh"))  # doctest: +SKIP
     """
     if not isinstance(recording, SkeletonMotion):
-        raise ArgumentTypeError(
-            f"recording must be a SkeletonMotion; found {type(recording).__name__}"
-        )
+        refuse_type(recording, "recording", "a SkeletonMotion")
     model = load_open_model("coarse") if model is None else model
     if not isinstance(model, BodyModel):
-        raise ArgumentTypeError(f"model must be a BodyModel; found {type(model).__name__}")
+        refuse_type(model, "model", "a BodyModel")
     if betas is not None:
         betas = real_array(betas, "betas", (model.n_betas,), batched=False)
     if up is not None:

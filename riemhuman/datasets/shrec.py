@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -60,9 +59,6 @@ class LabelledMeshes(Record):
     def __getitem__(self, index: int) -> tuple[np.ndarray, np.ndarray]:
         vertices, faces = load_mesh(self.files[index])
         return self.scale * vertices, faces
-
-    def __iter__(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        return (self[index] for index in range(len(self)))
 
 
 def load_shrec14(

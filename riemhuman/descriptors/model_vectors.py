@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import check_methods, one_of, real_array
 from riemhuman.descriptors.descriptor import Descriptor, meshes_of, pairwise
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentError
 from riemhuman.progress import ProgressBar
 
 
@@ -23,10 +23,7 @@ class _ModelVectors(Descriptor):
     model: Any
 
     def __post_init__(self) -> None:
-        if not callable(getattr(self.model, "fit", None)):
-            raise ArgumentTypeError(
-                f"model must be a body model with a method fit; found {type(self.model).__name__}"
-            )
+        check_methods(self.model, "model", "a body model with a method fit", "fit")
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
         points = self._check_points(vertices, faces)

@@ -13,8 +13,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import check_same_scale, real_array
-from riemhuman.errors import ArgumentTypeError
+from riemhuman.checks import check_same_scale, real_array, refuse_type
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
 from riemhuman.learned._networks import network_shapes
@@ -92,7 +91,7 @@ class PairedCodes(ABC):
             vertices at the same places, and codes of point clouds need none.
         """
         if not isinstance(template, Template):
-            raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")
+            refuse_type(template, "template", "a Template")
         codes = copy(self)
         codes._template = template
         return codes

@@ -32,11 +32,10 @@ _COLLAPSED, _TOO_LITTLE = 1e-3, 0.2
 
 
 class Correspondence:
-    """The transfer of surfaces from a template to the template of a network, and back.
+    """The transfer of surfaces from a template to the template of a network, and back."""
 
-    Back, every triangle takes the mean deformation gradient of the network's near it, and a Poisson
-    equation gives the surface. `usable` (F,) says which of the network's have not collapsed.
-    """
+    # Back, every triangle takes the mean deformation gradient of the network's near it, and a
+    # Poisson equation gives the surface. `usable` (F,) says which of these have not collapsed.
 
     def __init__(self, home: Template, template: Template, correspondence: Any = None) -> None:
         self.home, self.template = home, template

@@ -44,18 +44,14 @@ _ROWS, _COLUMNS = np.triu_indices(3)
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Parts of a template: from surfaces to rotations and stretches of parts, and back.
-
-    `part_of` (F,) is the part of each triangle, `weights` (F, K) the weight of each part in the
-    gradient of each triangle, and `parents` (K,) the part that each rotation is relative to; -1 for
-    the root, relative to the whole body. Triangles outside `usable` (F,) do not count.
-    """
+    """Parts of a template: from surfaces to rotations and stretches of parts, and back."""
 
     template: Template
-    part_of: ndarray
-    weights: ndarray
+    part_of: ndarray  # (F,) the part of each triangle
+    weights: ndarray  # (F, K) of each part in the gradient of each triangle
+    # (K,) what each rotation is relative to: another part, or for the root, -1, the whole body
     parents: ndarray
-    usable: ndarray | None = None
+    usable: ndarray | None = None  # (F,) triangles that count
 
     @classmethod
     def read(cls, weights: Weights, n_parts: int) -> Parts:

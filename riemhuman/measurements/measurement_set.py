@@ -17,9 +17,9 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from riemhuman.bodies import BodyModel, correspondence_matrix
-from riemhuman.checks import one_of, real_array, real_number
+from riemhuman.checks import one_of, real_array, real_number, refuse_type
 from riemhuman.datasets import load_open_model
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
+from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path, read_bytes, write_text
 from riemhuman.measurements._geodesics import Mesh
 from riemhuman.measurements._landmarked_bodies import axes_of_frame
@@ -114,10 +114,7 @@ class MeasurementSet:
     def _check_names(self) -> None:
         for measurement in self.measurements:
             if not isinstance(measurement, Measurement):
-                raise ArgumentTypeError(
-                    "measurements must be names or objects of Measurement; found "
-                    f"{type(measurement).__name__}"
-                )
+                refuse_type(measurement, "measurements", "names or objects of Measurement")
         for name in self.names:
             if self.names.count(name) > 1:
                 raise ArgumentError(f"two measurements are called {name!r}")

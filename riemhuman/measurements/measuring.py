@@ -13,7 +13,7 @@ from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, joints_between
-from riemhuman.checks import likely_units, one_of, real_array, real_number
+from riemhuman.checks import likely_units, one_of, real_array, real_number, refuse_type
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
@@ -112,10 +112,7 @@ class Measurements:
         if isinstance(model, MeasurementSet):
             own = model
         elif not isinstance(model, (BodyModel, Template)):
-            raise ArgumentTypeError(
-                "model must be a BodyModel, a Template, Bodies or a MeasurementSet; found "
-                f"{type(model).__name__}"
-            )
+            refuse_type(model, "model", "a BodyModel, a Template, Bodies or a MeasurementSet")
         elif isinstance(definitions, MeasurementSet):
             raise ArgumentTypeError("definitions must not be a MeasurementSet: give it as model")
         elif isinstance(definitions, (str, Path)):

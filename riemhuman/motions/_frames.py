@@ -151,12 +151,9 @@ class FrameDistances:
             rows = sampled_rows(motions, lambda motion, name: self.features(motion, name)[0])
             self._projection = Projection.fit(rows, n_components)
 
-    def _runs(self, motion: Motion, name: str) -> Iterator[ndarray]:
-        return frame_runs(self._metric.space, motion, name, self._heading)
-
     def features(self, motion: Motion, name: str) -> tuple[ndarray, ...]:
         """Return arrays of features of the frames, each of shape (n_frames, ...)."""
-        runs = self._runs(motion, name)
+        runs = frame_runs(self._metric.space, motion, name, self._heading)
         if self._flat:
             rows = np.concatenate([self._metric.lower_bound_coordinates(run) for run in runs])
             return (rows if self._projection is None else self._projection(rows),)

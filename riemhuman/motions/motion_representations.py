@@ -42,15 +42,12 @@ _COMPONENTS = 200
 
 @dataclass(frozen=True)
 class GramHankel:
-    """Distances of sequences by normalised products of Hankel matrices; they depend on the speed.
-
-    `width` is σ in metres, `n_rows` is r, `n_features` the number of random Fourier features.
-    """
+    """Distances of sequences by products of their Hankel matrices; they depend on the speed."""
 
     space: AlignedSurfaces
-    width: float = 0.2
-    n_rows: int = 8
-    n_features: int = 64
+    width: float = 0.2  # σ, metres
+    n_rows: int = 8  # r
+    n_features: int = 64  # random Fourier features
 
     def describe(self, motion: Motion, name: str) -> ndarray:
         """Return G divided by its norm, shape (r, r)."""

@@ -29,14 +29,11 @@ _SMOOTHING = 0.03
 
 @dataclass(frozen=True)
 class _Curve:
-    """A polygon of velocities, each divided by the square root of its length, shape (n, p).
+    """A polygon of n velocities."""
 
-    `length` is the sum of their lengths; `places` (n + 1,) say where they begin and end, in frames.
-    """
-
-    directions: ndarray
-    length: float
-    places: ndarray
+    directions: ndarray  # (n, p), each divided by the square root of its length
+    length: float  # of the polygon
+    places: ndarray  # (n + 1,) where velocities begin and end, in frames
 
 
 class RateInvariantMetric(MotionDistance):

@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, ModelFit, correspondence_matrix
 from riemhuman.bodies.skinning import JointMotions, Skeleton
-from riemhuman.checks import UNITS, likely_units, one_of, real_array
+from riemhuman.checks import UNITS, likely_units, one_of, real_array, refuse_type
 from riemhuman.datasets import load_open_model
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.kernels.surface import vertex_normals
@@ -185,7 +185,7 @@ class ScanRegistration:
     def __post_init__(self) -> None:
         model: Any = self.model
         if not isinstance(model, BodyModel):
-            raise ArgumentTypeError(f"model must be a BodyModel; found {type(model).__name__}")
+            refuse_type(model, "model", "a BodyModel")
         one_of(self.unit, "unit", (None, *UNITS))
         one_of(self.up, "up", (None, *_UP))
 
@@ -274,15 +274,11 @@ class ScanRegistration:
         up = prepared.up if self.up is None else _UP[self.up]
         return replace(prepared, up=up, landmarks=known)
 
-    def _landmark_positions(
-        self, landmarks: Mapping[str, Any], scan: Scan
-    ) -> dict[int, np.ndarray]:
+    def _landmark_positions(self, landmarks: Any, scan: Scan) -> dict[int, np.ndarray]:
         """Return the positions of joints by number, metres."""
         if not isinstance(landmarks, Mapping):
-            raise ArgumentTypeError(
-                "landmarks must be a mapping of joints to positions, {'left_wrist': [x, y, z]}; "
-                f"found {type(landmarks).__name__}"
-            )
+            expected = "a mapping of joints to positions, {'left_wrist': [x, y, z]}"
+            refuse_type(landmarks, "landmarks", expected)
         names = self._parts.names
         centre = np.median(scan.points, axis=0)
         positions = {}
@@ -577,7 +573,7 @@ class TemplateRegistration:
     def __post_init__(self) -> None:
         template: Any = self.template
         if not isinstance(template, Template):
-            raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")
+            refuse_type(template, "template", "a Template")
 
     def solve(self, scan: Any, *, start: Any = None) -> RegisteredScan:
         """Register a scan, without a likelihood and a fit in the result.
