@@ -65,7 +65,6 @@ class Triple(NamedTuple):
     n_iterations: int = 0
     n_evaluations: int = 0
     error: float = 0.0
-    converged: bool = True
 
 
 @dataclass(frozen=True)
@@ -160,13 +159,8 @@ class GeodesicEquation:
 
         start = np.zeros(middle.size if directions is None else len(directions))
         root = find_root(equation, start, tolerance=self.tolerance, max_iter=self.max_iter)
-        return Triple(
-            triple(shift_of(root.x)),
-            root.n_iterations,
-            root.n_evaluations,
-            root.residual,
-            bool(root.residual <= self.tolerance),
-        )
+        points = triple(shift_of(root.x))
+        return Triple(points, root.n_iterations, root.n_evaluations, root.residual)
 
 
 def has_long_step(metric: RiemannianMetric, path: ndarray, all_coordinates: bool) -> bool:

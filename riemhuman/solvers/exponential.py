@@ -229,7 +229,7 @@ class DiscreteExponential(Solver, ExpSolver):
             if stop:
                 stop = f"step {step} of {n_steps}: {stop}"
                 break
-            if not triple.converged:
+            if not triple.error <= self.tolerance:
                 error = f"the equation is solved to {triple.error:.1e} only"
                 unsolved = f"step {step} of {n_steps}: {error}"
             points.append(triple.points[2])

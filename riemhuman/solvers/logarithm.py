@@ -155,17 +155,15 @@ class DiscreteLogarithm(Solver, LogSolver):
         n_evaluations, initial_path = 0, None
         for doubling in range(self.n_doublings + 1):
             n_steps = self.n_steps * 2**doubling
-            may_double = doubling < self.n_doublings
+            is_last = doubling == self.n_doublings
             path, exact = self._search(metric, start, end, n_steps, initial_path)
             n_evaluations += path.n_evaluations
-            if may_double and self._has_long_steps(metric, path.path):
-                initial_path = refine_path(path.path, 2 * n_steps)
-                continue
-            path = exact.solve(metric, start, end, initial_path=path.path)
-            result = self._logarithm(metric, path, end)
-            n_evaluations += result.n_evaluations
-            if result.converged or not may_double:
-                break
+            if is_last or not self._has_long_steps(metric, path.path):
+                path = exact.solve(metric, start, end, initial_path=path.path)
+                result = self._logarithm(metric, path, end)
+                n_evaluations += result.n_evaluations
+                if is_last or result.converged:
+                    break
             initial_path = refine_path(path.path, 2 * n_steps)
         return replace(result, n_evaluations=n_evaluations)
 
@@ -175,7 +173,8 @@ class DiscreteLogarithm(Solver, LogSolver):
         if self.basis is None and has_long_step(metric, path, all_coordinates=True):
             return True
         backward = self._step_before(metric, path)
-        return not backward.converged or bool(degeneration(metric, path[0], backward.points[2]))
+        exists = backward.error <= self.tolerance
+        return not exists or bool(degeneration(metric, path[0], backward.points[2]))
 
     def _logarithm(
         self, metric: RiemannianMetric, found: PathResult, end: ndarray
