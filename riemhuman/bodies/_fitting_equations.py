@@ -69,7 +69,6 @@ class _Patch:
             self.weights,
             self.shapedirs,
             self.below,
-            self.weights @ self.below,
             self.bones,
             self.active,
         ).transpose(1, 0, 2)

@@ -45,8 +45,8 @@ class ModelContents:
     ----------
     family : str
         "SMPL", "SMPL-H", "SMPL-X", "STAR", "SMAL", or "SMPL's layout".
-    n_shapes : int
-        Number of shape coefficients in the file, without expressions.
+    n_shapes, n_used : int
+        Numbers of shape coefficients in the file, without expressions, and of those used.
     used, left_out : tuple of str
         Parts that are used and left out.
 
@@ -59,6 +59,7 @@ class ModelContents:
 
     family: str
     n_shapes: int
+    n_used: int
     used: tuple[str, ...]
     left_out: tuple[str, ...]
 
@@ -116,8 +117,7 @@ def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) 
             raise ArgumentError(
                 f"n_betas is {n_betas}; {path} has {contents.n_shapes} shape coefficients"
             )
-        n_used = min(_usual_betas(fields, n_betas), contents.n_shapes)
-        fields["shapedirs"] = fields["shapedirs"][..., :n_used]
+        fields["shapedirs"] = fields["shapedirs"][..., : contents.n_used]
     return fields
 
 
@@ -125,13 +125,6 @@ def _load_arrays(path: str | os.PathLike[str]) -> dict[str, Any]:
     is_pickle = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() in _PICKLES
     load = load_pickled_arrays if is_pickle else load_arrays
     return load(path, _REQUIRED, (*_OPTIONAL, *_HANDS, *_LANDMARKS))
-
-
-def _usual_betas(fields: Mapping[str, Any], n_betas: int | None) -> int:
-    if n_betas is not None:
-        return whole_number(n_betas, "n_betas", minimum=0)
-    n_coefficients = _last_length(fields["shapedirs"])
-    return _USUAL_BETAS if n_coefficients >= _MANY_BETAS else n_coefficients
 
 
 def _contents(fields: Mapping[str, Any], n_betas: int | None) -> ModelContents:
@@ -147,7 +140,9 @@ def _contents(fields: Mapping[str, Any], n_betas: int | None) -> ModelContents:
     n_shapes = n_coefficients
     if family == "SMPL-X":
         n_shapes = _SHAPES_OF_SMPLX.get(n_coefficients, n_coefficients)
-    n_used = min(_usual_betas(fields, n_betas), n_shapes)
+    usual = _USUAL_BETAS if n_coefficients >= _MANY_BETAS else n_coefficients
+    wanted = usual if n_betas is None else whole_number(n_betas, "n_betas", minimum=0)
+    n_used = min(wanted, n_shapes)
     used = [f"{n_joints} joints", f"{n_used} shape coefficients"]
     left_out = []
     if by_quaternions:
@@ -164,7 +159,7 @@ def _contents(fields: Mapping[str, Any], n_betas: int | None) -> ModelContents:
         left_out.append("mean poses and components of the hands (fingers are joints like others)")
     if has_face:
         left_out.append("landmarks of the face")
-    return ModelContents(family, n_shapes, tuple(used), tuple(left_out))
+    return ModelContents(family, n_shapes, n_used, tuple(used), tuple(left_out))
 
 
 def _last_length(array: Any) -> int:

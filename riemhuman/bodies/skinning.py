@@ -185,7 +185,6 @@ def skinning_derivatives(
     weights: onp.ndarray,
     shapedirs: onp.ndarray,
     below: onp.ndarray,
-    weights_below: onp.ndarray,
     bones: Any = slice(None),
     active: Any = slice(None),
 ) -> onp.ndarray:
@@ -201,7 +200,7 @@ def skinning_derivatives(
     levers += motions.shifts[bones].T.astype(real)[:, onp.newaxis]
     levers *= weights
     levers = levers @ below
-    levers -= motions.positions[active].T.astype(real)[:, onp.newaxis] * weights_below
+    levers -= motions.positions[active].T.astype(real)[:, onp.newaxis] * (weights @ below)
     for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         rows[x, :, y * n_active : (y + 1) * n_active] = levers[z]
         onp.negative(levers[z], out=rows[y, :, x * n_active : (x + 1) * n_active])

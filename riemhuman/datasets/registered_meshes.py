@@ -92,15 +92,12 @@ class RegisteredMeshes:
         if not self.files:
             raise ArgumentError("files holds no mesh file; at least one is needed")
         if isinstance(reference, Template):
-            self._name, self.faces, self.reference = (
-                "the template",
-                reference.faces,
-                reference.vertices,
-            )
-            return
-        file = self.files[0] if reference is None else Path(reference)
-        vertices, self.faces = load_mesh(file)
-        self._name, self.reference = str(file), make_upright(vertices, unit, up)
+            self._name, self.reference = "the template", reference.vertices
+            self.faces = reference.faces
+        else:
+            file = self.files[0] if reference is None else Path(reference)
+            vertices, self.faces = load_mesh(file)
+            self._name, self.reference = str(file), make_upright(vertices, unit, up)
 
     def __len__(self) -> int:
         return len(self.files)

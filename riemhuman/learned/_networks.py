@@ -12,13 +12,8 @@ _KEYS = ("A", "b1", "B", "b2", "C", "L", "b3")
 
 
 def network(parameters: Mapping[str, Any], name: str, x: Any, backend: ModuleType = np) -> Any:
-    r"""Return the outputs (..., n_out) of a network with a residual block and a linear part.
-
-    .. math::
-        y = L x + C h + b_3, \quad h = g + \sigma(B g + b_2), \quad g = \sigma(A x + b_1)
-
-    with :math:`\sigma(x) = x / (1 + e^{-x})`. Its parameters have names such as "shape.A".
-    """
+    """Return the outputs (..., n_out) of a network with a residual block and a linear part."""
+    # y = L x + C h + b₃, h = g + σ(B g + b₂), g = σ(A x + b₁), with names such as "shape.A".
     A, b1, B, b2, C, L, b3 = (parameters[f"{name}.{key}"] for key in _KEYS)
     hidden = activate(x @ A + b1, backend)
     hidden = hidden + activate(hidden @ B + b2, backend)

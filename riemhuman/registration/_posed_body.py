@@ -161,7 +161,7 @@ def take_step(
     weights, below = body.weights.astype(np.float32), body.skeleton.below.astype(np.float32)
     shapedirs = body.shapedirs.astype(np.float32)
     rows = skinning_derivatives(
-        posed.motions, posed.shaped, posed.blended, weights, shapedirs, below, weights @ below
+        posed.motions, posed.shaped, posed.blended, weights, shapedirs, below
     )
     rows *= scale
     sides = (gaps * scale).T
