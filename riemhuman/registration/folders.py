@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.checks import real_array
-from riemhuman.datasets.registered_meshes import existing_folder, natural_key
+from riemhuman.datasets.registered_meshes import existing_folder, is_visible, natural_key
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import convert_errors, file_path, read_bytes
@@ -155,7 +155,7 @@ def register_folder(
 def _scan_files(folder: str | os.PathLike[str]) -> list[Path]:
     """Return the files of scans in a folder, in the natural order of their names."""
     place = existing_folder(folder)
-    files = [each for each in place.iterdir() if each.suffix.lower() in POINT_SUFFIXES]
+    files = [each for each in place.iterdir() if is_visible(each, POINT_SUFFIXES)]
     files = sorted((each for each in files if each.is_file()), key=lambda f: natural_key(f.name))
     if not files:
         raise FileError(f"{place} holds no scans; they end in {', '.join(POINT_SUFFIXES)}")

@@ -125,6 +125,7 @@ def test_the_page_shows_every_scan(registered, folders):
 
 
 def test_folders_without_scans_are_refused(tmp_path, registration):
+    (tmp_path / "._anna.ply").write_bytes(b"a hidden file that macOS writes beside a scan")
     with pytest.raises(rh.errors.FileError, match="holds no scans"):
         register_folder(registration, tmp_path, tmp_path / "bodies")
     with pytest.raises(rh.errors.FileError, match="holds no registered scans"):
