@@ -27,7 +27,7 @@ _MOST_POINTS = 20_000
 _FIRST_POINTS = 80_000
 # Only vertices are matched, so triangles of this size, such as those that close soles, are split;
 # larger ones are floors or strays. Metres.
-_LONG_EDGE, _LONGEST_EDGE = 0.03, 0.3
+_LONG_EDGE, _LONGEST_EDGE = 0.05, 0.3
 
 # Points farther from the median than this are strays.
 _FAR_METRES = 10.0
