@@ -559,7 +559,7 @@ class RiemannianMetric(Unchanging):
         ----------
         path : array, shape (n_times, \*shape)
         """
-        if not self.is_translation_invariant:
+        if not (self.is_translation_invariant and self.space.is_surface_space):
             return path
         path, areas = self.check_points(path, "path"), self.space.template.vertex_areas
         return still_path(path, areas, rotations=self.is_rotation_invariant)
