@@ -55,7 +55,7 @@ def test_large_triangles_are_matched_too(bodies):
     """As those that close the soles, of which only the vertices once were."""
     centres = bodies[0][bodies.template.faces].mean(axis=1)
     prepared = prepare_scan(as_scan((bodies[0], bodies.template.faces)))
-    assert cKDTree(prepared.points).query(centres)[0].max() < 0.02
+    assert cKDTree(prepared.points).query(centres)[0].max() < 0.03  # of edges below 5 cm
 
 
 def test_bodies_stand_on_the_floor_that_hides_their_soles(bodies):
