@@ -366,11 +366,14 @@ def _load(
     progress: bool = False,
 ) -> Bodies:
     """Load registered meshes with their labels."""
-    if not isinstance(template, Template):
-        # By default the first body: the mean of several poses is no body, its arms shrink.
-        read = Template.from_file(files[0] if template is None else template)
+    # By default the first body: the mean of several poses is no body, its arms shrink.
+    reference = files[0] if template is None else template
+    if isinstance(reference, Template):
+        template = reference
+    else:
+        read = Template.from_file(reference)
         template = Template(make_upright(read.vertices, unit, up), read.faces)
-    meshes = RegisteredMeshes(files, template, scale, unit=unit, up=up)
+    meshes = RegisteredMeshes(files, reference, scale, unit=unit, up=up)
     bar = ProgressBar(range(len(meshes)), "Meshes", unit="mesh", disable=not progress)
     points = np.stack([meshes[number] for number in bar])
     if align:
