@@ -436,7 +436,7 @@ def check_solver(
 ) -> PropertyReport:
     r"""Check on a few points that a solver fulfils the contract of its kind.
 
-    The argument names of `solve` tell whether the solver finds geodesics, exponentials, logarithms,
+    The kind follows from the argument names of `solve`: geodesics, exponentials, logarithms,
     transport or means; `riemhuman.geometry.strategies` has the contracts.
 
     Parameters
