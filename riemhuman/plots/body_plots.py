@@ -282,6 +282,7 @@ def plot_measurement_lines(
     >>> figure = rh.plots.plot_measurement_lines(bodies[0], bodies.template.faces, lines)
     """
     surface, faces = as_surfaces(surface, faces)
+    collections = import_optional("matplotlib.collections", "plot")
     curves = {name: parts for name, parts in lines.items() if len(parts)}
     n_rows = -(-len(curves) // _LEGEND_COLUMNS)
     figure = new_figure(9.6, _BODY_INCHES + _LEGEND_ROW_INCHES * n_rows)
@@ -299,11 +300,10 @@ def plot_measurement_lines(
         axes.set_axis_off()
         handles = []
         for number, parts in enumerate(curves.values()):
-            style = {"color": f"C{number % 10}", "linestyle": _LINES[number // 10 % len(_LINES)]}
-            for part in parts:
-                flat: ndarray = view.rotate(np.asarray(part))[:, :2]
-                (artist,) = axes.plot(*flat.T, linewidth=0.9, **style)
-            handles.append(artist)
+            style = {"colors": f"C{number % 10}", "linestyles": _LINES[number // 10 % len(_LINES)]}
+            flat = [view.rotate(np.asarray(part))[:, :2] for part in parts]
+            drawn = collections.LineCollection(flat, linewidths=0.9, **style)
+            handles.append(axes.add_collection(drawn, autolim=False))
     figure.legend(
         handles,
         list(curves),

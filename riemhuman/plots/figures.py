@@ -81,10 +81,15 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
 
 def figure_files(figure: Figure) -> tuple[str, bytes]:
     """Return a figure as an SVG file without background, in the ink of the theme, and as a PNG."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        # Laid out once for both files; at this resolution, text is as wide as in the SVG.
+        figure.set_dpi(200)
+        engine.execute(figure)
+        figure.set_layout_engine(None)
     content = io.BytesIO()
     nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
     figure.savefig(content, format="svg", dpi=_DPI, metadata=nothing)
-    figure.set_layout_engine("none")  # the layout is done; doing it again would take long
     svg = content.getvalue().decode("utf-8")
     end = svg.index(">", svg.index("<svg")) + 1
     # Ink has the colour of the theme; text without a colour would stay black.

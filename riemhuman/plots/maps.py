@@ -270,6 +270,7 @@ def _add_bodies(
 
 def _inches(ax: Axes) -> ndarray:
     """Return the width and height of the axes."""
-    if ax.figure.get_layout_engine() is not None:
-        ax.figure.draw_without_rendering()  # finds them
+    engine = ax.figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(ax.figure)
     return np.asarray(ax.figure.get_size_inches() * ax.get_position().size)

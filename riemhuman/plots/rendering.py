@@ -22,11 +22,11 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.compilation import compiled
-from riemhuman.kernels.surface import unit_vectors, vertex_normals
+from riemhuman.kernels.surface import vertex_normals
 from riemhuman.plots.figures import SKIN
 
 # Directions to the lights in the viewer's frame (right, up, towards the eye), and their strengths.
-_LIGHTS = ((np.array([-0.45, 0.65, 0.61]), 0.70), (np.array([0.80, 0.10, 0.59]), 0.26))
+_LIGHTS = ((-0.45, 0.65, 0.61, 0.70), (0.80, 0.10, 0.59, 0.26))
 _AMBIENT = 0.36
 _SAMPLES = 2  # of a pixel in each direction, which smooth the outline
 _STRIP_HEIGHT = 160  # pixels
@@ -145,7 +145,7 @@ def render(
             f"color must have shape (3,) or ({len(faces)}, 3) and lie between 0 and 1; found shape "
             f"{colors.shape}, from {colors.min():g} to {colors.max():g}"
         )
-    colors = np.broadcast_to(colors, (len(faces), 3))
+    colors = np.array(np.broadcast_to(colors, (len(faces), 3)))
     whole_number(height, "height", minimum=1)
     view = View() if view is None else view
     window = window_around(vertices, view) if window is None else window
@@ -157,32 +157,15 @@ def render(
     columns = (rotated[:, 0] - window.centre[0]) * scale + shape[1] / 2
     rows = shape[0] / 2 - (rotated[:, 1] - window.centre[1]) * scale
     corners = np.stack([columns, rows, rotated[:, 2]], axis=1)[faces]
-    owner, shares = np.full(shape, -1), np.empty((*shape, 3))
-    _draw_triangles(corners, np.full(shape, -np.inf), owner, shares)
-    covered = np.nonzero(owner >= 0)
-    front = owner[covered]
-    light = _shade(np.einsum("pc,pcx->px", shares[covered], normals[faces[front]]))[:, None]
-    samples = np.clip(colors[front] * light, 0, 1)
-    # A pixel is the mean of its covered samples, and as opaque as they are many.
-    pixel = covered[0] // _SAMPLES * width + covered[1] // _SAMPLES
-    count = np.bincount(pixel, minlength=height * width)
-    sums = [np.bincount(pixel, channel, height * width) for channel in samples.T]
-    means = [*(sums / np.maximum(count, 1)), count / _SAMPLES**2]
-    return np.round(255 * np.stack(means, axis=1)).astype(np.uint8).reshape(height, width, 4)
-
-
-def _shade(normals: ndarray) -> ndarray:
-    normals = unit_vectors(normals)
-    light = np.full(len(normals), _AMBIENT)
-    for direction, strength in _LIGHTS:
-        light += strength * np.clip(normals @ direction, 0, None)
-    # Darken the outline, as in a drawing.
-    return light * (0.68 + 0.32 * np.clip(normals[:, 2], 0, 1) ** 0.5)
+    owner, picture = np.full(shape, -1), np.empty((height, width, 4), dtype=np.uint8)
+    _draw_triangles(corners, np.full(shape, -np.inf), owner)
+    _paint(corners, normals[faces], colors, owner, picture)
+    return picture
 
 
 @compiled
-def _draw_triangles(corners: ndarray, nearest: ndarray, owner: ndarray, shares: ndarray) -> None:
-    """Write the nearest triangle at the middle of each pixel, and its barycentric coordinates."""
+def _draw_triangles(corners: ndarray, nearest: ndarray, owner: ndarray) -> None:
+    """Write the nearest triangle at the middle of each sample."""
     # Corners, shape (F, 3, 3), are columns, rows and depths; greater depths are nearer.
     height, width = owner.shape
     for f in range(len(corners)):
@@ -194,19 +177,62 @@ def _draw_triangles(corners: ndarray, nearest: ndarray, owner: ndarray, shares: 
         top, bottom = np.ceil(min(ay, by, cy) - 0.5), np.floor(max(ay, by, cy) + 0.5)
         left, right = np.ceil(min(ax, bx, cx) - 0.5), np.floor(max(ax, bx, cx) + 0.5)
         for row in range(int(max(top, 0.0)), int(min(bottom, height))):
-            y = row + 0.5
             for column in range(int(max(left, 0.0)), int(min(right, width))):
-                x = column + 0.5
-                a = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
-                b = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
-                c = ((ax - x) * (by - y) - (ay - y) * (bx - x)) / area
+                a, b, c = _shares(corners[f], row + 0.5, column + 0.5)
                 depth = a * az + b * bz + c * cz
                 if min(a, b, c) >= 0 and depth > nearest[row, column]:
                     nearest[row, column] = depth
                     owner[row, column] = f
-                    shares[row, column, 0] = a
-                    shares[row, column, 1] = b
-                    shares[row, column, 2] = c
+
+
+@compiled
+def _shares(corners: ndarray, y: float, x: float) -> tuple[float, float, float]:
+    """Return barycentric coordinates."""
+    (ax, ay, _), (bx, by, _), (cx, cy, _) = corners
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    return (
+        ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area,
+        ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area,
+        ((ax - x) * (by - y) - (ay - y) * (bx - x)) / area,
+    )
+
+
+@compiled
+def _paint(
+    corners: ndarray, normals: ndarray, colors: ndarray, owner: ndarray, picture: ndarray
+) -> None:
+    """Give each pixel the mean colour of its covered samples; it is as opaque as they are many."""
+    sums = np.empty(4)
+    for row in range(picture.shape[0]):
+        for column in range(picture.shape[1]):
+            sums[:] = 0.0
+            for sample in range(_SAMPLES**2):
+                i = row * _SAMPLES + sample // _SAMPLES
+                j = column * _SAMPLES + sample % _SAMPLES
+                f = owner[i, j]
+                if f >= 0:
+                    light = _light(normals[f], _shares(corners[f], i + 0.5, j + 0.5))
+                    sums[3] += 1.0
+                    for channel in range(3):
+                        sums[channel] += min(colors[f, channel] * light, 1.0)
+            for channel in range(3):
+                picture[row, column, channel] = np.round(255 * sums[channel] / max(sums[3], 1.0))
+            picture[row, column, 3] = np.round(255 * sums[3] / _SAMPLES**2)
+
+
+@compiled
+def _light(normals: ndarray, shares: tuple[float, float, float]) -> float:
+    """Return the brightness where the corners of a triangle have these shares."""
+    a, b, c = shares
+    x = a * normals[0, 0] + b * normals[1, 0] + c * normals[2, 0]
+    y = a * normals[0, 1] + b * normals[1, 1] + c * normals[2, 1]
+    z = a * normals[0, 2] + b * normals[1, 2] + c * normals[2, 2]
+    length = max(np.sqrt(x * x + y * y + z * z), 1e-300)  # normals may cancel
+    light = _AMBIENT
+    for right, up, towards, strength in _LIGHTS:
+        light += strength * max((right * x + up * y + towards * z) / length, 0.0)
+    # Darken the outline, as in a drawing.
+    return light * (0.68 + 0.32 * np.sqrt(max(z / length, 0.0)))
 
 
 def points_picture(
