@@ -83,12 +83,12 @@ class _Logarithm(LogSolver):
             search = BasisPath(
                 basis, n_nodes, initial=straight, tolerance=_TOLERANCE, remove_drift=False
             )
-            solver = DiscreteLogarithm(basis, n_nodes - 1, geodesic_solver=search)
+            solver = DiscreteLogarithm(basis, n_nodes - 1)
             with catch_warnings():
                 simplefilter("ignore", ConvergenceWarning)
-                result = solver.solve(metric, point, base_point)
-                forward = exp_solver(metric).solve(metric, result.tangent_vec, base_point)
-            if result.converged and forward.n_steps == n_nodes - 1:
+                found = search.solve(metric, base_point, point)
+            result = solver._logarithm(metric, found, point, exp_solver(metric))
+            if result.converged:
                 break
         return finish(solver, result)
 

@@ -177,9 +177,13 @@ class DiscreteLogarithm(Solver, LogSolver):
         return not exists or bool(degeneration(metric, path[0], backward.points[2]))
 
     def _logarithm(
-        self, metric: RiemannianMetric, found: PathResult, end: ndarray
+        self,
+        metric: RiemannianMetric,
+        found: PathResult,
+        end: ndarray,
+        inverse: DiscreteExponential | None = None,
     ) -> LogarithmResult:
-        """Return the initial velocity of a path, tried by its exponential."""
+        """Return the initial velocity of a path, tried by its exponential or a given one."""
         path = found.path
         if self.basis is None and metric.is_translation_invariant:
             # As the exponential moves surfaces along translations, which the metric ignores.
@@ -188,7 +192,7 @@ class DiscreteLogarithm(Solver, LogSolver):
         backward = self._step_before(metric, path)
         tangent_vec = 0.5 * (len(path) - 1) * (path[1] - backward.points[2])
         result = LogarithmResult(tangent_vec, path, found.energy)
-        forward = self.inverse(result)._follow(metric, tangent_vec, path[0])
+        forward = (inverse or self.inverse(result))._follow(metric, tangent_vec, path[0])
         reached = forward.end
         if metric.is_rotation_invariant and metric.space.is_surface_space:
             # Neither map determines rotations that the metric ignores.

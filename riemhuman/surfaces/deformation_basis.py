@@ -291,16 +291,18 @@ class DeformationBasis:
         deformations : array, shape (m, V, 3)
             More deformations; their projections onto the basis are subtracted.
         """
-        basis = self
+        flat = self.flat
         for deformation in deformations:
-            basis.check_fits(len(deformation))
-            outside = deformation - basis.project(deformation)
-            if np.abs(outside).max() > _OUTSIDE * np.abs(deformation).max():
-                basis = DeformationBasis(
-                    np.concatenate([basis.vectors, outside[None]]),
-                    orthonormalize=True,
-                )
-        return basis
+            self.check_fits(len(deformation))
+            row = np.ravel(real_array(deformation, "deformation", (self.n_vertices, 3)))
+            outside = row - (flat @ row) @ flat
+            if np.abs(outside).max() > _OUTSIDE * np.abs(row).max():
+                outside /= np.linalg.norm(outside)
+                # Of a short remainder, rounding errors left a part inside.
+                outside -= (flat @ outside) @ flat
+                flat = np.concatenate([flat, [outside / np.linalg.norm(outside)]])
+        added = len(flat) > len(self)
+        return DeformationBasis(flat.reshape(-1, self.n_vertices, 3)) if added else self
 
     def _set_statistics(self, *statistics: np.ndarray | None) -> None:
         for name, values in zip(_STATISTICS, statistics, strict=True):

@@ -136,8 +136,8 @@ def test_below_the_path_over_a_basis(weights, seed):
 def test_no_worse_than_the_papers_recipe(weights):
     metric, ends = (elastic(*weights), (bodies.body("resting"), bodies.body("elbow bent")))
     result = over_basis(6).solve(metric, *ends)
-    paper = paper_path(metric, bodies.basis(), *ends, n_nodes=6)
-    assert result.energy <= paper.energy
+    paper = paper_path(metric, bodies.basis(), *ends, n_nodes=6, max_iter=60)
+    assert result.energy < 0.85 * paper.energy
     assert result.n_evaluations < paper.n_evaluations / 3
 
 
