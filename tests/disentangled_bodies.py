@@ -1,6 +1,7 @@
 """One person's shape in another's pose, measured part by part on the natural bodies."""
 
 from copy import deepcopy
+from functools import cache
 from types import SimpleNamespace
 from unittest import mock
 
@@ -29,6 +30,7 @@ def random_pairs(n_pairs, seed=0):
     return [(a, p, b, q) for a, b, p, q in pairs]
 
 
+@cache
 def natural_people(resolution, people=None):
     """Return natural bodies, and a function that performs other poses with their people's bodies.
 

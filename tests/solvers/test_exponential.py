@@ -49,13 +49,13 @@ def test_second_order_against_closed_forms(case):
     start, end = case.points[:2]
     velocity = case.metric.log(end, start)
     errors = []
-    for n_steps in (3, 6, 12):
+    for n_steps in (4, 8):
         result = DiscreteExponential(n_steps=n_steps).solve(case.metric, velocity, start)
         assert result.converged
         assert len(result.path) == n_steps + 1
         assert np.all(case.space.belongs(result.path))
         errors.append(np.abs(result.end - end).max())
-    assert np.all(orders(errors) > 1.85)
+    assert orders(errors) > 1.85
 
 
 def test_exact_in_flat_space():
@@ -77,7 +77,7 @@ def test_second_order_without_closed_forms(case):
     velocity = 0.25 * (case.points[1] - start)
     results = [
         DiscreteExponential(n_steps=n_steps, tolerance=1e-10).solve(case.metric, velocity, start)
-        for n_steps in (4, 8, 16, 32)
+        for n_steps in (2, 4, 8, 16)
     ]
     ends = np.stack([result.end for result in results])
     assert np.all(orders(np.abs(np.diff(ends, axis=0)).reshape(3, -1).max(axis=1)) > 1.85)

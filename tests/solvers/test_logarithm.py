@@ -36,14 +36,14 @@ def test_second_order_against_closed_forms(case):
     start, end = case.points[:2]
     exact = case.metric.log(end, start)
     errors = []
-    for n_steps in (6, 12, 24):
+    for n_steps in (4, 8):
         solver = DiscreteLogarithm(
             geodesic_solver=ClosedFormGeodesic(n_steps + 1), end_tolerance=0.1
         )
         result = solver.solve(case.metric, end, start)
         assert result.converged
         errors.append(np.abs(result.tangent_vec - exact).max())
-    assert np.all(orders(errors) > 1.85)
+    assert orders(errors) > 1.85
     assert result.energy == pytest.approx(float(case.metric.squared_dist(start, end)), rel=1e-8)
 
 
@@ -74,15 +74,19 @@ def test_inverse_of_the_exponential_on_bodies(weights):
     basis = bodies.basis(12)
     start, end = bodies.body("resting"), bodies.body("arm raised")
     gaps = []
-    for n_steps in (5, 10):
+    for n_steps in (3, 6):
         log = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, end, start)
         assert log.converged
         joined = basis.extend(log.path[1:] - start)
-        forward = DiscreteExponential(joined, n_steps=n_steps).solve(metric, log.tangent_vec, start)
+        forward, finer = (
+            DiscreteExponential(joined, n_steps=n, n_doublings=0).solve(
+                metric, log.tangent_vec, start
+            )
+            for n in (n_steps, 2 * n_steps)
+        )
         # A tenth of a millimetre, of displacements of decimetres.
         assert np.abs(forward.end - end).max() < 1e-4
-        finer = DiscreteExponential(joined, n_steps=2 * n_steps)
-        gaps.append(np.abs(finer.solve(metric, log.tangent_vec, start).end - end).max())
+        gaps.append(np.abs(finer.end - end).max())
     again = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, forward.end, start)
     assert np.abs(again.tangent_vec - log.tangent_vec).max() < 1e-4
     assert orders(gaps) > 1.4
@@ -118,7 +122,9 @@ def test_large_changes_of_pose(weights, change):
     assert found.energy <= 1.011 * BasisPath(basis).solve(metric, start, end).energy
     assert metric.norm(found.tangent_vec, start) == pytest.approx(np.sqrt(found.energy), rel=0.03)
     joined = basis.extend(found.path[1:] - start)
-    forward = DiscreteExponential(joined).solve(metric, found.tangent_vec, start)
+    n_steps = len(found.path) - 1
+    follow = DiscreteExponential(joined, n_steps, n_doublings=0)
+    forward = follow.solve(metric, found.tangent_vec, start)
     assert forward.converged
     # Millimetres, of half a metre.
     assert np.linalg.norm(forward.end - end, axis=1).mean() < 1e-3
