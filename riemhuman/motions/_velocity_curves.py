@@ -155,74 +155,72 @@ def _smooth(points: ndarray, deviation: float) -> ndarray:
     return gaussian_filter1d(extended, deviation, axis=0, truncate=_CUT_OFF)[n_beyond:-n_beyond]
 
 
-@compiled
-def best_gain(products: ndarray, n_steps: int) -> tuple[float, ndarray, ndarray]:
-    """Return F for inner products of segments, and the largest gains on the sides of all cells."""
+def best_matching(products: ndarray, n_steps: int) -> tuple[float, ndarray]:
+    """Return F for inner products of segments, and places in segments of both, from their starts.
+
+    The best matching is straight between these places, which are among so many steps a segment.
+    """
     n, m = products.shape
-    roots = _roots(n_steps)
-    lower, left = np.empty((n + 1, m, n_steps + 1)), np.empty((n, m + 1, n_steps + 1))
-    lower[0] = 0.0
-    left[:, 0] = 0.0
+    steps = np.arange(n_steps + 1.0)
+    roots = np.sqrt(np.outer(steps, steps)) / n_steps
+    lower, left = np.zeros((n + 1, m, n_steps + 1)), np.zeros((n, m + 1, n_steps + 1))
+    path = np.zeros((n + m + 2, 2))
+    _fill_gains(products, roots, lower, left)
+    length = _trace_gains(products, roots, lower, left, path)
+    return float(max(lower[n, m - 1, n_steps], left[n - 1, m, n_steps])), path[length - 1 :: -1]
+
+
+@compiled
+def _fill_gains(products: ndarray, roots: ndarray, lower: ndarray, left: ndarray) -> None:
+    """Compute the largest gains on the sides of all cells."""
+    n, m = products.shape
+    last = len(roots) - 1
     for i in range(n):
         for j in range(m):
             gain = products[i, j]
-            enter_low, enter_left = lower[i, j], left[i, j]
-            leave_high, leave_right = lower[i + 1, j], left[i, j + 1]
-            if gain <= 0.0:
-                for k in range(n_steps + 1):
-                    leave_high[k] = max(enter_left[n_steps], enter_low[k])
-                    leave_right[k] = max(enter_low[n_steps], enter_left[k])
-                continue
-            for k in range(n_steps + 1):
-                high = right = -math.inf
-                for p in range(k + 1):
-                    high = max(high, enter_low[p] + gain * roots[n_steps, k - p])
-                    right = max(right, enter_left[p] + gain * roots[k - p, n_steps])
-                for p in range(n_steps + 1):
-                    high = max(high, enter_left[p] + gain * roots[n_steps - p, k])
-                    right = max(right, enter_low[p] + gain * roots[k, n_steps - p])
-                leave_high[k], leave_right[k] = high, right
-    return max(lower[n, m - 1, n_steps], left[n - 1, m, n_steps]), lower, left
+            for k in range(last + 1):
+                high = max(left[i, j, last], lower[i, j, k])
+                right = max(lower[i, j, last], left[i, j, k])
+                if gain > 0.0:
+                    for p in range(k + 1):
+                        high = max(high, lower[i, j, p] + gain * roots[last, k - p])
+                        right = max(right, left[i, j, p] + gain * roots[k - p, last])
+                    for p in range(last + 1):
+                        high = max(high, left[i, j, p] + gain * roots[last - p, k])
+                        right = max(right, lower[i, j, p] + gain * roots[k, last - p])
+                lower[i + 1, j, k], left[i, j + 1, k] = high, right
 
 
 @compiled
-def trace_gain(products: ndarray, n_steps: int, lower: ndarray, left: ndarray) -> ndarray:
-    """Return where the best matching by gains enters cells, in segments of both, the last first."""
+def _trace_gains(
+    products: ndarray, roots: ndarray, lower: ndarray, left: ndarray, path: ndarray
+) -> int:
+    """Write where the best matching enters cells, the last first, to (0, 0); return how many."""
     n, m = products.shape
-    roots, path = _roots(n_steps), np.empty((n + m + 2, 2))
+    last, length = len(roots) - 1, 1
     # The exit of a cell: after `up` steps of the first polygon and `along` of the second.
-    i, j, up, along = n - 1, m - 1, n_steps, n_steps
+    i, j, up, along = n - 1, m - 1, last, last
     path[0, 0], path[0, 1] = n, m
-    length = 1
-    while True:
+    inside = True
+    while inside:
         gain = max(products[i, j], 0.0)
         best, best_up, best_along = -math.inf, 0, 0
         for p in range(along + 1):
             value = lower[i, j, p] + gain * roots[up, along - p]
             if value > best:
-                best, best_up, best_along = value, 0, p
+                best, best_along = value, p
         for p in range(up + 1):
             value = left[i, j, p] + gain * roots[up - p, along]
             if value > best:
                 best, best_up, best_along = value, p, 0
-        path[length, 0] = i + best_up / n_steps
-        path[length, 1] = j + best_along / n_steps
+        path[length, 0], path[length, 1] = i + best_up / last, j + best_along / last
         length += 1
         # Into the cell below, beside, or past the corner; along the border if there is none.
-        if best_up == 0 and i > 0:
-            i, up, along = i - 1, n_steps, best_along
-            if best_along == 0 and j > 0:
-                j, along = j - 1, n_steps
-        elif best_along == 0 and j > 0:
-            j, along, up = j - 1, n_steps, best_up
-        else:
-            if path[length - 1, 0] > 0.0 or path[length - 1, 1] > 0.0:
-                path[length, 0], path[length, 1] = 0.0, 0.0
-                length += 1
-            return path[:length]
-
-
-@compiled
-def _roots(n_steps: int) -> ndarray:
-    steps = np.arange(n_steps + 1.0)
-    return np.sqrt(np.outer(steps, steps)) / n_steps
+        below, beside = best_up == 0 and i > 0, best_along == 0 and j > 0
+        inside, up, along = below or beside, best_up, best_along
+        if below:
+            i, up = i - 1, last
+        if beside:
+            j, along = j - 1, last
+    # The path is 0 beyond its last entry, which may lie on the border.
+    return length + 1 if path[length - 1, 0] + path[length - 1, 1] > 0.0 else length

@@ -17,6 +17,7 @@ Aleksandrov spaces", Geometriae Dedicata 133, 2008).
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -122,26 +123,32 @@ def extend_paths(
         totals[j], begins[j] = sums[n - 1], starts[n - 1]
 
 
-@compiled
 def match_chords(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float, ndarray]:
     """Return the least sum over chords, and the position (n,) of each frame on the other motion."""
     # The ends of the best chords from frame to frame move between frames: by dynamic programming
     # over a few positions near the last ones, ever closer together.
     total, places = match_frames(costs, steps, within)
-    reach = 0.5
-    for _ in range(_HALVINGS):
-        total = _move_places(costs, steps, within, reach, places)
-        reach *= 0.5
+    shape = len(costs), 2 * _REACH + 1
+    numbers, whole_numbers = np.zeros((5, *shape)), np.zeros((2, *shape), np.int64)
+    tables = tuple(numbers), tuple(whole_numbers), np.zeros((*shape, min(_NODES, len(within))))
+    falls = costs[:-1] - costs[1:]
+    for halving in range(_HALVINGS):
+        total = _move_places(falls, steps, within, 0.5 ** (1 + halving), places, tables)
     return total, places
 
 
-@compiled
 def match_frames(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float, ndarray]:
     """Return the least sum over chords from frame to frame, and their ends; see `match_chords`."""
+    sums, before = np.full(costs.shape, math.inf), np.zeros(costs.shape, np.int64)
+    places = np.zeros(len(costs))
+    _match_frames(costs, steps, np.sqrt(within), (sums, before), places)
+    return float(sums[-1, -1]), places
+
+
+@compiled
+def _match_frames(costs: Any, steps: Any, lengths: Any, tables: Any, places: Any) -> None:
     n, m = costs.shape
-    lengths, places = np.sqrt(within), np.empty(n)
-    sums = np.full((n, m), math.inf)
-    before = np.zeros((n, m), dtype=np.int64)
+    sums, before = tables
     sums[0, 0] = 0.0
     for k in range(n - 1):
         for j in range(m):
@@ -157,42 +164,44 @@ def match_frames(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float
     for k in range(n - 1, -1, -1):
         places[k] = place
         place = before[k, place]
-    return sums[n - 1, m - 1], places
 
 
 @compiled
 def _move_places(
-    costs: ndarray, steps: ndarray, within: ndarray, reach: float, places: ndarray
+    falls: Any, steps: Any, within: Any, reach: float, places: Any, tables: Any
 ) -> float:
-    n, m = costs.shape
-    count = 2 * _REACH + 1
-    tried = np.empty((n, count))
-    firsts = np.empty((n, count), dtype=np.int64)
-    weights = np.empty((n, count, _NODES))
-    spread = np.empty((n, count))
+    """Move places by at most twice the reach to those with the least sum, and return it."""
+    (tried, spread, at_begin, at_end, sums), (firsts, before), weights = tables
+    n, count, nodes = weights.shape
     for k in range(n):
         for p in range(count):
-            place = places[k] + (p - _REACH) * reach
-            tried[k, p] = min(max(place, 0.0), m - 1.0) if 0 < k < n - 1 else places[k]
-            firsts[k, p] = _interpolation(tried[k, p], m, weights[k, p])
-            here = firsts[k, p], weights[k, p]
-            spread[k, p] = 0.5 * _between(within, here, here)
-    sums = np.zeros((n, count))
-    before = np.zeros((n, count), dtype=np.int64)
+            place = places[k]
+            if 0 < k < n - 1:
+                place = min(max(place + (p - _REACH) * reach, 0.0), len(within) - 1.0)
+            first = min(max(math.floor(place) - 1, 0), len(within) - nodes)
+            tried[k, p], firsts[k, p] = place, first
+            at_begin[k, p], at_end[k, p] = 0.0, 0.0
+            for i in range(nodes):
+                weight = 1.0  # of a Lagrange polynomial
+                for j in range(nodes):
+                    if j != i:
+                        weight *= (place - first - j) / (i - j)
+                weights[k, p, i] = weight
+                if k < n - 1:
+                    at_begin[k, p] += weight * falls[k, first + i]
+                if k > 0:
+                    at_end[k, p] += weight * falls[k - 1, first + i]
+            spread[k, p] = 0.5 * _between(within, firsts, weights, (k, p), (k, p))
     for k in range(n - 1):
-        towards = costs[k] - costs[k + 1]
         for q in range(count):
-            end = firsts[k + 1, q], weights[k + 1, q]
-            at_end = _at(towards, end)
             best, chosen = math.inf, 0
             for p in range(count):
                 if tried[k, p] > tried[k + 1, q]:
                     continue
-                begin = firsts[k, p], weights[k, p]
-                squared = _between(within, begin, end) - spread[k, p] - spread[k + 1, q]
-                length = math.sqrt(max(squared, 0.0))
-                product = 0.5 * (at_end - _at(towards, begin))
-                value = sums[k, p] + _apart(steps[k], length, product)
+                squared = _between(within, firsts, weights, (k, p), (k + 1, q))
+                squared -= spread[k, p] + spread[k + 1, q]
+                product = 0.5 * (at_end[k + 1, q] - at_begin[k, p])
+                value = sums[k, p] + _apart(steps[k], math.sqrt(max(squared, 0.0)), product)
                 if value < best:
                     best, chosen = value, p
             sums[k + 1, q], before[k + 1, q] = best, chosen
@@ -215,33 +224,13 @@ def _apart(step: float, chord: float, product: float) -> float:
 
 
 @compiled
-def _interpolation(place: float, m: int, weights: ndarray) -> int:
-    """Write the Lagrange weights of the frames around a position; return the first of these."""
-    nodes = min(_NODES, m)
-    first = min(max(int(place) - 1, 0), m - nodes)
-    weights[:] = 0.0
-    for i in range(nodes):
-        weight = 1.0
-        for j in range(nodes):
-            if j != i:
-                weight *= (place - first - j) / (i - j)
-        weights[i] = weight
-    return first
-
-
-@compiled
-def _at(row: ndarray, place: tuple[int, ndarray]) -> float:
-    first, weights = place
+def _between(within: Any, firsts: Any, weights: Any, place: Any, other: Any) -> float:
+    """Return the squared distance between two places, interpolated between frames."""
+    k, p = place
+    h, q = other
     total = 0.0
-    for i in range(min(_NODES, len(row))):
-        total += weights[i] * row[first + i]
-    return total
-
-
-@compiled
-def _between(within: ndarray, begin: tuple[int, ndarray], end: tuple[int, ndarray]) -> float:
-    first, weights = begin
-    total = 0.0
-    for i in range(min(_NODES, len(within))):
-        total += weights[i] * _at(within[first + i], end)
+    for i in range(weights.shape[2]):
+        for j in range(weights.shape[2]):
+            weight = weights[k, p, i] * weights[h, q, j]
+            total += weight * within[firsts[k, p] + i, firsts[h, q] + j]
     return total

@@ -14,9 +14,8 @@ from riemhuman.kernels.projections import Projection
 from riemhuman.motions._frames import Motion, frame_count, frame_runs, sampled_rows
 from riemhuman.motions._velocity_curves import (
     TransportedVelocities,
-    best_gain,
+    best_matching,
     even_segments,
-    trace_gain,
 )
 from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.time_warping import MotionDistance, Warp
@@ -129,11 +128,10 @@ class RateInvariantMetric(MotionDistance):
     def _match(self, basis: Projection | None, a: _Curve, b: _Curve) -> Warp:
         """Return the best re-timing, and the distance of the velocities after it."""
         products = a.directions @ b.directions.T
-        gain, lower, left = best_gain(products, _N_STEPS)
-        matched = trace_gain(products, _N_STEPS, lower, left)[::-1].T
+        gain, matched = best_matching(products, _N_STEPS)
         corners = np.arange(_N_CHORDS + 1)
         first, second = (
             np.interp(places, corners, curve.places)
-            for places, curve in zip(matched, (a, b), strict=True)
+            for places, curve in zip(matched.T, (a, b), strict=True)
         )
         return Warp(math.sqrt(max(a.length + b.length - 2.0 * gain, 0.0)), first, second)

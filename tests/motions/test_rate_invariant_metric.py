@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
-from riemhuman.motions._velocity_curves import TransportedVelocities, best_gain, trace_gain
+from riemhuman.motions._velocity_curves import TransportedVelocities, best_matching
 
 
 def squared_dist(segments_a, segments_b, n_steps=8):
@@ -17,8 +17,7 @@ def squared_dist(segments_a, segments_b, n_steps=8):
         directions.append(segments / np.sqrt(np.where(lengths > 0, lengths, 1))[:, None])
         length += lengths.sum()
     products = directions[0] @ directions[1].T
-    gain, *gains = best_gain(products, n_steps)
-    path = trace_gain(products, n_steps, *gains)[::-1]
+    gain, path = best_matching(products, n_steps)
     return length - 2.0 * gain, path, products, gain
 
 
