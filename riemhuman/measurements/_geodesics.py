@@ -12,6 +12,7 @@ edges.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -32,12 +33,14 @@ SurfacePoint = tuple[int, ndarray]
 
 # The strip changes if the path gets shorter by more than this share of its length.
 _GAIN = 1e-12
-# Number of triangles at a vertex around which a strip may be rerouted.
-_MOST_AROUND = 200
 # Barycentric coordinate below which the end of a path lies on an edge.
 _ON_EDGE = 1e-12
 # Number of points on an edge through which the first path may run.
 _PER_EDGE = 2
+
+
+Strip = tuple[ndarray, tuple[tuple[ndarray, ndarray], ...]]
+"""Triangles in order; for each end of a path, the triangles about it and its coordinates there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,7 @@ class Mesh:
     neighbours: ndarray
     cutters: dict[Any, Any] = field(default_factory=dict)
     places: dict[Any, SurfacePoint] = field(default_factory=dict)
-    _strips: dict[Any, ndarray] = field(default_factory=dict)
+    _strips: dict[Any, Strip] = field(default_factory=dict)
 
     @cached_property
     def _points(self) -> tuple[ndarray, ndarray, Any, Any]:
@@ -68,27 +71,35 @@ class Mesh:
         ways = np.linalg.norm(points[one] - points[other], axis=1), one, other
         return points, faces, inside, ways
 
-    def strip(self, start: SurfacePoint, end: SurfacePoint) -> ndarray:
-        """Return the triangles on the shortest path through points on edges of the template."""
+    def strip(self, start: SurfacePoint, end: SurfacePoint) -> Strip:
+        """Return the strip of the shortest path through points on edges of the template."""
         key = tuple((face, *weights) for face, weights in (start, end))
-        if key in self._strips:
-            return self._strips[key]
-        points, faces, inside, ways = self._points
-        parts: list[Any] = [ways]
-        of_ends: list[ndarray] = []
-        for face, weights in (start, end):
-            # A point on an edge or a vertex lies in several triangles.
-            corners = self.faces[face][weights > _ON_EDGE]
-            around = np.flatnonzero(np.isin(self.faces, corners).sum(axis=1) == len(corners))
-            near = np.unique(inside[around].indices)
-            lengths = np.linalg.norm(
-                points[near] - weights @ self.vertices[self.faces[face]], axis=1
-            )
-            parts.append((lengths, near, np.full(len(near), len(points) + len(of_ends))))
-            of_ends.append(around)
-        common = np.intersect1d(of_ends[0], of_ends[1])
+        if key not in self._strips:
+            ends = self._about(start), self._about(end)
+            self._strips[key] = self._triangles_between(start, end, ends), ends
+        return self._strips[key]
+
+    def _about(self, point: SurfacePoint) -> tuple[ndarray, ndarray]:
+        """Return the triangles that contain a point: several if it lies on an edge or a vertex."""
+        face, weights = point
+        weights = np.where(weights > _ON_EDGE, weights, 0.0)
+        corners = self.faces[face]
+        n_shared = np.isin(self.faces, corners[weights > 0.0]).sum(axis=1)
+        around = np.flatnonzero(n_shared == np.count_nonzero(weights))
+        return around, (self.faces[around][:, :, np.newaxis] == corners) @ weights
+
+    def _triangles_between(self, start: SurfacePoint, end: SurfacePoint, ends: Any) -> ndarray:
+        of_ends = [around for around, _ in ends]
+        common = np.intersect1d(*of_ends)
         if len(common):
             return common[:1]
+        points, faces, inside, ways = self._points
+        parts: list[Any] = [ways]
+        for k, (face, weights) in enumerate((start, end)):
+            near = np.unique(inside[of_ends[k]].indices)
+            gaps = points[near] - weights @ self.vertices[self.faces[face]]
+            ways = np.linalg.norm(gaps, axis=1), near, np.full(len(near), len(points) + k)
+            parts.append(ways)
         lengths, one, other = (np.concatenate(part) for part in zip(*parts, strict=True))
         graph = sparse.csr_array((lengths, (one, other)), shape=(len(points) + 2,) * 2)
         _, before = dijkstra(graph, False, len(points), return_predecessors=True)
@@ -103,14 +114,26 @@ class Mesh:
                 "a path along the surface must begin and end on one connected component"
             )
         strip = np.array(passed)
-        self._strips[key] = strip[np.append(True, np.diff(strip) != 0)]
-        return self._strips[key]
+        return strip[np.append(True, np.diff(strip) != 0)]
 
 
 def geodesics(surfaces: Any, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> Lines:
     """Return the geodesics from start to end on surfaces: their ends and crossings with edges."""
-    strip, values = mesh.strip(start, end), values_of(surfaces)
-    found = [_shortest(surface, start, end, mesh, strip) for surface in values]
+    (strip, ends), most = mesh.strip(start, end), len(mesh.faces) + 1
+    # Strip, edges, bends, places of edges, and crossings: of the best path and of the one tried.
+    arrays = np.empty((2, most), np.int64), *np.empty((2, 2, most, 2), np.int64)
+    paths = *arrays, np.empty((2, 2, most), np.complex128), np.empty((2, most))
+    few = np.empty(2, np.int64), np.empty(3, np.complex128)
+    corners = mesh.faces[[start[0], end[0]]]
+    found = []
+    for f in np.require(values_of(surfaces), np.float64, ["C", "W"]):
+        paths[0][0, : len(strip)] = strip
+        own, n = _straighten(f, (mesh.faces, mesh.neighbours), ends, len(strip), paths, few)
+        edges, t = paths[1][own, : max(n, 0)], paths[4][own, : max(n, 0), np.newaxis]
+        crossed = np.concatenate([corners[:1], np.append(edges, edges[:, :1], axis=1), corners[1:]])
+        inner = np.concatenate([1.0 - t, t, np.zeros_like(t)], axis=1)
+        weights = np.concatenate([start[1][np.newaxis], inner, end[1][np.newaxis]])
+        found.append((crossed, weights) if n >= 0 else (corners[:0], weights[:0]))
     vertices, weights = (np.concatenate(parts) for parts in zip(*found, strict=True))
     counts = np.array([len(part) for part, _ in found])
     bodies = np.repeat(np.arange(len(found)), counts)
@@ -118,28 +141,36 @@ def geodesics(surfaces: Any, start: SurfacePoint, end: SurfacePoint, mesh: Mesh)
     return Lines(points, bodies, np.where(counts > 0, 0, MISSES))
 
 
-def _shortest(
-    surface: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh, first: ndarray
-) -> tuple[ndarray, ndarray]:
-    """Return three vertices and their weights for each point of a path; none if there is none."""
-    f = np.require(surface, np.float64, ["C", "W"])
-    ends = np.zeros((2, 3), np.int64), np.zeros((2, 3))
-    for k, (face, coordinates) in enumerate((start, end)):
-        ends[0][k] = mesh.faces[face]
-        ends[1][k] = np.where(coordinates > _ON_EDGE, coordinates, 0.0)
-    length, edges, t, _, _ = _straighten(f, (mesh.faces, mesh.neighbours), first, ends)
-    if np.isnan(length):
-        return ends[0][:0], ends[1][:0]
-    crossed = np.concatenate([edges, edges[:, :1]], axis=1)
-    inner = np.stack([1.0 - t, t, np.zeros_like(t)], axis=1)
-    vertices = np.concatenate([ends[0][:1], crossed, ends[0][1:]])
-    return vertices, np.concatenate([start[1][None], inner, end[1][None]])
+@compiled
+def _straighten(f: Any, mesh: Any, ends: Any, size: int, paths: Any, few: Any) -> Any:
+    """Shorten the path in a strip until no rerouting helps; return its number and its crossings."""
+    strips, edges, bends, sides, places = paths
+    trial = strips[0], edges[0], bends[0], sides[0], places[0]
+    best = strips[1], edges[1], bends[1], sides[1], places[1]
+    which, length, best_size, number, n_bends = 1, np.inf, 0, 0, 0
+    while size > 0:  # ends: no strip comes twice
+        size = _trim(trial[0], size, ends)
+        if _unfold(f, mesh, ends, trial, size, few[1]):
+            count = _funnel(trial, size, few)
+            moved = _cross_edges(trial, size, count)
+            # The strip changes only if that gains more than rounding.
+            if moved < length * (1.0 - _GAIN):
+                which, trial, best = 1 - which, best, trial
+                length, best_size, number, n_bends = moved, size, 0, count
+        size = 0
+        while size == 0 and number < n_bends:
+            edge, own = bends[which, number, 0] - 1, bends[which, number, 1]
+            number += 1
+            if 0 <= edge < best_size - 1:  # the bend is no end of the path
+                vertex = edges[which, edge, own]
+                size = _reroute(mesh, best, best_size, edge, vertex, trial[0])
+    return which, best_size - 1
 
 
 @compiled
-def _corner_of(faces: Any, face: int, vertex: int) -> int:
-    for k in range(3):
-        if faces[face, k] == vertex:
+def _index_of(numbers: Any, wanted: int) -> int:
+    for k in range(len(numbers)):
+        if numbers[k] == wanted:
             return k
     return -1
 
@@ -154,85 +185,78 @@ def _product(f: Any, origin: int, a: int, b: int) -> float:
 
 
 @compiled
-def _in_triangle(corners: Any, vertices: Any, weights: Any) -> Any:
-    """Return coordinates in a triangle of a point in another one; empty if it lies elsewhere."""
-    coordinates = np.zeros(3)
-    for k in range(3):
-        if weights[k] > 0.0:
-            found = False
-            for j in range(3):
-                if corners[j] == vertices[k]:
-                    coordinates[j], found = weights[k], True
-            if not found:
-                return coordinates[:0]
-    return coordinates
-
-
-@compiled
-def _trimmed(faces: Any, strip: Any, ends: Any) -> Any:
-    """Return a strip without the triangles that it leaves, or enters, where the path ends."""
+def _trim(strip: Any, size: int, ends: Any) -> int:
+    """Remove triangles that a strip leaves, or enters, where the path ends; return the size."""
     # From within the edge by which the path leaves a triangle, the funnel would have no direction.
-    vertices, weights = ends
-    first, last = 0, len(strip) - 1
-    while first < last and len(_in_triangle(faces[strip[first + 1]], vertices[0], weights[0])):
+    (about_start, _), (about_end, _) = ends
+    first, last = 0, size - 1
+    while first < last and _index_of(about_start, strip[first + 1]) >= 0:
         first += 1
-    while last > first and len(_in_triangle(faces[strip[last - 1]], vertices[1], weights[1])):
+    while last > first and _index_of(about_end, strip[last - 1]) >= 0:
         last -= 1
-    return strip[first : last + 1]
+    for k in range(first, last + 1):
+        strip[k - first] = strip[k]
+    return last + 1 - first
 
 
 @compiled
-def _apex(f: Any, p: int, q: int, apex: int) -> complex:
-    """Return the apex of a triangle in the plane where p is 0 and q lies on the positive axis."""
-    x = _product(f, p, q, apex) / np.sqrt(_product(f, p, q, q))
-    return complex(x, np.sqrt(max(_product(f, p, apex, apex) - x * x, 0.0)))
-
-
-@compiled
-def _unfold(f: Any, mesh: Any, strip: Any, ends: Any, edges: Any, sides: Any) -> bool:
+def _unfold(f: Any, mesh: Any, ends: Any, path: Any, size: int, corners: Any) -> bool:
     """Lay a strip flat; edges[k] is the right and the left vertex between triangles k and k + 1."""
     # Columns of `sides` are their places in the complex plane, between both ends of the path.
-    (faces, neighbours), (vertices, weights) = mesh, ends
-    corners, size = faces[strip[0]], len(strip)
-    flat = np.zeros(3, np.complex128)
-    flat[1] = np.sqrt(_product(f, corners[0], corners[1], corners[1]))
-    flat[2] = _apex(f, corners[0], corners[1], corners[2])
-    start = _in_triangle(corners, vertices[0], weights[0])
-    sides[:, 0] = np.sum(start * flat)
-    for step in range(1, size):
-        face, beyond = strip[step - 1], strip[step]
-        out = -1
-        for k in range(3):
-            if neighbours[face, k] == beyond:
-                out = k
-        if out < 0:
-            return False
-        p, q = faces[face, out], faces[face, (out + 1) % 3]
-        edges[step - 1, 0], edges[step - 1, 1] = p, q
-        right, left = flat[out], flat[(out + 1) % 3]
-        sides[0, step], sides[1, step] = right, left
-        corner = _corner_of(faces, beyond, q)
-        if corner < 0 or faces[beyond, (corner + 1) % 3] != p:
-            return False
+    (faces, neighbours), (strip, edges, _, sides, _) = mesh, path
+    total = 0.0j
+    for step in range(size):
+        face = strip[step]
+        if step == 0:
+            p, q, corner, right, left = faces[face, 1], faces[face, 0], 0, 0.0j, 0.0j
+            left = complex(math.sqrt(_product(f, p, q, q)), 0.0)
+        else:
+            p, q, right, left = (
+                edges[step - 1, 0],
+                edges[step - 1, 1],
+                sides[0, step],
+                sides[1, step],
+            )
+            corner = _index_of(faces[face], q)
+            if corner < 0 or faces[face, (corner + 1) % 3] != p:
+                return False
+        # The third vertex, where p is 0 and q is 1.
         third = (corner + 2) % 3
-        scale = 1.0 / np.sqrt(_product(f, p, q, q))
-        away = scale * _apex(f, p, q, faces[beyond, third]).conjugate()
-        flat[corner], flat[(corner + 1) % 3] = left, right
-        flat[third] = right + away * (left - right)
-    end = _in_triangle(faces[strip[-1]], vertices[1], weights[1])
-    sides[:, size] = np.sum(end * flat)
-    return True
+        squared, apex = _product(f, p, q, q), faces[face, third]
+        x = _product(f, p, q, apex) / squared
+        y = math.sqrt(max(_product(f, p, apex, apex) / squared - x * x, 0.0))
+        corners[corner], corners[(corner + 1) % 3] = left, right
+        along = left - right
+        turned = complex(x * along.real + y * along.imag, x * along.imag - y * along.real)
+        corners[third] = right + turned
+        total += corners[third]
+        for end in range(2):
+            if step == end * (size - 1):
+                about, coordinates = ends[end]
+                row, place = _index_of(about, face), 0.0j
+                for k in range(3):
+                    share = coordinates[row, k]
+                    place += complex(share * corners[k].real, share * corners[k].imag)
+                sides[0, end * size], sides[1, end * size] = place, place
+        if step < size - 1:
+            out = _index_of(neighbours[face], strip[step + 1])
+            if out < 0:
+                return False
+            for k in range(2):
+                edges[step, k] = faces[face, (out + k) % 3]
+                sides[k, step + 1] = corners[(out + k) % 3]
+    # Edges without length lead to NaN, with which `_funnel` would never end.
+    return math.isfinite(total.real) and math.isfinite(total.imag)
 
 
 @compiled
-def _funnel(sides: Any) -> Any:
-    """Return the bends of the shortest path, with its end, and the side on which each one is."""
-    size = sides.shape[1]
-    bends, which = np.empty(size, np.int64), np.zeros(size, np.int64)
+def _funnel(path: Any, size: int, few: Any) -> int:
+    """Find the bends of the shortest path, with its end, and their sides; return how many."""
+    (_, _, bends, sides, _), (limits, views) = path, few
     count, apex, place, k = 0, 0, sides[0, 0], 1
     # What limits the view from the last bend, to the right and to the left.
-    limits, views = np.zeros(2, np.int64), np.array([place, place])
-    while k < size:
+    limits[0], limits[1], views[0], views[1] = apex, apex, place, place
+    while k <= size:
         for own in range(2):
             other, point, turn = 1 - own, sides[own, k], 1.0 - 2.0 * own
             if turn * side(place, views[own], point) < 0.0:
@@ -241,42 +265,40 @@ def _funnel(sides: Any) -> Any:
                 limits[own], views[own] = k, point
                 continue
             apex, place = limits[other], views[other]
-            bends[count], which[count] = apex, other
+            bends[count, 0], bends[count, 1] = apex, other
             count, k = count + 1, apex
-            limits[:], views[:] = apex, place
+            limits[0], limits[1], views[0], views[1] = apex, apex, place, place
             break
         k += 1
-    bends[count] = size - 1
-    return bends[: count + 1], which[: count + 1]
+    bends[count, 0], bends[count, 1] = size, 0
+    return count + 1
 
 
 @compiled
-def _cross_edges(sides: Any, bends: Any, which: Any) -> Any:
-    """Return the length of the path, and where it crosses edges, from 0 (right) to 1 (left)."""
-    length, k, places = 0.0, 1, np.empty(sides.shape[1] - 2)
-    here = sides[0, 0]
-    for number in range(len(bends)):
-        last, own = bends[number], which[number]
+def _cross_edges(path: Any, size: int, n_bends: int) -> float:
+    """Find where the path crosses edges, from 0 (right) to 1 (left); return its length."""
+    _, _, bends, sides, places = path
+    length, k, here = 0.0, 1, sides[0, 0]
+    for number in range(n_bends):
+        last, own = bends[number, 0], bends[number, 1]
         goal = sides[own, last]
-        length += abs(goal - here)
-        while k <= min(last, len(places)):
+        length += math.hypot(goal.real - here.real, goal.imag - here.imag)
+        while k <= min(last, size - 1):
             on_right, on_left = side(here, goal, sides[0, k]), side(here, goal, sides[1, k])
             t = 0.5 if on_right == on_left else on_right / (on_right - on_left)
             places[k - 1] = float(own) if k == last else min(max(t, 0.0), 1.0)
             k += 1
         here = goal
-    return length, places
+    return length
 
 
 @compiled
-def _reroute(mesh: Any, strip: Any, vertex: int, edge: int, edges: Any) -> Any:
-    """Return a strip rerouted around the other side of a vertex; empty if that has a boundary."""
-    faces, neighbours = mesh
-    size, new = len(strip), np.empty(len(strip) + _MOST_AROUND, np.int64)
-    first, last = edge, edge
-    while first > 0 and (edges[first - 1, 0] == vertex or edges[first - 1, 1] == vertex):
+def _reroute(mesh: Any, path: Any, size: int, edge: int, vertex: int, new: Any) -> int:
+    """Write a strip rerouted around the other side of a vertex; 0 if that has a boundary."""
+    (faces, neighbours), (strip, edges, _, _, _), first, last = mesh, path, edge, edge
+    while first > 0 and _index_of(edges[first - 1], vertex) >= 0:
         first -= 1
-    while last + 1 < size - 1 and (edges[last + 1, 0] == vertex or edges[last + 1, 1] == vertex):
+    while last + 1 < size - 1 and _index_of(edges[last + 1], vertex) >= 0:
         last += 1
     # Edges first to last meet the vertex; they lie between triangles first to last + 1.
     for k in range(first + 1):
@@ -284,13 +306,13 @@ def _reroute(mesh: Any, strip: Any, vertex: int, edge: int, edges: Any) -> Any:
     count, face, goal = first + 1, strip[first], strip[last + 1]
     vertex_was_left = edges[first, 1] == vertex
     while face != goal:
-        corner = _corner_of(faces, face, vertex)
+        corner = _index_of(faces[face], vertex)
         if corner < 0:
-            return new[:0]
+            return 0
         # Leave by the edge at the vertex that turns the other way around it.
         face = neighbours[face, corner if vertex_was_left else (corner + 2) % 3]
-        if face < 0 or count >= first + _MOST_AROUND:
-            return new[:0]
+        if face < 0 or count + size - last > len(new):
+            return 0
         new[count] = face
         count += 1
     for k in range(last + 2, size):
@@ -301,48 +323,7 @@ def _reroute(mesh: Any, strip: Any, vertex: int, edge: int, edges: Any) -> Any:
     for k in range(count):
         if kept >= 2 and new[kept - 2] == new[k]:
             kept -= 1
-        elif kept >= 1 and new[kept - 1] == new[k]:
-            continue
-        else:
+        elif kept == 0 or new[kept - 1] != new[k]:
             new[kept] = new[k]
             kept += 1
-    return new[:kept]
-
-
-@compiled
-def _path_in(f: Any, mesh: Any, strip: Any, ends: Any) -> Any:
-    """Return the length of a strip's shortest path, its edges, places on them, bends and sides."""
-    size = len(strip)
-    edges, sides = np.zeros((size - 1, 2), np.int64), np.empty((2, size + 1), np.complex128)
-    length, places = np.nan, np.zeros(size - 1)
-    bends = which = np.empty(0, np.int64)
-    # Edges without length lead to NaN, with which `_funnel` would never end.
-    if _unfold(f, mesh, strip, ends, edges, sides) and np.isfinite(sides).all():
-        bends, which = _funnel(sides)
-        length, places = _cross_edges(sides, bends, which)
-    return length, edges, places, bends, which
-
-
-@compiled
-def _straighten(f: Any, mesh: Any, strip: Any, ends: Any) -> Any:
-    """Shorten the path in a strip until no rerouting helps."""
-    strip = _trimmed(mesh[0], strip, ends)
-    path = _path_in(f, mesh, strip, ends)
-    shorter = True
-    while shorter:  # ends: no strip comes twice
-        shorter = False
-        length, edges, _, bends, which = path
-        for number in range(len(bends)):
-            edge = bends[number] - 1
-            if not 0 <= edge < len(edges):  # the bend is an end of the path
-                continue
-            vertex = edges[edge, which[number]]
-            other = _reroute(mesh, strip, vertex, edge, edges)
-            if len(other) == 0:
-                continue
-            other = _trimmed(mesh[0], other, ends)
-            moved = _path_in(f, mesh, other, ends)
-            if moved[0] < length * (1.0 - _GAIN):
-                strip, path, shorter = other, moved, True
-                break
-    return path
+    return kept

@@ -57,14 +57,14 @@ class LandmarkedBodies:
 
     def cutter(self, parts: tuple[str, ...], leave_out: tuple[str, ...]) -> Cutter:
         """Return the triangles that a plane may cut: of parts, all if empty, and those left out."""
-        cutters = self.set.mesh.cutters
+        mesh, cutters = self.set.mesh, self.set.mesh.cutters
         if (parts, leave_out) not in cutters:
             roles = onp.full(len(self.set.faces), FOREIGN, dtype=onp.uint8)
             roles[self.set.in_parts(parts)] = WANTED
             if leave_out:
                 roles[self.set.in_parts(leave_out)] = LEFT_OUT
             wanted = onp.flatnonzero(roles == WANTED)
-            cutters[parts, leave_out] = self.set.faces, self.set.mesh.neighbours, roles, wanted
+            cutters[parts, leave_out] = mesh.faces, mesh.neighbours, roles, wanted
         return cutters[parts, leave_out]
 
     def bones(self, first: str, last: str) -> tuple[str, ...]:

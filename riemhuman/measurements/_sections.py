@@ -57,7 +57,8 @@ class Lines:
 
         def around(points: ndarray, body: int) -> ndarray:
             x, y = [[1, 2], [2, 0], [0, 1]][onp.abs(normals[body]).argmax()]
-            return _circular(_hull(points[:, x] + 1j * points[:, y]))
+            numbers = onp.empty(len(points), onp.int64)
+            return _circular(numbers[: _hull(points[:, x] + 1j * points[:, y], numbers)])
 
         return self.select(around)
 
@@ -105,13 +106,18 @@ def section(surfaces: Any, origins: Any, normals: Any, cutter: Cutter) -> Lines:
         onp.require(values_of(array), onp.float64, ["C", "W"])
         for array in (surfaces, heights, origins)
     )
-    found = [_trace(f[k], h[k], o[k], cutter) for k in range(len(f))]
-    bodies = onp.repeat(onp.arange(len(f)), [len(edges) for _, edges in found])
-    a, b = onp.concatenate([edges for _, edges in found]).T
+    crossed, wanted = onp.empty((len(cutter[0]), 2), onp.int64), onp.empty(len(cutter[0]), bool)
+    statuses, edges = onp.zeros(len(f), int), []
+    for k in range(len(f)):
+        found = _trace(f[k], h[k], o[k], cutter, crossed, wanted)
+        statuses[k] = min(found, 0)
+        edges.append(crossed[: max(found, 0)].copy())
+    bodies = onp.repeat(onp.arange(len(f)), [len(own) for own in edges])
+    a, b = onp.concatenate(edges).T
     above, below = heights[bodies, a], heights[bodies, b]
     start, t = surfaces[bodies, a], (above / (above - below))[:, None]
     points = start + t * (surfaces[bodies, b] - start)
-    return Lines(points, bodies, onp.array([status for status, _ in found]))
+    return Lines(points, bodies, statuses)
 
 
 def neighbours_of(faces: ndarray) -> ndarray:
@@ -129,12 +135,10 @@ def neighbours_of(faces: ndarray) -> ndarray:
 
 
 @compiled
-def _trace(f: Any, heights: Any, o: Any, mesh: Any) -> Any:
-    """Follow the section nearest to o: return 0 or why there is none, and the edges it crosses."""
+def _trace(f: Any, heights: Any, o: Any, mesh: Any, edges: Any, wanted: Any) -> int:
+    """Find the edges that the section nearest to o crosses; return how many, or why none."""
     faces, neighbours, roles, candidates = mesh
-    most = len(faces)
-    edges, wanted = onp.empty((most, 2), onp.int64), onp.empty(most, onp.bool_)
-    least, face, corner, status, count = onp.inf, -1, -1, 0, 0
+    least, first, start, count = onp.inf, -1, 0, 0
     for candidate in candidates:
         for k in range(3):
             a, b = faces[candidate, k], faces[candidate, (k + 1) % 3]
@@ -145,11 +149,11 @@ def _trace(f: Any, heights: Any, o: Any, mesh: Any) -> Any:
             for x in range(3):
                 squared += (f[a, x] + t * (f[b, x] - f[a, x]) - o[x]) ** 2
             if squared < least:
-                least, face, corner = squared, candidate, k
-    first = face
-    if face < 0:
-        status = MISSES
-    while status == 0:
+                least, first, start = squared, candidate, k
+    if first < 0:
+        return MISSES
+    face, corner = first, start
+    while count == 0 or face != first:
         # The loop enters the triangle by the edge that runs from above the plane to below it.
         edges[count, 0], edges[count, 1] = faces[face, corner], faces[face, (corner + 1) % 3]
         wanted[count] = roles[face] == WANTED
@@ -164,30 +168,28 @@ def _trace(f: Any, heights: Any, o: Any, mesh: Any) -> Any:
             if beyond >= 0 and faces[beyond, k] == b and faces[beyond, (k + 1) % 3] == a:
                 corner = k
         if roles[face] == FOREIGN:
-            status = MEETS_OTHER_PART
-        elif beyond == first:
-            break
-        elif corner < 0 or count == most:
-            status = OPEN
+            return MEETS_OTHER_PART
+        if beyond != first and (corner < 0 or count == len(edges)):
+            return OPEN
         face = beyond
     kept = 0
-    for k in range(count if status == 0 else 0):
+    for k in range(count):
         if wanted[k] or wanted[(k - 1) % count]:
             edges[kept, 0], edges[kept, 1] = edges[k, 0], edges[k, 1]
             kept += 1
-    return status, edges[:kept]
+    return kept
 
 
 @compiled
 def side(a: complex, b: complex, c: complex) -> float:
     """Return twice the signed area of the triangle a, b, c: positive where c lies left of a, b."""
-    return ((b - a).conjugate() * (c - a)).imag
+    return (b.real - a.real) * (c.imag - a.imag) - (b.imag - a.imag) * (c.real - a.real)
 
 
 @compiled
-def _hull(points: Any) -> Any:
-    """Return the numbers of the points in a plane on their convex hull, by wrapping a line."""
-    here, size, hull = 0, 0, onp.empty(len(points), onp.int64)
+def _hull(points: Any, hull: Any) -> int:
+    """Write the numbers of points on their convex hull, by wrapping a line; return how many."""
+    here, size = 0, 0
     for k in range(len(points)):
         if (points[k].real, points[k].imag) < (points[here].real, points[here].imag):
             here = k
@@ -198,8 +200,8 @@ def _hull(points: Any) -> Any:
             turn, away = side(points[here], points[goal], points[k]), points[k] - points[here]
             if turn < 0.0 or (turn == 0.0 and abs(away) > abs(points[goal] - points[here])):
                 goal = k
-        for k in hull[:size]:  # rounding may pass over the first point on a straight side
-            if points[k] == points[goal]:
-                return hull[:size]
+        for k in range(size):  # rounding may pass over the first point on a straight side
+            if points[hull[k]] == points[goal]:
+                return size
         here = goal
-    return hull
+    return size

@@ -175,7 +175,7 @@ class MeasurementSet:
     @cached_property
     def mesh(self) -> Mesh:
         """Vertices, triangles and their neighbours."""
-        return Mesh(self.vertices, self.faces, neighbours_of(self.faces))
+        return Mesh(self.vertices, self.faces.copy(), neighbours_of(self.faces))
 
     @cached_property
     def is_closed(self) -> bool:
