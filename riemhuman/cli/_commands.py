@@ -7,6 +7,7 @@ import difflib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
@@ -226,6 +227,7 @@ class Parser(argparse.ArgumentParser):
         super().error(message + "".join(f"; did you mean {name}?" for name in near))
 
 
+@cache
 def make_parser(version: str, description: str, epilog: str) -> Parser:
     style: dict[str, Any] = {
         "formatter_class": argparse.RawDescriptionHelpFormatter,

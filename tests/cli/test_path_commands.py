@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from cases import sphere_template, surfaces
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io import load_mesh, save_mesh
@@ -110,21 +111,22 @@ def test_mean_is_that_of_the_library(run, scans, bodies, tmp_path):
     assert "Karcher mean" in (tmp_path / "mean.html").read_text(encoding="utf-8")
 
 
-def test_components_are_those_of_the_library(run, bodies, tmp_path):
+def test_components_are_those_of_the_library(run, tmp_path):
     output = tmp_path / "components"
-    points, files = bodies.points[[0, 20, 40]], [tmp_path / f"{name}.ply" for name in "abc"]
+    template = sphere_template()
+    points, files = surfaces(template, 3, size=0.1), [tmp_path / f"{name}.ply" for name in "abc"]
     for file, surface in zip(files, points, strict=True):
-        save_mesh(file, surface, bodies.template.faces)
+        save_mesh(file, surface, template.faces)
     command = ("components", *files, "-o", f"{output}/", "-n", 1)
     finished = run(*command, "--samples", 1, "--seed", 3, "--json")
     assert finished.code == 0, finished.err
-    space = AlignedSurfaces(Template(points[0], bodies.template.faces))
+    space = AlignedSurfaces(Template(points[0], template.faces))
     space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=0.0)
     pca = TangentPCA(space, 1).fit(points)
     end = 2 * np.sqrt(pca.explained_variance_[0])
     less, more = pca.inverse_transform(np.array([[-end], [end]]))
-    surfaces = {"component_1_minus": less, "component_1_plus": more, "mean": pca.mean_}
-    for name, surface in (surfaces | {"sample_0000": pca.sample(1, 3)}).items():
+    written = {"component_1_minus": less, "component_1_plus": more, "mean": pca.mean_}
+    for name, surface in (written | {"sample_0000": pca.sample(1, 3)}).items():
         np.testing.assert_array_equal(load_mesh(output / f"{name}.ply")[0], surface)
     record = json.loads(finished.out)
     assert record["files"] == list(map(str, files))
