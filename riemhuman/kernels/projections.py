@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Self
 
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.kernels.threads import slices
+
 # Eigenvalues of a Gram matrix below this share of the largest are rounding errors.
 _ROUNDING = 1e-12
+_BLOCK = 16  # points at a time
 
 
 class Projection:
@@ -53,3 +57,8 @@ def principal_components(
 def field_coordinates(values: ndarray, areas: ndarray) -> ndarray:
     r"""Return coordinates whose distances are those of fields, :math:`L^2(T)`."""
     return (np.sqrt(areas)[:, None] * values).reshape(*values.shape[:-2], -1)
+
+
+def in_blocks(function: Callable[[ndarray], ndarray], points: ndarray) -> ndarray:
+    """Return rows that a function computes of points, some at a time to save memory."""
+    return np.concatenate([function(points[part]) for part in slices(len(points), _BLOCK)])

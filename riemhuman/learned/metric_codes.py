@@ -12,7 +12,7 @@ from riemhuman.checks import real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.kernels.projections import principal_components
+from riemhuman.kernels.projections import in_blocks, principal_components
 
 # Squared differences of bodies below this share of their squares are rounding errors.
 _ROUNDING = 1e-12
@@ -128,7 +128,7 @@ class MetricCodes(Estimator):
         points = real_array(X, "X", ("n", *self.metric.space.shape), batched=False)
         if not len(points):
             return np.empty((0, len(getattr(self, "mean_", ()))))
-        return np.concatenate([self.metric.lower_bound_coordinates(f[None]) for f in points])
+        return in_blocks(self.metric.lower_bound_coordinates, points)
 
 
 def _random_signs(n_rows: int, n_columns: int, seed: int) -> sparse.csr_array:

@@ -12,7 +12,7 @@ from riemhuman.checks import integer_array, length_of, one_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.kernels.projections import Projection
+from riemhuman.kernels.projections import Projection, in_blocks
 from riemhuman.kernels.threads import mapped, slices, thread_count
 from riemhuman.retrieval.jobs import checked_part
 
@@ -195,8 +195,8 @@ class NearestNeighbors(Estimator):
         size = coordinates(checked_part(self.metric, X, slice(0, 1), "X")).size
         n_sample = min(_SAMPLE, max(1, _SAMPLE_SIZE // size), len(X))
         parts = [slice(i, i + 1) for i in np.linspace(0, len(X) - 1, n_sample).astype(int).tolist()]
-        rows = [coordinates(checked_part(self.metric, X, part, "X")) for part in parts]
-        return Projection.fit(np.concatenate(rows), self.n_components)
+        points = np.concatenate([checked_part(self.metric, X, part, "X") for part in parts])
+        return Projection.fit(in_blocks(coordinates, points), self.n_components)
 
     def _rows_of(self, X: Any, part: slice) -> list[ndarray]:
         """Return coordinates that bound distances, none without a projection, and features."""

@@ -15,7 +15,7 @@ from riemhuman.checks import class_numbers, one_of, real_array, real_number, who
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import PullbackMetric, RiemannianMetric, VectorSpace
-from riemhuman.kernels.projections import principal_components
+from riemhuman.kernels.projections import in_blocks, principal_components
 from riemhuman.optional import import_optional
 
 LEDOIT_WOLF = "ledoit-wolf"
@@ -158,7 +158,7 @@ class LearnedMetric(Estimator):
     def _coordinates(self, X: Any) -> ndarray:
         points = real_array(X, "X", ("n", *self.metric.space.shape), batched=False)
         metric: Any = self.metric
-        return np.concatenate([metric.lower_bound_coordinates(point[None]) for point in points])
+        return in_blocks(metric.lower_bound_coordinates, points)
 
     def _whitening(self, coordinates: ndarray, classes: ndarray) -> tuple[ndarray, float]:
         """Return the rows that whiten the scatter within classes, and the shrinkage."""

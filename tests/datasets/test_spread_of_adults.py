@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from lengths import sample
 
 import riemhuman as rh
 from riemhuman.measurements.measurement_set import DATA
@@ -44,11 +45,12 @@ def drawn(group, resolution, names, n):
     return rh.measurements.Measurements(own).measure(bodies, axes="space", missing="nan")
 
 
-@pytest.mark.sampled(2, "full bodies")
-@pytest.mark.parametrize("sex", ["woman", "man"])
-def test_drawn_people_have_the_spread_of_ansur(sex):
+@pytest.mark.parametrize(
+    ("sex", "resolution"), sample([("woman", "coarse"), ("woman", "full"), ("man", "full")], 3)
+)
+def test_drawn_people_have_the_spread_of_ansur(sex, resolution):
     which = ("woman", "man").index(sex)
-    people = drawn(f"{sex} of ANSUR II", "full", list(ANSUR), 120)
+    people = drawn(f"{sex} of ANSUR II", resolution, list(ANSUR), 120)
     assert np.isnan(people.values).mean() < 0.005
     for name, rows in ANSUR.items():
         mean, spread = rows[which]
@@ -66,7 +68,7 @@ def test_drawn_people_have_the_spread_of_ansur(sex):
 def test_body_mass_of_the_public_is_spread_wider(sex, published):
     indices = []
     for group in (sex, f"{sex} of ANSUR II"):
-        people = drawn(group, "coarse", ["stature", "body mass"], 300)
+        people = drawn(group, "coarse", ["stature", "body mass"], 150)
         indices.append(people["body mass"] / people["stature"] ** 2)
     public, soldiers = (np.quantile(index, (0.05, 0.5, 0.95)) for index in indices)
 
