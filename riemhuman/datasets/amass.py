@@ -185,13 +185,7 @@ def _skeleton_motion(path: Path, frames: np.ndarray, rate: float) -> SkeletonMot
     translations = np.tile(offsets, (len(frames), 1, 1))
     translations[:, 0] = recording.translations[frames]
     motion = SkeletonMotion(
-        SMPL_JOINTS,
-        np.array(SMPL_PARENTS),
-        offsets,
-        rotations,
-        translations,
-        rate,
-        _names(path)[1],
+        SMPL_JOINTS, np.array(SMPL_PARENTS), offsets, rotations, translations, rate, _names(path)[1]
     )
     scale = _leg_scale(motion)
     translations[:, 1:] *= scale

@@ -11,11 +11,7 @@ from scipy.spatial import cKDTree
 
 from riemhuman.bodies import correspondence_matrix
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.surface import (
-    deformation_gradients,
-    stacked_derivatives,
-    triangle_frames,
-)
+from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives, triangle_frames
 from riemhuman.surfaces import Template
 from riemhuman.surfaces.measures import triangle_areas
 

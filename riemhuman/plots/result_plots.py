@@ -162,11 +162,7 @@ def plot_sweep(
 
 
 def _heat_map(
-    ax: Axes,
-    values: np.ma.MaskedArray,
-    largest: float,
-    rows: Sequence[str],
-    columns: Sequence[str],
+    ax: Axes, values: np.ma.MaskedArray, largest: float, rows: Sequence[str], columns: Sequence[str]
 ) -> None:
     """Draw a matrix in shades of blue, on which its values are legible."""
     colors = import_optional("matplotlib.colors", "plot")

@@ -37,13 +37,7 @@ from riemhuman.report._report import (
     name_of,
 )
 from riemhuman.report.retrieval_benchmark import POSE_METRIC
-from riemhuman.solvers import (
-    BasisMean,
-    BasisPath,
-    LinearPath,
-    ModelPath,
-    compare_paths,
-)
+from riemhuman.solvers import BasisMean, BasisPath, LinearPath, ModelPath, compare_paths
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -79,11 +79,7 @@ class LearnedMetric(Estimator):
     components_: ndarray
 
     def __init__(
-        self,
-        metric: RiemannianMetric,
-        *,
-        shrinkage: str | float = LEDOIT_WOLF,
-        n_folds: int = 5,
+        self, metric: RiemannianMetric, *, shrinkage: str | float = LEDOIT_WOLF, n_folds: int = 5
     ) -> None:
         self.metric = metric
         self.shrinkage = shrinkage

@@ -10,14 +10,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import (
-    Rng,
-    class_numbers,
-    distance_matrix,
-    generator,
-    values_of,
-    whole_number,
-)
+from riemhuman.checks import Rng, class_numbers, distance_matrix, generator, values_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import slices
 from riemhuman.representation import Record
