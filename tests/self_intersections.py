@@ -6,15 +6,17 @@ import numpy as np
 def count_self_intersections(vertices, faces):
     """Return the number of pairs of triangles without a common vertex that meet."""
     corners = vertices[faces]
+    order = corners[:, :, 0].min(axis=1).argsort()
+    corners, faces = corners[order], faces[order]
     low, high = corners.min(axis=1), corners.max(axis=1)
-    first, second = [], []
-    for t in range(len(faces) - 1):
-        near = np.all((low[t + 1 :] <= high[t]) & (high[t + 1 :] >= low[t]), axis=1)
-        others = t + 1 + np.flatnonzero(near)
-        others = others[~np.isin(faces[others], faces[t]).any(axis=1)]
-        first.append(np.full(len(others), t))
-        second.append(others)
-    a, b = corners[np.concatenate(first)], corners[np.concatenate(second)]
+    # Of every triangle, those that begin along x before it ends.
+    counts = np.searchsorted(low[:, 0], high[:, 0], side="right") - np.arange(len(faces)) - 1
+    first = np.repeat(np.arange(len(faces)), counts)
+    second = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
+    near = np.all((low[second] <= high[first]) & (high[second] >= low[first]), axis=1)
+    first, second = first[near], second[near]
+    apart = (faces[first][:, :, None] != faces[second][:, None]).all(axis=(1, 2))
+    a, b = corners[first[apart]], corners[second[apart]]
     return int(np.sum(_edges_meet(a, b) | _edges_meet(b, a)))
 
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-import autograd.numpy as anp
 import numpy as np
 from autograd import grad
+from autograd.core import make_vjp
 from numpy import ndarray
 from scipy.sparse.linalg import LinearOperator, lsmr
 
@@ -259,10 +259,9 @@ def _without_shift(
 ) -> ndarray:
     """Return derivatives by x, y and z of a function of z, where s solves the equation."""
     # With the equation's multiplier μ, g(z) − μ ∂E/∂y does not depend on s to first order.
-    shape, slopes = points.shape, grad(metric.energy)
-
-    def along(direction: ndarray) -> ndarray:
-        return grad(lambda x: anp.sum(slopes(x) * direction))(points)
+    shape = points.shape
+    # Second derivatives along a direction, of the energy by its definition, recorded once.
+    along, _ = make_vjp(grad(lambda path: RiemannianMetric.energy(metric, path)), points)
 
     def middle(vector: ndarray) -> ndarray:
         return np.stack([np.zeros(shape[1:]), vector, np.zeros(shape[1:])])

@@ -27,7 +27,7 @@ from riemhuman.errors import (
 )
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.solvers import DiscreteExponential, exponential
-from riemhuman.surfaces import DeformationBasis
+from riemhuman.surfaces import DeformationBasis, Template
 
 # The product's blocks are not seen by the preconditioner of all coordinates; a weight of 0 leaves
 # velocities without effect; flat space is exact at any step.
@@ -203,7 +203,8 @@ def test_the_length_of_a_direction_does_not_matter_to_a_basis(size):
     assert basis.extend((size * (inside + 1.5e-9 * outside))[None]) is not basis
 
 
-TEMPLATE = sphere_template(0)
+TETRAHEDRON = [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]
+TEMPLATE = Template([[0, 0, 0], [0.9, 0.1, 0], [0.2, 1, 0.1], [0.3, 0.2, 0.8]], TETRAHEDRON)
 SOLVER = DiscreteExponential(n_steps=2, tolerance=1e-12)
 
 

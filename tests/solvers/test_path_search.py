@@ -95,12 +95,10 @@ def check_result(metric, result, start, end):
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("case", cases_that("dist", "geodesic"), ids=name_of)
 def test_the_geodesic_where_it_has_a_closed_form(case):
-    # A product does not tell which coordinates belong together: its preconditioner is coarser.
-    tolerance = 1e-10 if case.name == "product" else 1e-9
-    result = solve(case, n_nodes=5, tolerance=tolerance)
+    result = solve(case, n_nodes=4, tolerance=1e-9)
     squared_dist = case.metric.squared_dist(*case.points[:2])
     assert squared_dist * (1 - 1e-10) <= result.energy <= squared_dist * (1 + 1e-7)
-    geodesic = ClosedFormGeodesic(5).solve(case.metric, *case.points[:2]).path
+    geodesic = ClosedFormGeodesic(4).solve(case.metric, *case.points[:2]).path
     assert case.metric.dist(result.path, geodesic).max() < 1e-3 * np.sqrt(squared_dist)
 
 
@@ -126,9 +124,9 @@ def test_between_bodies_over_a_basis(weights, pair):
 def test_below_the_path_over_a_basis(weights, seed):
     """Of arms that turn; from the straight path it ends up to a fifth above."""
     metric, ends = elastic(*weights), bodies.swung_arms(seed)
-    result = PathStraightening(6).solve(metric, *ends)
+    result = PathStraightening(4).solve(metric, *ends)
     check_result(metric, result, *ends)
-    assert result.energy < over_basis(6).solve(metric, *ends).energy
+    assert result.energy < over_basis(4).solve(metric, *ends).energy
 
 
 @pytest.mark.sampled(3)
@@ -296,7 +294,7 @@ def test_what_the_first_runs_gained_counts_at_the_end():
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.parametrize(("seed", "n_nodes"), [(0, 6), (6, 6), (9, 6)])
+@pytest.mark.parametrize(("seed", "n_nodes"), [(0, 4), (2, 6), (9, 6)])
 def test_paths_on_which_triangles_vanish_are_starts_again(seed, n_nodes):
     """With λ next to none areas may vanish; turned, such a triangle must not round to one that has.
 
