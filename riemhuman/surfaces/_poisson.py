@@ -84,15 +84,17 @@ class PoissonInterpolator:
         tree = minimum_spanning_tree(links)
         labels = connected_components(tree, directed=False)[1]
         order = np.argsort(angles, kind="stable")
-        unwrapped = rotations.copy()
+        factors = [1.0] * n_faces
         for root in order[np.unique(labels[order], return_index=True)[1]]:
             found, parents = breadth_first_order(tree, root, directed=False)
-            for t in found[1:]:
-                if angles[t] > 0.0:
-                    along = rotations[t] @ unwrapped[parents[t]] / angles[t]
-                    turns = round((along - angles[t]) / (2.0 * np.pi))
-                    unwrapped[t] *= 1.0 + 2.0 * np.pi * turns / angles[t]
-        return unwrapped
+            found = found[1:][angles[found[1:]] > 0.0]
+            parents, sizes = parents[found], angles[found]
+            along = dot(rotations[found], rotations[parents]) / sizes
+            columns = (column.tolist() for column in (found, parents, along, sizes))
+            for t, parent, share, angle in zip(*columns, strict=True):
+                turns = round((factors[parent] * share - angle) / (2.0 * np.pi))
+                factors[t] = 1.0 + 2.0 * np.pi * turns / angle
+        return np.array(factors)[:, None] * rotations
 
     def parts(self, chosen: ndarray) -> list[ndarray]:
         """Return the connected parts of a set of triangles, the largest first."""
