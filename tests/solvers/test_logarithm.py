@@ -112,7 +112,7 @@ def test_large_changes_of_pose(weights, change):
     """The path that turns limbs is not given up for one within the basis, and can be followed.
 
     By normals alone, that holds for some squats: of seeds 1 to 5, for 3 and 5. Of 1 and 4 the
-    logarithm warned; that of 2 took 20 steps, and the exponential in 10 ended 5 mm away.
+    logarithm warned; that of 2 took 20 steps.
     """
     metric, basis = ElasticMetric(bodies.space(), *weights), bodies.basis()
     seed = 3 if weights == (0.0, 0.0, 1.0) else 1
@@ -121,13 +121,8 @@ def test_large_changes_of_pose(weights, change):
     assert found.converged
     assert found.energy <= 1.011 * BasisPath(basis).solve(metric, start, end).energy
     assert metric.norm(found.tangent_vec, start) == pytest.approx(np.sqrt(found.energy), rel=0.03)
-    joined = basis.extend(found.path[1:] - start)
-    n_steps = len(found.path) - 1
-    follow = DiscreteExponential(joined, n_steps, n_doublings=0)
-    forward = follow.solve(metric, found.tangent_vec, start)
-    assert forward.converged
-    # Millimetres, of half a metre.
-    assert np.linalg.norm(forward.end - end, axis=1).mean() < 1e-3
+    # A tenth of a millimetre, of half a metre.
+    assert found.end_error < 1e-4
 
 
 @pytest.mark.sampled(2)
@@ -137,11 +132,9 @@ def test_large_changes_of_pose_over_all_vertices(weights):
     metric = ElasticMetric(bodies.space(), *weights)
     start, end = squat(np.random.default_rng(1))
     found = DiscreteLogarithm().solve(metric, end, start)
-    forward = DiscreteExponential().solve(metric, found.tangent_vec, start)
     assert found.converged
-    assert forward.converged
     # Micrometres, of half a metre.
-    assert np.linalg.norm(forward.end - end, axis=1).mean() < 2e-5
+    assert found.end_error < 2e-5
 
 
 def test_a_solver_may_be_given():
@@ -199,11 +192,10 @@ def distance_of_inverse(solver, result, metric, start, end):
 def test_large_changes_of_pose_take_as_many_steps_as_they_need(first, second, n_steps):
     """With ten steps throughout, the first ended 458 mm from the other body."""
     metric, start, end = natural_pair(first, second)
-    solver = DiscreteLogarithm()
-    result = solver.solve(metric, end, start)
+    result = DiscreteLogarithm().solve(metric, end, start)
     assert result.converged
     assert len(result.path) - 1 in (10, 20, n_steps)
-    assert distance_of_inverse(solver, result, metric, start, end) < 0.1
+    assert result.end_error < 1e-4
 
 
 @pytest.mark.sampled(4)
