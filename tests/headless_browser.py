@@ -25,7 +25,7 @@ _BINARIES = ("chromium", "chromium-browser", "google-chrome")
 
 
 @contextmanager
-def opened_browser(*more: str) -> Iterator[Browser]:
+def opened_browser() -> Iterator[Browser]:
     """Open a browser, and close it in the end.
 
     Without Chromium and its driver the test is skipped; in continuous integration, where the
@@ -39,7 +39,7 @@ def opened_browser(*more: str) -> Iterator[Browser]:
     webdriver = pytest.importorskip("selenium.webdriver")
     options = webdriver.ChromeOptions()
     options.binary_location = binary
-    for argument in (*_ARGUMENTS, *more):
+    for argument in _ARGUMENTS:
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     chrome = webdriver.Chrome(options, webdriver.ChromeService(driver))

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from headless_browser import opened_browser
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.plots import ViewedBody, Viewer, view_bodies, view_path
@@ -10,6 +9,7 @@ from riemhuman.plots import ViewedBody, Viewer, view_bodies, view_path
 BODIES = load_open_bodies("coarse")
 FACES = BODIES.template.faces
 SIZE = (1000, 760)
+WITHOUT_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
 
 
 @pytest.fixture(scope="module")
@@ -25,9 +25,8 @@ def pages(tmp_path_factory):
     start, end = BODIES.points[[0, 3]]
     path = start + np.linspace(0, 1, 5)[:, None, None] * (end - start)
     paths = {"there": path, "back": path[::-1]}
-    view_path(paths, FACES, title="Two paths", description="From one to another.").save(
-        folder / "paths.html"
-    )
+    texts = {"title": "Two paths", "description": "From one to another."}
+    view_path(paths, FACES, **texts, seconds=1.2).save(folder / "paths.html")
     many = [f"body number {index} with a long name" for index in range(9)]
     view_bodies(BODIES.points[:9], FACES, many).save(folder / "many.html")
     return folder
@@ -211,17 +210,18 @@ def test_labels_stay_inside_the_stage(browser, opened, width):
             assert top - 0.5 <= label[1] <= label[3] <= bottom + 0.5
 
 
-def test_stills_stand_in_where_there_is_no_webgl(pages):
-    with opened_browser("--disable-3d-apis") as browser:
-        browser.open(pages / "paths.html", *SIZE)
-        browser.wait_for("return !document.querySelector('[data-part=message]').hidden")
-        shown = "return [...document.querySelectorAll('.still')].map((e) => e.checkVisibility())"
-        assert browser.run(shown) == [True, False]
-        assert browser.find(".still").size["height"] > 200
-        browser.find("input[type=radio][value='1']").click()
-        assert browser.run(shown) == [False, True]
-        assert not browser.find("[data-part=play]").is_displayed()
-        browser.open(pages / "paths.html", 400, 760)
-        browser.wait_for("return !document.querySelector('[data-part=message]').hidden")
-        still, stage = browser.find(".still").size, browser.find(".stage").size
-        assert stage["height"] <= still["height"] + 10 < 150  # no tall empty stage
+def test_stills_stand_in_where_there_is_no_webgl(browser, pages):
+    added = browser.devtools("Page.addScriptToEvaluateOnNewDocument", source=WITHOUT_WEBGL)
+    browser.open(pages / "paths.html", *SIZE)
+    browser.wait_for("return !document.querySelector('[data-part=message]').hidden")
+    shown = "return [...document.querySelectorAll('.still')].map((e) => e.checkVisibility())"
+    assert browser.run(shown) == [True, False]
+    assert browser.find(".still").size["height"] > 200
+    browser.find("input[type=radio][value='1']").click()
+    assert browser.run(shown) == [False, True]
+    assert not browser.find("[data-part=play]").is_displayed()
+    browser.open(pages / "paths.html", 400, 760)
+    browser.wait_for("return !document.querySelector('[data-part=message]').hidden")
+    still, stage = browser.find(".still").size, browser.find(".stage").size
+    assert stage["height"] <= still["height"] + 10 < 150  # no tall empty stage
+    browser.devtools("Page.removeScriptToEvaluateOnNewDocument", **added)

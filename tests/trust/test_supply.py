@@ -80,6 +80,21 @@ def test_the_licences_of_all_parts_are_named(archives):
     }
 
 
+@pytest.mark.slow
+def test_packages_are_whole_and_hold_nothing_else(packages):
+    package = ROOT / "riemhuman"
+    needed = {
+        str(file.relative_to(ROOT))
+        for file in package.rglob("*")
+        if file.is_file() and "__pycache__" not in file.parts and "/." not in file.as_posix()
+    }
+    assert any(name.endswith(".npz") for name in needed)
+    for names in packages:
+        assert needed - names == set()
+    wheel, _ = packages
+    assert {name.partition("/")[0].split("-")[0] for name in wheel} == {"riemhuman"}
+
+
 def test_the_lock_holds_what_the_package_needs():
     requirements = pytest.importorskip("packaging.requirements")
     config = ConfigParser(interpolation=None)
@@ -98,18 +113,3 @@ def test_the_lock_holds_what_the_package_needs():
     for requirement in needed:
         version = locked[requirement.name.lower().replace("_", "-")]
         assert requirement.specifier.contains(version), requirement
-
-
-@pytest.mark.slow
-def test_packages_are_whole_and_hold_nothing_else(packages):
-    package = ROOT / "riemhuman"
-    needed = {
-        str(file.relative_to(ROOT))
-        for file in package.rglob("*")
-        if file.is_file() and "__pycache__" not in file.parts and "/." not in file.as_posix()
-    }
-    assert any(name.endswith(".npz") for name in needed)
-    for names in packages:
-        assert needed - names == set()
-    wheel, _ = packages
-    assert {name.partition("/")[0].split("-")[0] for name in wheel} == {"riemhuman"}
