@@ -17,7 +17,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-import autograd.numpy as anp
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
@@ -26,7 +25,7 @@ from scipy.sparse.csgraph import dijkstra
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.compilation import compiled
-from riemhuman.measurements._sections import MISSES, Lines, side
+from riemhuman.measurements._sections import MISSES, Lines, side, weighted_vertices
 
 SurfacePoint = tuple[int, ndarray]
 """Number of a triangle, and barycentric coordinates in it, shape (3,)."""
@@ -137,7 +136,7 @@ def geodesics(surfaces: Any, start: SurfacePoint, end: SurfacePoint, mesh: Mesh)
     vertices, weights = (np.concatenate(parts) for parts in zip(*found, strict=True))
     counts = np.array([len(part) for part, _ in found])
     bodies = np.repeat(np.arange(len(found)), counts)
-    points = anp.sum(weights[:, :, None] * surfaces[bodies[:, None], vertices], axis=1)
+    points = weighted_vertices(surfaces, bodies[:, None], vertices, weights)
     return Lines(points, bodies, np.where(counts > 0, 0, MISSES))
 
 

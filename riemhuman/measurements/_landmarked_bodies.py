@@ -11,8 +11,9 @@ import numpy as onp
 from numpy import ndarray
 
 from riemhuman.bodies import joints_between
+from riemhuman.checks import values_of
 from riemhuman.measurements._geodesics import SurfacePoint
-from riemhuman.measurements._sections import FOREIGN, LEFT_OUT, WANTED, Cutter
+from riemhuman.measurements._sections import FOREIGN, LEFT_OUT, WANTED, Cutter, weighted_vertices
 from riemhuman.surfaces.nearest_points import nearest_points
 
 Place = str | Mapping[str, float]
@@ -27,6 +28,7 @@ class LandmarkedBodies:
     def __init__(self, description: Any, surfaces: Any, axes: str) -> None:
         self.set, self.surfaces, self._frames = description, surfaces, axes
         self._positions: dict[str, Any] = {}
+        self._numbers = onp.arange(len(surfaces))[:, None]
 
     def place(self, place: Place) -> Any:
         """Return the position of a place on each body, shape (n, 3)."""
@@ -35,7 +37,8 @@ class LandmarkedBodies:
             return sum(weight / total * self.place(name) for name, weight in place.items())
         if place not in self._positions:
             vertices, weights = self.set.landmarks[place]
-            self._positions[place] = np.sum(weights[:, None] * self.surfaces[:, vertices], axis=1)
+            own = self._numbers, vertices[None], weights[None]
+            self._positions[place] = weighted_vertices(self.surfaces, *own)
         return self._positions[place]
 
     def axis(self, axis: Any) -> Any:
@@ -88,8 +91,10 @@ class LandmarkedBodies:
     @cached_property
     def floor(self) -> Any:
         """Coordinate of the lowest vertex of each body along the axis "up", shape (n,)."""
-        heights = np.matmul(self.surfaces, self.axis("up")[:, :, None])[..., 0]
-        return np.min(heights, axis=-1)
+        up = self.axis("up")
+        heights = onp.matmul(values_of(self.surfaces), values_of(up)[:, :, None])
+        own = self._numbers, heights.argmin(axis=1), onp.ones((1, 1))
+        return np.sum(weighted_vertices(self.surfaces, *own) * up, axis=-1)
 
     @cached_property
     def volumes(self) -> Any:

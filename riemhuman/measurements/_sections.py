@@ -3,8 +3,11 @@ r"""Lines on triangulated surfaces: their points as functions of the vertices, a
 The plane through o with normal n crosses the edge from a to b at c = a + t (b − a), with
 t = d_a/(d_a − d_b) and d_x = n·(x − o). The section starts at the crossing nearest to o and runs
 from triangle to triangle until it closes. Which edges it crosses is found in compiled loops; its
-points, and whatever is measured on them, are piecewise smooth in the vertices and in the plane, and
-autograd differentiates them.
+points are piecewise smooth in the vertices and in the plane, and autograd differentiates what is
+measured on them. With e = b − a and h = d_a − d_b,
+
+.. math:: dc = (1 - t)\, da + t\, db + \frac{e}{h}\,
+          \big(n \cdot ((1 - t)\, da + t\, db - do) + (c - o) \cdot dn\big).
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from typing import Any
 
 import autograd.numpy as np
 import numpy as onp
+from autograd.extend import defvjp, defvjp_argnums, primitive
 from numpy import ndarray
 
 from riemhuman.checks import values_of
@@ -65,13 +69,7 @@ class Lines:
     @property
     def lengths(self) -> Any:
         """Lengths of the lines, shape (n,); NaN where there is none."""
-        first = onp.flatnonzero(self.bodies[1:] == self.bodies[:-1])
-        squares = np.sum((self.points[first + 1] - self.points[first]) ** 2, axis=1)
-        # Points coincide where a plane meets a vertex: a root of zero has no derivative.
-        apart = onp.flatnonzero(values_of(squares) > 0.0)
-        belongs = self.bodies[first[apart]] == onp.arange(len(self.statuses))[:, None]
-        missing = onp.where(self.statuses == 0, 0.0, onp.nan)
-        return np.dot(belongs, np.sqrt(squares[apart])) + missing
+        return _total_lengths(self.points, self.bodies, self.statuses)
 
     def extents(self, directions: Any) -> Lines:
         """Return the extents of the lines along unit vectors, shape (n, 3), as straight lines."""
@@ -87,6 +85,92 @@ class Lines:
         return Lines(line.points, outer.bodies, self.statuses)
 
 
+def _steps(points: ndarray, bodies: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """Return the first points of steps along lines, the steps, and their lengths."""
+    first = onp.flatnonzero(bodies[1:] == bodies[:-1])
+    steps = points[first + 1] - points[first]
+    return first, steps, onp.sqrt(onp.sum(steps**2, axis=1))
+
+
+@primitive
+def _total_lengths(points: Any, bodies: ndarray, statuses: ndarray) -> Any:
+    first, _, lengths = _steps(points, bodies)
+    totals = onp.bincount(bodies[first], lengths, len(statuses))
+    return onp.where(statuses == 0, totals, onp.nan)
+
+
+def _slopes_of_lengths(_: ndarray, points: ndarray, bodies: ndarray, statuses: ndarray) -> Any:
+    def pull_back(upstream: ndarray) -> ndarray:
+        first, steps, lengths = _steps(points, bodies)
+        # Points coincide where a plane meets a vertex: a root of zero has no derivative.
+        pull = steps * (upstream[bodies[first]] / onp.where(lengths, lengths, 1.0))[:, None]
+        slopes = onp.zeros_like(points)
+        slopes[first + 1] += pull
+        slopes[first] -= pull
+        return slopes
+
+    return pull_back
+
+
+defvjp(_total_lengths, _slopes_of_lengths, argnums=(0,))
+
+
+@primitive
+def weighted_vertices(surfaces: Any, bodies: ndarray, vertices: ndarray, weights: ndarray) -> Any:
+    """Return sums of vertices of bodies with weights, over the last axis of all three."""
+    return (weights[..., None, :] @ surfaces[bodies, vertices])[..., 0, :]
+
+
+def _add_at(like: ndarray, places: Any, slopes: ndarray) -> ndarray:
+    """Return slopes added up at places of an array of zeros."""
+    total = onp.zeros_like(like)
+    onp.add.at(total, places, slopes)
+    return total
+
+
+defvjp(
+    weighted_vertices,
+    lambda _, surfaces, bodies, vertices, weights: (
+        lambda upstream: _add_at(
+            surfaces, (bodies, vertices), weights[..., None] * upstream[..., None, :]
+        )
+    ),
+    argnums=(0,),
+)
+
+
+@primitive
+def _crossings(
+    surfaces: Any, origins: Any, normals: Any, heights: ndarray, bodies: ndarray, edges: ndarray
+) -> Any:
+    """Return where planes cross edges, between vertices at these heights above the planes."""
+    (a, b), (above, below) = edges, heights[bodies, edges]
+    start, t = surfaces[bodies, a], (above / (above - below))[:, None]
+    return start + t * (surfaces[bodies, b] - start)
+
+
+def _slopes_of_crossings(argnums: Any, points: ndarray, arguments: Any, _: Any) -> Any:
+    surfaces, origins, normals, heights, bodies, edges = arguments
+    above, below = heights[bodies, edges]
+    shares = onp.stack([-below, above]) / (above - below)
+
+    def pull_back(upstream: ndarray) -> tuple[ndarray, ...]:
+        starts, ends = surfaces[bodies, edges]
+        across = onp.sum(upstream * (ends - starts), axis=1) / (above - below)
+        pull = across[:, None] * normals[bodies]
+        slopes = (
+            (surfaces, (bodies, edges), shares[..., None] * (upstream + pull)),
+            (origins, bodies, -pull),
+            (normals, bodies, across[:, None] * (points - origins[bodies])),
+        )
+        return tuple(_add_at(*slopes[number]) for number in argnums)
+
+    return pull_back
+
+
+defvjp_argnums(_crossings, _slopes_of_crossings)
+
+
 def _circular(numbers: ndarray) -> ndarray:
     return onp.append(numbers, numbers[:1])
 
@@ -95,29 +179,26 @@ def straight_lines(a: Any, b: Any, axes: Any = None) -> Lines:
     """Return lines between points, shape (n, 3), or from the first ones along unit vectors."""
     if axes is not None:
         b = a + np.sum((b - a) * axes, axis=-1, keepdims=True) * axes
-    points = np.reshape(np.stack([a, b], axis=1), (-1, 3))
+    points = np.reshape(np.concatenate([a, b], axis=1), (-1, 3))
     return Lines(points, onp.repeat(onp.arange(len(a)), 2), onp.zeros(len(a), int))
 
 
 def section(surfaces: Any, origins: Any, normals: Any, cutter: Cutter) -> Lines:
     """Return the sections of surfaces on wanted triangles by planes, each nearest to its origin."""
-    heights = np.einsum("nvx,nx->nv", surfaces - origins[:, None], normals)
-    f, h, o = (
+    f, o, n = (
         onp.require(values_of(array), onp.float64, ["C", "W"])
-        for array in (surfaces, heights, origins)
+        for array in (surfaces, origins, normals)
     )
+    heights = onp.einsum("nvx,nx->nv", f - o[:, None], n)
     crossed, wanted = onp.empty((len(cutter[0]), 2), onp.int64), onp.empty(len(cutter[0]), bool)
     statuses, edges = onp.zeros(len(f), int), []
     for k in range(len(f)):
-        found = _trace(f[k], h[k], o[k], cutter, crossed, wanted)
+        found = _trace(f[k], heights[k], o[k], cutter, crossed, wanted)
         statuses[k] = min(found, 0)
         edges.append(crossed[: max(found, 0)].copy())
     bodies = onp.repeat(onp.arange(len(f)), [len(own) for own in edges])
-    a, b = onp.concatenate(edges).T
-    above, below = heights[bodies, a], heights[bodies, b]
-    start, t = surfaces[bodies, a], (above / (above - below))[:, None]
-    points = start + t * (surfaces[bodies, b] - start)
-    return Lines(points, bodies, statuses)
+    own = surfaces, origins, normals, heights, bodies, onp.concatenate(edges).T
+    return Lines(_crossings(*own), bodies, statuses)
 
 
 def neighbours_of(faces: ndarray) -> ndarray:

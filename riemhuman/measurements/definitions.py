@@ -95,7 +95,8 @@ class Measurement:
         ----------
         bodies : LandmarkedBodies
         """
-        return sum(path.lengths for path in self._paths(bodies))
+        first, *others = (path.lengths for path in self._paths(bodies))
+        return sum(others, first)
 
     def lines(self, bodies: LandmarkedBodies) -> list[Any]:
         """Return the measurement lines on the first body, each of shape (k, 3).

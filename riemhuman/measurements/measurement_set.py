@@ -221,7 +221,10 @@ class MeasurementSet:
             own[nearest_name(entry, "measurement", own)] if isinstance(entry, str) else entry
             for entry in measurements
         ]
-        return replace(self, measurements=chosen)
+        other = replace(self, measurements=chosen)
+        # What has been prepared of the surface, such as strips of paths, is the same.
+        vars(other)["mesh"] = self.mesh
+        return other
 
     def mapped(self, template: Template | BodyModel, correspondence: Any) -> MeasurementSet:
         """Return the measurements for another template.
