@@ -5,13 +5,14 @@ import json
 import re
 import shutil
 from contextlib import contextmanager
+from functools import partial
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 from cases import sphere_template, surfaces
 
-from riemhuman.datasets import Bodies
+from riemhuman.datasets import Bodies, load_open_motions
 from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.report import _path_sections, benchmark, make_report
@@ -199,6 +200,8 @@ def test_stopped_from_the_keyboard_it_goes_on_where_it_was(tmp_path, monkeypatch
         raise KeyboardInterrupt
 
     monkeypatch.setattr(_path_sections.BasisPath, "solve", interrupt)
+    some = partial(load_open_motions, subjects=["lean runner", "average man"])
+    monkeypatch.setattr("riemhuman.report._report.load_open_motions", some)
     tasks = []
 
     @contextmanager
