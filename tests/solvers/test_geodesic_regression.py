@@ -134,7 +134,7 @@ def test_sphere_agrees_with_a_search_in_angles():
             method="Nelder-Mead",
             options={"xatol": 1e-10, "fatol": 1e-14, "maxiter": 4000, "maxfev": 4000},
         )
-        for heading in np.arange(6.0)
+        for heading in (0.0, 2.0, 4.0)
     ]
     best = min(search.fun for search in searches)
     assert misfit(space, found.intercept_, found.velocity_, points) == pytest.approx(

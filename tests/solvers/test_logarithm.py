@@ -74,7 +74,7 @@ def test_inverse_of_the_exponential_on_bodies(weights):
     basis = bodies.basis(12)
     start, end = bodies.body("resting"), bodies.body("arm raised")
     gaps = []
-    for n_steps in (3, 6):
+    for n_steps in (6, 3):
         log = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, end, start)
         assert log.converged
         joined = basis.extend(log.path[1:] - start)
@@ -89,7 +89,7 @@ def test_inverse_of_the_exponential_on_bodies(weights):
         gaps.append(np.abs(finer.end - end).max())
     again = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, forward.end, start)
     assert np.abs(again.tangent_vec - log.tangent_vec).max() < 1e-4
-    assert orders(gaps) > 1.4
+    assert orders(gaps[::-1]) > 1.4
 
 
 def squat(rng):

@@ -223,13 +223,13 @@ def error(surface, truth):
 def test_the_person_is_kept_whoever_holds_the_pose():
     """On people who hold poses otherwise, with faces and flesh of their own."""
     measure = Disentangled(*natural_people("coarse", 171)).measure
-    found = [measure(*pair) for pair in random_pairs(4, 171)]
+    found = [measure(*pair) for pair in random_pairs(3, 171)]
     for part in PARTS:
         assert all(one.nearer[part] for one in found)
     assert max(one.edges for one in found) < 0.06
-    # 1.63 mm; by the rotations of B itself in place of the smooth field it is 4.33 mm.
-    assert np.mean([one.segments for one in found]) < 0.55 * 4.33
-    # 0.56, and 0.61 by those rotations.
+    # 1.64 mm; by the rotations of B itself in place of the smooth field it is 4.30 mm.
+    assert np.mean([one.segments for one in found]) < 0.55 * 4.30
+    # 0.56, and 0.65 by those rotations.
     ratios = [one.performed / one.nearer_input for one in found]
     assert np.mean(ratios) < 0.58
 
