@@ -50,9 +50,9 @@ computed_bodies = functools.cache(load_open_bodies)
 
 
 @functools.wraps(load_open_bodies)
-def open_bodies(*arguments, **options):
+def open_bodies(resolution="full", variant="plain", people=None):
     """Return the open bodies, computed once for all tests, in arrays that a test may change."""
-    bodies = vars(computed_bodies(*arguments, **options))
+    bodies = vars(computed_bodies(resolution, variant, people))
     return Bodies(**{k: v.copy() if isinstance(v, np.ndarray) else v for k, v in bodies.items()})
 
 

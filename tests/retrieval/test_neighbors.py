@@ -179,9 +179,9 @@ def test_candidates_change_the_work_and_not_the_answer(n_jobs):
 
 # Where blocks end, where distances nearly tie, and where bounds round.
 
-CLOSE = surfaces(sphere_template(), 40, rng=5)
-CLOSE[[3, 17, 29]] = CLOSE[[39, 16, 0]] * (1 + 1e-9)
-NEAR_CLOSE = np.concatenate([surfaces(sphere_template(), 6, rng=6), CLOSE[[5, 38]] * (1 + 1e-9)])
+CLOSE = surfaces(sphere_template(), 24, rng=5)
+CLOSE[[3, 17, 19]] = CLOSE[[23, 16, 0]] * (1 + 1e-9)
+NEAR_CLOSE = np.concatenate([surfaces(sphere_template(), 4, rng=6), CLOSE[[5, 22]] * (1 + 1e-9)])
 
 
 @pytest.mark.parametrize("name", ["shape", "srnf"])
