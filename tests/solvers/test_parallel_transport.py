@@ -110,12 +110,14 @@ def test_second_order_without_closed_forms(case, ladder):
     carried, gaps = [], []
     for n_rungs in (2, 4, 8):
         path = DiscreteExponential(n_steps=n_rungs).solve(case.metric, velocity, start).path
-        ends = [ladder().solve(case.metric, w, start, path=path) for w in (u, v)]
+        some = (u, v) if n_rungs > 2 else (u,)
+        ends = [ladder().solve(case.metric, w, start, path=path) for w in some]
         assert all(end.converged for end in ends)
         carried.append(ends[0].tangent_vec)
-        products = inner(ends[0].tangent_vec, ends[1].tangent_vec, path[-1])
-        gaps.append(abs(products - inner(u, v, start)) / size)
-    assert orders(gaps)[-1] > 1.8
+        if n_rungs > 2:
+            products = inner(ends[0].tangent_vec, ends[1].tangent_vec, path[-1])
+            gaps.append(abs(products - inner(u, v, start)) / size)
+    assert orders(gaps) > 1.8
     assert gaps[-1] < 1e-3
     changes = np.abs(np.diff(np.stack(carried), axis=0)).reshape(2, -1).max(axis=1)
     assert orders(changes) > 1.8
@@ -125,17 +127,17 @@ def test_half_plane_against_the_known_transport():
     """Along the vertical line x = const from y₀ to y₁ vectors grow by y₁/y₀."""
     case = CASES["half-plane, distance"]
     start, end = np.array([0.2, 1.0]), np.array([0.2, 2.0])
-    path = np.stack([np.full(9, 0.2), 2.0 ** np.linspace(0, 0.5, 9)], axis=1)
+    path = np.stack([np.full(5, 0.2), 2.0 ** np.linspace(0, 0.25, 5)], axis=1)
     vector = np.array([0.3, -0.7])
     for ladder in LADDERS:
         result = ladder(tolerance=1e-9).solve(case.metric, vector, start, path=path)
-        assert result.n_evaluations > result.n_iterations > 8
-        assert result.message == "8 rungs"
+        assert result.n_evaluations > result.n_iterations > 4
+        assert result.message == "4 rungs"
         np.testing.assert_array_equal(result.path, path)
         np.testing.assert_array_equal(result.tangent_vecs[[0, -1]], [vector, result.tangent_vec])
         # Vectors grow in proportion to y all along.
-        growth = 2.0 ** np.linspace(0, 0.5, 9)[:, None]
-        np.testing.assert_allclose(result.tangent_vecs, growth * vector, rtol=1e-3)
+        growth = 2.0 ** np.linspace(0, 0.25, 5)[:, None]
+        np.testing.assert_allclose(result.tangent_vecs, growth * vector, rtol=5e-4)
     solver = PathStraightening(n_nodes=5)
     found = PoleLadder(geodesic_solver=solver, tolerance=1e-9).solve(
         case.metric, vector, start, end_point=end
@@ -227,9 +229,9 @@ def test_over_all_vertices_between_poses():
     data = load_open_bodies("coarse")
     metric = ElasticMetric(bodies.space(), 1.0, 0.1, 0.1)
     start, end = data.points[0], data.points[1]
-    path = PathStraightening(n_nodes=6, tolerance=1e-6).solve(metric, start, end).path
+    path = PathStraightening(n_nodes=4, tolerance=1e-6).solve(metric, start, end).path
     build = data.points[10] - start
     found = PoleLadder().solve(metric, build, start, path=path)
     assert found.converged
     norms = metric.norm(build, start), metric.norm(found.tangent_vec, path[-1])
-    assert norms[1] == pytest.approx(norms[0], rel=1e-2)
+    assert norms[1] == pytest.approx(norms[0], rel=2e-3)
