@@ -47,6 +47,7 @@ def test_every_sample_inside_a_triangle_is_covered_once_and_no_other():
     inside = (u >= 0) & (v >= 0) & (u + v <= 1)
     shares = inside.reshape(64, 2, 64, 2).mean(axis=(1, 3))
     np.testing.assert_array_equal(picture[..., 3], np.round(255 * shares))
+    assert len(np.unique(picture[shares > 0, :3], axis=0)) == 1  # a flat triangle has one shade
 
 
 def test_meshes_have_no_holes():
