@@ -30,6 +30,7 @@ class Compiled:
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         self.py_func, self._options = function, options
+        self.is_inlined = bool(options.get("forceinline"))
         functools.update_wrapper(self, function)
         _waiting.append(self)
 
@@ -38,7 +39,16 @@ class Compiled:
         """The compiled function."""
         return _njit(self.py_func, self._options)
 
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes a placeholder for that stays: the compiled function."""
+        import numba
+
+        return numba.types.Dispatcher(self.function)
+
     def __call__(self, *arguments: Any) -> Any:
+        if self.is_inlined:
+            return self.py_func(*arguments)
         _bind()
         return self.function(*arguments)
 
@@ -48,7 +58,8 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 
     It may call other marked functions, its own module's and those that its module imports by name.
     It releases the interpreter lock; division by zero gives infinity or NaN; the Python function is
-    `py_func`. Without a writable folder to keep compiled functions in, it warns.
+    `py_func`. Without a writable folder to keep compiled functions in, it warns. One that others
+    inline (``forceinline=True``) is compiled for these alone; called from Python, it runs there.
 
     Parameters
     ----------
@@ -77,6 +88,9 @@ def _njit(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     # Without an error model, every division would look whether to raise. Without a value of
     # fastmath, a function takes that of its first caller: its bits depend on who came first.
     options = {"fastmath": False, "error_model": "numpy", "nogil": True, **options}
+    if options.get("forceinline"):
+        # Kept on disk as a part of its callers; what lets Python call it takes long to compile.
+        return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
     try:
         dispatcher = numba.njit(cache=True, **options)(function)
     except (OSError, RuntimeError):  # numba finds no folder that it can write to
@@ -123,6 +137,6 @@ def _bind() -> None:
         # Numba looks names up when it compiles, so all are bound before the first is called.
         for names in modules.values():
             for name, value in list(names.items()):
-                if isinstance(value, Compiled):
+                if isinstance(value, Compiled) and not value.is_inlined:
                     names[name] = value.function
         _waiting.clear()

@@ -90,8 +90,8 @@ def _filled(n: int, columns: ndarray, rows: ndarray) -> tuple[ndarray, ndarray]:
     return np.array([len(column) for column in filled]), np.concatenate(filled)
 
 
-WIDTHS = 1, 16, 20
-"""Numbers of right sides that loops are compiled for: 16 then take no longer than 8 otherwise."""
+WIDTH = 20
+"""Number of right sides that loops are compiled for: 20 then take no longer than 8 otherwise."""
 
 
 @compiled(fastmath=FUSED)

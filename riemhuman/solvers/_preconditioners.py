@@ -18,7 +18,7 @@ from scipy import linalg, sparse
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.elimination import (
-    WIDTHS,
+    WIDTH,
     eliminate,
     elimination_of,
     solve_lower,
@@ -48,7 +48,7 @@ _N_PROBES = 3
 _BLOCK = 3
 _ON_DIAGONAL = np.array([0, 4, 8])
 
-# Up to so many right sides are not filled up with zeros to one of `WIDTHS`.
+# Up to so many right sides are not filled up with zeros to `WIDTH`.
 _FEW = 6
 
 # Points of at most so many coordinates are one block.
@@ -158,23 +158,21 @@ class SparseCholeskyFactor(CholeskyFactor):
 
 
 def _lanes(x: ndarray) -> tuple[int, ...] | None:
-    return (0,) * x.shape[1] if x.shape[1] in WIDTHS else None
+    return (0,) * WIDTH if x.shape[1] == WIDTH else None
 
 
 def _many_together(solve: Callable[[ndarray], ndarray], columns: ndarray) -> ndarray:
-    """Solve for one of `WIDTHS` right sides at a time, filled up with zeros, unless for few."""
+    """Solve for `WIDTH` right sides at a time, filled up with zeros, unless for few."""
     n = columns.shape[1]
     if n <= _FEW:
         return solve(np.ascontiguousarray(columns))
-    n_parts = -(-n // max(WIDTHS))
-    width = next(width for width in WIDTHS if n_parts * width >= n)
     solutions = []
-    for first in range(0, n, width):
-        some = columns[:, first : first + width]
-        filled = np.zeros((len(columns), width))
+    for first in range(0, n, WIDTH):
+        some = columns[:, first : first + WIDTH]
+        filled = np.zeros((len(columns), WIDTH))
         filled[:, : some.shape[1]] = some
         solutions.append(solve(filled)[:, : some.shape[1]])
-    return solutions[0] if n_parts == 1 else np.hstack(solutions)
+    return np.hstack(solutions)
 
 
 class BlockCholeskyFactor(CholeskyFactor):

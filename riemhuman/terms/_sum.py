@@ -150,7 +150,7 @@ class SumOfTerms:
     ) -> tuple[ndarray, ndarray]:
         """Return the squared distances of one surface from others, and the slope of their sum."""
         faces, frames, areas = self._faces, self._frames, self.areas
-        other_faces = faces if other_faces is None else other_faces
+        other_faces = faces if other_faces is None else of_one_kind(other_faces)
         f = of_one_kind(point)[:, None]
         kinds = [of_one_kind(other)[:, None] for other in others]
 

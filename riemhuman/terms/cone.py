@@ -32,7 +32,7 @@ from riemhuman.checks import metric_weight
 from riemhuman.kernels.compilation import FUSED, SUM, compiled
 from riemhuman.kernels.sphere import sine_cardinal
 from riemhuman.kernels.surface import Derivatives, dot, square_root
-from riemhuman.kernels.threads import CHUNK, LARGEST, SMALLEST, UNDERFLOW
+from riemhuman.kernels.threads import CHUNK, LARGEST, SMALLEST, UNDERFLOW, of_one_kind
 from riemhuman.terms._polynomial_fits import (
     LARGEST_RATIO,
     PRECISION,
@@ -173,26 +173,25 @@ class ConeTerm(Term):
         return self.pack_record(record, areas, kept)
 
     def pack_record(self, record: ndarray, areas: ndarray, kept: ndarray) -> float:
-        turn = self.angle_per_turn**2 if self.c > 0.0 else None
-        return 16.0 * self.b * _pack(record, areas, self.angle_per_length**2, turn, kept)
+        exact = onp.empty((self.n_features, len(areas)))
+        stretch, turn = self.angle_per_length**2, self.angle_per_turn**2
+        gap = _pack(of_one_kind(record), of_one_kind(areas), stretch, turn, exact)
+        with onp.errstate(over="ignore"):  # the gap is infinite
+            kept[:, : len(areas)] = exact
+        return 16.0 * self.b * gap
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
         real, squared = a.dtype.type, np.zeros((len(a), len(b)))
-        single = PRECISION[a.dtype]
+        single, fit = PRECISION[a.dtype], None
+        scale, turn = 0.25 * self.angle_per_length**2, real(0.25 * self.angle_per_turn**2)
         if self.c == 0.0 and self.b <= LARGEST_RATIO * self.a:
-            ratio = self.b / self.a
-            scale, fit = real(1.0 / excess_at_pi(ratio)), half_angle_fit(ratio, a.dtype)
-            _tile(a, b, scale, None, fit, None, a is b, squared)
-        else:
-            stretch = real(0.25 * self.angle_per_length**2)
-            turn = real(0.25 * self.angle_per_turn**2) if self.c > 0.0 else None
-            _tile(a, b, stretch, turn, None, single, a is b, squared)
+            ratio, turn, single = self.b / self.a, None, None
+            scale, fit = 1.0 / excess_at_pi(ratio), half_angle_fit(ratio, a.dtype)
+        _tile(a, b, real(scale), turn, fit, single, a is b, squared)
         return 16.0 * self.b * squared
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
-        stretch, turn = 0.25 * self.angle_per_length**2, None
-        if self.c > 0.0:
-            turn = 0.25 * self.angle_per_turn**2
+        stretch, turn = 0.25 * self.angle_per_length**2, 0.25 * self.angle_per_turn**2
         return _segments(records, slopes, areas, 16.0 * self.b * self.weight, stretch, turn)
 
 
@@ -293,7 +292,7 @@ def _segments(
     areas: ndarray,
     factor: float,
     stretch: float,
-    turn: float | None,
+    turn: float,
 ) -> float:
     n_times, _, n_faces = records.shape
     # Of each surface x, y and s, and the slopes by them.
@@ -325,7 +324,7 @@ def _segment(
     areas: ndarray,
     factor: float,
     stretch: float,
-    turn: float | None,
+    turn: float,
 ) -> float:
     """Return the sum of w d²; add its slopes by x, y, s and by normals of both surfaces."""
     points1, record1, by_points1, slopes1 = before
@@ -336,7 +335,7 @@ def _segment(
     by_x2, by_y2, by_s2 = by_points2[0], by_points2[1], by_points2[2]
     angles, rates = onp.zeros(len(areas)), onp.empty(len(areas))
     # Three loops: one over everything would have too many arrays for vector registers.
-    if turn is not None:
+    if turn > 0.0:
         _fill_angles(record1, record2, turn, angles)
     total = 0.0
     for t in range(len(areas)):
@@ -356,7 +355,7 @@ def _segment(
         by_x2[t] -= rate * dx
         by_y1[t] += rate * (dy - m * y2[t])
         by_y2[t] -= rate * (dy + m * y1[t])
-    if turn is not None:
+    if turn > 0.0:
         add_segment(record1, record2, slopes1, slopes2, rates, turn)
     return total
 
@@ -393,26 +392,24 @@ def _half_plane(area: float, e: float, m: float) -> tuple[float, float, float]:
 
 
 @compiled(fastmath=SUM)
-def _pack(
-    record: ndarray, areas: ndarray, stretch: float, turn: float | None, kept: ndarray
-) -> float:
-    """Write x, y, 1/(√2 y), √w s and n; return the squared distance to what is written."""
+def _pack(record: ndarray, areas: ndarray, stretch: float, turn: float, exact: ndarray) -> float:
+    """Write x, y, 1/(√2 y), √w s and n; return the squared distance to them in single precision."""
     gap = UNDERFLOW * len(areas)
     for t in range(len(areas)):
         x, y, s = _half_plane(record[9, t], record[10, t], record[11, t])
         h, radius = math.sqrt(0.5) / y, onp.sqrt(areas[t]) * s
-        kept[0, t], kept[1, t], kept[2, t], kept[3, t] = x, y, h, radius
-        dx, dy = x - kept[0, t], y - kept[1, t]
+        exact[0, t], exact[1, t], exact[2, t], exact[3, t] = x, y, h, radius
+        dx, dy, kept = x - onp.float32(x), y - onp.float32(y), float(onp.float32(radius))
         # 4 sin²(½ψ) ≤ ψ², and ℓ² ≤ 2m.
         angle = 2.0 * stretch * (dx * dx + dy * dy) * h * h
-        if turn is not None:
+        if turn > 0.0:
             chord = 0.0
-            for k in range(3):
-                kept[4 + k, t] = record[6 + k, t]
-                chord += (record[6 + k, t] - kept[4 + k, t]) ** 2
+            for k in range(4, 7):
+                exact[k, t] = record[2 + k, t]
+                chord += (exact[k, t] - onp.float32(exact[k, t])) ** 2
             # An angle of at most π/2 changes by at most √2 times the change of its chord.
             angle += 2.0 * turn * chord
-        step = (radius - kept[3, t]) ** 2 + radius * kept[3, t] * min(angle, 4.0)
+        step = (radius - kept) ** 2 + radius * kept * min(angle, 4.0)
         inside = (abs(x) < LARGEST) & (y > SMALLEST) & (y < LARGEST) & (radius < LARGEST)
         gap += step if inside else math.inf
     return gap
@@ -441,30 +438,28 @@ def _chunk(
     turn: float | None,
     fit: tuple[float, ...] | None,
     single: bool | None,
+    angles: ndarray,
     first: int,
     last: int,
 ) -> float:
     x1, y1, h1, s1 = a[0, first:last], a[1, first:last], a[2, first:last], a[3, first:last]
     x2, y2, h2, s2 = b[0, first:last], b[1, first:last], b[2, first:last], b[3, first:last]
     total = type(scale)(0.0)
-    # Which of the three is known when this is compiled.
+    # Numba compiles only one of the two: the other's argument is None.
     if fit is not None:
         for t in range(last - first):
             share = scale * _excess(x1[t], y1[t], h1[t], x2[t], y2[t], h2[t])
             share = share if share < type(scale)(1.0) else type(scale)(1.0)
             total += _cone(s1[t], s2[t], share * polynomial(fit, share))
-    elif turn is None:
+    if turn is not None:
+        if turn > type(scale)(0.0):
+            u1, v1, w1 = a[4, first:last], a[5, first:last], a[6, first:last]
+            u2, v2, w2 = b[4, first:last], b[5, first:last], b[6, first:last]
+            for t in range(last - first):
+                angles[t] = turn * squared_angle(u1[t], v1[t], w1[t], u2[t], v2[t], w2[t], single)
         for t in range(last - first):
             m = _excess(x1[t], y1[t], h1[t], x2[t], y2[t], h2[t])
-            half = half_sine_squared(scale * squared_length(m, single), single)
-            total += _cone(s1[t], s2[t], half)
-    else:
-        u1, v1, w1 = a[4, first:last], a[5, first:last], a[6, first:last]
-        u2, v2, w2 = b[4, first:last], b[5, first:last], b[6, first:last]
-        for t in range(last - first):
-            m = _excess(x1[t], y1[t], h1[t], x2[t], y2[t], h2[t])
-            angle = squared_angle(u1[t], v1[t], w1[t], u2[t], v2[t], w2[t], single)
-            half = half_sine_squared(scale * squared_length(m, single) + turn * angle, single)
+            half = half_sine_squared(scale * squared_length(m, single) + angles[t], single)
             total += _cone(s1[t], s2[t], half)
     return total
 
@@ -482,10 +477,10 @@ def _tile(
 ) -> None:
     """Add sums over triangles."""
     # The scale is ¼ (ψ/ℓ)², or with the coefficients of `half_angle_fit` that of its argument;
-    # `turn` is ¼ (ψ/φ)², or None without normals.
-    n_values = a.shape[2]
+    # `turn` is then None, and otherwise ¼ (ψ/φ)², 0 without normals.
+    n_values, angles = a.shape[2], onp.zeros(CHUNK, dtype=a.dtype)
     for first in range(0, n_values, CHUNK):
         last = min(first + CHUNK, n_values)
         for i in range(len(a)):
             for j in range(i + 1 if within else 0, len(b)):
-                squared[i, j] += _chunk(a[i], b[j], scale, turn, fit, single, first, last)
+                squared[i, j] += _chunk(a[i], b[j], scale, turn, fit, single, angles, first, last)

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.threads import CHUNK, LARGEST, UNDERFLOW, of_one_kind
+from riemhuman.kernels.threads import CHUNK, LARGEST, UNDERFLOW
 from riemhuman.terms.term import Fields, Term
 
 # Numbers summed in the precision of the features before they join the sum over all.
@@ -63,8 +63,7 @@ class FlatTerm(Term):
         return fields[0]
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
-        rows = of_one_kind(np.sqrt(areas) * fields[0].T)
-        return sum(pack_vector(row, one) for row, one in zip(rows, kept, strict=True))
+        return _pack(np.sqrt(areas) * fields[0].T, kept)
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
         # A product of matrices, ‖a‖² + ‖b‖² − 2 ⟨a, b⟩, loses the digits of what is close; with
@@ -74,14 +73,14 @@ class FlatTerm(Term):
         return squared
 
 
-@compiled(fastmath=SUM)
-def pack_vector(vector: ndarray, kept: ndarray) -> float:
-    """Write a vector; return the squared distance to what is written."""
-    gap = UNDERFLOW * len(vector)
-    for k in range(len(vector)):
-        kept[k] = vector[k]
-        gap += (vector[k] - kept[k]) ** 2 if abs(vector[k]) < LARGEST else math.inf
-    return gap
+def _pack(rows: ndarray, kept: ndarray) -> float:
+    """Write vectors; return the squared distance to what is written."""
+    written = kept[:, : rows.shape[1]]
+    with np.errstate(over="ignore"):
+        written[:] = rows
+    if not np.abs(rows).max() < LARGEST:
+        return math.inf
+    return UNDERFLOW * rows.size + float(((rows - written) ** 2).sum())
 
 
 @compiled
@@ -169,8 +168,7 @@ class RootNormalTerm(FlatTerm):
         return np.outer(swelling, swelling) + np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
 
     def pack_record(self, record: ndarray, areas: ndarray, kept: ndarray) -> float:
-        rows = of_one_kind(np.sqrt(areas * record[9]) * record[6:9])
-        return sum(pack_vector(row, one) for row, one in zip(rows, kept, strict=True))
+        return _pack(np.sqrt(areas * record[9]) * record[6:9], kept)
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
         return _segments(records, slopes, areas, self.weight)

@@ -11,7 +11,7 @@ from numpy import ndarray
 from riemhuman.kernels.compilation import FUSED, SUM, compiled
 from riemhuman.kernels.rotations import quaternions
 from riemhuman.kernels.surface import Derivatives, dot, polar_frames, square_root
-from riemhuman.kernels.threads import CHUNK, UNDERFLOW, of_one_kind
+from riemhuman.kernels.threads import CHUNK, UNDERFLOW
 from riemhuman.terms._polynomial_fits import (
     PRECISION,
     squared_angle,
@@ -31,7 +31,7 @@ class _AngleTerm(Term):
     _factor = 1.0
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
-        return self._factor * _pack(of_one_kind(fields[0].T), areas, kept)
+        return self._factor * _pack(fields[0].T, areas, kept)
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
         largest, squared = areas.max(), np.zeros((len(a), len(b)))
@@ -76,7 +76,7 @@ class NormalTerm(_AngleTerm):
         return fields[0]
 
     def pack_record(self, record: ndarray, areas: ndarray, kept: ndarray) -> float:
-        return _pack(of_one_kind(record[6:9]), areas, kept)
+        return _pack(record[6:9], areas, kept)
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
         return _segments(records, slopes, areas, self.weight)
@@ -203,18 +203,12 @@ def add_segment(
     return total
 
 
-@compiled(fastmath=SUM)
 def _pack(vectors: ndarray, areas: ndarray, kept: ndarray) -> float:
     """Write unit vectors; return the squared distance to what is written."""
-    gap = UNDERFLOW * areas.max() * len(areas)
-    for t in range(len(areas)):
-        chord = 0.0
-        for k in range(len(vectors)):
-            kept[k, t] = vectors[k, t]
-            chord += (vectors[k, t] - kept[k, t]) ** 2
-        # An angle of at most π/2 changes by at most √2 times the change of its chord.
-        gap += 2.0 * areas[t] * chord
-    return gap
+    kept[:, : len(areas)] = vectors
+    chords = ((vectors - kept[:, : len(areas)]) ** 2).sum(axis=0)
+    # An angle of at most π/2 changes by at most √2 times the change of its chord.
+    return UNDERFLOW * areas.max() * len(areas) + 2.0 * float(areas @ chords)
 
 
 @compiled(forceinline=True, fastmath=FUSED)

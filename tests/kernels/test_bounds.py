@@ -16,10 +16,10 @@ def test_nearest_rotations(monkeypatch):
     check_bounds(monkeypatch, [rotations], calls)
 
 
-@pytest.mark.parametrize("lanes", [(0,), None])
-def test_elimination(monkeypatch, lanes):
+@pytest.mark.parametrize("n_sides", [elimination.WIDTH, 4])
+def test_elimination(monkeypatch, n_sides):
     coupled = couplings("chain")
-    n, n_sides = len(coupled), 1 if lanes else 4
+    n, lanes = len(coupled), None if n_sides == 4 else (0,) * n_sides
     dense = np.kron(coupled + 3.0 * np.eye(n), np.ones((3, 3))) + 9.0 * np.eye(3 * n)
     blocks = bsr_array(dense, blocksize=(3, 3))
     found = elimination_of(blocks)

@@ -14,10 +14,13 @@ ROOT = Path(__file__).parents[2]
 
 COMPUTE = """
 import numpy as np
-from riemhuman.terms._sum import first_forms
-print(first_forms(1.0, 0.0, 0.0, 0.0, 1.0, 0.0))
+from riemhuman.terms._sum import fill_records
+records = np.empty((1, 12, 1))
+corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+fill_records(corners[:, None], np.array([[0, 1, 2]]), np.array([[1.0, 1.0, 0.0]]), 0, 1, records)
+print(records[0, 6:, 0].tolist())
 """
-EXPECTED = "(1.0, 0.0, 0.0, 0.0, 1.0, 1.0)"
+EXPECTED = "[0.0, 0.0, 1.0, 1.0, 1.0, 0.0]"
 
 
 @pytest.fixture(scope="module")
@@ -86,3 +89,19 @@ def test_functions_compute_alike_whoever_called_them_first():
     a, b = 1.0 + 2.0**-30, 1.0 + 2.0**-29
     assert fused_error(a, b, a * b) == 0.0
     assert rounding_error(a, b, a * b) == 0.0
+
+
+@compilation.compiled(forceinline=True)
+def twice(x):
+    return 2.0 * x
+
+
+@compilation.compiled
+def four_times(x):
+    return twice(twice(x))
+
+
+def test_inlined_functions_run_in_python_too():
+    """Without what numba needs to call them from there, they would end the interpreter."""
+    assert four_times(3.0) == 12.0
+    assert twice(3.0) == 6.0

@@ -6,7 +6,7 @@ from block_patterns import KINDS, couplings
 from scipy import linalg, sparse
 
 from riemhuman.kernels.elimination import (
-    WIDTHS,
+    WIDTH,
     eliminate,
     elimination_of,
     solve_lower,
@@ -80,14 +80,14 @@ def test_factors_are_those_of_dense_matrices(kind):
     np.testing.assert_allclose(unit * np.sqrt(pivots.ravel()), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("n_sides", [1, 4, WIDTHS[0]])
+@pytest.mark.parametrize("n_sides", [1, 4, WIDTH])
 @pytest.mark.parametrize("kind", KINDS)
 def test_right_sides(kind, n_sides):
     """Both triangles one after the other, the pivots between them, are the inverse."""
     dense = positive_definite(couplings(kind))
     found, lower, pivots = factored(dense)
     x = np.random.default_rng(0).standard_normal((len(dense), n_sides))
-    lanes = (0,) * n_sides if n_sides in WIDTHS else None
+    lanes = (0,) * n_sides if n_sides == WIDTH else None
     sides = x.reshape(len(pivots), -1).copy()
     solve_lower(found.ends, found.rows, lower, sides, lanes)
     sides.reshape(-1, n_sides)[:] /= pivots.reshape(-1, 1)

@@ -5,6 +5,7 @@ import pytest
 from autograd import grad
 from lengths import some
 from mpmath import mp
+from numba import njit
 
 from riemhuman.terms import _polynomial_fits as fits
 from riemhuman.terms import cone
@@ -24,9 +25,19 @@ def relative_errors(function, exact, arguments, real):
     return np.abs(found - expected) / np.abs(expected)
 
 
+@njit
 def half_angle(m, quarter, single):
     """Return sin²(½ min(π, ψ)) of ψ² = 4 · quarter · ℓ²."""
     return fits.half_sine_squared(quarter * fits.squared_length(m, single), single)
+
+
+def as_compiled(function):
+    """Return a compiled call of a function that compiled ones inline."""
+    return njit(lambda *given: function(*given))
+
+
+polynomial, squared_angle = as_compiled(fits.polynomial), as_compiled(fits.squared_angle)
+squared_short_arc = as_compiled(fits.squared_short_arc)
 
 
 @each_precision
@@ -35,7 +46,7 @@ def test_short_arcs(precision):
     single = fits.PRECISION[np.dtype(real)]
     chords = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, 2.0, some(2000, 5))])
     errors = relative_errors(
-        lambda p: fits.squared_short_arc(p, single),
+        lambda p: squared_short_arc(p, single),
         lambda p: (2 * mp.asin(mp.sqrt(p) / 2)) ** 2,
         chords,
         real,
@@ -78,7 +89,7 @@ def test_half_angles_for_a_small_ratio(lam, real, tolerance):
 
     def found(m):
         share = min(m * inverse, real(1.0))
-        return share * fits.polynomial(coefficients, share)
+        return share * polynomial(coefficients, share)
 
     def exact(m):
         theta = mp.acosh(1 + m) / (2 * mp.sqrt(2 * mp.mpf(lam)))
@@ -104,7 +115,7 @@ def test_squared_angles_of_unit_vectors(precision):
     angles = np.concatenate(angles)[:, None]
     second = (np.cos(angles) * first + np.sin(angles) * across).astype(real)
     first = first.astype(real)
-    found = [fits.squared_angle(*a, *b, single) for a, b in zip(first, second, strict=True)]
+    found = [squared_angle(*a, *b, single) for a, b in zip(first, second, strict=True)]
     a, b = first.astype(np.longdouble), second.astype(np.longdouble)
     a, b = (v / np.sqrt(np.sum(v**2, axis=1, keepdims=True)) for v in (a, b))
     gap, total = (np.sqrt(np.sum(v**2, axis=1)) for v in (a - b, a + b))
@@ -112,8 +123,8 @@ def test_squared_angles_of_unit_vectors(precision):
     # Lengths of vectors are 1 up to rounding.
     assert np.abs(np.sqrt(found) - expected).max() < 4 * ROUNDING[precision]
     n = np.array([0.6, -0.48, 0.64], dtype=real)
-    assert fits.squared_angle(*n, *n, single) == 0.0
-    opposite = fits.squared_angle(*n, *-n, single)
+    assert squared_angle(*n, *n, single) == 0.0
+    opposite = squared_angle(*n, *-n, single)
     assert opposite == pytest.approx(np.pi**2, rel=2 * ROUNDING[precision])
 
 
@@ -121,6 +132,7 @@ def around(switch):
     return switch * (1 + np.array([-1e-3, -1e-6, -1e-12, 0.0, 1e-12, 1e-6, 1e-3]))
 
 
+@njit
 def loops(m, quarter):
     squared, in_m = fits.squared_length_and_slope(m)
     value, rate = fits.half_sine_squared_and_slope(quarter * squared)
@@ -155,6 +167,7 @@ def test_slopes_of_half_angles(lam, function):
 
 
 def test_slopes_of_squared_angles():
+    @njit
     def found(p, q):
         return fits.squared_angle_and_slope(min(p, q), p <= q)
 
