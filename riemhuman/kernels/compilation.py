@@ -87,10 +87,11 @@ def _njit(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
     # Without an error model, every division would look whether to raise. Without a value of
     # fastmath, a function takes that of its first caller: its bits depend on who came first.
+    # What lets other languages call a function, and Python an inlined one, takes long to compile.
     options = {"fastmath": False, "error_model": "numpy", "nogil": True, **options}
-    if options.get("forceinline"):
-        # Kept on disk as a part of its callers; what lets Python call it takes long to compile.
-        return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
+    options["no_cfunc_wrapper"] = True
+    if options.get("forceinline"):  # kept on disk as a part of its callers
+        return numba.njit(no_cpython_wrapper=True, **options)(function)
     try:
         dispatcher = numba.njit(cache=True, **options)(function)
     except (OSError, RuntimeError):  # numba finds no folder that it can write to

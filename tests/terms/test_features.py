@@ -8,7 +8,7 @@ from packed_fields import field_features
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import FlatMetric, VectorSpace
 from riemhuman.kernels import surface, threads
-from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm
+from riemhuman.terms import ConeTerm, EbinTerm, NormalTerm, RootNormalTerm
 from riemhuman.terms._sum import SumOfTerms
 
 TEMPLATE = open_template()
@@ -34,6 +34,22 @@ def test_normals_of_surfaces(precision):
     np.testing.assert_allclose(found, again, atol=TOLERANCES[precision])
     np.testing.assert_allclose(rounding, rounding_again, rtol=1e-4)
     assert rounding.any() == (precision == "single")
+
+
+BY_STRETCH_AND_BY_TURN = ConeTerm(1.0, 1e4, 1.0, 1e-4), ConeTerm(1.0, 1e-4, 1.0, 1e4)
+
+
+@pytest.mark.parametrize(
+    "term", [*BY_STRETCH_AND_BY_TURN, NormalTerm(), RootNormalTerm()], ids=repr
+)
+def test_rounding_is_little_more_than_the_distance_to_what_is_kept(term):
+    driver, points = SumOfTerms([term], TEMPLATE), surfaces(TEMPLATE, 3, rng=5)
+    exact, single = (driver.features(points, precision) for precision in ("double", "single"))
+    kept = tuple(array.astype(np.float64) for array in single)
+    distances = np.sqrt(np.diag(driver.squared_distances(exact, kept)))
+    rounding = driver.rounding(single)
+    assert np.all(distances <= (1.0 + 1e-9) * rounding)
+    assert np.all(rounding <= 2.0 * distances)
 
 
 def test_the_driver_joins_the_features_of_terms_that_take_the_surfaces():
