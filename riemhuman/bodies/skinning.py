@@ -283,4 +283,4 @@ def parents_first(parents: onp.ndarray) -> tuple[int, ...]:
 
 
 def _apply(matrices: Any, vectors: Any) -> Any:
-    return np.matmul(matrices, vectors[..., None])[..., 0]
+    return (matrices @ vectors[..., None])[..., 0]

@@ -49,12 +49,12 @@ def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
     written = dict(_START_POSES)
     for name in _MIRRORED:
         written[f"{name}_right"] = _mirror_pose(_START_POSES[name])
-    poses = {}
-    for name, angles in written.items():
+    rotations = []
+    for angles in written.values():
         known = {k: own for k, own in angles.items() if k in names or f"left_{k}" in names}
-        vectors = pose_vectors(joint_rotations(known, model), model)
-        poses[name] = np.ascontiguousarray(rotation_matrix(vectors))
-    return poses
+        rotations.append(joint_rotations(known, model))
+    vectors = pose_vectors(np.stack(rotations), model)
+    return dict(zip(written, np.ascontiguousarray(rotation_matrix(vectors)), strict=True))
 
 
 def joint_precisions(model: BodyModel) -> np.ndarray:
