@@ -32,6 +32,9 @@ class _Patch:
         model, rows = skeleton.model, combine[numbers]
         vertices = np.unique(rows.indices)
         self.points, self.combine = numbers, rows[:, vertices]
+        # Where the points are vertices, as they are by default, nothing is combined.
+        if len(vertices) == rows.nnz == len(numbers) and np.all(rows.data == 1.0):
+            vertices, self.combine = rows.indices, None
         self.rest = model.template.vertices[vertices]
         self.shapedirs = skeleton.directions[vertices]
         self.posedirs = None if model.posedirs is None else model.posedirs[vertices]
@@ -51,6 +54,8 @@ class _Patch:
 
     def combined(self, values: np.ndarray) -> np.ndarray:
         """Map values at vertices, (n_vertices, ...), to values at points."""
+        if self.combine is None:
+            return values
         flat = self.combine @ values.reshape(len(values), -1)
         return flat.reshape(-1, *values.shape[1:])
 
@@ -137,7 +142,8 @@ class Equations:
             right[patch.columns] += rows.T @ (factors[:, np.newaxis] * gaps).ravel()
         # From changes of axis-angle vectors to rotations in space.
         of_pose = motions.axes @ rotation_derivative(parameters[:n_angles].reshape(-1, 3))
-        change = linalg.block_diag(*of_pose, np.eye(n_columns - n_angles))
+        change, angles = np.eye(n_columns), np.arange(n_angles).reshape(-1, 3)
+        change[angles[:, :, np.newaxis], angles[:, np.newaxis]] = of_pose
         matrix, right = change.T @ matrix @ change, change.T @ right
         return matrix + np.diag(self._prior), right - self._prior * parameters
 
