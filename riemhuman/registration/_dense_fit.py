@@ -297,8 +297,12 @@ class DenseFit:
             surface = pose_body(arm.skin, pose).points
             return arm.distances(surface, own, _HAND_METRES), pose, prior
 
-        # Twice, because the wrist moves with the first change.
+        # Twice, because the wrist moves with the first change, if there is one.
+        tried: dict[_Arm, Pose] = {}
         for arm in (*self._fitter.arm_surfaces, *self._fitter.arm_surfaces):
+            if tried.get(arm) is self.pose:
+                continue
+            tried[arm] = self.pose
             own = self._points_on(arm.on_hand)
             if not len(own):
                 continue
