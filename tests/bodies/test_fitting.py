@@ -1,12 +1,13 @@
 """Fits of body models: truths recovered, derivatives against autograd, maps, losses, priors."""
 
 import warnings
+from itertools import product
 
 import autograd
 import autograd.numpy as anp
 import numpy as np
 import pytest
-from lengths import some
+from lengths import FULL, some
 from model_pickles import smpl_fields
 from scipy import sparse
 from scipy.spatial.transform import Rotation
@@ -41,7 +42,7 @@ def distances_mm(points, others):
 
 
 def test_bodies_are_recovered(model):
-    betas, pose, trans = parameters(model, some(100, 5))
+    betas, pose, trans = parameters(model, some(100, 10))
     points = model(betas, pose, trans)
     fit = model.fit(points)
     assert isinstance(fit, ModelFit)
@@ -60,9 +61,9 @@ def test_bodies_are_recovered(model):
 
 
 def test_any_heading_and_place(model):
-    betas, pose, _ = parameters(model, 4, rng=1)
-    pose[:, 0] = Rotation.random(4, random_state=2).as_rotvec()
-    trans = 1e3 * np.random.default_rng(3).normal(size=(4, 3))
+    betas, pose, _ = parameters(model, 2, rng=1)
+    pose[:, 0] = Rotation.random(2, random_state=2).as_rotvec()
+    trans = 1e3 * np.random.default_rng(3).normal(size=(2, 3))
     points = model(betas, pose, trans)
     fit = model.fit(points)
     assert fit.converged.all()
@@ -70,7 +71,7 @@ def test_any_heading_and_place(model):
 
 
 def test_noise_that_is_independent_averages_out(model):
-    betas, pose, trans = parameters(model, 5, rng=4)
+    betas, pose, trans = parameters(model, 3, rng=4)
     clean = model(betas, pose, trans)
     sigma = 0.002
     noisy = clean + sigma * np.random.default_rng(5).normal(size=clean.shape)
@@ -91,31 +92,31 @@ def test_pose_dependent_displacements_where_the_root_is_the_last_joint():
     fields["kintree_table"] = fields["kintree_table"][:, ::-1]
     model = BodyModel(**fields)
     assert model.parents[-1] == -1
-    betas, pose, trans = parameters(model, 5, rng=6, turn=0.4)
+    betas, pose, trans = parameters(model, 3, rng=6, turn=0.4)
     fit = model.fit(model(betas, pose, trans))
     assert fit.converged.all()
     assert fit.mean_distance.max() < 1e-6
 
 
 def test_leading_axes_and_single_surfaces(model):
-    betas, pose, trans = parameters(model, 6, rng=7)
-    points = model(betas, pose, trans).reshape(2, 3, -1, 3)
+    betas, pose, trans = parameters(model, 4, rng=7)
+    points = model(betas, pose, trans).reshape(4, 1, -1, 3)
     before = points.copy()
     fit = model.fit(points)
     np.testing.assert_array_equal(points, before)
-    assert fit.betas.shape == (2, 3, model.n_betas)
-    assert fit.pose.shape == (2, 3, model.n_joints, 3)
-    assert fit.trans.shape == (2, 3, 3)
-    assert fit.distances.shape == (2, 3, model.n_vertices)
-    assert fit.converged.shape == fit.n_iterations.shape == fit.mean_distance.shape == (2, 3)
-    one = model.fit(points[1, 2])
+    assert fit.betas.shape == (4, 1, model.n_betas)
+    assert fit.pose.shape == (4, 1, model.n_joints, 3)
+    assert fit.trans.shape == (4, 1, 3)
+    assert fit.distances.shape == (4, 1, model.n_vertices)
+    assert fit.converged.shape == fit.n_iterations.shape == fit.mean_distance.shape == (4, 1)
+    one = model.fit(points[2, 0])
     assert one.betas.shape == (model.n_betas,)
     assert one.converged.shape == ()
     for name in ("betas", "pose", "trans"):
-        np.testing.assert_allclose(getattr(one, name), getattr(fit, name)[1, 2], atol=1e-12)
+        np.testing.assert_allclose(getattr(one, name), getattr(fit, name)[2, 0], atol=1e-12)
     assert fit.hands is None
     empty = model.fit(points[:0])
-    assert empty.pose.shape == (0, 3, model.n_joints, 3)
+    assert empty.pose.shape == (0, 1, model.n_joints, 3)
 
 
 def _on_triangles(model, n_points, rng):
@@ -150,7 +151,7 @@ def test_weights_leave_points_out(model):
 
 
 def test_huber_loss(model):
-    betas, pose, trans = parameters(model, 3, rng=19)
+    betas, pose, trans = parameters(model, 2, rng=19)
     points = model(betas, pose, trans)
     rng = np.random.default_rng(20)
     spoilt = rng.uniform(size=points.shape[:2]) < 0.1
@@ -160,13 +161,19 @@ def test_huber_loss(model):
     assert distances_mm(model(fit.betas, fit.pose, fit.trans), points).max() < 1.0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        plain = model.fit(moved, max_iter=10)
-    assert distances_mm(model(plain.betas, plain.pose, plain.trans), points).min() > 5.0
+        plain = model.fit(moved[0], max_iter=10)
+    assert distances_mm(model(plain.betas, plain.pose, plain.trans), points[0]) > 5.0
 
 
-@pytest.mark.parametrize("loss", ["squared", "huber"])
-@pytest.mark.parametrize("which", ["open", "pose-dependent"])
-@pytest.mark.parametrize("mapped", [False, True])
+# Of the cases, those that run every day have every pair of choices.
+CASES = [
+    (loss, which, mapped)
+    for loss, which, mapped in product(["squared", "huber"], ["open", "pose-dependent"], [0, 1])
+    if FULL or (loss == "huber") ^ (which == "open") ^ mapped
+]
+
+
+@pytest.mark.parametrize(("loss", "which", "mapped"), CASES)
 def test_the_cost_of_a_fit_has_no_gradient(model, smpl, loss, which, mapped):
     """By autograd through the model itself: misfit of weighted points, and priors."""
     body, rng = model if which == "open" else smpl, np.random.default_rng(22)
