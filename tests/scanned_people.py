@@ -65,22 +65,17 @@ def scans_of(bodies, faces, seed, numbers=None, **options):
 N_FOREIGN_VERTICES = 6890
 
 
-def foreign_places(model, rng):
-    """Return where the vertices of foreign bodies are on the model, and their triangles."""
-    rest, faces = model.template.vertices, model.faces
-    vertices, triangles = remesh(rest, faces, N_FOREIGN_VERTICES, rng)
-    return nearest_points(vertices, rest, faces)[0], triangles
-
-
 def foreign_bodies(model, seed, n_people, n_moments):
-    """Return surfaces that the model cannot make, shape (people, moments, 6890, 3), and triangles.
+    """Return bodies that the model cannot make, their triangles, and their vertices' places on it.
 
-    Limbs are longer or shorter, all of the surface is bent by smooth waves of 12 mm, fingers curl
-    by up to 60 degrees, which no joint of the model does, and the mesh is another.
+    The bodies are an array of shape (people, moments, 6890, 3). Limbs are longer or shorter, all of
+    the surface is bent by smooth waves of 12 mm, fingers curl by up to 60 degrees, which no joint
+    of the model does, and the mesh is another.
     """
     rng = np.random.default_rng([seed, 6890])
     rest, faces = model.template.vertices, model.faces
-    places, triangles = foreign_places(model, rng)
+    vertices, triangles = remesh(rest, faces, N_FOREIGN_VERTICES, rng)
+    places, _ = nearest_points(vertices, rest, faces)
     names = list(model.joint_names)
     motions = rh.datasets.load_open_motions(
         "full" if model.n_vertices > 5000 else "coarse", sequences=list(MOTIONS)
@@ -105,7 +100,7 @@ def foreign_bodies(model, seed, n_people, n_moments):
             motion = motions[rng.integers(len(motions))]
             posed = own(pose=motion.pose_vectors[rng.integers(len(motion))])
             surfaces[person, moment] = points_at(places, posed, faces)
-    return surfaces, triangles
+    return surfaces, triangles, places
 
 
 def _curled(model, surface, wrist, angle):

@@ -19,7 +19,6 @@ from scanned_people import (
     bodies_to_scan,
     bun,
     foreign_bodies,
-    foreign_places,
     results_to_trust_or_not,
     scans_of,
     sparse_floor,
@@ -174,8 +173,7 @@ def cases_to_trust_or_not(model, seed):
             hip = (model.joint_regressor @ scan.body)[0, 1]
             points = points[(points[:, 1] > hip) == bool(number % 2)]
         yield name, points, scan.body, None
-    foreign, triangles = foreign_bodies(model, seed, 2, 2)
-    places, _ = foreign_places(model, np.random.default_rng([seed, 6890]))
+    foreign, triangles, places = foreign_bodies(model, seed, 2, 2)
     for number, body in enumerate(foreign.reshape(-1, *foreign.shape[2:])):
         scan = simulated_scan(body, triangles, number, n_points=10_000, rotate=False)
         yield "foreign", scan.points, scan.body, places
@@ -212,7 +210,7 @@ def test_transferred_models(benchmark, registration):
     """The model on another mesh, from one body, fits other people of that mesh."""
     model = registration.model
     n_people, n_moments = 6, 4
-    bodies, triangles = foreign_bodies(model, SEED, n_people, n_moments)
+    bodies, triangles, _ = foreign_bodies(model, SEED, n_people, n_moments)
     arguments = model, rh.Template(bodies[0, 0], triangles)
     transferred = benchmark.pedantic(transfer_model, arguments, rounds=1)
     distances = 1000.0 * transferred.fit(bodies).mean_distance

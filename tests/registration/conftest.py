@@ -6,8 +6,6 @@ import pytest
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration, simulated_scan
 
-FEW_POSES = ("t", "forward", "walk", "squat")
-
 
 @pytest.fixture(scope="session")
 def model():
@@ -36,14 +34,14 @@ def registration(model):
 
 
 @pytest.fixture(scope="session")
-def registration_from_few_poses(model):
-    """Return a function that makes registrations whose search is short; few try other arms."""
+def registration_from(model):
+    """Return a function that makes registrations which start from few poses, and try no arms."""
 
-    def make(up=None, with_arms=False):
+    def make(*poses, up="y"):
         registration = ScanRegistration(model, up=up)
         for fitter in (registration._fitter, *registration._partial_fitters):
-            fitter.poses = {name: fitter.poses[name] for name in FEW_POSES}
-            fitter.arms = fitter.arms if with_arms else []
+            fitter.poses = {name: fitter.poses[name] for name in poses}
+            fitter.arms = []
         return registration
 
     return make
@@ -64,5 +62,5 @@ def scan(model, frames):
 
 
 @pytest.fixture(scope="session")
-def result(registration_from_few_poses, scan):
-    return registration_from_few_poses("y").solve(scan.surface)
+def result(registration_from, scan):
+    return registration_from("t", "forward").solve(scan.surface)
