@@ -79,14 +79,14 @@ def test_a_sequence_shows_its_progress_and_keeps_what_is_finished(
 @pytest.mark.sampled(3, "scans that are trusted")
 @pytest.mark.slow
 def test_vertices_outside_the_view_are_not_matched(registration_from, frames):
-    registration = registration_from("t", "forward")
+    registration = registration_from("forward")
     faces, front = registration.model.faces, (0, 0, 1)
     scan = simulated_scan(frames[0], faces, rng=3, n_points=6000, view=front, rotate=False)
     found = registration.solve(scan.points)
     assert found.trusted, found.message
     normals = vertex_normals(scan.body, faces)
     assert found.matched[normals[:, 2] > 0.8].mean() > 0.6
-    assert found.matched[normals[:, 2] < -0.5].mean() < 0.15
+    assert found.matched[normals[:, 2] < -0.5].mean() < 0.08  # 0.095 if any normals matched
 
 
 @pytest.mark.sampled(6, "scans that are refused")
