@@ -32,6 +32,8 @@ from riemhuman.motions._frames import Motion, frame_runs
 
 # Steps in which the length of the spline is measured, for every side and chord.
 _FINER = 8
+# Steps that are measured together.
+_RUN = 128
 
 # Sides below this share of the longest are pauses.
 _STILL = 1e-6
@@ -138,12 +140,13 @@ def _even_times(curve: CubicSpline, within: ndarray, n_arcs: int) -> ndarray:
     """Return times of a spline between which lie arcs of equal length, shape (n_arcs + 1,)."""
     n_pieces = len(curve.x) - 1
     finer = _FINER * -(-n_arcs // n_pieces)
+    times = np.linspace(0.0, n_pieces, n_pieces * finer + 1)
     squares = []
-    for piece in range(n_pieces):
-        steps = np.diff(curve(np.linspace(piece, piece + 1, finer + 1)), axis=0)
+    for first in range(0, len(times) - 1, _RUN):
+        steps = np.diff(curve(times[first : first + _RUN + 1]), axis=0)
         squares.append(np.sum(steps @ within * steps, axis=1))
-    arcs = np.concatenate([[0.0], np.cumsum(np.sqrt(np.maximum(squares, 0.0)))])
-    times = np.linspace(0.0, n_pieces, len(arcs))
+    lengths = np.sqrt(np.maximum(np.concatenate(squares), 0.0))
+    arcs = np.concatenate([[0.0], np.cumsum(lengths)])
     return np.interp(np.linspace(0.0, arcs[-1], n_arcs + 1), arcs, times)
 
 
