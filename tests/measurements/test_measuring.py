@@ -141,10 +141,10 @@ def test_lines_have_the_measured_lengths(bodies, own):
 
 
 def test_spread_over_poses():
-    """One person in ten poses measures alike in the standard pose; three people not tuned on."""
+    """One person in three poses measures alike in the standard pose; three people not tuned on."""
     bodies = load_open_bodies("coarse", people=7)
     own = Measurements(bodies.model, LARGE + LENGTHS)
-    points = bodies.points[:60].reshape(6, 10, -1, 3)[::2, 1::2]
+    points = bodies.points[:60].reshape(6, 10, -1, 3)[::2, 1::3]
     standard = own.measure(points, pose="standard").values.std(axis=1, ddof=1)
     as_is = np.nanstd(own.measure(points, missing="nan").values, axis=1, ddof=1)
     n = len(LARGE)
@@ -162,7 +162,7 @@ def test_bulging_flesh_is_measured_as_it_is(own):
     joints = model.joints(betas)
     offsets = (model.template.vertices - joints[elbow] - [-0.02, 0.02, 0.0]) / 0.08
     bulge = 0.04 * np.exp(-0.5 * np.sum(offsets**2, axis=1))[:, None] * offsets
-    poses = load_open_bodies("coarse").pose_vectors[:10]
+    poses = load_open_bodies("coarse").pose_vectors[:10:2]
     bent = 1.0 - np.cos(np.linalg.norm(poses[:, elbow], axis=-1))
 
     def posed(poses):
@@ -172,7 +172,7 @@ def test_bulging_flesh_is_measured_as_it_is(own):
         return skin_surface(rest, model.weights, joints, *motions)
 
     arm = Measurements(own.definitions, ["upper arm girth", "forearm girth"])
-    truth = arm.measure(posed(np.tile(pose, (10, 1, 1))), axes="space").values
+    truth = arm.measure(posed(np.tile(pose, (5, 1, 1))), axes="space").values
     found = arm.measure(posed(poses), pose="standard").values
     assert (np.ptp(truth, axis=0) > 0.005).all()
     np.testing.assert_allclose(found, truth, rtol=0.015)
