@@ -13,6 +13,7 @@ measured on them. With e = b − a and h = d_a − d_b,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import autograd.numpy as np
@@ -85,34 +86,26 @@ class Lines:
         return Lines(line.points, outer.bodies, self.statuses)
 
 
-def _steps(points: ndarray, bodies: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """Return the first points of steps along lines, the steps, and their lengths."""
-    first = onp.flatnonzero(bodies[1:] == bodies[:-1])
-    steps = points[first + 1] - points[first]
-    return first, steps, onp.sqrt(onp.sum(steps**2, axis=1))
+def _steps(points: ndarray, bodies: ndarray) -> tuple[ndarray, ndarray]:
+    """Return the steps along lines, and their lengths: from line to line, none."""
+    steps = onp.diff(points, axis=0) * (bodies[1:] == bodies[:-1])[:, None]
+    return steps, onp.linalg.norm(steps, axis=1)
 
 
 @primitive
 def _total_lengths(points: Any, bodies: ndarray, statuses: ndarray) -> Any:
-    first, _, lengths = _steps(points, bodies)
-    totals = onp.bincount(bodies[first], lengths, len(statuses))
+    totals = onp.bincount(bodies[1:], _steps(points, bodies)[1], len(statuses))
     return onp.where(statuses == 0, totals, onp.nan)
 
 
-def _slopes_of_lengths(_: ndarray, points: ndarray, bodies: ndarray, statuses: ndarray) -> Any:
-    def pull_back(upstream: ndarray) -> ndarray:
-        first, steps, lengths = _steps(points, bodies)
-        # Points coincide where a plane meets a vertex: a root of zero has no derivative.
-        pull = steps * (upstream[bodies[first]] / onp.where(lengths, lengths, 1.0))[:, None]
-        slopes = onp.zeros_like(points)
-        slopes[first + 1] += pull
-        slopes[first] -= pull
-        return slopes
-
-    return pull_back
+def _slopes_of_lengths(points: ndarray, bodies: ndarray, upstream: ndarray) -> ndarray:
+    steps, lengths = _steps(points, bodies)
+    # Points coincide where a plane meets a vertex: a root of zero has no derivative.
+    pull = steps * (upstream[bodies[1:]] / onp.where(lengths, lengths, 1.0))[:, None]
+    return -onp.diff(pull, axis=0, prepend=0.0, append=0.0)[: len(points)]
 
 
-defvjp(_total_lengths, _slopes_of_lengths, argnums=(0,))
+defvjp(_total_lengths, lambda _, *line: partial(_slopes_of_lengths, *line[:2]), argnums=(0,))
 
 
 @primitive
