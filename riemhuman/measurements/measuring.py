@@ -103,9 +103,7 @@ class Measurements:
     """
 
     def __init__(
-        self,
-        model: BodyModel | Template | Bodies | MeasurementSet,
-        definitions: Any = None,
+        self, model: BodyModel | Template | Bodies | MeasurementSet, definitions: Any = None
     ) -> None:
         if isinstance(model, Bodies):
             model = model.template if model.model is None else model.model

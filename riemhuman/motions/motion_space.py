@@ -49,12 +49,7 @@ class MotionSpace(Manifold):
     (5, 1202, 3)
     """
 
-    def __init__(
-        self,
-        frames: AlignedSurfaces,
-        n_times: int = 50,
-        equip: bool = True,
-    ) -> None:
+    def __init__(self, frames: AlignedSurfaces, n_times: int = 50, equip: bool = True) -> None:
         self.frames = frames
         self.n_times = whole_number(n_times, "n_times", minimum=2)
         super().__init__(n_times * frames.dim, (n_times, *frames.shape), equip)

@@ -12,11 +12,7 @@ from numpy import ndarray
 
 from riemhuman.kernels.projections import Projection
 from riemhuman.motions._frames import Motion, frame_count, frame_runs, sampled_rows
-from riemhuman.motions._velocity_curves import (
-    TransportedVelocities,
-    best_matching,
-    even_segments,
-)
+from riemhuman.motions._velocity_curves import TransportedVelocities, best_matching, even_segments
 from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.time_warping import MotionDistance, Warp
 

@@ -34,10 +34,7 @@ def test_helices():
     """From a point on an edge, whichever of its two triangles comes first."""
     start, end = [0.15, 0.2, 0.0], [0.15 * np.cos(2.0), 0.6, 0.15 * np.sin(2.0)]
     template = tube(60, 40)
-    for faces in (
-        template.faces,
-        np.roll(template.faces, template.n_faces // 2, axis=0),
-    ):
+    for faces in (template.faces, np.roll(template.faces, template.n_faces // 2, axis=0)):
         length = _length(Template(template.vertices, faces), start, end)
         np.testing.assert_allclose(length, np.hypot(0.15 * 2.0, 0.4), rtol=1e-3)
 
@@ -95,8 +92,7 @@ def test_no_longer_than_ways_along_edges_of_bumpy_surfaces():
         assert length >= np.linalg.norm(ends[0] - ends[1])
         a, b = template.edges.T
         graph = sparse.csr_array(
-            (np.linalg.norm(points[a] - points[b], axis=1), (a, b)),
-            shape=(len(points),) * 2,
+            (np.linalg.norm(points[a] - points[b], axis=1), (a, b)), shape=(len(points),) * 2
         )
         one, other = (places.landmarks[name][0] for name in ("start", "end"))
         around = dijkstra(graph, directed=False, indices=one)[:, other]

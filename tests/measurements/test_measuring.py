@@ -66,10 +66,7 @@ def test_lines_of_the_coarse_model_lie_where_those_of_the_full_one_do(own):
     full, coarse = (load_open_model(resolution) for resolution in ("full", "coarse"))
     fine = Measurements(full)
     surfaces, simpler = full(betas, pose), coarse(betas, pose)
-    truth, values = (
-        fine.measure(surfaces, axes="space"),
-        own.measure(simpler, axes="space"),
-    )
+    truth, values = (fine.measure(surfaces, axes="space"), own.measure(simpler, axes="space"))
     gaps = (values.values - truth.values)[:, [unit == "m" for unit in own.units]]
     assert np.median(np.abs(gaps)) < 0.005
     assert gaps.max() < 0.03

@@ -7,12 +7,7 @@ from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
 from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.measurements import (
-    Measurements,
-    compare_visits,
-    open_measurements,
-    regress_shape,
-)
+from riemhuman.measurements import Measurements, compare_visits, open_measurements, regress_shape
 from riemhuman.measurements.measurement_set import load_json
 
 

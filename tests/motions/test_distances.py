@@ -125,11 +125,7 @@ def test_wrong_motions_are_named(distance, motions):
 
 
 @pytest.mark.parametrize(
-    ("name", "options"),
-    [
-        ("frames", {"n_components": 0}),
-        ("velocities", {"n_jobs": 0}),
-    ],
+    ("name", "options"), [("frames", {"n_components": 0}), ("velocities", {"n_jobs": 0})]
 )
 def test_parameters_out_of_range(space, name, options):
     with pytest.raises(rh.RiemhumanError, match=next(iter(options))):

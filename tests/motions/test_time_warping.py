@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
-from riemhuman.motions._warping_kernels import (
-    least_sums,
-    match_chords,
-    match_frames,
-    trace_path,
-)
+from riemhuman.motions._warping_kernels import least_sums, match_chords, match_frames, trace_path
 
 
 def all_paths(n, m):
