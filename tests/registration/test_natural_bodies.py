@@ -45,8 +45,10 @@ def test_hands_on_hips(registration, bodies):
 
 
 @pytest.mark.sampled(3, "scans that are trusted")
-def test_a_hand_on_the_ear(registration, bodies):
-    """No start pose has one hand on the ear and the other arm hanging."""
+def test_a_hand_on_the_ear(registration, bodies, monkeypatch):
+    """No start pose has one hand on the ear and the other arm hanging: arms are tried alone."""
+    search, names = registration._fitter, ("a", "down", "head", "elbows")
+    monkeypatch.setattr(search, "poses", {name: search.poses[name] for name in names})
     scan = scan_of(bodies, HAND_ON_EAR)
     result = registration.solve(scan.points)
     assert result.trusted, result.message
