@@ -222,16 +222,15 @@ def error(surface, truth):
 
 def test_the_person_is_kept_whoever_holds_the_pose():
     """On people who hold poses otherwise, with faces and flesh of their own."""
-    measure = Disentangled(*natural_people("coarse", 171)).measure
-    found = [measure(*pair) for pair in random_pairs(3, 171)]
+    measure = Disentangled(*natural_people("coarse")).measure
+    found = [measure(*pair) for pair in random_pairs(6)]
     for part in PARTS:
         assert all(one.nearer[part] for one in found)
     assert max(one.edges for one in found) < 0.06
-    # 1.64 mm; by the rotations of B itself in place of the smooth field it is 4.30 mm.
-    assert np.mean([one.segments for one in found]) < 0.55 * 4.30
-    # 0.56, and 0.65 by those rotations.
+    # 1.81 mm; by the rotations of B itself in place of the smooth field it is 4.98 mm.
+    assert np.mean([one.segments for one in found]) < 0.55 * 4.98
     ratios = [one.performed / one.nearer_input for one in found]
-    assert np.mean(ratios) < 0.58
+    assert np.mean(ratios) < 0.5
 
 
 def test_heat_along_bones_keeps_the_torso():
@@ -266,7 +265,7 @@ def test_hard_pairs_converge(resolution, people, number, toward_other):
     shape, pose = measured.points[a, p], measured.points[b if toward_other else a, q]
     found = measured.solver.solve(*measured.metrics, shape, pose)
     assert found.converged
-    assert found.n_evaluations < 150
+    assert found.n_evaluations < 120
 
 
 def test_result_is_of_the_definition(solved):
