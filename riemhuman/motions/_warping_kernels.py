@@ -127,14 +127,12 @@ def match_chords(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float
     """Return the least sum over chords, and the position (n,) of each frame on the other motion."""
     # The ends of the best chords from frame to frame move between frames: by dynamic programming
     # over a few positions near the last ones, ever closer together.
-    total, places = match_frames(costs, steps, within)
+    _, places = match_frames(costs, steps, within)
     shape = len(costs), 2 * _REACH + 1
     numbers, whole_numbers = np.zeros((5, *shape)), np.zeros((2, *shape), np.int64)
-    tables = tuple(numbers), tuple(whole_numbers), np.zeros((*shape, min(_NODES, len(within))))
+    tables = tuple(numbers), tuple(whole_numbers), np.zeros((*shape, _NODES))
     falls = costs[:-1] - costs[1:]
-    for halving in range(_HALVINGS):
-        total = _move_places(falls, steps, within, 0.5 ** (1 + halving), places, tables)
-    return total, places
+    return _move_places(falls, steps, within, places, tables), places
 
 
 def match_frames(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float, ndarray]:
@@ -167,49 +165,50 @@ def _match_frames(costs: Any, steps: Any, lengths: Any, tables: Any, places: Any
 
 
 @compiled
-def _move_places(
-    falls: Any, steps: Any, within: Any, reach: float, places: Any, tables: Any
-) -> float:
-    """Move places by at most twice the reach to those with the least sum, and return it."""
+def _move_places(falls: Any, steps: Any, within: Any, places: Any, tables: Any) -> float:
+    """Move places to nearby ones with the least sum, ever closer together, and return it."""
     (tried, spread, at_begin, at_end, sums), (firsts, before), weights = tables
-    n, count, nodes = weights.shape
-    for k in range(n):
-        for p in range(count):
-            place = places[k]
-            if 0 < k < n - 1:
-                place = min(max(place + (p - _REACH) * reach, 0.0), len(within) - 1.0)
-            first = min(max(math.floor(place) - 1, 0), len(within) - nodes)
-            tried[k, p], firsts[k, p] = place, first
-            at_begin[k, p], at_end[k, p] = 0.0, 0.0
-            for i in range(nodes):
-                weight = 1.0  # of a Lagrange polynomial
-                for j in range(nodes):
-                    if j != i:
-                        weight *= (place - first - j) / (i - j)
-                weights[k, p, i] = weight
-                if k < n - 1:
-                    at_begin[k, p] += weight * falls[k, first + i]
-                if k > 0:
-                    at_end[k, p] += weight * falls[k - 1, first + i]
-            spread[k, p] = 0.5 * _between(within, firsts, weights, (k, p), (k, p))
-    for k in range(n - 1):
-        for q in range(count):
-            best, chosen = math.inf, 0
+    n, count = tried.shape
+    nodes, reach = min(_NODES, len(within)), 1.0
+    for _ in range(_HALVINGS):
+        reach *= 0.5
+        for k in range(n):
             for p in range(count):
-                if tried[k, p] > tried[k + 1, q]:
-                    continue
-                squared = _between(within, firsts, weights, (k, p), (k + 1, q))
-                squared -= spread[k, p] + spread[k + 1, q]
-                product = 0.5 * (at_end[k + 1, q] - at_begin[k, p])
-                value = sums[k, p] + _apart(steps[k], math.sqrt(max(squared, 0.0)), product)
-                if value < best:
-                    best, chosen = value, p
-            sums[k + 1, q], before[k + 1, q] = best, chosen
-    # Of positions with equal sums, the previous one is preferred.
-    chosen = _REACH
-    for k in range(n - 1, -1, -1):
-        places[k] = tried[k, chosen]
-        chosen = before[k, chosen]
+                place = places[k]
+                if 0 < k < n - 1:
+                    place = min(max(place + (p - _REACH) * reach, 0.0), len(within) - 1.0)
+                first = min(max(math.floor(place) - 1, 0), len(within) - nodes)
+                tried[k, p], firsts[k, p] = place, first
+                at_begin[k, p], at_end[k, p] = 0.0, 0.0
+                for i in range(nodes):
+                    weight = 1.0  # of a Lagrange polynomial
+                    for j in range(nodes):
+                        if j != i:
+                            weight *= (place - first - j) / (i - j)
+                    weights[k, p, i] = weight
+                    if k < n - 1:
+                        at_begin[k, p] += weight * falls[k, first + i]
+                    if k > 0:
+                        at_end[k, p] += weight * falls[k - 1, first + i]
+                spread[k, p] = 0.5 * _between(within, firsts, weights, (k, p), (k, p))
+        for k in range(n - 1):
+            for q in range(count):
+                best, chosen = math.inf, 0
+                for p in range(count):
+                    if tried[k, p] > tried[k + 1, q]:
+                        continue
+                    squared = _between(within, firsts, weights, (k, p), (k + 1, q))
+                    squared -= spread[k, p] + spread[k + 1, q]
+                    product = 0.5 * (at_end[k + 1, q] - at_begin[k, p])
+                    value = sums[k, p] + _apart(steps[k], math.sqrt(max(squared, 0.0)), product)
+                    if value < best:
+                        best, chosen = value, p
+                sums[k + 1, q], before[k + 1, q] = best, chosen
+        # Of positions with equal sums, the previous one is preferred.
+        chosen = _REACH
+        for k in range(n - 1, -1, -1):
+            places[k] = tried[k, chosen]
+            chosen = before[k, chosen]
     return sums[n - 1, _REACH]
 
 
@@ -229,8 +228,11 @@ def _between(within: Any, firsts: Any, weights: Any, place: Any, other: Any) -> 
     k, p = place
     h, q = other
     total = 0.0
-    for i in range(weights.shape[2]):
-        for j in range(weights.shape[2]):
-            weight = weights[k, p, i] * weights[h, q, j]
-            total += weight * within[firsts[k, p] + i, firsts[h, q] + j]
+    first, second = firsts[k, p], firsts[h, q]
+    nodes = min(_NODES, len(within))
+    for i in range(nodes):
+        at_second = 0.0
+        for j in range(nodes):
+            at_second += weights[h, q, j] * within[first + i, second + j]
+        total += weights[k, p, i] * at_second
     return total
