@@ -12,7 +12,6 @@ from autograd import elementwise_grad, value_and_grad
 from numpy import ndarray
 
 from riemhuman.checks import (
-    Rng,
     check_shape,
     joint_shape,
     metric_weight,
@@ -20,7 +19,6 @@ from riemhuman.checks import (
     path_array,
     real_array,
     refuse_type,
-    whole_number,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
 from riemhuman.geometry.manifold import Manifold
@@ -317,23 +315,6 @@ class RiemannianMetric(Unchanging):
         scale = 1.0 / np.where(norm == 0.0, 1.0, norm)
         return np.expand_dims(scale, self.space._point_axes) * vector
 
-    def random_unit_tangent_vec(
-        self, base_point: ndarray | None = None, n_vectors: int = 1, rng: Rng = None
-    ) -> ndarray:
-        r"""Draw random tangent vectors of norm 1.
-
-        Parameters
-        ----------
-        base_point : array, shape (\*shape,) or (n, \*shape), optional
-            Points; needed unless tangent spaces and inner products are the same at all of them.
-        n_vectors : int
-            Number of vectors; at several points, one at each.
-        rng : int or numpy.random.Generator, optional
-        """
-        n_vectors = whole_number(n_vectors, "n_vectors", minimum=1)
-        vector = self.space.random_tangent_vec(base_point, n_vectors, rng)
-        return self.normalize(vector, base_point)
-
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         r"""Return the squared distance of points, shape (...).
 
@@ -414,31 +395,6 @@ class RiemannianMetric(Unchanging):
             As for `dist_pairwise`.
         """
         return table_of_distances(self, points_a, points_b, n_jobs, precision, memory, progress)
-
-    def closest_neighbor_index(self, point: ndarray, neighbors: ndarray) -> ndarray:
-        r"""Return the index of the nearest of some points; of several equally near, the first.
-
-        Parameters
-        ----------
-        point : array, shape (..., \*shape)
-        neighbors : array, shape (n, \*shape)
-            Points to choose from, at least one.
-        """
-        point = self.space.check_point(point)
-        if len(neighbors) == 0:
-            raise ArgumentError("neighbors must hold at least one point; found none")
-        leading = point.shape[: -self.space.point_ndim]
-        to_neighbors = self.cdist(point.reshape(-1, *self.space.shape), neighbors)
-        return np.argmin(to_neighbors, axis=1).reshape(leading)
-
-    def diameter(self, points: Points) -> float:
-        r"""Return the largest distance between some points.
-
-        Parameters
-        ----------
-        points : array, shape (n, \*shape)
-        """
-        return float(np.max(self.dist_pairwise(points, precision="double")))
 
     def features(
         self,

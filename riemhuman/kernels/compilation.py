@@ -41,7 +41,7 @@ class Compiled:
 
     @property
     def _numba_type_(self) -> Any:
-        """What numba takes a placeholder for that stays: the compiled function."""
+        """The type of the compiled function, which numba asks of an object that code names."""
         import numba
 
         return numba.types.Dispatcher(self.function)

@@ -32,13 +32,6 @@ def test_unit_vectors(case):
     np.testing.assert_allclose(metric.norm(units, case.points), 1.0, rtol=1e-6)
     zero = np.zeros(case.space.shape)
     np.testing.assert_array_equal(metric.normalize(zero, case.points[0]), zero)
-    one = metric.random_unit_tangent_vec(case.points[0], rng=1)
-    assert metric.norm(one, case.points[0]) == pytest.approx(1.0, rel=1e-6)
-    three = metric.random_unit_tangent_vec(case.points[0], 3, rng=1)
-    assert three.shape == (3, *case.space.shape)
-    at_each = metric.random_unit_tangent_vec(case.points, rng=1)
-    assert at_each.shape == case.points.shape
-    assert not np.array_equal(one, metric.random_unit_tangent_vec(case.points[0]))
 
 
 @curved
@@ -114,8 +107,6 @@ def test_base_points_are_optional_where_they_do_not_matter():
     a, b = metric.space.random_point(2, rng=1)
     assert metric.norm(a) == pytest.approx(np.linalg.norm(a))
     assert metric.inner_product(a, b) == pytest.approx(np.sum(a * b))
-    assert metric.norm(metric.random_unit_tangent_vec(rng=2)) == pytest.approx(1.0)
-    assert metric.random_unit_tangent_vec(n_vectors=4).shape == (4, 3, 2)
     assert metric.injectivity_radius() == np.inf
     for name in ("ebin 1 sphere", "normals sphere", "product", "mixed sphere", "edges"):
         case = CASES[name]

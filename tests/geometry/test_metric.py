@@ -334,22 +334,6 @@ def test_one_triangle_has_no_rows():
         case.space.check_point(case.points[:, 0])
 
 
-@pytest.mark.parametrize("name", ["mixed sphere", "product", "half-plane, distance"])
-def test_closest_neighbor_index(name):
-    case = CASES[name]
-    x, metric = case.points, case.metric
-    moved = np.stack([x[2], x[0], x[3]])
-    np.testing.assert_array_equal(metric.closest_neighbor_index(moved, x), [2, 0, 3])
-    expected = np.argmin([metric.dist(x[0], x[1]), metric.dist(x[0], x[2])])
-    assert metric.closest_neighbor_index(x[0], x[1:3]) == expected
-    pairs = metric.closest_neighbor_index(x[:4].reshape(2, 2, *case.space.shape), x)
-    np.testing.assert_array_equal(pairs, [[0, 1], [2, 3]])
-    twice = np.stack([x[1], x[0], x[0]])
-    assert metric.closest_neighbor_index(x[0], twice) == 1
-    with pytest.raises(ArgumentError, match="at least one point"):
-        metric.closest_neighbor_index(x[0], x[:0])
-
-
 def test_arguments_are_not_changed():
     for case in CASES.values():
         points, vectors = case.points.copy(), case.tangent_vecs.copy()
