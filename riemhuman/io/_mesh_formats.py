@@ -213,19 +213,21 @@ def _mesh_of_polygons(positions: array[float], corners: array[int], lengths: arr
 
 
 def write_ply(vertices: ndarray, faces: ndarray, trusted: ndarray | None = None) -> bytes:
-    # By itself: plyfile writes lists, such as triangles, row by row.
-    has_trusted = trusted is not None
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
-    header += [f"property double {name}" for name in _POSITION]
-    header += ["property uchar trusted"] * has_trusted
-    header += [f"element face {len(faces)}", f"property list uchar int {_CORNERS[0]}"]
-    points = np.empty(len(vertices), [("place", "<f8", 3), *[("trusted", "u1")] * has_trusted])
-    points["place"] = vertices
-    if has_trusted:
-        points["trusted"] = trusted
-    triangles = np.empty(len(faces), [("length", "u1"), ("corners", "<i4", 3)])
-    triangles["length"], triangles["corners"] = 3, faces
-    return "\n".join([*header, "end_header\n"]).encode() + points.tobytes() + triangles.tobytes()
+    import plyfile
+
+    columns = dict(zip(_POSITION, vertices.T, strict=True))
+    if trusted is not None:
+        columns["trusted"] = trusted.astype(np.uint8)
+    dtype = [(name, column.dtype) for name, column in columns.items()]
+    points = np.rec.fromarrays(list(columns.values()), np.dtype(dtype))
+    triangles = faces.astype(np.int32, order="C").view([(_CORNERS[0], np.int32, (3,))])[:, 0]
+    elements = [
+        plyfile.PlyElement.describe(points, "vertex"),
+        plyfile.PlyElement.describe(triangles, "face"),
+    ]
+    stream = io.BytesIO()
+    plyfile.PlyData(elements, byte_order="<").write(stream)
+    return stream.getvalue()
 
 
 def write_obj(vertices: ndarray, faces: ndarray) -> bytes:
