@@ -100,17 +100,8 @@ class Mesh:
             near = np.unique(inside[of_ends[k]].indices)
             parts.append((to_ends[k][near], near, np.full(len(near), len(points) + k)))
         lengths, one, other = (np.concatenate(part) for part in zip(*parts, strict=True))
-        # On a path no longer than a limit, distances to the two ends add up to no more than that.
-        detours = np.append(sum(to_ends), [0.0, 0.0])
-        detours = np.maximum(detours[one], detours[other])
-        limit, length = max(np.linalg.norm(places[1] - places[0]), 0.1 * detours.mean()), np.inf
-        while length > limit < 2.0 * detours.max():
-            limit *= 1.5
-            kept = detours <= limit
-            ways = lengths[kept], (one[kept], other[kept])
-            graph = sparse.csr_array(ways, shape=(len(points) + 2,) * 2)
-            reached, before = dijkstra(graph, False, len(points), return_predecessors=True)
-            length = reached[-1]
+        graph = sparse.csr_array((lengths, (one, other)), shape=(len(points) + 2,) * 2)
+        _, before = dijkstra(graph, False, len(points), return_predecessors=True)
         passed: list[int] = []
         step, there = before[-1], of_ends[1]
         while step >= 0:

@@ -175,6 +175,7 @@ class MeasurementSet:
     @cached_property
     def mesh(self) -> Mesh:
         """Vertices, triangles and their neighbours."""
+        # Copied, because loops are compiled once more for arrays that are read-only.
         return Mesh(self.vertices, self.faces.copy(), neighbours_of(self.faces))
 
     @cached_property
