@@ -20,7 +20,7 @@ from riemhuman.plots.viewer import page_scripts, page_styles, web_file, web_temp
 from riemhuman.report._storage import Computed, ResultStore
 
 _UNSAFE = re.compile(r"[^\w/+=:;, ().-]+", re.ASCII)  # in the address of an image
-_quoted = cache(quote)  # of characters that come thousands of times
+_quoted = cache(quote)  # the same characters come thousands of times
 
 
 def template(name: str) -> jinja2.Template:
@@ -156,7 +156,7 @@ class Output:
         svg = step.arrays["svg"].tobytes().decode()
         *_, width, height = re.findall(r"[\d.]+", svg.split('viewBox="')[1].split('"')[0])
         # Pictures of bodies within the SVG are base64 already; twice would add a third.
-        quoted = _UNSAFE.sub(lambda characters: quote(characters[0]), svg)
+        quoted = _UNSAFE.sub(lambda characters: _quoted(characters[0]), svg)
         source = f"data:image/svg+xml,{quoted}"
         return Image(source, round(float(width)), round(float(height)), name)
 
