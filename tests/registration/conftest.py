@@ -62,5 +62,5 @@ def scan(model, frames):
 
 
 @pytest.fixture(scope="session")
-def result(registration_from, scan):
-    return registration_from("t", "forward").solve(scan.surface)
+def result(registration, scan):
+    return registration.solve(scan.surface)
