@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
 from riemhuman.kernels.compilation import SUM, compiled
+from riemhuman.kernels.rotations import axial
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.registration._scan_preparation import PreparedScan, thin_points
 
@@ -133,8 +134,7 @@ class Prior(NamedTuple):
 
 def _rotation_vectors(rotations: np.ndarray) -> np.ndarray:
     """Return axis-angle vectors, 0 for half turns, whose axis has two signs."""
-    skew = (rotations - rotations.transpose(0, 2, 1)).reshape(-1, 9)
-    sines = 0.5 * np.take(skew, [7, 2, 3], axis=1)
+    sines = axial(rotations)
     sine = np.linalg.norm(sines, axis=1, keepdims=True)
     cosine = 0.5 * (np.trace(rotations, axis1=1, axis2=2) - 1.0)
     angles = np.arctan2(sine, cosine[:, np.newaxis])
