@@ -309,6 +309,7 @@ def plot_measurement_lines(
         list(curves),
         loc="outside lower center",
         ncols=_LEGEND_COLUMNS,
+        columnspacing=1.0,
         fontsize=9,
         frameon=False,
     )
