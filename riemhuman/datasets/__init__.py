@@ -1,6 +1,7 @@
 """Data sets of registered bodies: the open bodies and motions, and readers of other data sets."""
 
 from riemhuman.datasets.amass import load_amass
+from riemhuman.datasets.amc import load_amc
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.bvh import SkeletonMotion, load_bvh
 from riemhuman.datasets.dfaust import load_dfaust
@@ -30,6 +31,7 @@ __all__ = [
     "find_meshes",
     "joint_rotations",
     "load_amass",
+    "load_amc",
     "load_bodies",
     "load_bvh",
     "load_dfaust",

@@ -1,0 +1,406 @@
+"""Motion capture in Acclaim files: a skeleton (.asf), and its rotations over time (.amc).
+
+A bone starts where its parent ends, and carries its own rotation. A joint of `SkeletonMotion` is
+the start of a bone and has its name; where nothing follows a bone, its end is a joint as well. The
+rest pose of a skeleton is the one of its file, in which no joint is rotated.
+"""
+
+from __future__ import annotations
+
+import os
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from riemhuman.checks import real_number
+from riemhuman.datasets.bvh import SkeletonMotion
+from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.io.arrays import memory_limit
+from riemhuman.io.files import file_path, read_bytes, short_message, suffix_of
+
+_INCH = 0.0254
+_TRANSLATIONS = ("tx", "ty", "tz")
+_ROTATIONS = ("rx", "ry", "rz")
+# Length of a bone, which a recording may change.
+_LENGTH = "l"
+_FREEDOMS = (*_TRANSLATIONS, *_ROTATIONS, _LENGTH)
+_ROOT = "root"
+# Bytes of the rotation and the translation of a joint in a frame.
+_BYTES_OF_JOINT = 96
+# Larger numbers are damage.
+_LARGEST = 1e9
+
+
+@dataclass
+class _Bone:
+    """A bone of the skeleton file, lengths in metres."""
+
+    name: str
+    parent: int = -1
+    # From its start to its end, in the axes of space, in the rest pose.
+    direction: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    length: float = 0.0
+    # The axes in which it rotates, columns of a matrix.
+    axes: np.ndarray = field(default_factory=lambda: np.eye(3))
+    # What a recording says of it, in this order; rotations are applied in this order, too.
+    freedoms: tuple[str, ...] = ()
+    position: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    is_placed: bool = False
+
+    @property
+    def vector(self) -> np.ndarray:
+        """The vector from its start to its end in the rest pose."""
+        return self.length * self.direction
+
+
+@dataclass
+class _Skeleton:
+    """The bones of a skeleton file, parents before children, and the length of its unit."""
+
+    file: Path
+    bones: list[_Bone]
+    metres: float
+
+
+def load_amc(
+    path: str | os.PathLike[str],
+    skeleton: str | os.PathLike[str] | None = None,
+    *,
+    frames_per_second: float = 120.0,
+) -> SkeletonMotion:
+    """Read a motion capture recording in an Acclaim file (.amc), as of CMU or HDM05.
+
+    Lengths are in metres, whatever the unit of the skeleton. A joint has the name of the bone that
+    starts there: "lfemur" is the left hip.
+
+    Parameters
+    ----------
+    path : path_like
+        The recording, ``.amc``.
+    skeleton : path_like, optional
+        The skeleton, ``.asf``. By default the one in the same folder whose name begins the name of
+        the recording (``01.asf`` of ``01_01.amc``), or the only one there.
+    frames_per_second : float
+        Frame rate, which the files do not hold; it is 120 for CMU and HDM05.
+
+    Raises
+    ------
+    FileError
+        If there is no skeleton, or more than one that could be meant.
+    FileFormatError
+        If a file is damaged, or the two do not belong together.
+
+    Examples
+    --------
+    >>> recording = rh.datasets.load_amc("01_01.amc")  # doctest: +SKIP
+    >>> jump = rh.datasets.retarget(recording)  # doctest: +SKIP
+    """
+    file = file_path(path)
+    suffix_of(file, (".amc",))
+    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+    content = read_bytes(file)
+    skeleton_file = _skeleton_beside(file) if skeleton is None else file_path(skeleton, "skeleton")
+    found = _SkeletonReader(skeleton_file).read()
+    values = _read_frames(file, content, found)
+    return _skeleton_motion(found, values, rate, file.stem)
+
+
+def _skeleton_beside(file: Path) -> Path:
+    """Return the skeleton in a recording's folder that its name points to."""
+    candidates = sorted(other for other in file.parent.iterdir() if other.suffix.lower() == ".asf")
+    named = [other for other in candidates if file.stem.lower().startswith(other.stem.lower())]
+    if named:
+        return max(named, key=lambda other: len(other.stem))
+    if len(candidates) == 1:
+        return candidates[0]
+    listed = ", ".join(other.name for other in candidates[:8]) or "no .asf file"
+    raise FileError(
+        f"{file} needs its skeleton, an .asf file whose name begins its own; its folder has "
+        f"{listed}. Name the right one: skeleton="
+    )
+
+
+class _Lines:
+    """Words of the lines of a file, without comments, with the number of the last line."""
+
+    def __init__(self, file: Path, content: bytes) -> None:
+        self.file, self.number = file, 0
+        self._lines = content.decode("utf-8-sig", errors="replace").splitlines()
+
+    def __iter__(self) -> Iterator[list[str]]:
+        for number, line in enumerate(self._lines, 1):
+            self.number = number
+            words = line.partition("#")[0].split()
+            if words:
+                yield words
+
+    def error(self, problem: str) -> FileFormatError:
+        return FileFormatError(f"{self.file}, line {self.number}: {problem}")
+
+    def numbers(self, words: list[str], count: int, what: str) -> list[float]:
+        """Return words as so many finite numbers."""
+        if len(words) != count:
+            raise self.error(f"{what} must be {count} numbers; found {len(words)}")
+        try:
+            numbers = [float(word) for word in words]
+        except ValueError as error:
+            raise self.error(f"{what}: {short_message(error)}") from None
+        if not all(-_LARGEST < number < _LARGEST for number in numbers):
+            raise self.error(f"{what} must be finite, and below {_LARGEST:g}")
+        return numbers
+
+    def word(self, words: list[str], what: str) -> str:
+        """Return the only word that follows a keyword."""
+        if len(words) != 1:
+            raise self.error(f"{what} must be one word; found {' '.join(words)[:60]!r}")
+        return words[0]
+
+
+class _SkeletonReader:
+    """Reads the sections of a skeleton file one after the other."""
+
+    def __init__(self, file: Path) -> None:
+        suffix_of(file, (".asf",))
+        self._lines = _Lines(file, read_bytes(file))
+        self._file = file
+        self._unit, self._angle = 1.0, 1.0
+        self._bones = {_ROOT: _Bone(_ROOT)}
+        self._children: dict[str, list[str]] = {}
+
+    def read(self) -> _Skeleton:
+        section = ""
+        bone: _Bone | None = None
+        for words in self._lines:
+            keyword = words[0].lower()
+            if keyword.startswith(":"):
+                section = keyword
+            elif section == ":units":
+                self._read_unit(keyword, words[1:])
+            elif section == ":root":
+                self._read_root(keyword, words[1:])
+            elif section == ":bonedata":
+                if keyword == "begin":
+                    bone = _Bone("")
+                elif keyword == "end":
+                    self._keep(bone)
+                    bone = None
+                elif bone is None:
+                    raise self._lines.error(f"begin expected; found {words[0][:60]!r}")
+                else:
+                    self._read_bone(bone, keyword, words[1:])
+            elif section == ":hierarchy" and keyword not in ("begin", "end"):
+                self._children.setdefault(words[0], []).extend(words[1:])
+        return _Skeleton(self._file, self._ordered_bones(), _INCH / self._unit)
+
+    def _read_unit(self, keyword: str, words: list[str]) -> None:
+        if keyword == "length":
+            (self._unit,) = self._lines.numbers(words, 1, "the unit of length")
+            if not self._unit > 0.0:
+                raise self._lines.error(f"the unit of length must be above 0; found {words[0]}")
+        elif keyword == "angle":
+            self._angle = self._angle_of(self._lines.word(words, "the unit of angles"))
+
+    def _angle_of(self, word: str) -> float:
+        if word.lower() in ("deg", "degrees"):
+            return float(np.pi / 180.0)
+        if word.lower() in ("rad", "radians"):
+            return 1.0
+        raise self._lines.error(f"the unit of angles must be deg or rad; found {word[:60]!r}")
+
+    def _read_root(self, keyword: str, words: list[str]) -> None:
+        root = self._bones[_ROOT]
+        if keyword == "order":
+            root.freedoms = self._freedoms(words)
+        elif keyword == "position":
+            root.position = np.array(self._lines.numbers(words, 3, "the position of the root"))
+        elif keyword == "orientation":
+            # Its axes are turned by this: as `axis` of a bone, with the angles alone.
+            root.axes = self._rotation(words, "xyz", "the orientation of the root")
+
+    def _read_bone(self, bone: _Bone, keyword: str, words: list[str]) -> None:
+        if keyword == "name":
+            bone.name = self._lines.word(words, "the name of a bone")
+        elif keyword == "direction":
+            direction = np.array(self._lines.numbers(words, 3, "the direction of a bone"))
+            # Some files round directions; a bone of length 0 may have none.
+            length = float(np.linalg.norm(direction))
+            bone.direction = direction / length if length > 0.0 else direction
+        elif keyword == "length":
+            (bone.length,) = self._lines.numbers(words, 1, "the length of a bone")
+        elif keyword == "axis":
+            order = words[3].lower() if len(words) == 4 else "xyz"
+            bone.axes = self._rotation(words[:3], order, "the axes of a bone")
+        elif keyword == "dof":
+            bone.freedoms = self._freedoms(words)
+
+    def _freedoms(self, words: list[str]) -> tuple[str, ...]:
+        freedoms = tuple(word.lower() for word in words)
+        if not set(freedoms) <= set(_FREEDOMS) or len(set(freedoms)) < len(freedoms):
+            raise self._lines.error(
+                f"degrees of freedom must be different ones of {', '.join(_FREEDOMS)}; found "
+                f"{' '.join(words)[:60]!r}"
+            )
+        return freedoms
+
+    def _rotation(self, words: list[str], order: str, what: str) -> np.ndarray:
+        """Return the rotation by angles about fixed axes, one after the other."""
+        angles = self._lines.numbers(words, 3, what)
+        if sorted(order) != ["x", "y", "z"]:
+            raise self._lines.error(f"{what} must be in an order such as XYZ; found {order[:60]!r}")
+        # The first number is the angle about x, whatever the order in which they are applied.
+        ordered = [self._angle * angles["xyz".index(axis)] for axis in order]
+        matrix: np.ndarray = Rotation.from_euler(order, ordered).as_matrix()
+        return matrix
+
+    def _keep(self, bone: _Bone | None) -> None:
+        if bone is None or not bone.name:
+            raise self._lines.error("end without begin and the name of a bone")
+        if bone.name in self._bones:
+            raise self._lines.error(f"bone {bone.name[:60]} stands twice in the file")
+        self._bones[bone.name] = bone
+
+    def _ordered_bones(self) -> list[_Bone]:
+        """Return the bones below the root, parents first."""
+        ordered: list[_Bone] = []
+        waiting = [(_ROOT, -1)]
+        while waiting:
+            name, parent = waiting.pop()
+            bone = self._bones.get(name)
+            if bone is None:
+                raise FileFormatError(
+                    f"{self._file}: the hierarchy has an unknown bone {name[:60]!r}"
+                )
+            if bone.is_placed:
+                raise FileFormatError(f"{self._file}: bone {name} has two parents")
+            bone.parent, bone.is_placed = parent, True
+            number = len(ordered)
+            ordered.append(bone)
+            waiting += [(child, number) for child in reversed(self._children.get(name, []))]
+        left = [bone.name for bone in self._bones.values() if not bone.is_placed]
+        if left:
+            raise FileFormatError(f"{self._file}: the hierarchy leaves out bone {left[0][:60]}")
+        if len(ordered) < 2:
+            raise FileFormatError(f"{self._file}: the skeleton has no bones")
+        return ordered
+
+
+def _read_frames(file: Path, content: bytes, skeleton: _Skeleton) -> dict[str, np.ndarray]:
+    """Return the numbers of each bone in all frames, shape (n_frames, its freedoms)."""
+    widths = {bone.name: len(bone.freedoms) for bone in skeleton.bones if bone.freedoms}
+    lines = _Lines(file, content)
+    values = {name: array("d") for name in widths}
+    missing: set[str] = set()
+    n_frames, angle = 0, np.pi / 180.0
+    for words in lines:
+        keyword = words[0]
+        if keyword.startswith(":"):
+            if keyword.lower() == ":radians":
+                angle = 1.0
+        elif keyword.isdecimal() and len(words) == 1:
+            _check_complete(lines, n_frames, missing)
+            n_frames, missing = n_frames + 1, set(widths)
+        elif keyword in missing:
+            numbers = lines.numbers(words[1:], widths[keyword], f"the values of {keyword}")
+            values[keyword].extend(numbers)
+            missing.discard(keyword)
+        elif keyword in widths:
+            where = f"stands twice in frame {n_frames}" if n_frames else "stands before frame 1"
+            raise lines.error(f"bone {keyword} {where}")
+        else:
+            raise lines.error(
+                f"bone {keyword[:60]!r} does not move in {skeleton.file}: is it the right skeleton?"
+            )
+    if not n_frames:
+        raise FileFormatError(f"{file}: the file holds no frames")
+    _check_complete(lines, n_frames, missing)
+    if _BYTES_OF_JOINT * n_frames * (2 * len(skeleton.bones)) > memory_limit(len(content)):
+        raise FileFormatError(
+            f"{file}: {len(skeleton.bones)} bones in {n_frames} frames take far more memory than a "
+            "file of its size may"
+        )
+    found = {
+        name: np.array(column).reshape(n_frames, widths[name]) for name, column in values.items()
+    }
+    for bone in skeleton.bones:
+        for number, freedom in enumerate(bone.freedoms):
+            found[bone.name][:, number] *= angle if freedom in _ROTATIONS else skeleton.metres
+    return found
+
+
+def _check_complete(lines: _Lines, n_frames: int, missing: set[str]) -> None:
+    if missing:
+        raise lines.error(f"frame {n_frames} has no values of {sorted(missing)[0]}")
+
+
+def _skeleton_motion(
+    skeleton: _Skeleton, values: dict[str, np.ndarray], rate: float, name: str
+) -> SkeletonMotion:
+    """Return the starts of all bones, and the ends of the last ones, as joints."""
+    bones, metres = skeleton.bones, skeleton.metres
+    n_frames = len(next(iter(values.values()))) if values else 0
+    if not n_frames:
+        raise ArgumentError(f"{skeleton.file}: no bone of the skeleton moves")
+    parents = [bone.parent for bone in bones]
+    names = [bone.name for bone in bones]
+    offsets = [metres * bones[max(bone.parent, 0)].vector for bone in bones]
+    offsets[0] = metres * bones[0].position
+    rotations, translations = [], []
+    lengthened = [_lengthened(bone, values.get(bone.name)) for bone in bones]
+    for number, bone in enumerate(bones):
+        own = values.get(bone.name, np.zeros((n_frames, 0)))
+        steps = np.broadcast_to(offsets[number], (n_frames, 3)) + _moved(bone, own)
+        if number:
+            steps = steps + lengthened[bone.parent]
+        rotations.append(_rotations(bone, own))
+        translations.append(steps)
+    for number, bone in enumerate(bones):
+        if number not in parents and bone.length:
+            names.append(f"{bone.name} end")
+            parents.append(number)
+            offsets.append(metres * bone.vector)
+            rotations.append(np.broadcast_to(np.eye(3), (n_frames, 3, 3)))
+            translations.append(offsets[-1] + np.zeros((n_frames, 3)) + lengthened[number])
+    return SkeletonMotion(
+        tuple(names),
+        np.array(parents),
+        np.array(offsets),
+        np.stack(rotations, axis=1),
+        np.stack(translations, axis=1),
+        rate,
+        name,
+    )
+
+
+def _column(bone: _Bone, values: np.ndarray, freedom: str) -> np.ndarray:
+    """Return what a recording says of one freedom of a bone, zeros where it has none."""
+    if freedom in bone.freedoms:
+        return np.asarray(values[:, bone.freedoms.index(freedom)])
+    return np.zeros(len(values))
+
+
+def _rotations(bone: _Bone, values: np.ndarray) -> np.ndarray:
+    """Return the rotations of a bone in the axes of space at rest, C M C⁻¹."""
+    order = "".join(freedom[1] for freedom in bone.freedoms if freedom in _ROTATIONS)
+    if not order:
+        return np.tile(np.eye(3), (len(values), 1, 1))
+    angles = np.stack([_column(bone, values, f"r{axis}") for axis in order], axis=1)
+    own: np.ndarray = Rotation.from_euler(order, angles).as_matrix()
+    # The root rotates in space and then carries its rest orientation; bones rotate in their axes.
+    return own @ bone.axes if bone.parent < 0 else bone.axes @ own @ bone.axes.T
+
+
+def _moved(bone: _Bone, values: np.ndarray) -> np.ndarray:
+    """Return how far the start of a bone is moved, in the axes of its parent."""
+    steps = np.stack([_column(bone, values, freedom) for freedom in _TRANSLATIONS], axis=1)
+    return steps if bone.parent < 0 else steps @ bone.axes.T
+
+
+def _lengthened(bone: _Bone, values: np.ndarray | None) -> np.ndarray:
+    """Return how far the end of a bone is moved along it in all frames."""
+    if values is None:
+        return np.zeros(3)
+    return _column(bone, values, _LENGTH)[:, None] * bone.direction
