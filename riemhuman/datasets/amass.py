@@ -5,18 +5,22 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
-from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS
 from riemhuman.checks import real_array, real_number, refuse_type
 from riemhuman.datasets._skeletons import model_joints
+from riemhuman.datasets._smpl_layout import (
+    LAYOUTS,
+    is_smpl,
+    poses_of_model,
+    smpl_skeleton,
+    upright_parameters,
+)
 from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model
@@ -25,27 +29,7 @@ from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
 from riemhuman.io.files import convert_errors, file_path, format_errors
 from riemhuman.io.mesh_arrays import face_difference
-from riemhuman.surfaces.procrustes import make_upright
 
-# All models of SMPL's family begin with the joints of its body.
-_BODY, _FACE, _HANDS = len(SMPL_JOINTS), 3, 30
-# Where these are from their parents in SMPL's rest pose, of about the mean person, centimetres.
-_BODY_OFFSETS = (
-    *((0, -22, 3), (7, -9, -1), (-7, -9, -1), (0, 11, -3), (3, -38, 0), (-3, -38, 0), (0, 14, 0)),
-    *((-1, -40, -4), (1, -40, -4), (0, 5, 3), (3, -6, 12), (-3, -6, 12), (0, 21, -4), (8, 12, -4)),
-    *((-8, 12, -4), (0, 7, 5), (9, 3, -1), (-9, 3, -1), (26, -1, -3), (-26, -1, -3), (25, 1, 0)),
-    (-25, 1, 0),
-)
-# Feet slower than this, metres a second, stand still where the length of the legs is found.
-_STANDING = 0.4
-# Parts of the joints of a file or a model, by the number of joints.
-_LAYOUTS = {
-    _BODY: ("body",),
-    _BODY + 2: ("body", "fists"),
-    _BODY + _HANDS: ("body", "hands"),
-    _BODY + _FACE + _HANDS: ("body", "face", "hands"),
-}
-_SIZES = {"body": _BODY, "fists": 2, "face": _FACE, "hands": _HANDS}
 _RATES = ("mocap_framerate", "mocap_frame_rate")
 _POSES = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3, "pose_eye": 6, "pose_hand": 90}
 _NEEDED_POSES = ("root_orient", "pose_body")
@@ -82,12 +66,9 @@ class AmassMotion(ModelMotion):
     def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         recording = _read(self.path, int(self._numbers[-1]))
         chosen = self._numbers[numbers]
-        pose = _of_model(recording.poses[chosen], self.model.n_joints)
-        # Poses rotate the root about itself, but a rotation of space also moves it.
-        root = self.model.joints(self.betas)[0]
-        upright = Rotation.from_matrix(make_upright(np.eye(3), up="z").T)
-        pose[:, 0] = (upright * Rotation.from_rotvec(pose[:, 0])).as_rotvec()
-        return pose, make_upright(recording.translations[chosen] + root, up="z") - root
+        pose = poses_of_model(recording.poses[chosen], self.model.n_joints)
+        translations = recording.translations[chosen]
+        return upright_parameters(self.model, self.betas, pose, translations, "z")
 
 
 def load_amass(
@@ -147,7 +128,7 @@ def load_amass(
             raise ArgumentError(f"model must have one for {gender!r}, as in {file}; has {known}")
         rate = recorded_rate if frames_per_second is None else frames_per_second
         frames = nearest_frames(n_frames, recorded_rate, rate)
-        if _is_smpl(own):
+        if is_smpl(own):
             motions.append(AmassMotion(file, own, gender, rate, frames))
         else:
             recording = partial(_skeleton_motion, file, frames, rate)
@@ -170,44 +151,11 @@ def _names(path: Path) -> tuple[str, str]:
     return path.absolute().parent.name, sequence
 
 
-def _is_smpl(model: BodyModel) -> bool:
-    return model.n_joints in _LAYOUTS and tuple(model.parents[:_BODY]) == SMPL_PARENTS
-
-
 def _skeleton_motion(path: Path, frames: np.ndarray, rate: float) -> SkeletonMotion:
-    """Return the joints of SMPL's body in frames of a file, of a person with its legs' length."""
+    """Return the joints of SMPL's body in frames of a file."""
     recording = _read(path, int(frames[-1]))
-    vectors = recording.poses[frames, :_BODY]
-    rotations = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
-    rotations = rotations.reshape(len(frames), _BODY, 3, 3)
-    offsets = 0.01 * np.array(_BODY_OFFSETS, dtype=np.float64)
-    offsets[0] = 0.0
-    translations = np.tile(offsets, (len(frames), 1, 1))
-    translations[:, 0] = recording.translations[frames]
-    motion = SkeletonMotion(
-        SMPL_JOINTS, np.array(SMPL_PARENTS), offsets, rotations, translations, rate, _names(path)[1]
-    )
-    scale = _leg_scale(motion)
-    translations[:, 1:] *= scale
-    return replace(motion, offsets=scale * offsets, translations=translations)
-
-
-def _leg_scale(motion: SkeletonMotion) -> float:
-    """Return the scale of the skeleton at which standing feet move least."""
-    scale = 1.0
-    if len(motion) < 2:
-        return scale
-    root = motion.positions[:, :1]
-    steps = motion.frames_per_second * np.diff(motion.positions[:, 10:12] - root, axis=0)[..., :2]
-    moved = motion.frames_per_second * np.diff(root, axis=0)[..., :2]
-    for _ in range(4):
-        standing = np.linalg.norm(moved + scale * steps, axis=-1, keepdims=True) < _STANDING
-        squares = np.sum(standing * steps**2)
-        # Where nobody walks, nothing is known about the length of the legs.
-        if squares < 1e-2 * len(motion):
-            return 1.0
-        scale = float(np.clip(-np.sum(standing * steps * moved) / squares, 0.75, 1.3))
-    return scale
+    poses, translations = recording.poses[frames], recording.translations[frames]
+    return smpl_skeleton(poses, translations, rate, _names(path)[1], "z")
 
 
 def _models(model: Any) -> dict[str | None, BodyModel]:
@@ -220,21 +168,11 @@ def _models(model: Any) -> dict[str | None, BodyModel]:
         label = "model" if gender is None else f"model[{gender!r}]"
         if not isinstance(each, BodyModel):
             refuse_type(each, label, "a BodyModel")
-        if not _is_smpl(each):
+        if not is_smpl(each):
             model_joints(each)
         if face_difference(each.faces, first.faces):
             raise ArgumentError(f"{label} must have the triangles of the other models")
     return models
-
-
-def _of_model(poses: np.ndarray, n_joints: int) -> np.ndarray:
-    """Return the rotations of a model's joints from those of a file's joints."""
-    parts, start = {}, 0
-    for part in _LAYOUTS[poses.shape[1]]:
-        parts[part] = poses[:, start : start + _SIZES[part]]
-        start += _SIZES[part]
-    zero = {part: np.zeros((len(poses), size, 3)) for part, size in _SIZES.items()}
-    return np.concatenate([parts.get(part, zero[part]) for part in _LAYOUTS[n_joints]], axis=1)
 
 
 def _read_header(file: Path) -> tuple[str, float, int]:
@@ -248,7 +186,7 @@ def _read_header(file: Path) -> tuple[str, float, int]:
         check_fields(names, needed)
     fields = load_arrays(file, [rate_name], ["gender"])
     n_frames = (*shapes["trans"], 0)[0]
-    widths = {"trans": (3,), "poses": tuple(3 * number for number in _LAYOUTS)}
+    widths = {"trans": (3,), "poses": tuple(3 * number for number in LAYOUTS)}
     widths |= {name: (width,) for name, width in _POSES.items()}
     for name, some in widths.items():
         shape = shapes.get(name, (n_frames, some[0]))

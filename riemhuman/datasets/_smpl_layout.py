@@ -1,0 +1,108 @@
+"""Poses in the joint order of SMPL's family, and a skeleton by which other models perform them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel
+from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS
+from riemhuman.datasets.bvh import SkeletonMotion
+from riemhuman.surfaces.procrustes import make_upright
+
+# All models of SMPL's family begin with the joints of its body.
+N_BODY = len(SMPL_JOINTS)
+_FACE, _HANDS = 3, 30
+# Where these are from their parents in SMPL's rest pose, of about the mean person, centimetres.
+_BODY_OFFSETS = (
+    *((0, -22, 3), (7, -9, -1), (-7, -9, -1), (0, 11, -3), (3, -38, 0), (-3, -38, 0), (0, 14, 0)),
+    *((-1, -40, -4), (1, -40, -4), (0, 5, 3), (3, -6, 12), (-3, -6, 12), (0, 21, -4), (8, 12, -4)),
+    *((-8, 12, -4), (0, 7, 5), (9, 3, -1), (-9, 3, -1), (26, -1, -3), (-26, -1, -3), (25, 1, 0)),
+    (-25, 1, 0),
+)
+# Feet slower than this, metres a second, stand still where the length of the legs is found.
+_STANDING = 0.4
+LAYOUTS = {
+    N_BODY: ("body",),
+    N_BODY + 2: ("body", "fists"),
+    N_BODY + _HANDS: ("body", "hands"),
+    N_BODY + _FACE + _HANDS: ("body", "face", "hands"),
+}
+"""Parts of the joints of a file or a model, by the number of joints."""
+_SIZES = {"body": N_BODY, "fists": 2, "face": _FACE, "hands": _HANDS}
+
+
+def is_smpl(model: BodyModel) -> bool:
+    """Return whether a model has the joints of SMPL's family."""
+    return model.n_joints in LAYOUTS and tuple(model.parents[:N_BODY]) == SMPL_PARENTS
+
+
+def poses_of_model(poses: np.ndarray, n_joints: int) -> np.ndarray:
+    """Return the rotations of a model's joints from those of a file's joints."""
+    parts, start = {}, 0
+    for part in LAYOUTS[poses.shape[1]]:
+        parts[part] = poses[:, start : start + _SIZES[part]]
+        start += _SIZES[part]
+    zero = {part: np.zeros((len(poses), size, 3)) for part, size in _SIZES.items()}
+    return np.concatenate([parts.get(part, zero[part]) for part in LAYOUTS[n_joints]], axis=1)
+
+
+def upright_parameters(
+    model: BodyModel, betas: np.ndarray, poses: np.ndarray, translations: np.ndarray, up: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return poses of a model, and translations, that put its bodies y up instead of along `up`.
+
+    Poses rotate the root about itself, but a rotation of space also moves it.
+    """
+    root = model.joints(betas)[0]
+    upright = Rotation.from_matrix(make_upright(np.eye(3), up=up).T)
+    turned = poses.copy()
+    turned[:, 0] = (upright * Rotation.from_rotvec(poses[:, 0])).as_rotvec()
+    return turned, make_upright(translations + root, up=up) - root
+
+
+def smpl_skeleton(
+    poses: np.ndarray, translations: np.ndarray, rate: float, name: str, up: str
+) -> SkeletonMotion:
+    """Return the joints of SMPL's body in poses (T, joints, 3), with legs as long as they walk."""
+    n_frames = len(poses)
+    rotations = Rotation.from_rotvec(poses[:, :N_BODY].reshape(-1, 3)).as_matrix()
+    offsets = 0.01 * np.array(_BODY_OFFSETS, dtype=np.float64)
+    offsets[0] = 0.0
+    steps = np.tile(offsets, (n_frames, 1, 1))
+    steps[:, 0] = translations
+    motion = SkeletonMotion(
+        SMPL_JOINTS,
+        np.array(SMPL_PARENTS),
+        offsets,
+        rotations.reshape(n_frames, N_BODY, 3, 3),
+        steps,
+        rate,
+        name,
+    )
+    scale = _leg_scale(motion, up)
+    steps[:, 1:] *= scale
+    return replace(motion, offsets=scale * offsets, translations=steps)
+
+
+def _leg_scale(motion: SkeletonMotion, up: str) -> float:
+    """Return the scale of the skeleton at which standing feet move least along the floor."""
+    scale = 1.0
+    if len(motion) < 2:
+        return scale
+    level = ["xyz".index(axis) for axis in "xyz" if axis != up.removeprefix("-")]
+    toes = [SMPL_JOINTS.index("left_toes"), SMPL_JOINTS.index("right_toes")]
+    root = motion.positions[:, :1]
+    swings = np.diff(motion.positions[:, toes] - root, axis=0)[..., level]
+    steps = motion.frames_per_second * swings
+    moved = motion.frames_per_second * np.diff(root, axis=0)[..., level]
+    for _ in range(4):
+        standing = np.linalg.norm(moved + scale * steps, axis=-1, keepdims=True) < _STANDING
+        squares = np.sum(standing * steps**2)
+        # Where nobody walks, nothing is known about the length of the legs.
+        if squares < 1e-2 * len(motion):
+            return 1.0
+        scale = float(np.clip(-np.sum(standing * steps * moved) / squares, 0.75, 1.3))
+    return scale
