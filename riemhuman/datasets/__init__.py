@@ -5,6 +5,7 @@ from riemhuman.datasets.amc import load_amc
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.bvh import SkeletonMotion, load_bvh
 from riemhuman.datasets.dfaust import load_dfaust
+from riemhuman.datasets.motion_arrays import ArrayMotion, motion_from_arrays
 from riemhuman.datasets.motions import Motion, Motions, load_mesh_motions
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
 from riemhuman.datasets.open_motions import load_open_motions
@@ -20,6 +21,7 @@ from riemhuman.datasets.retargeting import RetargetedMotion, RetargetingErrors, 
 from riemhuman.datasets.shrec import LabelledMeshes, load_shrec14
 
 __all__ = [
+    "ArrayMotion",
     "Bodies",
     "LabelledMeshes",
     "Motion",
@@ -41,6 +43,7 @@ __all__ = [
     "load_open_model",
     "load_open_motions",
     "load_shrec14",
+    "motion_from_arrays",
     "pose_vectors",
     "read_labels",
     "retarget",

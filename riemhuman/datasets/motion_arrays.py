@@ -1,0 +1,246 @@
+"""Motions from arrays of poses in SMPL's joint order, as methods that watch videos print them."""
+
+from __future__ import annotations
+
+from copy import copy
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel
+from riemhuman.bodies.skinning import SMPL_JOINTS
+from riemhuman.checks import one_of, real_array, real_number, refuse_type, values_of, weight_shares
+from riemhuman.datasets._skeletons import model_joints
+from riemhuman.datasets._smpl_layout import (
+    LAYOUTS,
+    is_smpl,
+    poses_of_model,
+    smpl_skeleton,
+    upright_parameters,
+)
+from riemhuman.datasets.motions import ModelMotion
+from riemhuman.datasets.open_bodies import load_open_model
+from riemhuman.datasets.retargeting import RetargetedMotion
+from riemhuman.errors import ArgumentError, warn
+from riemhuman.surfaces.procrustes import AXES
+
+# Rotation matrices in files are rounded to single precision, or come from networks.
+_NOT_ORTHOGONAL = 0.05
+# Coefficients of frames that differ by less than this are those of one person, rounded.
+_SAME_PERSON = 1e-4
+# The body is upright along an axis by this share of the length from ankles to shoulders.
+_UPRIGHT = 0.8
+_SHOULDERS = (SMPL_JOINTS.index("left_shoulder"), SMPL_JOINTS.index("right_shoulder"))
+_ANKLES = (SMPL_JOINTS.index("left_ankle"), SMPL_JOINTS.index("right_ankle"))
+
+
+class ArrayMotion(ModelMotion):
+    """A motion of a model of SMPL's family, from `motion_from_arrays`.
+
+    Parameters
+    ----------
+    names : (str, str)
+        Of the person and of the motion.
+    frames_per_second : float
+    model : BodyModel
+    betas : array, shape (B,)
+    pose_vectors : array, shape (n_frames, J, 3)
+    translations : array, shape (n_frames, 3)
+
+    Examples
+    --------
+    >>> motion = rh.datasets.motion_from_arrays(
+    ...     poses, translations, 30.0, up="y", model=smpl
+    ... )  # doctest: +SKIP
+    >>> motion.performed_by(0.0 * motion.betas)[0].shape  # doctest: +SKIP
+    (6890, 3)
+    """
+
+    def __init__(
+        self,
+        names: tuple[str, str],
+        frames_per_second: float,
+        model: BodyModel,
+        betas: np.ndarray,
+        pose_vectors: np.ndarray,
+        translations: np.ndarray,
+    ) -> None:
+        super().__init__(*names, frames_per_second, len(pose_vectors), model)
+        self._betas, self._poses, self._translations = betas, pose_vectors, translations
+
+    @property
+    def betas(self) -> np.ndarray:
+        return self._betas
+
+    def performed_by(self, betas: Any) -> ArrayMotion:
+        """Return the motion of another person in the same poses.
+
+        Parameters
+        ----------
+        betas : array_like, shape (B,)
+        """
+        other = copy(self)
+        other._betas = real_array(betas, "betas", (self.model.n_betas,), batched=False)
+        return other
+
+    def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self._poses[numbers], self._translations[numbers]
+
+
+def motion_from_arrays(
+    poses: Any,
+    translations: Any,
+    frames_per_second: float,
+    *,
+    up: str | None = None,
+    betas: Any = None,
+    weights: Any = None,
+    model: BodyModel | None = None,
+    name: str = "",
+) -> ArrayMotion | RetargetedMotion:
+    """Return a motion from poses in SMPL's joint order, as methods that watch videos print them.
+
+    A model of SMPL's family takes the poses as they are; another, such as the open model, performs
+    them as by `retarget`, as a person of its own: betas of SMPL mean nothing to it, and are ignored
+    with a warning. Videos see one person: betas that differ from frame to frame become their
+    weighted mean, and a warning says by how much they differ.
+
+    Parameters
+    ----------
+    poses : array_like, shape (n_frames, 3 J), (n_frames, J, 3) or (n_frames, J, 3, 3)
+        Rotations of the joints relative to their parents: axis-angle vectors, radians, or matrices.
+        J is 22 (body), 24 (with SMPL's two hand joints), 52 (SMPL-H) or 55 (SMPL-X).
+    translations : array_like, shape (n_frames, 3)
+        Translation of the body, ``trans`` or ``transl``, metres.
+    frames_per_second : float
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis that points up; "-y" in the axes of most cameras. By default the one along which the
+        person stands, with a warning if that is in doubt.
+    betas : array_like, shape (B,) or (n_frames, B), optional
+        Shape coefficients of the person; by default zeros.
+    weights : array_like, shape (n_frames,), optional
+        Confidence in the betas of each frame; by default equal.
+    model : BodyModel, optional
+        By default the open model, "coarse".
+    name : str
+        Name of the motion.
+
+    Returns
+    -------
+    ModelMotion
+        Metres, y up.
+
+    Raises
+    ------
+    ArgumentError
+        If shapes do not fit, or a matrix is no rotation.
+
+    Examples
+    --------
+    >>> poses, translations = np.zeros((10, 24, 3)), np.zeros((10, 3))
+    >>> rh.datasets.motion_from_arrays(poses, translations, 30.0, up="y")
+    <RetargetedMotion '' of '', 10 frames at 30 a second>
+    """
+    vectors = _pose_vectors(poses)
+    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+    places = real_array(translations, "translations", (len(vectors), 3), batched=False)
+    if up is None:
+        up = _likely_up(vectors, name)
+    one_of(up, "up", AXES)
+    person = _one_person(betas, weights, len(vectors), name)
+    model = load_open_model("coarse") if model is None else model
+    if not isinstance(model, BodyModel):
+        refuse_type(model, "model", "a BodyModel")
+    if is_smpl(model):
+        known = person[: model.n_betas]
+        known = np.pad(known, (0, model.n_betas - len(known)))
+        modelled = poses_of_model(vectors, model.n_joints)
+        upright = upright_parameters(model, known, modelled, places, up)
+        return ArrayMotion(("", name), rate, model, known, *upright)
+    model_joints(model)
+    if betas is not None:
+        warn(
+            "betas belong to SMPL's models and are ignored: the motion is performed by a person of "
+            "another model",
+            UserWarning,
+        )
+    recording = smpl_skeleton(vectors, places, rate, name, up)
+    return RetargetedMotion(recording, model, ("", name), rate, len(vectors), up=up)
+
+
+def _pose_vectors(poses: Any) -> np.ndarray:
+    """Return poses as axis-angle vectors, shape (n_frames, J, 3), after checking their shape."""
+    array = real_array(values_of(poses, "poses"), "poses")
+    are_matrices = array.ndim == 4 and array.shape[2:] == (3, 3)
+    if not are_matrices and array.ndim == 2 and array.shape[1] % 3 == 0:
+        array = array.reshape(len(array), -1, 3)
+    if not are_matrices and not (array.ndim == 3 and array.shape[2] == 3):
+        raise ArgumentError(
+            "poses must have shape (n_frames, 3 J), (n_frames, J, 3) or (n_frames, J, 3, 3); found "
+            f"{array.shape}"
+        )
+    n_frames, n_joints = array.shape[:2]
+    if n_joints not in LAYOUTS:
+        known = ", ".join(map(str, LAYOUTS))
+        hint = ": put the rotation of the root first" if n_joints + 1 in LAYOUTS else ""
+        raise ArgumentError(f"poses must be of {known} joints; found {n_joints}{hint}")
+    if not n_frames:
+        raise ArgumentError("poses must have at least one frame; found none")
+    if not are_matrices:
+        return np.asarray(array)
+    products = array @ np.swapaxes(array, -1, -2)
+    wrong = np.abs(products - np.eye(3)).max(axis=(-2, -1)) > _NOT_ORTHOGONAL
+    wrong |= np.linalg.det(array) < 0.0
+    if wrong.any():
+        frame, joint = (int(index) for index in np.argwhere(wrong)[0])
+        raise ArgumentError(
+            f"poses must hold rotation matrices; poses[{frame}, {joint}] is none, the first of "
+            f"{int(wrong.sum())}"
+        )
+    return Rotation.from_matrix(array.reshape(-1, 3, 3)).as_rotvec().reshape(n_frames, n_joints, 3)
+
+
+def _one_person(betas: Any, weights: Any, n_frames: int, name: str) -> np.ndarray:
+    """Return the coefficients of one person from those of all frames, and say how they differ."""
+    if betas is None:
+        return np.zeros(0)
+    array = real_array(values_of(betas, "betas"), "betas")
+    if array.ndim == 2 and len(array) == 1:
+        array = array[0]
+    if array.ndim == 1:
+        return np.asarray(array)
+    if array.ndim != 2 or len(array) != n_frames:
+        raise ArgumentError(
+            f"betas must have shape (B,) or ({n_frames}, B), a row a frame; found {array.shape}"
+        )
+    shares = weight_shares(weights, n_frames)
+    mean = shares @ array
+    deviations = np.sqrt(shares @ (array - mean) ** 2)
+    if deviations.max(initial=0.0) > _SAME_PERSON:
+        largest = int(deviations.argmax())
+        subject = f"{name}: " if name else ""
+        warn(
+            f"{subject}betas differ from frame to frame, by a standard deviation of up to "
+            f"{deviations[largest]:.2g} (number {largest}); the person has their mean",
+            UserWarning,
+        )
+    return np.asarray(mean)
+
+
+def _likely_up(vectors: np.ndarray, name: str) -> str:
+    """Return the axis along which the person stands, and say if that is in doubt."""
+    motion = smpl_skeleton(vectors, np.zeros((len(vectors), 3)), 1.0, name, "y")
+    upper = motion.positions[:, _SHOULDERS].mean(axis=1)
+    directions = upper - motion.positions[:, _ANKLES].mean(axis=1)
+    mean = np.mean(directions / np.linalg.norm(directions, axis=-1, keepdims=True), axis=0)
+    number = int(np.abs(mean).argmax())
+    up = "-" * bool(mean[number] < 0.0) + "xyz"[number]
+    if abs(mean[number]) < _UPRIGHT:
+        subject = f"{name}: " if name else ""
+        warn(
+            f"{subject}which axis points up is in doubt: the person seldom stands; {up} was taken. "
+            "The argument up decides",
+            UserWarning,
+        )
+    return up

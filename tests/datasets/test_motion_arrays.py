@@ -1,0 +1,134 @@
+"""Motions from arrays in SMPL's joint order: every shape, one person, and the direction up."""
+
+import numpy as np
+import pytest
+from model_pickles import smpl_fields
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets import motion_from_arrays
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.surfaces.procrustes import make_upright
+
+N_FRAMES = 12
+
+
+@pytest.fixture(scope="module")
+def smpl():
+    fields = smpl_fields(24, n_vertices=30, n_betas=10, rng=0)
+    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
+    return BodyModel(**fields)
+
+
+@pytest.fixture(scope="module")
+def poses():
+    vectors = 0.2 * np.random.default_rng(1).normal(size=(N_FRAMES, 24, 3))
+    vectors[:, 0] = 0.1
+    return vectors
+
+
+@pytest.fixture(scope="module")
+def translations():
+    return np.random.default_rng(2).normal(size=(N_FRAMES, 3))
+
+
+def test_vectors_rows_and_matrices(smpl, poses, translations):
+    matrices = Rotation.from_rotvec(poses.reshape(-1, 3)).as_matrix().reshape(N_FRAMES, 24, 3, 3)
+    expected = smpl(np.zeros(10), poses, translations)
+    for given in (poses, poses.reshape(N_FRAMES, -1), matrices, matrices.astype(np.float32)):
+        motion = motion_from_arrays(given, translations, 30.0, up="y", model=smpl, name="a")
+        atol = 1e-6 if given.dtype == np.float32 else 1e-12
+        np.testing.assert_allclose(motion[:], expected, atol=atol)
+    assert (motion.frames_per_second, motion.sequence) == (30.0, "a")
+
+
+@pytest.mark.parametrize("up", ["x", "y", "z", "-x", "-y", "-z"])
+def test_bodies_stand_upright(smpl, poses, translations, up):
+    given = motion_from_arrays(poses, translations, 30.0, up=up, model=smpl)
+    expected = make_upright(smpl(np.zeros(10), poses, translations), up=up)
+    np.testing.assert_allclose(given[:], expected, atol=1e-12)
+
+
+def turned_to(poses, translations, up):
+    """Return poses and translations of a standing person in axes in which `up` points up."""
+    rotation = Rotation.from_matrix(make_upright(np.eye(3), up=up))
+    poses = poses.copy()
+    poses[:, 0] = (rotation * Rotation.from_rotvec(poses[:, 0])).as_rotvec()
+    return poses, translations
+
+
+@pytest.mark.parametrize("up", ["x", "y", "z", "-x", "-y", "-z"])
+def test_up_is_where_people_stand(smpl, poses, translations, up):
+    turned = turned_to(poses, translations, up)
+    guessed = motion_from_arrays(*turned, 30.0, model=smpl)
+    told = motion_from_arrays(*turned, 30.0, up=up, model=smpl)
+    np.testing.assert_array_equal(guessed.pose_vectors, told.pose_vectors)
+
+
+def test_up_in_doubt_is_said(smpl, poses, translations):
+    leaning = poses.copy()
+    leaning[:, 0] = [np.radians(45.0), 0.0, 0.0]
+    with pytest.warns(UserWarning, match=r"bow: which axis points up is in doubt.*argument up"):
+        motion_from_arrays(leaning, translations, 30.0, model=smpl, name="bow")
+
+
+def test_one_person(smpl, poses, translations):
+    rng = np.random.default_rng(3)
+    person = rng.normal(size=10)
+    differing = person + 0.3 * rng.normal(size=(N_FRAMES, 10))
+    weights = rng.uniform(0.1, 1.0, size=N_FRAMES)
+    motion = motion_from_arrays(poses, translations, 30.0, up="y", betas=person, model=smpl)
+    np.testing.assert_array_equal(motion.betas, person)
+    with pytest.warns(UserWarning, match=r"dance: betas differ from frame to frame.*their mean"):
+        motion = motion_from_arrays(
+            poses, translations, 30.0,
+            up="y", betas=differing, weights=weights, model=smpl, name="dance",
+        )  # fmt: skip
+    np.testing.assert_allclose(motion.betas, np.average(differing, axis=0, weights=weights))
+    rounded = np.tile(person, (N_FRAMES, 1)).astype(np.float32)
+    motion = motion_from_arrays(poses, translations, 30.0, up="y", betas=rounded, model=smpl)
+    np.testing.assert_allclose(motion.betas, person, atol=1e-6)
+    other = motion.performed_by(np.zeros(10))
+    np.testing.assert_array_equal(other.pose_vectors, motion.pose_vectors)
+    assert np.abs(other[0] - motion[0]).max() > 1e-3
+
+
+def test_the_open_model_performs_them():
+    poses, translations = np.zeros((4, 22, 3)), np.zeros((4, 3))
+    poses[:, 16, 2] = -1.2  # the left arm hangs down from a T-pose
+    with pytest.warns(UserWarning, match="betas belong to SMPL's models"):
+        motion = motion_from_arrays(poses, translations, 30.0, up="y", betas=np.ones(10))
+    joints = dict(zip(motion.model.joint_names, motion.model.joints(motion.betas), strict=True))
+    assert len(joints) == motion.model.n_joints
+    # Its arms are found where the left one hangs and the right one is held out.
+    extent = motion[0][:, 0]
+    assert -extent.min() > 1.5 * extent.max()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"poses": np.zeros((N_FRAMES, 23, 3))}, "found 23: put the rotation of the root first"),
+        ({"poses": np.zeros((N_FRAMES, 70))}, r"\(n_frames, 3 J\).*found \(12, 70\)"),
+        ({"poses": np.zeros((N_FRAMES, 24, 3, 3))}, r"poses\[0, 0\] is none, the first of 288"),
+        ({"poses": np.zeros((0, 24, 3))}, "at least one frame"),
+        ({"poses": np.full((N_FRAMES, 24, 3), np.nan)}, "poses holds 864 NaN"),
+        ({"translations": np.zeros((11, 3))}, r"translations must have shape \(12, 3\)"),
+        ({"betas": np.zeros((11, 10))}, r"\(12, B\), a row a frame; found \(11, 10\)"),
+        ({"betas": np.zeros((12, 10)), "weights": np.zeros(12)}, "not all 0"),
+        ({"frames_per_second": 0.0}, "frames_per_second"),
+        ({"up": "w"}, "up must be one of"),
+    ],
+)
+def test_wrong_arguments(smpl, changes, message):
+    right = {
+        "poses": np.zeros((N_FRAMES, 24, 3)),
+        "translations": np.zeros((N_FRAMES, 3)),
+        "frames_per_second": 30.0,
+        "up": "y",
+        "model": smpl,
+    }
+    with pytest.raises(ArgumentError, match=message):
+        motion_from_arrays(**(right | changes))
+    with pytest.raises(ArgumentTypeError, match="model must be a BodyModel"):
+        motion_from_arrays(**(right | {"model": "smpl"}))
