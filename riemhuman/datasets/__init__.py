@@ -5,11 +5,12 @@ from riemhuman.datasets.amc import load_amc
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.bvh import SkeletonMotion, load_bvh
 from riemhuman.datasets.dfaust import load_dfaust
-from riemhuman.datasets.motion_arrays import ArrayMotion, motion_from_arrays
-from riemhuman.datasets.motions import Motion, Motions, load_mesh_motions
+from riemhuman.datasets.motion_arrays import motion_from_arrays
+from riemhuman.datasets.motions import ArrayMotion, Motion, Motions, load_mesh_motions
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
 from riemhuman.datasets.open_motions import load_open_motions
 from riemhuman.datasets.open_poses import joint_rotations, pose_vectors
+from riemhuman.datasets.recordings import load_recording
 from riemhuman.datasets.registered_meshes import (
     RegisteredMeshes,
     find_meshes,
@@ -42,6 +43,7 @@ __all__ = [
     "load_open_bodies",
     "load_open_model",
     "load_open_motions",
+    "load_recording",
     "load_shrec14",
     "motion_from_arrays",
     "pose_vectors",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from riemhuman.datasets._smpl_layout import (
     smpl_skeleton,
     upright_parameters,
 )
-from riemhuman.datasets.motions import ModelMotion
+from riemhuman.datasets.motions import ArrayMotion
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, warn
@@ -33,59 +32,6 @@ _SAME_PERSON = 1e-4
 _UPRIGHT = 0.8
 _SHOULDERS = (SMPL_JOINTS.index("left_shoulder"), SMPL_JOINTS.index("right_shoulder"))
 _ANKLES = (SMPL_JOINTS.index("left_ankle"), SMPL_JOINTS.index("right_ankle"))
-
-
-class ArrayMotion(ModelMotion):
-    """A motion of a model of SMPL's family, from `motion_from_arrays`.
-
-    Parameters
-    ----------
-    names : (str, str)
-        Of the person and of the motion.
-    frames_per_second : float
-    model : BodyModel
-    betas : array, shape (B,)
-    pose_vectors : array, shape (n_frames, J, 3)
-    translations : array, shape (n_frames, 3)
-
-    Examples
-    --------
-    >>> motion = rh.datasets.motion_from_arrays(
-    ...     poses, translations, 30.0, up="y", model=smpl
-    ... )  # doctest: +SKIP
-    >>> motion.performed_by(0.0 * motion.betas)[0].shape  # doctest: +SKIP
-    (6890, 3)
-    """
-
-    def __init__(
-        self,
-        names: tuple[str, str],
-        frames_per_second: float,
-        model: BodyModel,
-        betas: np.ndarray,
-        pose_vectors: np.ndarray,
-        translations: np.ndarray,
-    ) -> None:
-        super().__init__(*names, frames_per_second, len(pose_vectors), model)
-        self._betas, self._poses, self._translations = betas, pose_vectors, translations
-
-    @property
-    def betas(self) -> np.ndarray:
-        return self._betas
-
-    def performed_by(self, betas: Any) -> ArrayMotion:
-        """Return the motion of another person in the same poses.
-
-        Parameters
-        ----------
-        betas : array_like, shape (B,)
-        """
-        other = copy(self)
-        other._betas = real_array(betas, "betas", (self.model.n_betas,), batched=False)
-        return other
-
-    def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return self._poses[numbers], self._translations[numbers]
 
 
 def motion_from_arrays(
@@ -148,11 +94,18 @@ def motion_from_arrays(
     if up is None:
         up = _likely_up(vectors, name)
     one_of(up, "up", AXES)
-    person = _one_person(betas, weights, len(vectors), name)
+    person, spread = _one_person(betas, weights, len(vectors))
     model = load_open_model("coarse") if model is None else model
     if not isinstance(model, BodyModel):
         refuse_type(model, "model", "a BodyModel")
     if is_smpl(model):
+        if spread.max(initial=0.0) > _SAME_PERSON:
+            number = int(spread.argmax())
+            _say(
+                f"betas differ from frame to frame, by a standard deviation of up to "
+                f"{spread[number]:.2g} (number {number}); the person has their mean",
+                name,
+            )
         known = person[: model.n_betas]
         known = np.pad(known, (0, model.n_betas - len(known)))
         modelled = poses_of_model(vectors, model.n_joints)
@@ -160,10 +113,10 @@ def motion_from_arrays(
         return ArrayMotion(("", name), rate, model, known, *upright)
     model_joints(model)
     if betas is not None:
-        warn(
+        _say(
             "betas belong to SMPL's models and are ignored: the motion is performed by a person of "
             "another model",
-            UserWarning,
+            name,
         )
     recording = smpl_skeleton(vectors, places, rate, name, up)
     return RetargetedMotion(recording, model, ("", name), rate, len(vectors), up=up)
@@ -201,31 +154,22 @@ def _pose_vectors(poses: Any) -> np.ndarray:
     return Rotation.from_matrix(array.reshape(-1, 3, 3)).as_rotvec().reshape(n_frames, n_joints, 3)
 
 
-def _one_person(betas: Any, weights: Any, n_frames: int, name: str) -> np.ndarray:
-    """Return the coefficients of one person from those of all frames, and say how they differ."""
+def _one_person(betas: Any, weights: Any, n_frames: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean over the frames of coefficients, and their standard deviations."""
     if betas is None:
-        return np.zeros(0)
+        return np.zeros(0), np.zeros(0)
     array = real_array(values_of(betas, "betas"), "betas")
     if array.ndim == 2 and len(array) == 1:
         array = array[0]
     if array.ndim == 1:
-        return np.asarray(array)
+        return array, np.zeros(len(array))
     if array.ndim != 2 or len(array) != n_frames:
         raise ArgumentError(
             f"betas must have shape (B,) or ({n_frames}, B), a row a frame; found {array.shape}"
         )
     shares = weight_shares(weights, n_frames)
     mean = shares @ array
-    deviations = np.sqrt(shares @ (array - mean) ** 2)
-    if deviations.max(initial=0.0) > _SAME_PERSON:
-        largest = int(deviations.argmax())
-        subject = f"{name}: " if name else ""
-        warn(
-            f"{subject}betas differ from frame to frame, by a standard deviation of up to "
-            f"{deviations[largest]:.2g} (number {largest}); the person has their mean",
-            UserWarning,
-        )
-    return np.asarray(mean)
+    return mean, np.sqrt(shares @ (array - mean) ** 2)
 
 
 def _likely_up(vectors: np.ndarray, name: str) -> str:
@@ -237,10 +181,14 @@ def _likely_up(vectors: np.ndarray, name: str) -> str:
     number = int(np.abs(mean).argmax())
     up = "-" * bool(mean[number] < 0.0) + "xyz"[number]
     if abs(mean[number]) < _UPRIGHT:
-        subject = f"{name}: " if name else ""
-        warn(
-            f"{subject}which axis points up is in doubt: the person seldom stands; {up} was taken. "
-            "The argument up decides",
-            UserWarning,
+        _say(
+            f"which axis points up is in doubt: the person seldom stands; {up} was taken. The "
+            "argument up decides",
+            name,
         )
     return up
+
+
+def _say(message: str, name: str) -> None:
+    """Issue a warning, which begins with the name of the motion if it has one."""
+    warn(f"{name}: {message}" if name else message, UserWarning)

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import real_number
+from riemhuman.checks import real_array, real_number
 from riemhuman.datasets.registered_meshes import (
     MESH_ENDINGS,
     RegisteredMeshes,
@@ -126,6 +126,17 @@ class ModelMotion(Motion):
         """Translation in every frame, shape (n_frames, 3), metres."""
         return self._parameters(np.arange(len(self)))[1]
 
+    def performed_by(self, betas: Any) -> ModelMotion:
+        """Return the motion of another person, in the same poses and places.
+
+        Parameters
+        ----------
+        betas : array_like, shape (B,)
+        """
+        other = real_array(betas, "betas", (self.model.n_betas,), batched=False)
+        names, rate = (self.subject, self.sequence), self.frames_per_second
+        return ArrayMotion(names, rate, self.model, other, *self._parameters(np.arange(len(self))))
+
     @abstractmethod
     def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the pose vectors and translations of some frames."""
@@ -136,6 +147,49 @@ class ModelMotion(Motion):
             chosen = np.asarray(numbers[some], dtype=np.int64)
             frames[some] = self.model(self.betas, *self._parameters(chosen))
         return frames
+
+
+class ArrayMotion(ModelMotion):
+    """A motion of a model whose poses and translations are arrays.
+
+    Parameters
+    ----------
+    names : (str, str)
+        Of the person and of the motion.
+    frames_per_second : float
+    model : BodyModel
+    betas : array, shape (B,)
+    pose_vectors : array, shape (n_frames, J, 3)
+    translations : array, shape (n_frames, 3)
+
+    Examples
+    --------
+    >>> model = rh.datasets.load_open_model("coarse")
+    >>> poses, translations = np.zeros((10, model.n_joints, 3)), np.zeros((10, 3))
+    >>> rh.datasets.ArrayMotion(
+    ...     ("ann", "still"), 30.0, model, np.zeros(model.n_betas), poses, translations
+    ... )
+    <ArrayMotion 'still' of 'ann', 10 frames at 30 a second>
+    """
+
+    def __init__(
+        self,
+        names: tuple[str, str],
+        frames_per_second: float,
+        model: BodyModel,
+        betas: np.ndarray,
+        pose_vectors: np.ndarray,
+        translations: np.ndarray,
+    ) -> None:
+        super().__init__(*names, frames_per_second, len(pose_vectors), model)
+        self._betas, self._poses, self._translations = betas, pose_vectors, translations
+
+    @property
+    def betas(self) -> np.ndarray:
+        return self._betas
+
+    def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self._poses[numbers], self._translations[numbers]
 
 
 class Motions(tuple[M, ...]):

@@ -1,4 +1,4 @@
-"""Pickles of body models, read as data.
+"""Pickles of body models and recordings, read as data.
 
 A pickle is a program: it can name any function and have it called. Here, the unpickler looks names
 up in a short list and gets a class for each whose objects record their arguments and their state,
@@ -10,22 +10,30 @@ memory that a file merely names.
 from __future__ import annotations
 
 import io
+import math
 import os
 import pickle
 import re
 import warnings
-from collections.abc import Callable, Sequence
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
 from riemhuman.errors import FileFormatError
-from riemhuman.io.arrays import check_characters, check_fields
+from riemhuman.io.arrays import check_characters, check_fields, memory_limit
 from riemhuman.io.files import file_path, format_errors, read_bytes
 
-# A body model takes some hundreds of operations.
+# A body model takes some hundreds of operations; a recording some hundreds a frame.
 _MOST_OPERATIONS = 50_000
+_MOST_OPERATIONS_OF_RECORDINGS = 5_000_000
+# Dictionaries and lists within each other, and how many values they may hold in all.
+_DEEPEST_TREE, _MOST_VALUES = 8, 1_000_000
+# First bytes of the two kinds of compression by zlib.
+_COMPRESSED = (b"\x78", b"\x1f\x8b")
 # Bytes of the returned arrays for each byte of the file: selected entries get wider.
 _LARGEST_FACTOR = 16
 _DEEPEST_CHUMPY = 8
@@ -33,6 +41,7 @@ _DEEPEST_CHUMPY = 8
 _DTYPES = re.compile(r"f[248]|[iu][1248]|b1|[SU][1-9]\d{0,3}")
 # Every entry of an array of text takes as much memory as the longest.
 _LONGEST_TEXT = 200
+_BYTES_OF_NUMBER = 8
 
 
 def load_pickled_arrays(
@@ -60,9 +69,7 @@ def load_pickled_arrays(
     file, required = file_path(path), list(required)
     content = read_bytes(file)
     with format_errors(file, "a whole pickle"):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of escapes in texts of Python 2
-            fields = _Unpickler(io.BytesIO(content), encoding="latin1").load()
+        fields = _unpickle(content)
         if not isinstance(fields, dict):
             raise FileFormatError(f"holds {type(fields).__name__} in place of a dictionary")
         check_fields([_describe(name) for name in fields], required)
@@ -77,6 +84,62 @@ def load_pickled_arrays(
             if limit < 0:
                 raise FileFormatError("uses its data more often than its size allows")
         return arrays
+
+
+def load_pickled_tree(file: Path) -> Any:
+    """Return the dictionaries, lists, arrays, numbers and texts of a pickle, as joblib writes too.
+
+    Nothing in it runs. Keys of dictionaries become texts, and values without numbers are left out.
+    """
+    content = read_bytes(file)
+    with format_errors(file, "a whole pickle"):
+        if content.startswith(_COMPRESSED):
+            content = _decompress(content, memory_limit(len(content)))
+        values = _unpickle(content, most_operations=_MOST_OPERATIONS_OF_RECORDINGS)
+        return _Tree(len(content)).value(values)
+
+
+def pickled_tree(content: bytes, storages: Mapping[str, bytes], is_little: bool, size: int) -> Any:
+    """Return what `load_pickled_tree` does from a pickle whose tensors are in other `storages`."""
+
+    def storage(found: Any) -> _Record:
+        if not (isinstance(found, list) and len(found) > 4 and found[0] == "storage"):
+            raise FileFormatError("holds a malformed tensor")
+        kind, key = _name_of(found[1]), str(found[2])
+        if kind not in _STORAGES:
+            raise FileFormatError(f"holds a tensor of type {_describe(kind)}, which is not read")
+        if key not in storages:
+            raise FileFormatError(f"has no data {_describe(key)}, which a tensor needs")
+        record = _MAKERS["_storage"]()
+        dtype = np.dtype(_STORAGES[kind]).newbyteorder("<" if is_little else ">")
+        record.state = np.frombuffer(storages[key], dtype)
+        if kind == "BFloat16Storage":  # the first half of a number in single precision
+            record.state = (record.state.astype(np.uint32) << 16).view(np.float32)
+        return record
+
+    values = _unpickle(content, storage, _MOST_OPERATIONS_OF_RECORDINGS)
+    return _Tree(size).value(values)
+
+
+def _decompress(content: bytes, limit: int) -> bytes:
+    """Return the content of a compressed file, which may take so many bytes."""
+    reader = zlib.decompressobj(wbits=47)  # either kind
+    plain = reader.decompress(content, limit)
+    if reader.unconsumed_tail:
+        raise FileFormatError("takes far more memory than a file of its size may")
+    if not reader.eof:
+        raise FileFormatError("ends too early")
+    return plain
+
+
+def _unpickle(
+    content: bytes,
+    storage: Callable[[Any], _Record] | None = None,
+    most_operations: int = _MOST_OPERATIONS,
+) -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of escapes in texts of Python 2
+        return _Unpickler(io.BytesIO(content), storage, most_operations).load()
 
 
 class _Record:
@@ -102,23 +165,46 @@ _KINDS = {
     "csc_matrix": "csc",
     "csc_array": "csc",
     **{name: name for name in ("ndarray", "dtype", "Ch", "Select", "object", "set", "frozenset")},
+    "NumpyArrayWrapper": "joblib",
+    "_rebuild_tensor_v2": "tensor",
+    "_storage": "storage",
+    **{name: name for name in ("list", "dict", "Size", "device")},
 }
+# Types of the numbers in the storages of PyTorch.
+_STORAGES = {
+    "DoubleStorage": "f8",
+    "FloatStorage": "f4",
+    "HalfStorage": "f2",
+    "BFloat16Storage": "u2",
+    "LongStorage": "i8",
+    "IntStorage": "i4",
+    "ShortStorage": "i2",
+    "CharStorage": "i1",
+    "ByteStorage": "u1",
+    "BoolStorage": "b1",
+}
+_KINDS |= {name: name for name in _STORAGES}
 _MAKERS: dict[str, Callable[..., Any]] = {
     name: type(name, (_Record,), {"kind": kind}) for name, kind in _KINDS.items()
 }
 _MAKERS["_reconstructor"] = lambda kind, base, state: kind()  # as Python 2 made objects
+_MAKERS["OrderedDict"] = lambda items=(): dict(items)
+_MAKERS["defaultdict"] = lambda *default: {}  # its items follow
+_MAKERS["_rebuild_parameter"] = lambda tensor, *arguments: tensor
 
 
 class _Operations(dict[int, Callable[[Any], None]]):
     """The operations of an unpickler, which may look up a limited number of them."""
 
-    n_left = _MOST_OPERATIONS
+    def __init__(self, operations: dict[int, Callable[[Any], None]], most: int) -> None:
+        super().__init__(operations)
+        self.most = self.n_left = most
 
     def __getitem__(self, code: int) -> Callable[[Any], None]:
         self.n_left -= 1
         if self.n_left < 0:
             raise FileFormatError(
-                f"is a pickle of more than {_MOST_OPERATIONS} operations, which is refused"
+                f"is a pickle of more than {self.most} operations, which is refused"
             )
         return super().__getitem__(code)
 
@@ -129,16 +215,28 @@ class _Unpickler(pickle._Unpickler):
     Hashing nested tuples, such as keys of dictionaries, takes ages; lists cannot be keys.
     """
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
-        self.dispatch = _Operations(_DISPATCH)  # type: ignore[misc]
+    def __init__(
+        self,
+        content: io.BytesIO,
+        storage: Callable[[Any], _Record] | None = None,
+        most_operations: int = _MOST_OPERATIONS,
+    ) -> None:
+        super().__init__(content, encoding="latin1")
+        self.dispatch = _Operations(_DISPATCH, most_operations)  # type: ignore[misc]
+        self.content, self._storage = content, storage
+
+    def persistent_load(self, identifier: Any) -> _Record:
+        if self._storage is None:
+            raise FileFormatError("needs data that the file does not hold")
+        return self._storage(identifier)
 
     def find_class(self, module: str, name: str) -> Callable[..., Any]:
         if name not in _MAKERS:
             raise FileFormatError(
                 f"asks for {_describe(f'{module}.{name}')}, which is refused: body models may "
                 "hold NumPy arrays, SciPy's csc matrices and chumpy.ch.Ch or "
-                "chumpy.reordering.Select alone. Nothing in the file was run"
+                "chumpy.reordering.Select alone, and recordings arrays and tensors. Nothing in "
+                "the file was run"
             )
         return _MAKERS[name]
 
@@ -148,6 +246,24 @@ def _list_of_last(count: int) -> Callable[[Any], None]:
         unpickler.stack[-count:] = [unpickler.stack[-count:]]
 
     return load
+
+
+def _build(unpickler: Any) -> None:
+    """Give an object its state; the numbers of an array of joblib follow it in the file."""
+    _PYTHON_BUILD(unpickler)
+    record = unpickler.stack[-1]
+    if _kind(record) != "joblib":
+        return
+    state = _attributes(record)
+    dtype = _dtype(state["dtype"])
+    if state.get("numpy_array_alignment_bytes") is not None:
+        unpickler.content.read(unpickler.content.read(1)[0])
+    size = math.prod(map(int, state["shape"])) * dtype.itemsize
+    data = unpickler.content.read(max(size, 0))
+    if len(data) != size:
+        raise FileFormatError("ends within an array")
+    record.arguments = (data, state["dtype"], state["shape"], state["order"])
+    record.kind = "buffer"
 
 
 # Operations that do what another one does; that for bytearrays allocates before it reads.
@@ -161,6 +277,8 @@ _ALIASES = {
 }
 _TUPLES = {pickle.TUPLE1: 1, pickle.TUPLE2: 2, pickle.TUPLE3: 3}
 _DISPATCH = dict(pickle._Unpickler.dispatch)
+_PYTHON_BUILD = _DISPATCH[pickle.BUILD[0]]
+_DISPATCH[pickle.BUILD[0]] = _build
 _DISPATCH |= {code[0]: _DISPATCH[other[0]] for code, other in _ALIASES.items()}
 _DISPATCH |= {code[0]: _list_of_last(count) for code, count in _TUPLES.items()}
 
@@ -191,6 +309,53 @@ def _value(value: Any, depth: int = 0) -> Any:
     if array.dtype.kind == "O":
         raise FileFormatError("holds a whole number beyond 64 bits")
     return array
+
+
+class _Tree:
+    """Makes plain values of records, of which lists and dictionaries may hold any one often."""
+
+    def __init__(self, size: int) -> None:
+        self._n_bytes, self._n_values = memory_limit(size), _MOST_VALUES
+
+    def value(self, found: Any, depth: int = 0) -> Any:
+        """Return the plain value of a record, or None where it has none."""
+        self._n_values -= 1
+        if depth > _DEEPEST_TREE or self._n_values < 0:
+            raise FileFormatError("holds dictionaries and lists that nest too deep or too often")
+        kind = _kind(found)
+        if kind in ("array", "buffer", "scalar", "tensor"):
+            array = _tensor(found, self._n_bytes) if kind == "tensor" else _array(found)
+            self._n_bytes -= array.size * _BYTES_OF_NUMBER
+            if self._n_bytes < 0:
+                raise FileFormatError("uses its data more often than its size allows")
+            return array
+        if isinstance(found, dict):
+            pairs = ((str(key), self.value(item, depth + 1)) for key, item in found.items())
+            return {key: item for key, item in pairs if item is not None}
+        if isinstance(found, list):
+            return [self.value(item, depth + 1) for item in found]
+        return found if isinstance(found, (str, int, float)) else None
+
+
+def _tensor(record: _Record, most_bytes: int) -> np.ndarray:
+    """Return the array of a tensor, whose entries may be those of a storage in any order."""
+    storage, offset, shape, strides = record.arguments[:4]
+    if _kind(storage) != "storage":
+        raise FileFormatError("holds a malformed tensor")
+    numbers = storage.state
+    shape, strides = [int(n) for n in shape], [int(n) for n in strides]
+    if len(shape) != len(strides) or min((offset, *shape, *strides)) < 0:
+        raise FileFormatError("holds a malformed tensor")
+    last = offset + sum((n - 1) * step for n, step in zip(shape, strides, strict=True))
+    # An expanded tensor repeats its entries.
+    if math.prod(shape) and last >= len(numbers):
+        raise FileFormatError("holds a tensor that is larger than its data")
+    if math.prod(shape) * _BYTES_OF_NUMBER > most_bytes:
+        raise FileFormatError("uses its data more often than its size allows")
+    if not math.prod(shape):
+        return np.zeros(shape, numbers.dtype)
+    steps = [step * numbers.itemsize for step in strides]
+    return np.lib.stride_tricks.as_strided(numbers[offset:], shape, steps, writeable=False)
 
 
 def _array(record: _Record) -> np.ndarray:
@@ -247,6 +412,11 @@ def _sparse(state: dict[str, Any]) -> sparse.coo_array:
     columns = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     values = data[: starts[-1]].astype(np.float64), (rows[: starts[-1]].astype(np.int64), columns)
     return sparse.coo_array(values, shape=tuple(shape))
+
+
+def _name_of(found: Any) -> str:
+    """Return the name of a class of records."""
+    return found.__name__ if isinstance(found, type) else ""
 
 
 def _attributes(record: _Record) -> dict[str, Any]:

@@ -1,0 +1,342 @@
+"""Recordings in any format that the library reads: one function for all.
+
+Methods that watch videos print poses in SMPL's joint order, each under names of its own. Here, a
+field is known by its name, wherever it stands in a file; rates and axes are those of the makers.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets.amass import load_amass
+from riemhuman.datasets.amc import load_amc
+from riemhuman.datasets.bvh import load_bvh, nearest_frames
+from riemhuman.datasets.motion_arrays import motion_from_arrays
+from riemhuman.datasets.motions import ModelMotion
+from riemhuman.datasets.retargeting import retarget
+from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, warn
+from riemhuman.io.arrays import array_shapes, load_arrays
+from riemhuman.io.files import file_path, suffix_of
+from riemhuman.io.pickles import load_pickled_tree
+from riemhuman.io.torch_files import load_torch_tree
+
+RECORDING_ENDINGS = (".bvh", ".amc", ".npz", ".pkl", ".pickle", ".joblib", ".pt", ".pth")
+"""Endings of the files that `load_recording` reads."""
+
+# Names of whole poses, those in space before those before a camera, and of parts that make one.
+_WHOLE_POSES = (
+    *("pose_world", "poses_world", "poses", "pose", "smpl_poses", "smpl_thetas", "thetas"),
+    *("pred_rotmat", "full_pose", "fullpose"),
+)
+_ROOT_POSES = ("global_orient", "root_orient", "smpl_orient", "pred_global_orient")
+_BODY_POSES = ("body_pose", "pose_body", "smpl_body_pose", "pred_body_pose")
+_TRANSLATIONS = (
+    *("trans_world", "trans", "transl", "smpl_trans", "pred_trans", "translation", "root_trans"),
+    *("cam_trans", "pred_cam_t", "camera"),
+)
+_BETAS = ("betas", "smpl_betas", "pred_shape", "shape", "pred_betas")
+_RATES = ("fps", "frame_rate", "framerate", "mocap_framerate", "mocap_frame_rate")
+# AIST++ has translations in a unit of its own, of which so many are a metre.
+_SCALE = "smpl_scaling"
+# Of a person in space and before the camera, the first is wanted.
+_IN_SPACE, _BEFORE_CAMERA = ("global", "world"), ("incam", "cam")
+# AIST++ records 60 frames a second; most videos have 30.
+_RATE_OF_AIST, _RATE_OF_VIDEOS = 60.0, 30.0
+_AMASS = ("mocap_framerate", "mocap_frame_rate")
+_MOST_FIELDS = 24
+_DEEPEST = 4
+
+
+@dataclass(frozen=True)
+class _Person:
+    """One person in a file: arrays over the frames."""
+
+    name: str
+    poses: np.ndarray
+    translations: np.ndarray
+    betas: np.ndarray | None
+    rate: float | None
+
+
+def load_recording(
+    path: str | os.PathLike[str],
+    model: BodyModel | None = None,
+    *,
+    frames_per_second: float | None = None,
+    up: str | None = None,
+    betas: Any = None,
+    joints: Mapping[str, str] | None = None,
+    person: str | None = None,
+) -> ModelMotion:
+    """Read a recording of a person's motion, in any format that the library knows.
+
+    - ``.bvh`` and ``.amc`` (Acclaim, with its ``.asf`` beside it), see `load_bvh`, `load_amc`;
+    - ``.npz`` in AMASS's layout, see `load_amass`;
+    - ``.npz``, ``.pkl`` and ``.pt`` of methods that watch videos, see `motion_from_arrays`: those
+      of AIST++, WHAM, GVHMR, 4D-Humans, TRAM and ROMP, and others whose fields have the same
+      names. Nothing in a file runs; a file that holds other objects is refused.
+
+    Parameters
+    ----------
+    path : path_like
+    model : BodyModel, optional
+        By default the open model, "coarse".
+    frames_per_second : float, optional
+        Frame rate of the motion, at most that of the recording: the frames nearest in time are
+        used. Where a file of a video holds no rate, this is the rate of the video, by default 30.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis of the recording that points up; by default the one along which people stand.
+    betas : array_like, shape (B,), optional
+        Coefficients of the person, of `model`; by default those of the file if they are of this
+        model, else as for `retarget`.
+    joints : mapping of str to str, optional
+        Names of joints of a skeleton, see `retarget`.
+    person : str, optional
+        Which person, in files of several; by default the one seen in the most frames, which a
+        warning says.
+
+    Raises
+    ------
+    FileFormatError
+        If the file holds no motion; it says which fields it holds.
+
+    Examples
+    --------
+    >>> walk = rh.datasets.load_recording("walk.bvh")  # doctest: +SKIP
+    >>> dance = rh.datasets.load_recording("gBR_sBM_cAll_d04.pkl")  # doctest: +SKIP
+    """
+    file = file_path(path)
+    suffix = suffix_of(file, RECORDING_ENDINGS)
+    if suffix in (".bvh", ".amc"):
+        recording = load_bvh(file) if suffix == ".bvh" else load_amc(file)
+        options = {"betas": betas, "joints": joints, "up": up}
+        return retarget(recording, model, frames_per_second=frames_per_second, **options)
+    if joints is not None:
+        raise ArgumentError(f"joints are of skeletons, in .bvh and .amc; found {file.name}")
+    motion: ModelMotion
+    if suffix == ".npz" and set(_AMASS) & set(array_shapes(file, ())[0]):
+        (amass,) = load_amass(file, model, frames_per_second=frames_per_second)
+        motion = amass
+    else:
+        motion = _video_motion(file, suffix, model, frames_per_second, up, person)
+    return motion if betas is None else motion.performed_by(betas)
+
+
+def _video_motion(
+    file: Path,
+    suffix: str,
+    model: BodyModel | None,
+    frames_per_second: float | None,
+    up: str | None,
+    person: str | None,
+) -> ModelMotion:
+    """Return the motion of one person in a file of a method that watches videos."""
+    content = _read(file, suffix)
+    people = list(_people(content, ""))
+    if not people:
+        raise FileFormatError(
+            f"{file} holds no motion that is known: poses in SMPL's joint order, such as poses, "
+            f"or global_orient and body_pose, and a translation, such as trans; it holds "
+            f"{_fields(content)}"
+        )
+    chosen = _choose(people, person, file)
+    rate = chosen.rate or frames_per_second or _RATE_OF_VIDEOS
+    frames = np.arange(len(chosen.poses))
+    if frames_per_second is not None:
+        frames = nearest_frames(len(frames), rate, frames_per_second)
+        rate = frames_per_second
+    betas = chosen.betas
+    if betas is not None and betas.ndim == 2:
+        betas = betas[frames]
+    try:
+        return motion_from_arrays(
+            chosen.poses[frames],
+            chosen.translations[frames],
+            rate,
+            up=up,
+            betas=betas,
+            model=model,
+            name=file.stem,
+        )
+    except RiemhumanError as error:
+        raise FileFormatError(f"{file}: {error}") from error
+
+
+def _read(file: Path, suffix: str) -> Any:
+    if suffix == ".npz":
+        return load_arrays(file, ())
+    if suffix in (".pt", ".pth"):
+        return load_torch_tree(file)
+    return load_pickled_tree(file)
+
+
+def _people(content: Any, name: str, depth: int = 0) -> Iterator[_Person]:
+    """Yield the people in a dictionary, in those that it holds, and in frames of lists."""
+    if not isinstance(content, dict) or depth > _DEEPEST:
+        return
+    found = _person(content, name)
+    if found is not None:
+        yield found
+        return
+    by_frame = _people_by_frame(content)
+    if by_frame:
+        for label, frames in by_frame.items():
+            person = _person(_stacked(frames), label)
+            if person is not None:
+                yield person
+        return
+    inner = {key: value for key, value in content.items() if isinstance(value, dict)}
+    in_space = [key for key in inner if any(word in key for word in _IN_SPACE)]
+    before = [key for key in inner if any(word in key for word in _BEFORE_CAMERA)]
+    for key, value in inner.items():
+        if not (in_space and key in before):
+            label = f"{name}/{key}" if name else key
+            yield from _people(value, label, depth + 1)
+
+
+def _people_by_frame(content: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    """Return the fields of each person in each frame, where the keys are frames of a video."""
+    people: dict[str, list[dict[str, Any]]] = {}
+    for frame in content.values():
+        if not isinstance(frame, dict):
+            return {}
+        # As 4D-Humans has it: lists over the people in the frame, who have numbers.
+        bodies = frame.get("smpl", frame)
+        bodies = bodies if isinstance(bodies, list) else [bodies]
+        labels = frame.get("tid", range(len(bodies)))
+        cameras = frame.get("camera", [None] * len(bodies))
+        if len(bodies) > min(len(labels), len(cameras)):
+            return {}
+        for body, label, camera in zip(bodies, labels, cameras, strict=False):
+            if not isinstance(body, dict) or not _is_one_frame(body):
+                return {}
+            moved = body if camera is None else body | {"camera": camera}
+            people.setdefault(str(label), []).append(moved)
+    return people
+
+
+def _is_one_frame(body: Mapping[str, Any]) -> bool:
+    """Return whether these fields are of a single frame."""
+    root = _first(body, _ROOT_POSES)
+    whole = _first(body, _WHOLE_POSES)
+    if root is not None:
+        return root.size in (3, 9)
+    return whole is not None and (whole.ndim == 1 or len(whole) == 1 or whole.shape[1:] == (3, 3))
+
+
+def _stacked(frames: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the fields of all frames, each an array over the frames."""
+    shared = set(frames[0]).intersection(*frames[1:])
+    stacked = {}
+    for key in shared:
+        arrays = [np.asarray(frame[key]) for frame in frames]
+        if arrays[0].dtype.kind in "fiu" and len({array.shape for array in arrays}) == 1:
+            stacked[key] = np.stack(arrays)
+    return stacked
+
+
+def _person(content: Mapping[str, Any], name: str) -> _Person | None:
+    """Return the person whose poses and translations are among these fields."""
+    poses, translations = _poses(content), _first(content, _TRANSLATIONS)
+    if poses is None or translations is None or not len(poses):
+        return None
+    n_frames = len(poses)
+    if translations.size != 3 * n_frames:
+        return None
+    translations = translations.reshape(n_frames, 3)
+    scale, rate = _first(content, (_SCALE,)), _first(content, _RATES)
+    if scale is not None and scale.size == 1 and scale.item() > 0.0:
+        translations = translations / scale.item()
+    betas = _first(content, _BETAS)
+    if betas is not None:
+        betas = (
+            betas.reshape(n_frames, -1)
+            if betas.ndim > 1 and len(betas) == n_frames
+            else (betas.reshape(-1) if betas.ndim == 1 or len(betas) == 1 else betas)
+        )
+    known = float(rate.item()) if rate is not None and rate.size == 1 and rate.item() > 0 else None
+    if known is None and scale is not None:
+        known = _RATE_OF_AIST
+    return _Person(name, poses, translations, betas, known)
+
+
+def _poses(content: Mapping[str, Any]) -> np.ndarray | None:
+    """Return poses as axis-angle vectors, shape (n_frames, J, 3), if these fields hold them."""
+    whole = _vectors(_first(content, _WHOLE_POSES))
+    if whole is not None:
+        return whole
+    root, body = (_vectors(_first(content, names)) for names in (_ROOT_POSES, _BODY_POSES))
+    if root is None or body is None or len(root) != len(body):
+        return None
+    return np.concatenate([root, body], axis=1)
+
+
+def _vectors(array: np.ndarray | None) -> np.ndarray | None:
+    """Return rotations of any layout as axis-angle vectors, shape (n_frames, joints, 3)."""
+    if array is None or array.ndim < 2:
+        return None
+    if array.shape[-2:] == (3, 3) and array.ndim > 2:
+        matrices = array.reshape(len(array), -1, 3, 3).astype(float)
+        if not np.isfinite(matrices).all() or (np.linalg.det(matrices) <= 0.0).any():
+            return None
+        vectors: np.ndarray = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec()
+        return vectors.reshape(len(array), -1, 3)
+    if array.size % (3 * max(len(array), 1)):
+        return None
+    return array.reshape(len(array), -1, 3).astype(float)
+
+
+def _first(content: Mapping[str, Any], names: tuple[str, ...]) -> np.ndarray | None:
+    """Return the first of some fields that holds numbers."""
+    for name in names:
+        value = content.get(name)
+        if isinstance(value, (int, float, np.ndarray, list)):
+            try:
+                array = np.asarray(value)
+            except ValueError:  # parts of different lengths
+                continue
+            if array.dtype.kind in "fiu":
+                return array
+    return None
+
+
+def _choose(people: list[_Person], person: str | None, file: Path) -> _Person:
+    """Return the person who is wanted, or seen most."""
+    names = [found.name for found in people]
+    if person is not None:
+        if person not in names:
+            raise ArgumentError(f"person must be one of {', '.join(names)}; found {person!r}")
+        return people[names.index(person)]
+    chosen = max(people, key=lambda found: len(found.poses))
+    if len(people) > 1:
+        warn(
+            f"{file.name} holds {len(people)} people ({', '.join(names[:8])}); person "
+            f"{chosen.name}, seen in {len(chosen.poses)} frames, was taken. The argument person "
+            "chooses another",
+            UserWarning,
+        )
+    return chosen
+
+
+def _fields(content: Any) -> str:
+    """Return the names of fields, with the shapes of arrays, for a message."""
+    if not isinstance(content, dict):
+        return f"a {type(content).__name__}"
+    texts = []
+    for name, value in content.items():
+        if isinstance(value, np.ndarray):
+            texts.append(f"{name} {value.shape}")
+        elif isinstance(value, dict):
+            texts.append(f"{name} {{{', '.join(list(value)[:6])}}}")
+        else:
+            texts.append(f"{name} ({type(value).__name__})")
+    more = f", and {len(texts) - _MOST_FIELDS} more" if len(texts) > _MOST_FIELDS else ""
+    return (", ".join(texts[:_MOST_FIELDS]) or "nothing") + more

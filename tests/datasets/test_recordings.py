@@ -1,0 +1,269 @@
+"""The one reader of recordings: every format gives the poses that were written."""
+
+import gzip
+import pickle
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_pickles import Call, Raw, name_of, pickled, smpl_fields
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets import RetargetedMotion, load_recording
+from riemhuman.errors import ArgumentError, FileFormatError
+
+FOLDER = Path(__file__).parent / "recordings"
+N_FRAMES = 6
+RNG = np.random.default_rng(0)
+POSES = 0.2 * RNG.normal(size=(N_FRAMES, 24, 3))
+PLACES = RNG.normal(size=(N_FRAMES, 3))
+BETAS = RNG.normal(size=10)
+ROWS = POSES.reshape(N_FRAMES, 72)
+MATRICES = Rotation.from_rotvec(POSES.reshape(-1, 3)).as_matrix().reshape(N_FRAMES, 24, 3, 3)
+
+
+@pytest.fixture(scope="module")
+def smpl():
+    fields = smpl_fields(24, n_vertices=30, n_betas=10, rng=0)
+    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
+    return BodyModel(**fields)
+
+
+class Tensor:
+    """An array that is written as a tensor of PyTorch, with its entries in a storage."""
+
+    def __init__(self, array, kind="DoubleStorage", strides=None, offset=0, shape=None):
+        self.array, self.kind, self.offset = np.ascontiguousarray(array), kind, offset
+        self.shape = array.shape if shape is None else shape
+        steps = [step // self.array.itemsize for step in self.array.strides]
+        self.strides = steps if strides is None else strides
+
+
+def torch_file(path, content, folder="archive", byteorder="little"):
+    """Write nested dictionaries of tensors as `torch.save` does."""
+    storages = []
+
+    def opcodes(value):
+        if isinstance(value, dict):
+            return {key: opcodes(item) for key, item in value.items()}
+        if not isinstance(value, Tensor):
+            return value
+        storages.append(value.array.tobytes())
+        numbers = str(len(storages) - 1)
+        identifier = ("storage", name_of(f"torch {value.kind}"), numbers, "cpu", value.array.size)
+        stored = Raw(pickled(identifier)[2:-1] + b"Q")
+        shape, strides = tuple(value.shape), tuple(value.strides)
+        arguments = (
+            stored,
+            value.offset,
+            shape,
+            strides,
+            False,
+            Call("collections OrderedDict", ()),
+        )
+        return Call("torch._utils _rebuild_tensor_v2", arguments)
+
+    data = pickled(opcodes(content))
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(f"{folder}/data.pkl", data)
+        archive.writestr(f"{folder}/byteorder", byteorder)
+        for number, storage in enumerate(storages):
+            archive.writestr(f"{folder}/data/{number}", storage)
+    return path
+
+
+def aist(path):
+    content = {"smpl_loss": 0.5, "smpl_poses": ROWS, "smpl_scaling": np.array([90.0])}
+    path.write_bytes(pickle.dumps(content | {"smpl_trans": 90.0 * PLACES}))
+
+
+def wham(path):
+    person = {"pose_world": ROWS, "trans_world": PLACES, "betas": np.tile(BETAS, (N_FRAMES, 1))}
+    camera = {"pose": ROWS + 1.0, "trans": PLACES + 1.0, "verts": np.zeros((N_FRAMES, 5, 3))}
+    path.write_bytes(pickle.dumps({0: person | camera}))
+
+
+def gvhmr(path):
+    params = {
+        "body_pose": Tensor(ROWS[:, 3:66].astype(np.float32), "FloatStorage"),
+        "global_orient": Tensor(ROWS[:, :3]),
+        "transl": Tensor(PLACES),
+        # One row for all frames, as `expand` makes it.
+        "betas": Tensor(BETAS, shape=(N_FRAMES, 10), strides=(0, 1)),
+    }
+    turned = params | {"global_orient": Tensor(ROWS[:, :3] + 1.0)}
+    torch_file(path, {"smpl_params_incam": turned, "smpl_params_global": params})
+
+
+def four_d_humans(path):
+    frames = {
+        f"img/{frame:06d}.jpg": {
+            "tid": [1],
+            "camera": [PLACES[frame]],
+            "smpl": [
+                {
+                    "global_orient": MATRICES[frame, :1],
+                    "body_pose": MATRICES[frame, 1:],
+                    "betas": BETAS,
+                }
+            ],
+        }
+        for frame in range(N_FRAMES)
+    }
+    path.write_bytes(zlib.compress(pickle.dumps(frames)))
+
+
+def four_d_humans_plain(path):
+    frames = {
+        frame: {
+            "global_orient": MATRICES[frame, None, :1],
+            "body_pose": MATRICES[frame, None, 1:],
+            "pred_cam_t": PLACES[frame, None],
+            "betas": BETAS[None],
+        }
+        for frame in range(N_FRAMES)
+    }
+    path.write_bytes(gzip.compress(pickle.dumps(frames)))
+
+
+def tram(path):
+    content = {
+        "pred_rotmat": Tensor(MATRICES),
+        "pred_shape": Tensor(np.tile(BETAS, (N_FRAMES, 1))),
+        "pred_trans": Tensor(PLACES[:, None]),
+    }
+    torch_file(path, content, folder="results")
+
+
+def romp(path):
+    betas = np.tile(BETAS, (N_FRAMES, 1))
+    np.savez(path, smpl_thetas=ROWS, smpl_betas=betas, cam_trans=PLACES)
+
+
+WRITERS = {
+    "aist.pkl": aist,
+    "wham.pkl": wham,
+    "gvhmr.pt": gvhmr,
+    "four_d_humans.pkl": four_d_humans,
+    "four_d_humans_plain.pickle": four_d_humans_plain,
+    "tram.pth": tram,
+    "romp.npz": romp,
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_poses_of_video_methods(tmp_path, smpl, name):
+    file = tmp_path / name
+    WRITERS[name](file)
+    motion = load_recording(file, smpl, up="y")
+    poses = POSES.copy()
+    if name == "gvhmr.pt":
+        poses[:, 22:] = 0.0  # it has no hands
+    betas = np.zeros(10) if name == "aist.pkl" else BETAS
+    np.testing.assert_allclose(motion[:], smpl(betas, poses, PLACES), atol=1e-6)
+    assert motion.frames_per_second == (60.0 if name == "aist.pkl" else 30.0)
+    assert motion.sequence == file.stem
+
+
+@pytest.mark.parametrize("compress", [0, 3])
+def test_files_of_joblib(tmp_path, smpl, compress):
+    joblib = pytest.importorskip("joblib")
+    person = {"pose_world": np.asfortranarray(ROWS), "trans_world": PLACES, "betas": BETAS}
+    joblib.dump({"a": person}, tmp_path / "a.pkl", compress=compress)
+    motion = load_recording(tmp_path / "a.pkl", smpl, up="y")
+    np.testing.assert_allclose(motion[:], smpl(BETAS, POSES, PLACES), atol=1e-12)
+
+
+def test_files_of_torch(tmp_path, smpl):
+    torch = pytest.importorskip("torch")
+    params = {
+        "body_pose": torch.nn.Parameter(torch.tensor(ROWS[:, 3:])),
+        "global_orient": torch.tensor(np.flip(ROWS, 0).copy()).flip(0)[:, :3],
+        "transl": torch.tensor(PLACES.T.copy()).T,
+        "betas": torch.tensor(BETAS).expand(N_FRAMES, 10),
+        "mask": torch.ones(3, dtype=torch.bfloat16),
+    }
+    torch.save({"smpl_params_global": params}, tmp_path / "a.pt")
+    motion = load_recording(tmp_path / "a.pt", smpl, up="y")
+    np.testing.assert_allclose(motion[:], smpl(BETAS, POSES, PLACES), atol=1e-12)
+
+
+def test_skeletons_and_amass(tmp_path, smpl):
+    walk = load_recording(FOLDER / "cmu_01_01.bvh", frames_per_second=10.0)
+    assert isinstance(walk, RetargetedMotion)
+    assert walk.frames_per_second == 10.0
+    still = load_recording(FOLDER / "cmu_01_01.amc", betas=np.zeros(walk.model.n_betas))
+    assert still.frames_per_second == 120.0
+    assert not still.betas.any()
+    poses = np.pad(ROWS[:, :66], ((0, 0), (0, 90)))
+    fields = {"poses": poses, "trans": PLACES, "betas": np.zeros(16), "gender": "male"}
+    np.savez(tmp_path / "a.npz", mocap_framerate=60.0, **fields)
+    assert len(load_recording(tmp_path / "a.npz", smpl)) == N_FRAMES
+    other = load_recording(tmp_path / "a.npz", smpl, betas=BETAS)
+    np.testing.assert_array_equal(other.betas, BETAS)
+
+
+def test_several_people(tmp_path, smpl):
+    long = {"pose_world": ROWS, "trans_world": PLACES}
+    short = {"pose_world": ROWS[2:4], "trans_world": PLACES[2:4]}
+    (tmp_path / "two.pkl").write_bytes(pickle.dumps({7: short, 9: long}))
+    with pytest.warns(UserWarning, match=r"two.pkl holds 2 people \(7, 9\); person 9, seen in 6"):
+        assert len(load_recording(tmp_path / "two.pkl", smpl, up="y")) == N_FRAMES
+    assert len(load_recording(tmp_path / "two.pkl", smpl, up="y", person="7")) == 2
+    with pytest.raises(ArgumentError, match="person must be one of 7, 9; found '8'"):
+        load_recording(tmp_path / "two.pkl", smpl, person="8")
+
+
+def test_rates(tmp_path, smpl):
+    romp(tmp_path / "a.npz")
+    assert load_recording(tmp_path / "a.npz", smpl, up="y", frames_per_second=25.0).n_frames == 6
+    aist(tmp_path / "a.pkl")
+    slow = load_recording(tmp_path / "a.pkl", smpl, up="y", frames_per_second=30.0)
+    np.testing.assert_allclose(slow.translations, PLACES[::2], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.pkl", pickle.dumps({"verts": ROWS, "cam": 1.0}), r"verts \(6, 72\), cam \(float\)"),
+        ("a.pkl", pickle.dumps([ROWS]), "it holds a list"),
+        ("a.pkl", pickle.dumps({"p": {"poses": ROWS}}), r"it holds p \{poses\}"),
+        ("a.pkl", pickled({"a": Call("os system", ("true",))}), r"asks for os\.system"),
+        ("a.pkl", zlib.compress(bytes(2**28)), "far more memory"),
+        ("a.pkl", zlib.compress(pickle.dumps({"p": ROWS}))[:-20], "ends too early"),
+        ("a.pt", pickle.dumps(1), "save it again with torch.save"),
+        ("a.mp4", b"", r"\.bvh, .*\.pth; found '\.mp4'"),
+    ],
+)
+def test_refused_files(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(FileFormatError, match=message):
+        load_recording(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("tensor", "message"),
+    [
+        (Tensor(ROWS, "QInt8Storage"), r"asks for torch\.QInt8Storage"),
+        (Tensor(ROWS, shape=(7, 72)), "larger than its data"),
+        (Tensor(ROWS, offset=1), "larger than its data"),
+        (Tensor(ROWS, strides=(-72, 1)), "malformed tensor"),
+        (Tensor(ROWS, shape=(2**30, 72), strides=(0, 1)), "more often than its size allows"),
+    ],
+)
+def test_hostile_tensors(tmp_path, tensor, message):
+    file = torch_file(tmp_path / "a.pt", {"poses": tensor, "trans": Tensor(PLACES)})
+    with pytest.raises(FileFormatError, match=message):
+        load_recording(file)
+
+
+def test_lists_in_each_other_without_end(tmp_path):
+    value = [ROWS]
+    for _ in range(30):
+        value = [value] * 10
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"poses": value}))
+    with pytest.raises(FileFormatError, match="nest too deep or too often"):
+        load_recording(tmp_path / "a.pkl")
