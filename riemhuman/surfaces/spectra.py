@@ -126,6 +126,9 @@ def _constants(faces: np.ndarray, areas: np.ndarray) -> np.ndarray:
 # singular operator positive definite.
 _SHIFT = 0.01
 
+# Connected parts of up to so many vertices are solved densely, all of one size at once.
+_SMALL_PART = 64
+
 
 def harmonics(
     template: Template, n_harmonics: int, name: str = "n_harmonics"
@@ -142,18 +145,67 @@ def _eigenfunctions(
     """Return the lowest eigenfunctions with μ > 0, from the Laplacian at vertices with areas."""
     used, n_used = np.flatnonzero(areas), len(np.unique(faces))
     n_unused = len(areas) - n_used
-    n_constant = int(vertex_components(faces, len(areas)).max()) + 1 - n_unused
+    components = vertex_components(faces, len(areas))
+    n_constant = int(components.max()) + 1 - n_unused
     if count > n_used - n_constant:
         raise ArgumentError(
             f"{name}={count} exceeds the {n_used - n_constant} of a mesh with {n_used} vertices "
             f"in {n_constant} connected components"
         )
-    values, vectors = lowest_eigenpairs(laplacian, areas[used], n_constant + count)
+    values, vectors = _eigenpairs_of_parts(laplacian, areas[used], components[used], count)
     functions = np.zeros((count, len(areas)))
-    functions[:, used] = vectors[:, n_constant:].T
+    functions[:, used] = vectors
     peaks = np.abs(functions).argmax(axis=1)
     functions *= np.sign(functions[np.arange(count), peaks])[:, np.newaxis]
-    return values[n_constant:], functions
+    return values, functions
+
+
+def _eigenpairs_of_parts(
+    laplacian: sparse.csr_array, areas: np.ndarray, components: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest eigenvalues above zero, and eigenvectors as rows, part by part.
+
+    The zeros of thousands of parts are as many, and Lanczos iterations would look for them all.
+    """
+    _, parts, sizes = np.unique(components, return_inverse=True, return_counts=True)
+    order = np.argsort(parts, kind="stable")
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    blocks = laplacian[order][:, order].tocsr()
+    areas = areas[order]
+    pairs: list[tuple[float, np.ndarray, np.ndarray]] = []
+    for size in np.unique(sizes[sizes > 1]):
+        first = starts[:-1][sizes == size]
+        members = first[:, np.newaxis] + np.arange(size)
+        n_pairs = min(count, int(size) - 1)
+        if size > _SMALL_PART:
+            slices = [slice(start, start + size) for start in first]
+            found = (
+                lowest_eigenpairs(blocks[part, part], areas[part], n_pairs + 1) for part in slices
+            )
+        else:
+            found = zip(*_dense_eigenpairs(blocks, areas, members), strict=True)
+        for rows, (values, vectors) in zip(members, found, strict=True):
+            pairs += zip(values[1:], vectors.T[1:], [rows] * n_pairs, strict=False)
+        # Of the parts so far, no more are needed.
+        pairs = sorted(pairs, key=lambda pair: pair[0])[:count]
+    functions = np.zeros((count, len(areas)))
+    for function, (_, vector, rows) in zip(functions, pairs, strict=True):
+        function[order[rows]] = vector
+    return np.array([value for value, *_ in pairs]), functions
+
+
+def _dense_eigenpairs(
+    laplacian: sparse.csr_array, areas: np.ndarray, members: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return all eigenpairs of parts of one size, whose vertices are rows of `members`."""
+    n_parts, size = members.shape
+    local = np.zeros((n_parts, size, size))
+    rows = laplacian[members.ravel()].tocoo()
+    part, place = np.divmod(rows.row, size)
+    local[part, place, rows.col - members[part, 0]] = rows.data
+    roots = np.sqrt(areas[members])
+    values, vectors = np.linalg.eigh(local / (roots[:, :, None] * roots[:, None, :]))
+    return values, vectors / roots[:, :, np.newaxis]
 
 
 def lowest_eigenpairs(
