@@ -54,7 +54,9 @@ _ROOM_OF_NAME = {
     "LearnedMetric": "statistics.learned_metric",
     "TangentPCA": "solvers.tangent_pca",
     "ConvergenceWarning": "errors",
+    "PrecisionWarning": "errors",
     "RiemhumanError": "errors",
+    "SeamWarning": "errors",
 }
 _ROOMS = (
     "bodies",

@@ -75,6 +75,14 @@ class ReparametrizationInvarianceWarning(UserWarning):
     """A path over all vertices is searched with a metric that ignores motions along surfaces."""
 
 
+class SeamWarning(UserWarning):
+    """Vertices that a seam doubles are moved without each other: the surface will tear."""
+
+
+class PrecisionWarning(UserWarning):
+    """Coordinates hold few digits of the shape, as far from the origin in single precision."""
+
+
 class ClusterError(RiemhumanError, RuntimeError):
     """A cluster cannot continue its work."""
 

@@ -132,9 +132,12 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
     oriented = (n_directed == 1).all() and len(np.unique(inward)) == 1
     longest = mesh.edges_unique_length[mesh.faces_unique_edges].max(axis=1)
     units = " or ".join(likely_units(max(extents)))
+    seams = rh.io.find_seams(vertices, faces)
     try:
         rh.Template(vertices, faces)
         usable = "yes"
+        if seams:
+            usable = f"yes, once its seams are joined: {seams.n_copies} doubled vertices"
     except ArgumentError as error:
         usable = f"no: {error}"
     return {
@@ -149,6 +152,7 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
         "triangles_facing_inward": inward.sum(),
         "unused_vertices": len(vertices) - len(used),
         "coincident_vertices": len(vertices) - len(np.unique(vertices, axis=0)),
+        "seam_edges": len(seams.edge_pairs),
         # Those whose height is zero up to rounding.
         "degenerate_triangles": (2 * mesh.area_faces <= 1e-12 * longest**2).sum(),
         "extents": extents,
@@ -179,6 +183,7 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
     return facts | {
         "registered": True,
         "vertices": points.shape[1],
+        "seams_joined": 0 if meshes.seams is None else len(meshes.seams.edge_pairs),
         "triangles": len(meshes.faces),
         "largest_extents": np.ptp(points, axis=1).max(axis=0),
     }

@@ -17,6 +17,7 @@ from riemhuman.datasets.bodies import Bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.files import convert_errors, file_path, read_text
 from riemhuman.io.mesh_arrays import face_difference
+from riemhuman.io.mesh_seams import Seams, check_seams, common_seams, find_seams
 from riemhuman.io.meshes import load_mesh
 from riemhuman.progress import ProgressBar
 from riemhuman.representation import join_names
@@ -60,6 +61,10 @@ class RegisteredMeshes:
         Unit of the files, converted to metres; by default coordinates are not scaled.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis that points up in the files, rotated to y; by default meshes are not rotated.
+    seams : {"join", "keep"}
+        Exporters of OBJ and GLB files double vertices along seams. "join" makes one vertex of
+        copies that coincide in all files, which are then read at once; "keep" keeps the files'
+        vertices, as does a reference that is a `Template`.
 
     Attributes
     ----------
@@ -67,6 +72,9 @@ class RegisteredMeshes:
     faces : array of int, shape (F, 3)
     reference : array, shape (V, 3)
         Vertices of the reference.
+    seams : Seams or None
+        The map from the vertices of the files to those of the surfaces, and back, if seams were
+        joined.
 
     Examples
     --------
@@ -85,9 +93,11 @@ class RegisteredMeshes:
         *,
         unit: str | None = None,
         up: str | None = None,
+        seams: str = "join",
     ) -> None:
         self._scale = one_of(scale, "scale", SCALES)
         self._unit, self._up = unit, up
+        self.seams: Seams | None = None
         self.files = tuple(Path(file) for file in files)
         if not self.files:
             raise ArgumentError("files holds no mesh file; at least one is needed")
@@ -98,6 +108,8 @@ class RegisteredMeshes:
             file = self.files[0] if reference is None else Path(reference)
             vertices, self.faces = load_mesh(file)
             self._name, self.reference = str(file), make_upright(vertices, unit, up)
+        if check_seams(seams) == "join" and not isinstance(reference, Template):
+            self._join_seams()
 
     def __len__(self) -> int:
         return len(self.files)
@@ -108,18 +120,34 @@ class RegisteredMeshes:
         surfaces = [self._read(file) for file in self.files[index]]
         return np.array(surfaces).reshape(-1, *self.reference.shape)
 
+    def _join_seams(self) -> None:
+        """Join the vertices that coincide along seams of all files."""
+        seams = find_seams(self.reference, self.faces)
+        for file in self.files:
+            if not seams:
+                return
+            seams = common_seams(seams, self._read(file), self.faces)
+        if seams:
+            self._file_faces, self.faces = self.faces, seams.faces
+            self.reference, self.seams = seams.join(self.reference), seams
+
     def _read(self, file: Path) -> np.ndarray:
         vertices, faces = load_mesh(file)
         vertices = make_upright(vertices, self._unit, self._up)
-        if vertices.shape != self.reference.shape:
-            difference = f"it has {len(vertices)} vertices, that one has {len(self.reference)}"
+        n_vertices, expected = len(self.reference), self.faces
+        if self.seams is not None:
+            n_vertices, expected = len(self.seams.joined_vertices), self._file_faces
+        if len(vertices) != n_vertices:
+            difference = f"it has {len(vertices)} vertices, that one has {n_vertices}"
         else:
-            difference = face_difference(faces, self.faces) or ""
+            difference = face_difference(faces, expected) or ""
         if difference:
             raise FileFormatError(
                 f"{file} is not registered to {self._name}: {difference}; register it first: "
                 f"riemhuman register {file} -o body.ply"
             )
+        if self.seams is not None:
+            vertices = self.seams.join(vertices)
         if self._scale is not None:
             names = str(file), self._name
             check_same_scale(vertices, self.reference, *names, error=FileFormatError)
@@ -220,6 +248,7 @@ def load_bodies(
     scale: str | None = "template",
     unit: str | None = None,
     up: str | None = None,
+    seams: str = "join",
     allow_missing: bool = False,
     progress: bool = False,
 ) -> Bodies:
@@ -237,7 +266,7 @@ def load_bodies(
         hold any text; other columns are ignored. By default ``labels.csv`` in the folder.
     template, align
         As for `load_faust`.
-    scale, unit, up
+    scale, unit, up, seams
         As for `RegisteredMeshes`.
     allow_missing : bool
         Whether to leave out meshes without a row and rows without a mesh.
@@ -262,7 +291,15 @@ def load_bodies(
         columns[column] = np.array([names.index(text) for text in own])
     files = [files[number] for number in numbers]
     return _load(
-        files, columns, template, align=align, scale=scale, unit=unit, up=up, progress=progress
+        files,
+        columns,
+        template,
+        align=align,
+        scale=scale,
+        unit=unit,
+        up=up,
+        seams=seams,
+        progress=progress,
     )
 
 
@@ -363,17 +400,20 @@ def _load(
     scale: str | None = "template",
     unit: str | None = None,
     up: str | None = None,
+    seams: str = "join",
     progress: bool = False,
 ) -> Bodies:
     """Load registered meshes with their labels."""
     # By default the first body: the mean of several poses is no body, its arms shrink.
     reference = files[0] if template is None else template
+    meshes = RegisteredMeshes(files, reference, scale, unit=unit, up=up, seams=seams)
     if isinstance(reference, Template):
         template = reference
     else:
-        read = Template.from_file(reference)
-        template = Template(make_upright(read.vertices, unit, up), read.faces)
-    meshes = RegisteredMeshes(files, reference, scale, unit=unit, up=up)
+        try:
+            template = Template(meshes.reference, meshes.faces)
+        except ArgumentError as error:
+            raise type(error)(f"{os.fspath(reference)}: {error}") from error
     bar = ProgressBar(range(len(meshes)), "Meshes", unit="mesh", disable=not progress)
     points = np.stack([meshes[number] for number in bar])
     if align:

@@ -9,17 +9,21 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import SCALES, Rng, check_same_scale, generator, one_of, real_array, values_of
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, SeamWarning, warn
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.surface_metric import ElasticMetric
 from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import face_difference
+from riemhuman.io.mesh_seams import common_seams
 from riemhuman.kernels import surface
 from riemhuman.terms._sum import nearly_degenerate
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
+
+# Share of the largest displacement by which both sides of a seam may differ.
+_TEAR = 1e-6
 
 
 class AlignedSurfaces(Manifold):
@@ -197,6 +201,25 @@ class AlignedSurfaces(Manifold):
     def check_scale(self, point: ndarray, name: str = "point") -> None:
         if self.scale is not None:
             check_same_scale(values_of(point), self._reference, name, "the template")
+
+    def warn_of_tears(self, points: ndarray, directions: ndarray | None = None) -> None:
+        seams = self.template.seams
+        if not seams:
+            return
+        seams = common_seams(seams, points, self.faces)
+        copies = seams.first_copies
+        if directions is not None:
+            fields = directions.reshape(-1, *self.shape)
+            gaps = np.abs(fields[:, copies] - fields).max()
+            if gaps <= _TEAR * np.abs(fields).max():
+                return
+        if seams:
+            warn(
+                f"the template has {seams.n_copies} doubled vertices along seams, which will tear: "
+                "template, seams = template.join_seams() joins them, seams.join(points) takes "
+                "surfaces there and seams.split(points) back",
+                SeamWarning,
+            )
 
     def check_immersed(self, f: Any, name: str = "f") -> ndarray:
         """Return surfaces as float64 arrays if all their triangles have area, shape (..., V, 3).

@@ -194,6 +194,19 @@ class Manifold(ABC):
             )
         return self.to_tangent(generator(rng).standard_normal(shape), base_point)
 
+    def warn_of_tears(self, points: ndarray, directions: ndarray | None = None) -> None:
+        r"""Warn if moving points along directions would tear them, as solvers do.
+
+        Spaces of surfaces look for seams of their template.
+
+        Parameters
+        ----------
+        points : array, shape (..., \*shape)
+        directions : array, shape (K, n), rows of as many numbers as a point, optional
+            By default all coordinates are free.
+        """
+        del points, directions  # elsewhere, nothing tears
+
     def projection(self, point: ndarray) -> ndarray:
         r"""Project arrays near the manifold to it, differentiably, shape (..., \*shape).
 

@@ -6,6 +6,7 @@ killed process leaves whole files, and two processes may share the folder of a j
 
 from riemhuman.io._gltf import save_glb
 from riemhuman.io.arrays import load_array, load_arrays, save_arrays
+from riemhuman.io.mesh_seams import Seams, find_seams
 from riemhuman.io.meshes import (
     as_arrays,
     load_mesh,
@@ -18,7 +19,9 @@ from riemhuman.io.meshes import (
 from riemhuman.io.pickles import load_pickled_arrays
 
 __all__ = [
+    "Seams",
     "as_arrays",
+    "find_seams",
     "load_array",
     "load_arrays",
     "load_mesh",

@@ -30,6 +30,7 @@ from riemhuman.io.files import (
     write_bytes,
 )
 from riemhuman.io.mesh_arrays import check_mesh, split_polygons
+from riemhuman.io.mesh_seams import check_seams, find_seams
 from riemhuman.optional import import_optional
 
 _SURFACE_CELLS = ("triangle", "quad", "polygon")
@@ -39,12 +40,13 @@ _MESHIO_SUFFIXES = (
 )
 
 
-def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
+def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[ndarray, ndarray]:
     """Read a triangle mesh from a file, in the file's order.
 
-    Vertices and faces are neither merged, reordered nor dropped; normals, texture coordinates,
-    colours, materials and animations are ignored. Faces with more than three corners are split by
-    the order of their corners, (1, 2, 3), (1, 3, 4), …, so that registered meshes stay registered.
+    By default, vertices and faces are neither merged, reordered nor dropped; normals, texture
+    coordinates, colours, materials and animations are ignored. Faces with more than three corners
+    are split by the order of their corners, (1, 2, 3), (1, 3, 4), …, so that registered meshes stay
+    registered.
     An STL file lists three corners for each triangle; equal corners become one vertex.
 
     Parameters
@@ -53,6 +55,8 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
         The mesh file, whose suffix gives its format: PLY, OBJ, OFF, STL or GLB, each as text or
         binary where the format has both; other formats, such as VTK and Gmsh, are read by meshio,
         which does not check the sizes that a file declares: read these only from trusted sources.
+    seams : {"keep", "join"}
+        Whether vertices that an exporter doubled along seams become one, see `find_seams`.
 
     Returns
     -------
@@ -66,9 +70,13 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
     >>> rh.load_mesh("body.ply")[0].shape
     (1202, 3)
     """
-    file = _existing_file(path, MESH_SUFFIXES)
+    file, join = _existing_file(path, MESH_SUFFIXES), check_seams(seams) == "join"
     with format_errors(file, "a mesh or a table of points"):
-        return check_mesh(*_READERS.get(file.suffix.lower(), _read_with_meshio)(file))
+        vertices, faces = check_mesh(*_READERS.get(file.suffix.lower(), _read_with_meshio)(file))
+    if join:
+        found = find_seams(vertices, faces)
+        vertices, faces = found.join(vertices), found.faces
+    return vertices, faces
 
 
 def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, ndarray | None]:

@@ -128,6 +128,7 @@ class GeodesicEquation:
         near = self._project(rounded(middle, _ROUNDING))
         unit = max(energy, self._squared_dist(middle, near)) or 1.0
         directions = None if self.basis is None else self.basis.flat
+        metric.space.warn_of_tears(middle, directions)
         factor = metric_factor(
             metric, middle[None], unit / abs(derivative), directions, ridge=_RIDGE
         )

@@ -270,6 +270,7 @@ def minimize_from(
     # and its gradient at points; operators, formed at points, act on gradients in coordinates.
     # Settings are those of `Descent`.
     n_origins = origin.size // int(np.prod(space.shape))
+    space.warn_of_tears(origin, directions)
 
     def shifted(x: ndarray) -> ndarray:
         if directions is not None:

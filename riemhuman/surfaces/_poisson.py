@@ -33,8 +33,16 @@ class PoissonInterpolator:
         faces: ndarray,
         differential_operator: sparse.csr_array,
         face_areas: ndarray,
+        first_copies: ndarray | None = None,
     ) -> None:
         n_vertices = differential_operator.shape[1]
+        # Of vertices that a seam doubles, the first copy alone is sought, and the others follow.
+        self._copies = first_copies
+        if first_copies is not None:
+            copying = (np.ones(n_vertices), (np.arange(n_vertices), first_copies))
+            differential_operator = (
+                differential_operator @ sparse.csr_array(copying, shape=(n_vertices,) * 2)
+            ).tocsr()
         self._areas, self._operator = face_areas, differential_operator
         # Derivatives do not determine translations: one vertex of each component is fixed.
         component = vertex_components(faces, n_vertices)
@@ -146,6 +154,8 @@ class PoissonInterpolator:
             points[self._free] = self._factor.solve(source.reshape(points.shape)[self._free])
         averages = self._average @ points
         points += (centroids.reshape(averages.shape) - averages)[self._component]
+        if self._copies is not None:
+            points = points[self._copies]
         return np.ascontiguousarray(np.swapaxes(points.reshape(source.shape), 0, 1))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from riemhuman.checks import one_of, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.io.mesh_seams import find_seams
 from riemhuman.kernels.elimination import symmetric_factor
 from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.optional import import_optional
@@ -73,7 +75,8 @@ def spectrum(
     ----------
     vertices : array_like, shape (V, 3), in metres
     faces : array_like, shape (F, 3)
-        Vertex indices of each triangle, counted from 0. The mesh may be open.
+        Vertex indices of each triangle, counted from 0. The mesh may be open. Vertices that a seam
+        doubles share their value and their area.
     n_eigenvalues : int
     laplacian : {"cotangent", "robust"}
         The cotangent Laplacian, or the intrinsic Delaunay Laplacian of Sharp and Crane, "A
@@ -88,8 +91,20 @@ def spectrum(
     ((4,), True)
     """
     n_eigenvalues = whole_number(n_eigenvalues, "n_eigenvalues", minimum=1)
-    if one_of(laplacian, "laplacian", LAPLACIANS) == "robust":
-        return _robust_spectrum(*check_mesh(vertices, faces), n_eigenvalues)
+    one_of(laplacian, "laplacian", LAPLACIANS)
+    vertices, faces = check_mesh(vertices, faces)
+    seams = find_seams(vertices, faces)
+    if seams:
+        joined = spectrum(seams.join(vertices), seams.faces, n_eigenvalues, laplacian)
+        copies = seams.joined_vertices
+        return Spectrum(
+            joined.eigenvalues,
+            joined.functions[:, copies],
+            joined.constants[copies],
+            (joined.areas / np.bincount(copies))[copies],
+        )
+    if laplacian == "robust":
+        return _robust_spectrum(vertices, faces, n_eigenvalues)
     try:
         mesh = Template(vertices, faces)
     except DegenerateSurfaceError as error:
@@ -133,10 +148,23 @@ _SMALL_PART = 64
 def harmonics(
     template: Template, n_harmonics: int, name: str = "n_harmonics"
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest solutions of L h = μ A h with μ > 0, A the vertex areas, 0 where unused."""
-    areas, used = template.vertex_areas, np.flatnonzero(template.vertex_areas)
-    laplacian = cotangent_laplacian(template.vertices, template.faces)[used][:, used]
-    return _eigenfunctions(laplacian, areas, template.faces, n_harmonics, name)
+    """Return the lowest solutions of L h = μ A h with μ > 0, A the vertex areas, 0 where unused.
+
+    Copies of vertices along seams have equal values, those of the joined mesh.
+    """
+    areas, faces = _joined_areas(template), template.joined_faces
+    used = np.flatnonzero(areas)
+    laplacian = cotangent_laplacian(template.vertices, faces)[used][:, used]
+    values, functions = _eigenfunctions(laplacian, areas, faces, n_harmonics, name)
+    return values, functions[:, template.seams.first_copies] if template.seams else functions
+
+
+def _joined_areas(template: Template) -> np.ndarray:
+    """Return the vertex areas, at the first copies of vertices that seams double."""
+    if not template.seams:
+        return template.vertex_areas
+    copies = template.seams.first_copies
+    return np.bincount(copies, template.vertex_areas, minlength=template.n_vertices)
 
 
 def _eigenfunctions(
@@ -177,6 +205,7 @@ def _eigenpairs_of_parts(
         first = starts[:-1][sizes == size]
         members = first[:, np.newaxis] + np.arange(size)
         n_pairs = min(count, int(size) - 1)
+        found: Iterator[tuple[np.ndarray, np.ndarray]]
         if size > _SMALL_PART:
             slices = [slice(start, start + size) for start in first]
             found = (

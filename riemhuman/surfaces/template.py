@@ -14,6 +14,7 @@ from scipy.sparse.linalg import LinearOperator
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_faces, check_mesh, face_difference, read_only
+from riemhuman.io.mesh_seams import Seams, common_seams, find_seams
 from riemhuman.io.meshes import (
     as_arrays,
     load_mesh,
@@ -82,18 +83,43 @@ class Template:
         self._face_areas, self._frame_coefficients = _areas_and_frames(self._vertices, self._faces)
 
     @classmethod
-    def from_file(cls, path: str | os.PathLike[str]) -> Template:
+    def from_file(cls, path: str | os.PathLike[str], *, seams: str = "keep") -> Template:
         """Read a template from a mesh file, see `riemhuman.load_mesh`, in its order of vertices.
 
         Parameters
         ----------
         path : path_like
+        seams : {"keep", "join"}
+            As of `riemhuman.load_mesh`.
         """
-        vertices, faces = load_mesh(path)
+        vertices, faces = load_mesh(path, seams=seams)
         try:
             return cls(vertices, faces)
         except ArgumentError as error:
             raise type(error)(f"{os.fspath(path)}: {error}") from error
+
+    def join_seams(self, points: ArrayLike | None = None) -> tuple[Template, Seams]:
+        """Return the template without the vertices that seams double, and the map to it and back.
+
+        Exporters double vertices where texture coordinates or normals jump. Distances ignore such
+        seams; solvers that move every vertex would tear them, and warn.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., V, 3), optional
+            Surfaces in which the seams must coincide, too, to be joined.
+
+        Returns
+        -------
+        template : Template
+            With W vertices.
+        seams : Seams
+            ``seams.join(points)`` has shape (..., W, 3), ``seams.split(joined)`` (..., V, 3).
+        """
+        seams = self.seams
+        if points is not None:
+            seams = common_seams(seams, self.check_points(points), self.faces)
+        return Template(seams.join(self.vertices), seams.faces), seams
 
     def to_trimesh(self, points: ArrayLike | None = None) -> Any:
         """Return the template, or a surface registered to it, as a trimesh mesh.
@@ -170,6 +196,16 @@ class Template:
         return read_only(np.unique(np.sort(sides, axis=1), axis=0))
 
     @cached_property
+    def seams(self) -> Seams:
+        """Pairs of border edges that coincide, see `riemhuman.io.find_seams`."""
+        return find_seams(self.vertices, self.faces)
+
+    @property
+    def joined_faces(self) -> np.ndarray:
+        """Triangles over the first copy of every vertex that seams double, shape (F, 3)."""
+        return self.seams.first_copies[self.faces] if self.seams else self.faces
+
+    @cached_property
     def differential_operator(self) -> sparse.csr_array:
         """Sparse matrix of shape (2F, V): row t yields f_u, row F + t yields f_v of triangle t."""
         first, second, third = self.faces.T
@@ -195,12 +231,17 @@ class Template:
     @cached_property
     def interpolator(self) -> PoissonInterpolator:
         """Interpolator of surfaces over this template by their deformation gradients."""
-        return PoissonInterpolator(self.faces, self.differential_operator, self.face_areas)
+        return PoissonInterpolator(
+            self.joined_faces,
+            self.differential_operator,
+            self.face_areas,
+            self.seams.first_copies if self.seams else None,
+        )
 
     @cached_property
     def heat(self) -> TriangleHeat:
-        """The flow of heat between the triangles."""
-        return TriangleHeat(self.vertices, self.faces, self.face_areas)
+        """The flow of heat between the triangles, across seams, too."""
+        return TriangleHeat(self.vertices, self.joined_faces, self.face_areas)
 
     def __getstate__(self) -> dict[str, Any]:
         # Cached properties are left out, since some cannot be pickled.

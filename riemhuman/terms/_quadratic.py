@@ -493,10 +493,21 @@ def surrounded_vertices(faces: ndarray, n_vertices: int) -> ndarray:
     return surrounded
 
 
+def refuse_seams(template: Any, part: str) -> None:
+    """Raise an error if vertices are doubled along seams, across which a term would not see."""
+    seams = template.seams
+    if seams:
+        raise ArgumentError(
+            f"the template has {seams.n_copies} doubled vertices along seams, where {part} would "
+            "be cut; template.join_seams() joins them"
+        )
+
+
 class SecondOrderTerm(QuadraticTerm):
     """w Σ_v ⟨(L h)_v, (L k)_v⟩/A_v over the vertices that triangles surround."""
 
     def __init__(self, template: Any, weight: float) -> None:
+        refuse_seams(template, "second derivatives (a2 > 0)")
         self.template, self.weight = template, weight
         self.surrounded = surrounded_vertices(template.faces, template.n_vertices)
         self._averages = corner_averages(template.faces, template.n_vertices)
@@ -601,6 +612,7 @@ class NormalPartTerm(QuadraticTerm):
                 f"{len(mixed) - 1} other edges), so that vertices have no normals; orient all "
                 "triangles of the template consistently"
             )
+        refuse_seams(template, "the normals of vertices")
         self.template, self.term = template, term
         self.is_stretch_invariant = term.is_stretch_invariant
         self._averages = corner_averages(template.faces, template.n_vertices)

@@ -149,3 +149,29 @@ def test_functions_solve_the_eigenvalue_problem(n_harmonics):
     np.testing.assert_allclose(functions @ areas, 0.0, atol=1e-9)
     assert (np.diff(values) >= -1e-9 * values.max()).all()
     assert values[0] > 0.1
+
+
+@pytest.mark.parametrize("n_parts", [3, 2400])
+def test_parts_are_solved_each_for_itself(n_parts):
+    # Triangles of n sizes: every one has two eigenvalues, which scale with 1 / area.
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.1, 0.8, 0.0]])
+    sizes = np.random.default_rng(0).uniform(1.0, 2.0, n_parts)
+    vertices = (sizes[:, None, None] * corners + 3.0 * np.arange(n_parts)[:, None, None]).reshape(
+        -1, 3
+    )
+    found = spectrum(vertices, np.arange(3 * n_parts).reshape(-1, 3), 4)
+    alone = spectrum(corners, [[0, 1, 2]], 2).eigenvalues
+    expected = np.sort(np.divide.outer(alone, sizes**2).ravel())[:4]
+    np.testing.assert_allclose(found.eigenvalues, expected, rtol=1e-9)
+    gram = (found.functions * found.areas) @ found.functions.T
+    np.testing.assert_allclose(gram, np.eye(4), atol=1e-9)
+
+
+def test_small_and_large_parts_together():
+    shapes = [sphere(0), sphere(2), sphere(1)]
+    counts = np.cumsum([0] + [len(vertices) for vertices, _ in shapes])
+    points = np.concatenate([(k + 1) * v + 9 * k for k, (v, _) in enumerate(shapes)])
+    faces = np.concatenate([f + n for n, (_, f) in zip(counts, shapes, strict=False)])
+    alone = [spectrum(v, f, 8).eigenvalues / (k + 1) ** 2 for k, (v, f) in enumerate(shapes)]
+    found = spectrum(points, faces, 8).eigenvalues
+    np.testing.assert_allclose(found, np.sort(np.concatenate(alone))[:8], rtol=1e-8)

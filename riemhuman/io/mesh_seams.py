@@ -1,0 +1,204 @@
+"""Seams: borders of a mesh whose vertices exporters doubled, found and joined.
+
+Exporters of OBJ and GLB files double the vertices where texture coordinates or normals jump. The
+copies coincide, but nothing holds them together: surfaces that are moved vertex by vertex tear.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import one_of, real_array, real_number
+from riemhuman.errors import ArgumentError
+from riemhuman.io.mesh_arrays import check_mesh, read_only
+
+SEAMS = ("join", "keep")
+"""Choices of readers: whether they join seams."""
+
+# Two borders are one seam if their corners are closer than this share of the usual border edge and
+# that share of their own: rounding in files is less, and the lips of a closed mouth are farther
+# apart in some body.
+_TOLERANCE, _LARGEST_GAP = 0.05, 0.3
+# More sheets than these do not meet in one edge.
+_MOST_SHEETS = 6
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Seams:
+    """The vertices of a mesh that seams double, and the mesh without the copies.
+
+    Attributes
+    ----------
+    joined_vertices : array of int, shape (V,)
+        Vertex of the joined mesh for every vertex of the mesh with seams.
+    originals : array of int, shape (W,)
+        The first of the vertices of the mesh with seams at every vertex of the joined mesh, in
+        increasing order.
+    faces : array of int, shape (F, 3)
+        Triangles of the joined mesh, in their order.
+    edge_pairs : array of int, shape (P, 2, 2)
+        Pairs of border edges that coincide corner by corner.
+
+    Examples
+    --------
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0]]
+    >>> seams = rh.io.find_seams(vertices, [[0, 1, 2], [3, 4, 5]])
+    >>> seams.faces.tolist()
+    [[0, 1, 2], [2, 1, 3]]
+    >>> seams.split(seams.join(vertices)).tolist() == vertices
+    True
+    """
+
+    joined_vertices: np.ndarray
+    originals: np.ndarray
+    faces: np.ndarray
+    edge_pairs: np.ndarray
+
+    def __bool__(self) -> bool:
+        return self.n_copies > 0
+
+    def __repr__(self) -> str:
+        return f"Seams(n_edges={len(self.edge_pairs)}, n_copies={self.n_copies})"
+
+    @property
+    def n_copies(self) -> int:
+        """Number of vertices that joining removes, V − W."""
+        return len(self.joined_vertices) - len(self.originals)
+
+    @property
+    def first_copies(self) -> np.ndarray:
+        """The first vertex of the mesh with seams at the place of every vertex, shape (V,)."""
+        return self.originals[self.joined_vertices]
+
+    def join(self, points: ArrayLike) -> np.ndarray:
+        """Return surfaces without copies of vertices, shape (..., W, 3).
+
+        Parameters
+        ----------
+        points : array_like, shape (..., V, 3)
+        """
+        points = real_array(points, "points", (len(self.joined_vertices), 3))
+        return np.asarray(points)[..., self.originals, :]
+
+    def split(self, points: ArrayLike) -> np.ndarray:
+        """Return surfaces with the copies of vertices, shape (..., V, 3).
+
+        Parameters
+        ----------
+        points : array_like, shape (..., W, 3)
+        """
+        points = real_array(points, "points", (len(self.originals), 3))
+        return np.asarray(points)[..., self.joined_vertices, :]
+
+
+def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANCE) -> Seams:
+    """Find the seams of a mesh: pairs of border edges that coincide and run in opposite directions.
+
+    Vertices that merely touch, such as those of two hands, are on no border and not joined. Borders
+    that touch in some of the surfaces only, such as the lips of an open mouth, are no seam.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., V, 3)
+        One surface or several of the same triangles; corners must coincide in all of them.
+    faces : array_like, shape (F, 3)
+    tolerance : float
+        Largest distance between two corners that coincide, as a share of the median length of the
+        border edges.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> bool(rh.io.find_seams(bodies[0], bodies.template.faces))
+    False
+    """
+    tolerance = real_number(tolerance, "tolerance", minimum=0.0)
+    points = np.asarray(real_array(points, "points", ("n_vertices", 3)))
+    surfaces = points.reshape(-1, *points.shape[-2:])
+    if not len(surfaces):
+        raise ArgumentError(f"points holds no surface; found shape {points.shape}")
+    _, triangles = check_mesh(surfaces[0], faces)
+    pairs = _opposite_borders(surfaces[0], _border_edges(triangles), tolerance)
+    return _joined(triangles, points.shape[-2], _coincident(surfaces, pairs, tolerance))
+
+
+def common_seams(seams: Seams, points: np.ndarray, faces: np.ndarray) -> Seams:
+    """Return the seams that coincide in other surfaces, too, shape (..., V, 3)."""
+    pairs = _coincident(points.reshape(-1, *points.shape[-2:]), seams.edge_pairs, _TOLERANCE)
+    if len(pairs) == len(seams.edge_pairs):
+        return seams
+    return _joined(faces, points.shape[-2], pairs)
+
+
+def check_seams(seams: str) -> str:
+    """Return the argument of a reader that says whether seams are joined."""
+    return str(one_of(seams, "seams", SEAMS))
+
+
+def _border_edges(faces: np.ndarray) -> np.ndarray:
+    """Return the edges that belong to one triangle alone, in its direction, shape (B, 2)."""
+    sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    keys = np.sort(sides, axis=1) @ [int(faces.max()) + 1, 1]
+    _, first, counts = np.unique(keys, return_index=True, return_counts=True)
+    return sides[np.sort(first[counts == 1])]
+
+
+def _opposite_borders(points: np.ndarray, edges: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return pairs of border edges that about coincide in opposite directions, shape (P, 2, 2)."""
+    from scipy.spatial import cKDTree  # takes long
+
+    if len(edges) < 2:
+        return np.zeros((0, 2, 2), dtype=np.int64)
+    along = points[edges].reshape(-1, 6)
+    back = points[edges[:, ::-1]].reshape(-1, 6)
+    limit = 2.0 * tolerance * _usual_length(points, edges) + np.finfo(float).tiny
+    count = min(_MOST_SHEETS, len(edges))
+    gaps, partners = cKDTree(back).query(along, k=count, distance_upper_bound=limit)
+    first = np.repeat(np.arange(len(edges)), count)
+    second = partners.ravel()
+    is_pair = (second < len(edges)) & (first < second)
+    first, second, gaps_of_pairs = first[is_pair], second[is_pair], gaps.ravel()[is_pair]
+    # Of several candidates, as on thin triangles, only the nearest; more sheets may be as near.
+    least = 1.5 * gaps[:, 0] + 1e-9 * limit
+    is_nearest = gaps_of_pairs <= np.minimum(least[first], least[second])
+    first, second = first[is_nearest], second[is_nearest]
+    return np.stack([edges[first], edges[second, ::-1]], axis=1)
+
+
+def _coincident(surfaces: np.ndarray, pairs: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return the pairs of edges that coincide in all surfaces, shape (n, V, 3)."""
+    for points in surfaces:
+        if not len(pairs):
+            break
+        one, other = points[pairs[:, 0]], points[pairs[:, 1]]
+        gaps = np.linalg.norm(one - other, axis=2).max(axis=1)
+        shorter = np.minimum(*(np.linalg.norm(e[:, 1] - e[:, 0], axis=1) for e in (one, other)))
+        usual = _usual_length(points, pairs.reshape(-1, 2))
+        pairs = pairs[(gaps <= tolerance * usual) & (gaps <= _LARGEST_GAP * shorter)]
+    return pairs
+
+
+def _usual_length(points: np.ndarray, edges: np.ndarray) -> float:
+    return float(np.median(np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)))
+
+
+def _joined(faces: np.ndarray, n_vertices: int, edge_pairs: np.ndarray) -> Seams:
+    """Return seams that make one vertex of the corners of edges that coincide."""
+    from scipy import sparse
+    from scipy.sparse.csgraph import connected_components
+
+    links = np.swapaxes(edge_pairs, 1, 2).reshape(-1, 2)
+    matrix = sparse.coo_array((np.ones(len(links)), tuple(links.T)), shape=(n_vertices,) * 2)
+    _, groups = connected_components(matrix, directed=False)
+    _, originals, numbers = np.unique(groups, return_index=True, return_inverse=True)
+    order = np.argsort(originals)
+    vertices = np.argsort(order)[numbers]
+    triangles = vertices[faces]
+    corners = np.sort(triangles, axis=1)
+    if len(links) and np.any(corners[:, 1:] == corners[:, :-1]):
+        return _joined(faces, n_vertices, edge_pairs[:0])  # else these triangles had no area
+    arrays = (vertices, originals[order], np.ascontiguousarray(triangles), edge_pairs)
+    return Seams(*map(read_only, arrays))
