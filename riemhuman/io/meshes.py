@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io import _mesh_formats as formats
-from riemhuman.io._gltf import read_glb
+from riemhuman.io._gltf import write_glb
+from riemhuman.io._gltf_reader import read_glb
 from riemhuman.io._mesh_formats import Mesh, read_ply
 from riemhuman.io.arrays import load_array
 from riemhuman.io.files import (
@@ -149,8 +150,8 @@ def save_mesh(
     Parameters
     ----------
     path : path_like
-        The mesh file, whose suffix gives its format: PLY (binary), OBJ or OFF; an existing file is
-        replaced.
+        The mesh file, whose suffix gives its format: PLY (binary), OBJ, OFF, or GLB, which holds
+        single precision; an existing file is replaced.
     vertices : array_like, shape (V, 3)
         Vertex positions.
     faces : array_like, shape (F, 3)
@@ -330,6 +331,7 @@ _WRITERS: dict[str, Callable[[ndarray, ndarray], bytes]] = {
     ".ply": formats.write_ply,
     ".obj": formats.write_obj,
     ".off": formats.write_off,
+    ".glb": write_glb,
 }
 
 MESH_SUFFIXES = (*_READERS, *_MESHIO_SUFFIXES)

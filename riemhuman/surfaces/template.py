@@ -141,7 +141,7 @@ class Template:
         return to_pyvista(self._surface(points), self.faces)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the template to a PLY, OBJ or OFF file.
+        """Write the template to a PLY, OBJ, OFF or GLB file.
 
         Parameters
         ----------

@@ -125,7 +125,7 @@ def test_refusals(path, tmp_path):
     with pytest.raises(FileFormatError, match=r"path.gltf: the ending must be .glb"):
         save_glb(tmp_path / "path.gltf", surfaces, faces)
     with pytest.raises(ArgumentError, match=r"surfaces must have shape .*n_times"):
-        save_glb(tmp_path / "path.glb", surfaces[0], faces)
+        save_glb(tmp_path / "path.glb", surfaces[0, 0], faces)
     with pytest.raises(ArgumentError, match="holds no surface"):
         save_glb(tmp_path / "path.glb", surfaces[:0], faces)
     with pytest.raises(ArgumentError, match="out of range"):

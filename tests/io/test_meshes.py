@@ -243,6 +243,16 @@ def test_glb_of_ours(mesh, tmp_path):
     assert_reads(tmp_path / "body.glb", mesh, single=True)
 
 
+@pytest.mark.parametrize("save", [save_mesh, save_glb])
+def test_glb_of_one_surface(mesh, tmp_path, save):
+    file = tmp_path / "body.glb"
+    save(file, *mesh)
+    assert_reads(file, mesh, single=True)
+    (by_trimesh,) = trimesh.load(file, process=False).geometry.values()
+    np.testing.assert_array_equal(by_trimesh.vertices, mesh[0].astype(np.float32))
+    np.testing.assert_array_equal(by_trimesh.faces, mesh[1])
+
+
 def test_glb_of_a_scene_of_trimesh(tmp_path):
     box, sphere = trimesh.creation.box(), trimesh.creation.icosphere(subdivisions=1)
     motion = trimesh.transformations.euler_matrix(0.3, 0.8, 0.1)
@@ -323,7 +333,7 @@ def test_arguments_of_save_mesh(mesh, tmp_path):
         (ArgumentTypeError, (file, vertices, faces + 0.5), "faces"),
         (ArgumentError, (file, *mesh, [True]), r"trusted must be Boolean, of shape \(44,\)"),
         (ArgumentTypeError, (None, *mesh), "found None"),
-        (FileFormatError, (tmp_path / "body.stl", *mesh), r"\.ply, \.obj, \.off; found '.stl'"),
+        (FileFormatError, (tmp_path / "body.stl", *mesh), r"\.off, \.glb; found '.stl'"),
         (FileError, (tmp_path / "missing" / "body.ply", *mesh), "there is no folder .*missing"),
     ]:
         with pytest.raises(error, match=message):

@@ -1,0 +1,401 @@
+"""Reading of GLB files (glTF 2.0): what the default scene shows at rest, as one triangle mesh.
+
+The importer of trimesh leaves out strips, fans, skins and morph targets, lists nodes in reverse
+order, and allocates the sizes that a file declares.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import struct
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from riemhuman.errors import FileFormatError
+from riemhuman.io.files import read_bytes
+
+_Json = dict[str, Any]
+
+_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6  # modes of primitives; smaller ones are points and lines
+_LARGEST_STRIDE = 252  # bytes from a vertex to the next, by the specification
+# Corners of triangles for each byte of arrays: primitives and nodes may share some.
+_MOST_CORNERS = 4
+
+# Extensions that change no positions, beside those of materials, textures, lights and metadata.
+_QUANTIZATION = "KHR_mesh_quantization"
+_HARMLESS = (
+    *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_", "KHR_xmp"),
+    *("EXT_lights_", "KHR_animation_pointer", "KHR_techniques_webgl", "VRM", "ADOBE_materials_"),
+)
+_DRACO, _MESHOPT = "KHR_draco_mesh_compression", "EXT_meshopt_compression"
+_INSTANCES = "EXT_mesh_gpu_instancing"
+
+
+class _Vertices(NamedTuple):
+    """Where vertices come from; primitives of one mesh that agree in it share them."""
+
+    positions: int
+    targets: tuple[int | None, ...]
+    joints: tuple[int, ...]
+    weights: tuple[int, ...]
+
+
+def read_glb(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices and triangles of the meshes in a file's scene, placed by its nodes."""
+    document, binary = _chunks(read_bytes(file))
+    _check_extensions(document)
+    return _Reader(document, binary).mesh()
+
+
+def _chunks(content: bytes) -> tuple[_Json, bytes | None]:
+    """Return the JSON and the binary part of a file; some have none."""
+    magic, version, length = struct.unpack_from("<4sII", content)
+    if magic != b"glTF" or version != 2 or length > len(content):
+        raise FileFormatError("not a whole GLB file of version 2")
+    parts: dict[bytes, bytes] = {}
+    start = 12
+    while start + 8 <= length:
+        size, kind = struct.unpack_from("<I4s", content, start)
+        if start + 8 + size > length:
+            raise FileFormatError("truncated: a part is longer than what follows")
+        parts.setdefault(kind, content[start + 8 : start + 8 + size])
+        start += 8 + size
+    if b"JSON" not in parts:
+        raise FileFormatError("the GLB file has no JSON part")
+    document = json.loads(parts[b"JSON"])
+    if not isinstance(document, dict):
+        raise FileFormatError("the JSON part of the GLB file is no object")
+    return document, parts.get(b"BIN\0")
+
+
+def _check_extensions(document: _Json) -> None:
+    for name in document.get("extensionsRequired", ()):
+        if name in (_DRACO, _MESHOPT):
+            raise _compressed(name)
+        if name != _QUANTIZATION and not str(name).startswith(_HARMLESS):
+            raise FileFormatError(f"it needs the extension {str(name)[:60]}, which is not read")
+
+
+def _compressed(name: str) -> FileFormatError:
+    return FileFormatError(f"it is compressed ({name}); save it without compression")
+
+
+class _Reader:
+    def __init__(self, document: _Json, binary: bytes | None) -> None:
+        self._document = document
+        self._buffers: dict[int, bytes] = {}
+        self._binary = binary
+        self._parents = self._parents_of_nodes()
+        self._matrices: dict[int, np.ndarray] = {}
+        buffers = document.get("buffers", ())
+        self._n_bytes = len(binary or b"") + sum(len(str(b.get("uri", ""))) for b in buffers)
+
+    def mesh(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return vertices and triangles, primitive by primitive."""
+        vertices: list[np.ndarray] = []
+        faces: list[np.ndarray] = []
+        n_vertices = n_corners = n_others = 0
+        for number in self._shown_nodes():
+            node = self._item("nodes", number)
+            starts: dict[_Vertices, int] = {}
+            mesh = self._item("meshes", node["mesh"])
+            for k, primitive in enumerate(mesh["primitives"]):
+                if primitive.get("mode", _TRIANGLES) < _TRIANGLES:
+                    n_others += 1
+                    continue
+                where = f"mesh {node['mesh']}, primitive {k}"
+                source = self._vertices_of(primitive, where)
+                n_new = self._item("accessors", source.positions)["count"]
+                if source not in starts:
+                    n_vertices += n_new
+                # Nodes may share a mesh, and primitives their corners, any number of times.
+                self._check_size(n_vertices, n_corners)
+                if source not in starts:
+                    starts[source] = n_vertices - n_new
+                    vertices.append(self._placed(number, mesh, source, where))
+                corners = self._triangles(primitive, n_new, where)
+                n_corners += corners.size
+                self._check_size(n_vertices, n_corners)
+                if self._is_mirrored(number):
+                    corners = corners[:, [0, 2, 1]]
+                faces.append(corners + starts[source])
+        if not faces:
+            found = f": {n_others} sets of points or lines" if n_others else ""
+            raise FileFormatError(f"the scene of the GLB file holds no triangles{found}")
+        return np.concatenate(vertices), np.concatenate(faces)
+
+    def _check_size(self, n_vertices: int, n_corners: int) -> None:
+        if n_vertices > self._n_bytes or n_corners > _MOST_CORNERS * self._n_bytes:
+            raise FileFormatError("its nodes and primitives repeat its meshes too often")
+
+    def _item(self, kind: str, number: Any) -> _Json:
+        """Return a numbered part of the document."""
+        items = self._document.get(kind, ())
+        if isinstance(number, bool) or not isinstance(number, int):
+            raise FileFormatError(f"{kind} are numbered; found {str(number)[:40]!r}")
+        if not 0 <= number < len(items):
+            raise FileFormatError(f"it refers to {kind}[{number}] of {len(items)}")
+        item: _Json = items[number]
+        return item
+
+    def _parents_of_nodes(self) -> dict[int, int]:
+        parents: dict[int, int] = {}
+        for number, node in enumerate(self._document.get("nodes", ())):
+            for child in node.get("children", ()):
+                # The specification asks for trees. Shared nodes could be reached in 2^100 ways.
+                if child in parents:
+                    raise FileFormatError(f"its node {child} has more than one parent")
+                parents[child] = number
+        return parents
+
+    def _shown_nodes(self) -> Iterator[int]:
+        """Yield the nodes with meshes in the default scene, or in all if there is no scene."""
+        if self._document.get("scenes"):
+            roots = self._item("scenes", self._document.get("scene", 0)).get("nodes", ())
+        else:
+            count = len(self._document.get("nodes", ()))
+            roots = [number for number in range(count) if number not in self._parents]
+        waiting, seen = list(reversed(roots)), set()
+        while waiting:
+            number = waiting.pop()
+            node = self._item("nodes", number)
+            if number in seen or (number in roots and number in self._parents):
+                raise FileFormatError(f"its node {number} has more than one parent")
+            seen.add(number)
+            if _INSTANCES in node.get("extensions", ()):
+                raise FileFormatError(f"its node {number} uses {_INSTANCES}, which is not read")
+            if "mesh" in node:
+                yield number
+            waiting += reversed(node.get("children", ()))
+
+    def _matrix(self, number: int) -> np.ndarray:
+        """Return the matrix from a node to the scene."""
+        way = [number]
+        while way[-1] not in self._matrices and way[-1] in self._parents:
+            way.append(self._parents[way[-1]])
+            if len(way) > len(self._document["nodes"]):
+                raise FileFormatError(f"its node {number} is below itself")
+        for below in reversed(way):
+            if below not in self._matrices:
+                parent = self._matrices.get(self._parents.get(below, -1), np.eye(4))
+                self._matrices[below] = parent @ _local_matrix(self._item("nodes", below))
+        return self._matrices[number]
+
+    def _joint_matrices(self, number: int) -> np.ndarray | None:
+        """Return the matrices of the joints of a skinned node, shape (J, 4, 4)."""
+        node = self._item("nodes", number)
+        if "skin" not in node:
+            return None
+        skin = self._item("skins", node["skin"])
+        matrices = np.stack([self._matrix(joint) for joint in skin["joints"]])
+        if "inverseBindMatrices" in skin:
+            where = f"skin {node['skin']}"
+            inverse = self._accessor(skin["inverseBindMatrices"], "MAT4", where)
+            if len(inverse) < len(matrices):
+                raise FileFormatError(f"{where}: {len(inverse)} matrices, {len(matrices)} joints")
+            # By columns.
+            inverse = inverse[: len(matrices)].reshape(-1, 4, 4).swapaxes(1, 2)
+            matrices = matrices @ inverse
+        return matrices
+
+    def _is_mirrored(self, number: int) -> bool:
+        """Return whether a node turns triangles inside out."""
+        joints = self._joint_matrices(number)
+        matrices = self._matrix(number)[None] if joints is None else joints
+        return bool(np.median(np.linalg.det(matrices[:, :3, :3])) < 0)
+
+    def _vertices_of(self, primitive: _Json, where: str) -> _Vertices:
+        attributes = primitive["attributes"]
+        if "POSITION" not in attributes:
+            raise FileFormatError(f"{where} has no positions")
+        accessor = self._item("accessors", attributes["POSITION"])
+        if _DRACO in primitive.get("extensions", ()) and "bufferView" not in accessor:
+            raise _compressed(_DRACO)
+        sets = range(sum(name.startswith("JOINTS_") for name in attributes))
+        joints = tuple(attributes[f"JOINTS_{k}"] for k in sets)
+        weights = tuple(attributes[f"WEIGHTS_{k}"] for k in sets)
+        targets = tuple(target.get("POSITION") for target in primitive.get("targets", ()))
+        return _Vertices(attributes["POSITION"], targets, joints, weights)
+
+    def _placed(self, number: int, mesh: _Json, source: _Vertices, where: str) -> np.ndarray:
+        """Return positions in the scene, with morph targets, and a skin or the node's matrix."""
+        node = self._item("nodes", number)
+        positions = self._accessor(source.positions, "VEC3", where)
+        shares: Sequence[float] = node.get("weights") or mesh.get("weights") or ()
+        if shares and len(shares) != len(source.targets):
+            raise FileFormatError(
+                f"{where}: {len(shares)} weights for {len(source.targets)} morph targets"
+            )
+        for share, target in zip(shares, source.targets, strict=False):
+            if share and target is not None:
+                offsets = self._accessor(target, "VEC3", where)
+                if offsets.shape != positions.shape:
+                    raise FileFormatError(f"{where}: a morph target has {len(offsets)} vertices")
+                positions = positions + float(share) * offsets
+        joints = self._joint_matrices(number)
+        if joints is None:
+            matrix = self._matrix(number)
+            return positions @ matrix[:3, :3].T + matrix[:3, 3]
+        if not source.joints:  # of no joint, and the transform of the node does not count
+            return positions
+        return self._skinned(positions, joints, source, where)
+
+    def _skinned(
+        self, positions: np.ndarray, joints: np.ndarray, source: _Vertices, where: str
+    ) -> np.ndarray:
+        """Return positions moved by the joints, linearly blended."""
+        moved, total = np.zeros_like(positions), np.zeros((len(positions), 1))
+        for numbers, shares in zip(source.joints, source.weights, strict=True):
+            indices = self._accessor(numbers, "VEC4", where).astype(np.int64)
+            weights = self._accessor(shares, "VEC4", where)
+            if indices.shape != weights.shape or len(weights) != len(positions):
+                raise FileFormatError(f"{where}: joints and weights are not one per vertex")
+            if len(indices) and not 0 <= indices.min() <= indices.max() < len(joints):
+                raise FileFormatError(f"{where}: a joint is not among the skin's {len(joints)}")
+            for index, weight in zip(indices.T, weights.T, strict=True):
+                matrices = joints[index, :3]
+                image = np.einsum("vij,vj->vi", matrices[:, :, :3], positions) + matrices[:, :, 3]
+                moved += weight[:, None] * image
+                total += weight[:, None]
+        if len(total) and total.min() <= 0.0:
+            raise FileFormatError(f"{where}: a vertex has no weight at any joint")
+        return moved / total
+
+    def _triangles(self, primitive: _Json, n_vertices: int, where: str) -> np.ndarray:
+        if "indices" in primitive:
+            accessor = self._item("accessors", primitive["indices"])
+            if accessor.get("componentType") not in (5121, 5123, 5125):
+                raise FileFormatError(f"{where}: indices must be unsigned whole numbers")
+            corners = self._accessor(primitive["indices"], "SCALAR", where, whole=True)[:, 0]
+        else:
+            corners = np.arange(n_vertices)
+        if corners.size and corners.max() >= n_vertices:
+            raise FileFormatError(
+                f"{where}: it refers to vertex {corners.max()} of {n_vertices}, counted from 0"
+            )
+        mode = primitive.get("mode", _TRIANGLES)
+        if mode == _TRIANGLES:
+            if len(corners) % 3:
+                raise FileFormatError(f"{where}: {len(corners)} corners are no whole triangles")
+            return corners.reshape(-1, 3)
+        if mode not in (_STRIP, _FAN):
+            raise FileFormatError(f"{where}: there is no mode {str(mode)[:20]}")
+        first = np.arange(max(len(corners) - 2, 0))
+        if mode == _STRIP:
+            odd = first % 2
+            triangles = np.stack([first, first + 1 + odd, first + 2 - odd], axis=1)
+        else:
+            triangles = np.stack([first + 1, first + 2, 0 * first], axis=1)
+        triangles = corners[triangles]
+        # Strips are joined by triangles without area, which repeat a corner.
+        return triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+
+    def _accessor(self, number: Any, kind: str, where: str, *, whole: bool = False) -> np.ndarray:
+        """Return the numbers of an accessor, shape (count, width), as floats or int64."""
+        accessor = self._item("accessors", number)
+        component = accessor.get("componentType")
+        if accessor.get("type") != kind or component not in _COMPONENTS:
+            found = f"{str(accessor.get('type'))[:20]} of {str(component)[:20]}"
+            raise FileFormatError(f"{where}: {kind} numbers expected, found {found}")
+        dtype, count = np.dtype(_COMPONENTS[component]), accessor["count"]
+        if not isinstance(count, int) or not 0 <= count <= self._n_bytes:
+            raise FileFormatError(f"{where}: {str(count)[:40]} rows are more than the file holds")
+        width = _WIDTHS[kind]
+        if "bufferView" in accessor:
+            offset = accessor.get("byteOffset", 0)
+            values = self._view(accessor["bufferView"], offset, count, width, dtype, where)
+        else:
+            values = np.zeros((count, width), dtype)
+        if "sparse" in accessor:
+            values = self._with_sparse(values.copy(), accessor["sparse"], where)
+        if whole:
+            return values.astype(np.int64)
+        numbers = values.astype(np.float64)
+        if accessor.get("normalized") and dtype.kind != "f":
+            numbers = np.maximum(numbers / np.iinfo(dtype).max, -1.0)
+        return numbers
+
+    def _with_sparse(self, values: np.ndarray, sparse: _Json, where: str) -> np.ndarray:
+        """Return values of which some rows are replaced."""
+        count, places, rows = sparse["count"], sparse["indices"], sparse["values"]
+        if places["componentType"] not in (5121, 5123, 5125) or not 0 <= count <= len(values):
+            raise FileFormatError(f"{where}: the sparse part of an accessor is wrong")
+        dtype = np.dtype(_COMPONENTS[places["componentType"]])
+        offset = places.get("byteOffset", 0)
+        indices = self._view(places["bufferView"], offset, count, 1, dtype, where)[:, 0]
+        if count and indices.max() >= len(values):
+            raise FileFormatError(f"{where}: the sparse part of an accessor has too many rows")
+        values[indices] = self._view(
+            rows["bufferView"], rows.get("byteOffset", 0), count, *_row_of(values), where
+        )
+        return values
+
+    def _view(
+        self, number: Any, offset: int, count: int, width: int, dtype: np.dtype[Any], where: str
+    ) -> np.ndarray:
+        """Return rows of a buffer, shape (count, width), not copied."""
+        view = self._item("bufferViews", number)
+        buffer = self._buffer(view["buffer"], view)
+        size = width * dtype.itemsize
+        stride = view.get("byteStride", size)
+        # NumPy's own check of huge strides overflows.
+        if not size <= stride <= max(_LARGEST_STRIDE, size):
+            raise FileFormatError(
+                f"{where}: its rows are {stride} bytes apart, not from {size} to {_LARGEST_STRIDE}"
+            )
+        start = view.get("byteOffset", 0)
+        end = start + view.get("byteLength", len(buffer) - start)
+        start += offset
+        needed = (count - 1) * stride + size if count else 0
+        if not 0 <= start <= start + needed <= min(end, len(buffer)):
+            raise FileFormatError(
+                f"{where}: {count} rows need {needed} bytes, and {max(end - start, 0)} are there"
+            )
+        return np.ndarray((count, width), dtype, buffer, start, (stride, dtype.itemsize))
+
+    def _buffer(self, number: Any, view: _Json) -> bytes:
+        buffer = self._item("buffers", number) if "buffers" in self._document else {}
+        uri = buffer.get("uri")
+        if uri is None and number == 0 and self._binary is not None:
+            return self._binary
+        if _MESHOPT in view.get("extensions", ()) or _MESHOPT in buffer.get("extensions", ()):
+            raise _compressed(_MESHOPT)
+        if uri is None:
+            raise FileFormatError(f"the data of its buffer {number} are missing")
+        header, comma, text = str(uri).partition(",")
+        if not (header.startswith("data:") and header.endswith(";base64") and comma):
+            raise FileFormatError(
+                f"its buffer {number} is in another file, {str(uri)[:60]!r}; save all in one .glb"
+            )
+        if number not in self._buffers:
+            try:
+                self._buffers[number] = base64.b64decode(text, validate=True)
+            except binascii.Error as error:
+                raise FileFormatError(f"its buffer {number} is damaged: {error}") from error
+        return self._buffers[number]
+
+
+def _row_of(values: np.ndarray) -> tuple[int, np.dtype[Any]]:
+    return values.shape[1], values.dtype
+
+
+def _local_matrix(node: _Json) -> np.ndarray:
+    """Return the matrix from a node to its parent."""
+    from scipy.spatial.transform import Rotation  # takes long
+
+    if "matrix" in node:
+        return np.reshape(np.asarray(node["matrix"], dtype=float), (4, 4)).T
+    rotation: Sequence[float] = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_quat(rotation).as_matrix() * np.asarray(
+        node.get("scale", (1, 1, 1))
+    )
+    matrix[:3, 3] = node.get("translation", (0, 0, 0))
+    return matrix
