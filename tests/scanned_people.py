@@ -87,7 +87,7 @@ def foreign_bodies(model, seed, n_people, n_moments):
         scale = np.exp(rng.normal(0.0, 0.03, 3))
         curl = np.radians(rng.uniform(0.0, 60.0, 2))
         for side, angle in zip(("left", "right"), curl, strict=True):
-            shaped = _curled(model, shaped, names.index(f"{side}_wrist"), angle)
+            shaped = curled(model, shaped, names.index(f"{side}_wrist"), angle)
         own = rh.BodyModel(
             scale * shaped + waves,
             faces,
@@ -103,7 +103,7 @@ def foreign_bodies(model, seed, n_people, n_moments):
     return surfaces, triangles, places
 
 
-def _curled(model, surface, wrist, angle):
+def curled(model, surface, wrist, angle):
     """Return a surface whose fingers turn about a line across the hand, more towards their tips."""
     hand = model.weights[:, wrist] > 0.5
     centre = surface[hand].mean(axis=0)

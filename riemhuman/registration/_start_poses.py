@@ -19,7 +19,6 @@ from riemhuman.bodies import BodyModel, rotation_matrix
 from riemhuman.bodies.skinning import usual_joint_names
 from riemhuman.datasets import joint_rotations, pose_vectors
 from riemhuman.datasets.open_poses import mirror_angles
-from riemhuman.registration._posed_body import Pose
 
 _TABLE = json.loads((Path(__file__).parent / "data/start_poses.json").read_text(encoding="utf-8"))
 # Axes and degrees of joints from the T-pose, as for `riemhuman.datasets.joint_rotations`.
@@ -36,7 +35,6 @@ _ARM_JOINTS = ("collar", "shoulder", "elbow", "wrist")
 _LIMB = 0.01
 # Arms whose rotations differ by less are alike.
 _ALIKE = 0.05
-_FOREARM_ANGLES = np.radians(60.0 * np.arange(6))
 
 
 def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
@@ -131,14 +129,3 @@ def other_arms(
         if all(np.abs(pose[arm] - other).max() > _ALIKE for other in seen):
             seen.append(pose[arm])
             yield pose[arm]
-
-
-def rotate_forearm(pose: Pose, arm: np.ndarray, rest_joints: np.ndarray) -> Iterator[Pose]:
-    """Yield a pose with one hand straight and its forearm rotated by sixths of 360°."""
-    *_, elbow, wrist = arm
-    forearm = rest_joints[wrist] - rest_joints[elbow]
-    for angle in _FOREARM_ANGLES:
-        local = pose.local.copy()
-        local[elbow] = local[elbow] @ rotation_matrix(angle * forearm / np.linalg.norm(forearm))
-        local[wrist] = np.eye(3)
-        yield pose._replace(local=local)

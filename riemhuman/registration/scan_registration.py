@@ -22,7 +22,8 @@ from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.progress import ProgressBar
-from riemhuman.registration._dense_fit import DenseFit, DenseFitter, fit_elastic
+from riemhuman.registration._arms_and_hands import fit_body
+from riemhuman.registration._dense_fit import DenseFitter, fit_elastic
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._scan_preparation import PreparedScan, prepare_scan
 from riemhuman.registration._start_poses import BodyParts
@@ -329,7 +330,7 @@ class ScanRegistration:
         parts, whole, template = self._parts, scan.whole, self.model.template
         candidates, scan = self._search_candidates(fitter, scan, start, again)
         up = candidates[0].up
-        fit = DenseFit(fitter, candidates[0], scan)
+        _, fit = fit_body(fitter, candidates[0], scan)
         pose, points, model_points = fit.pose, fit.points, fit.model_points
         betas, hands = np.split(pose.betas, [self.model.n_betas])
         places, distances = nearest_points(whole.points, points, self.model.faces)

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 import riemhuman as rh
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration import simulated_scan
-from riemhuman.registration._dense_fit import DenseFit, DenseFitter
+from riemhuman.registration._arms_and_hands import fit_body
+from riemhuman.registration._dense_fit import DenseFitter, last_stiffness
 from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._start_search import Candidate
@@ -22,6 +23,11 @@ def test_noise_is_that_of_the_scan(model, noise):
     points = simulated_scan(body, model.faces, 0, n_points=8000, noise=noise).points
     estimated = prepare_scan(rh.registration.Scan(points), surroundings=False).noise
     assert abs(estimated - noise) < 0.0008
+
+
+@pytest.mark.parametrize(("noise", "stiffness"), [(0.0, 2e-5), (0.002, 2e-5), (0.004, 8e-5)])
+def test_the_last_step_stiffens_with_much_noise(noise, stiffness):
+    np.testing.assert_allclose(last_stiffness(noise), stiffness)
 
 
 def start_from(fitter, local, betas, trans=(0.0, 0.0, 0.0)):
@@ -41,7 +47,7 @@ def test_turned_hands_come_back(model):
     local = rh.bodies.rotation_matrix(known.pose)
     local[elbow] = local[elbow] @ rh.bodies.rotation_matrix(np.radians(120.0) * forearm)
     turned = start_from(fitter, local, np.append(known.betas, known.hands), known.trans)
-    fit = DenseFit(fitter, turned, prepare_scan(rh.registration.Scan(scan.points)))
+    _, fit = fit_body(fitter, turned, prepare_scan(rh.registration.Scan(scan.points)))
     found = points_at(places, fit.points, model.faces)
     hand = model.weights.argmax(axis=1) == wrist
     there = hand[model.faces[places.triangles]].any(axis=1)
@@ -56,7 +62,7 @@ def test_hands_come_out_as_they_are(model):
     body = model(pose=Rotation.from_matrix(local).as_rotvec(), hands=hands)
     scan = simulated_scan(body, model.faces, 0, n_points=8000, rotate=False)
     start = start_from(fitter, local, np.zeros(model.n_betas + len(hands)))
-    fit = DenseFit(fitter, start, prepare_scan(rh.registration.Scan(scan.points)))
+    _, fit = fit_body(fitter, start, prepare_scan(rh.registration.Scan(scan.points)))
     np.testing.assert_allclose(fit.pose.betas[model.n_betas :], hands, atol=0.1)
     on_hand = np.abs(model.hand_directions).max(axis=(1, 2)) > 0.01
     assert np.linalg.norm(fit.points - scan.body, axis=1)[on_hand].mean() < 0.01

@@ -2,18 +2,15 @@
 
 import numpy as np
 from scanned_people import with_other_names, with_smpls_tree
-from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies.skinning import SMPL_JOINTS, usual_joint_names
-from riemhuman.registration._posed_body import Pose, _landmark_cost, pose_body, sample_model
+from riemhuman.registration._posed_body import _landmark_cost
 from riemhuman.registration._start_poses import (
     BodyParts,
     joint_precisions,
     other_arms,
-    rotate_forearm,
     start_poses,
 )
-from riemhuman.registration._start_search import StartSearch
 
 
 def test_arms_reach_from_the_collar_to_the_wrist(model):
@@ -38,31 +35,6 @@ def test_every_way_to_hold_an_arm_is_tried_once(model):
         assert apart[np.triu_indices(len(known), 1)].min() > 0.05
         for pose in poses.values():
             assert np.abs(known - pose[arm]).max(axis=(1, 2, 3)).min() <= 0.05
-
-
-def test_rotating_a_forearm_moves_no_joint(model):
-    search = StartSearch(model)
-    body = sample_model(model, 250)
-    betas = np.zeros(model.n_betas + model.hand_directions.shape[-1])
-    pose = Pose(search.poses["hips"], betas, np.array([0.1, 0.2, 0.3]))
-    for arm in BodyParts(model).arms:
-        *_, elbow, wrist = arm
-        turned = list(rotate_forearm(pose, arm, body.skeleton.rest_joints))
-        turns = []
-        for each in turned:
-            np.testing.assert_array_equal(
-                np.delete(each.local, arm[2:], 0), np.delete(pose.local, arm[2:], 0)
-            )
-            np.testing.assert_array_equal(each.local[wrist], np.eye(3))
-            places = [pose_body(body, one).motions.positions for one in (pose, each)]
-            np.testing.assert_allclose(*places, atol=1e-12)
-            turns.append(pose.local[elbow].T @ each.local[elbow])
-        angles = Rotation.from_matrix(np.stack(turns)).magnitude()
-        # By sixths of a circle, about one axis.
-        np.testing.assert_allclose(np.sort(np.degrees(angles)), [0, 60, 60, 120, 120, 180])
-        np.testing.assert_allclose(
-            np.linalg.svd(np.stack(turns) - np.eye(3))[1][:, 2], 0.0, atol=1e-12
-        )
 
 
 def test_landmarks_far_from_their_joints_lower_the_likelihood():
