@@ -35,6 +35,11 @@ class ArmSettings:
         about its hinge, counts as twice the distance from the scan.
     least_likely : float
         Arms that lower the log-likelihood by more than this are left out.
+    most_farther : float
+        Arms whose mean distance from points of the scan is this multiple of the nearest one's
+        are left out before the elastic step.
+    n_compared : int
+        About the number of points for that.
     different_metres : float
         Two arms are different if their surfaces are this far apart in the mean.
     least_gain, n_errors : float
@@ -56,6 +61,8 @@ class ArmSettings:
     elbow_degrees: float = 30.0
     hinge_degrees: float = 60.0
     least_likely: float = 0.06
+    most_farther: float = 1.8
+    n_compared: int = 500
     different_metres: float = 0.008
     least_gain: float = 0.05
     n_errors: float = 2.0

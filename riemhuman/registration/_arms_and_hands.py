@@ -62,15 +62,18 @@ def rotate_forearms(task: DenseTask, pose: Pose) -> Pose:
         points = points_on(task, pose, arm.vertices)
         if not len(points):
             continue
-        current, *others = arm_fits(task, pose, arm, points)
-        nearest = min(others, key=lambda fit: fit.cost, default=current)
+        fits = arm_fits(task, pose, arm, points)
+        if not fits:
+            continue
+        current, *others = fits
+        nearest = min(others, key=lambda fit: fit.cost)
         if _are_less(arm, nearest.strain * nearest.distances, current.strain * current.distances):
             pose = fit_closest(task.samples, nearest.pose, task.prior, task.scan)
     return pose
 
 
 def arm_fits(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) -> list[ArmFit]:
-    """Return different fits of one arm to points of the scan, first that of the pose."""
+    """Return fits of one arm to points of a scan, first that of the pose; none without rivals."""
     settings = arm.settings
     starts = [
         pose._replace(local=arm.rotated(pose.local, forearm, wrist))
@@ -88,7 +91,20 @@ def arm_fits(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) -
     )
     least = max(likelihoods, default=0.0) - settings.least_likely
     likely = [other for other, value in zip(fitted, likelihoods, strict=True) if value > least]
-    return list(mapped(partial(_elastic_arm, task, arm, points), [pose, *likely], N_THREADS))
+    # The elastic step takes longest, and hardly changes which arms are near.
+    few = points[:: max(len(points) // settings.n_compared, 1)]
+    costs = [_cost(arm, few, other) for other in (pose, *likely)]
+    most = settings.most_farther * min(costs)
+    near = [other for other, cost in zip(likely, costs[1:], strict=True) if cost < most]
+    compared = [pose, *near] if near else []
+    return list(mapped(partial(_elastic_arm, task, arm, points), compared, N_THREADS))
+
+
+def _cost(arm: ArmSurface, points: np.ndarray, pose: Pose) -> float:
+    """Return the mean distance of points from an arm, more for an arm that can hardly be so."""
+    surface = pose_body(arm.skin, pose).points
+    distances = arm.distances(surface, points, arm.settings.arm_metres)
+    return arm.strain(pose.local) * float(distances.mean())
 
 
 def _different(arm: ArmSurface, poses: list[Pose], known: list[Pose]) -> list[Pose]:
