@@ -250,8 +250,10 @@ def _table_facts(file: Path) -> dict[str, Any]:
     import csv
 
     from riemhuman.io.files import read_text
+    from riemhuman.io.text_tables import separator_of
 
-    rows = list(csv.reader(read_text(file).splitlines()))
+    text = read_text(file)
+    rows = list(csv.reader(text.splitlines(), delimiter=separator_of(text)))
     columns = rows[0] if rows else []
     kind = "table of labels" if {"file", "subject", "pose"} <= {*columns} else "table"
     return {"kind": kind, "columns": columns, "rows": max(0, len(rows) - 1)}

@@ -19,6 +19,7 @@ from riemhuman.io.files import convert_errors, file_path, read_text
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import Seams, check_seams, common_seams, find_seams
 from riemhuman.io.meshes import load_mesh
+from riemhuman.io.text_tables import SEPARATORS
 from riemhuman.progress import ProgressBar
 from riemhuman.representation import join_names
 from riemhuman.surfaces.procrustes import make_upright, procrustes
@@ -37,7 +38,6 @@ _FAUST_FOLDERS = (
 
 _LABELS = "labels.csv"
 _COLUMNS = ("file", "subject", "pose")
-_SEPARATORS = (",", ";", "\t")
 
 
 class RegisteredMeshes:
@@ -431,7 +431,7 @@ def _read_table(table: Path) -> list[tuple[int, list[str]]]:
         )
     text = read_text(table)
     heading = re.split(r"[\r\n]", text, maxsplit=1)[0]
-    separator = max(_SEPARATORS, key=heading.count)
+    separator = max(SEPARATORS, key=heading.count)
     reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     rows = []
     try:

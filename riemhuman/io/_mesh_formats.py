@@ -120,10 +120,22 @@ def read_obj(file: Path) -> Mesh:
                 for field in fields:
                     corner = int(field.split(b"/", 1)[0])
                     # Positive indices count from 1, negative ones back from the latest vertex.
-                    corners.append(corner - 1 if corner >= 0 else n_vertices + corner)
+                    if not corner or corner < -n_vertices:
+                        raise FileFormatError(
+                            f"line {number}: a face refers to vertex {corner}; they are counted "
+                            f"from 1, or back from -1 to -{n_vertices}"
+                        )
+                    corners.append(corner - 1 if corner > 0 else n_vertices + corner)
                 lengths.append(len(fields))
+        except FileFormatError:
+            raise
         except (OverflowError, ValueError) as error:
             raise _bad_line(number, words) from error
+    n_vertices = len(positions) // 3
+    if corners and n_vertices and max(corners) >= n_vertices:
+        raise FileFormatError(
+            f"a face refers to vertex {max(corners) + 1}; the file has {n_vertices}, counted from 1"
+        )
     return _mesh_of_polygons(positions, corners, lengths)
 
 
@@ -171,7 +183,8 @@ def _lines_of_words(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
 
 def _bad_line(number: int, words: list[bytes]) -> FileFormatError:
     shown = b" ".join(words).decode("latin-1")[:_SHOWN]
-    return FileFormatError(f"line {number} is not valid: {shown!r}")
+    advice = "; decimals need a point" if "," in shown else ""
+    return FileFormatError(f"line {number} is not valid: {shown!r}{advice}")
 
 
 def read_stl(file: Path) -> Mesh:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
@@ -20,12 +19,12 @@ from riemhuman.io import _mesh_formats as formats
 from riemhuman.io._gltf import write_glb
 from riemhuman.io._gltf_reader import read_glb
 from riemhuman.io._mesh_formats import Mesh, read_ply
+from riemhuman.io._point_text import read_points_text
 from riemhuman.io.arrays import load_array
 from riemhuman.io.files import (
     check_file,
     file_path,
     format_errors,
-    read_bytes,
     short_message,
     suffix_of,
     write_bytes,
@@ -88,7 +87,9 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
     path : path_like
         A mesh file (PLY, OBJ, OFF, STL or GLB), a PLY file without faces, text with a point a line
         (.xyz) or an array (.npy). Three columns more than the position are taken for normals if
-        they have unit length.
+        they have unit length. In text, numbers have decimal points and are separated by spaces,
+        tabs, semicolons or commas; a first line may name the columns. What may be a decimal comma
+        is refused.
 
     Returns
     -------
@@ -115,7 +116,7 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
             if faces is not None:
                 return *check_mesh(points, faces), None
         else:
-            points, normals = _columns(_read_xyz(file) if values is None else values)
+            points, normals = _columns(read_points_text(file) if values is None else values)
         return np.asarray(real_array(points, "points", ("n", 3), batched=False)), None, normals
 
 
@@ -298,13 +299,6 @@ def _counted_triangles(faces: ndarray) -> ndarray:
         starts.append(place)
         place += 1 + int(faces[place])
     return split_polygons(np.delete(faces, starts), faces[starts])
-
-
-def _read_xyz(file: Path) -> ndarray:
-    lines = read_bytes(file).decode("latin-1").replace(",", " ").splitlines()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a file without points
-        return np.loadtxt(lines, comments=("#", "//"), ndmin=2)
 
 
 def _columns(values: ndarray) -> tuple[ndarray, ndarray | None]:

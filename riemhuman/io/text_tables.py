@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -13,19 +14,38 @@ import numpy as np
 from riemhuman.errors import FileFormatError
 from riemhuman.io.files import read_text
 
+SEPARATORS = (";", "\t", ",")
+"""What may separate the cells of a table; of equally many, the first, as in 0,62;1,31."""
+
 _FORMULA = ("=", "+", "-", "@")
+_ADVICE = "decimals need a point, and semicolons or tabs between numbers leave no doubt"
 
 
-def read_named_rows(file: Path, title: str) -> dict[str, np.ndarray]:
-    """Return the rows of a .csv file with a name and equally many numbers in each line."""
+def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict[str, np.ndarray]:
+    """Return the rows of a .csv file with a name and equally many numbers in each line.
+
+    Commas, semicolons or tabs separate them. A first line without numbers is a header; if it names
+    all the columns, these are returned in their order.
+    """
     table: dict[str, np.ndarray] = {}
-    length = 0
-    rows = csv.reader(io.StringIO(read_text(file), newline=""), strict=True)
+    length, has_fractions = 0, False
+    chosen: list[int] | None = None
+    text = read_text(file)
+    separator = separator_of(text)
+    rows = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    is_first = True
     try:
         for row in rows:
             name, *fields = [field.strip() for field in row] or [""]
             where = f"{file}, line {rows.line_num}"
-            if not any([name, *fields]) or (not table and name.lower() == title):
+            if not any([name, *fields]):
+                continue
+            is_header = is_first and (
+                name.lower() == title or (fields and not any(map(_is_number, fields)))
+            )
+            is_first = False
+            if is_header:
+                chosen = _columns_by_name(fields, columns)
                 continue
             if not name:
                 raise FileFormatError(f"{where}: the {title} is missing")
@@ -35,12 +55,38 @@ def read_named_rows(file: Path, title: str) -> dict[str, np.ndarray]:
                 expected = f"{length} expected" if table else "at least one expected"
                 raise FileFormatError(f"{where}: {len(fields)} numbers found, {expected}")
             length = len(fields)
+            has_fractions |= any(c in field for field in fields for c in ".eE")
             table[name] = np.array([_number(field, where) for field in fields])
     except csv.Error as error:
         raise FileFormatError(f"{file}, line {rows.line_num}: {error}") from error
     if not table:
         raise FileFormatError(f"{file} holds no rows of a name and numbers")
+    if separator == "," and length > 3 and not has_fractions:
+        raise FileFormatError(
+            f"{file}: commas may be decimals or separate {length} whole numbers; {_ADVICE}"
+        )
+    if chosen is not None and max(chosen) < length:
+        return {name: numbers[chosen] for name, numbers in table.items()}
     return table
+
+
+def separator_of(text: str) -> str:
+    """Return the separator of a table, the most frequent one in its first line with any."""
+    for line in text.splitlines():
+        if any(separator in line for separator in SEPARATORS):
+            return max(SEPARATORS, key=line.count)
+    return ","
+
+
+def _columns_by_name(fields: Sequence[str], columns: Sequence[str]) -> list[int] | None:
+    names = [field.lower() for field in fields]
+    if not columns or any(names.count(column) != 1 for column in columns):
+        return None
+    return [names.index(column) for column in columns]
+
+
+def _is_number(field: str) -> bool:
+    return bool(re.match(r"[+-]?[.,]?\d", field)) or field.lower() in ("nan", "inf", "-inf", "")
 
 
 def _number(field: str, where: str) -> float:
@@ -48,7 +94,8 @@ def _number(field: str, where: str) -> float:
         # Of ASCII alone, since Python also reads 1_0 and the digits of every script.
         return float(field.replace("_", "x").encode("ascii"))
     except ValueError as error:
-        raise FileFormatError(f"{where}: {field[:60]!r} is not a number") from error
+        advice = f"; {_ADVICE}" if "," in field else ""
+        raise FileFormatError(f"{where}: {field[:60]!r} is not a number{advice}") from error
 
 
 def csv_text(rows: Iterable[Sequence[object]]) -> str:

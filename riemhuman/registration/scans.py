@@ -95,7 +95,8 @@ def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     ----------
     path : path_like
         A .csv file with a line ``name,x,y,z`` for each landmark: a joint of the body model, and its
-        position in the unit of the scan. A first line that begins with ``name`` is a header.
+        position in the unit of the scan, with decimal points; semicolons or tabs may stand for the
+        commas. A first line without numbers is a header.
 
     Examples
     --------
@@ -105,7 +106,7 @@ def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     [0.62, 1.31, 0.05]
     """
     file = file_path(path)
-    rows = read_named_rows(file, "name")
+    rows = read_named_rows(file, "name", ("x", "y", "z"))
     try:
         positions = real_array(list(rows.values()), "landmarks", (len(rows), 3), batched=False)
     except ArgumentError as error:

@@ -396,7 +396,11 @@ def test_truncated_files_are_refused(mesh, tmp_path, ending):
     [
         ("a.obj", "v 0 0 0\nv 1 b 0\nf 1 1 2\n", "line 2 is not valid: 'v 1 b 0'"),
         ("a.obj", "v 0 0 0\n", "1 vertices and 0 faces"),
-        ("a.obj", "v 0 0 0\nf 1 1 2\n", r"faces\[0\] = \(0, 0, 1\).*out of range"),
+        ("a.obj", "v 0 0 0\nf 1 1 2\n", "refers to vertex 2; the file has 1, counted from 1"),
+        ("a.obj", "v 0 0 0\nf 1 0 1\n", "line 2: a face refers to vertex 0; .* from 1, or back"),
+        ("a.obj", "v 0 0 0\nf 1 1 -2\n", "line 2: a face refers to vertex -2; .* to -1$"),
+        ("a.obj", "v 0,5 0,1 0,2\nf 1 1 1\n", "'v 0,5 0,1 0,2'; decimals need a point"),
+        ("a.off", "OFF 1 1 0\n0,5 0,1 0,2\n3 0 0 0\n", "'0,5 0,1 0,2'; decimals need a point"),
         ("a.obj", "v 0 0 nan\nf 1 1 1\n", r"vertices .*\(0, 2\)"),
         ("a.off", "OFF 1 0 0\n0 0 0\n", "1 vertices and 0 faces"),
         ("a.off", "OFF\n1 1 0\n0 0 0\n3 0 0 1\n", r"faces\[0\] = \(0, 0, 1\).*out of range"),
