@@ -32,24 +32,22 @@ _PATH_ENDINGS = (".glb", ".png", ".html", ".npz")
 _MOST_IN_STRIP = 12
 
 
-def is_amass(file: Path) -> bool:
-    """Return whether an .npz file holds a motion of AMASS; objects in it are not read."""
-    return bool(rh.io.load_arrays(file, (), ("mocap_framerate", "mocap_frame_rate")))
+def is_recording(file: Path) -> bool:
+    """Return whether a file is a recording rather than an array path, by its ending and content."""
+    if file.suffix.lower() != ".npz":
+        return file.suffix.lower() in rh.datasets.RECORDING_ENDINGS
+    return "path" not in rh.io.array_names(file)
 
 
 def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, dict[str, float]]:
     """Return the frames in a file, their triangles, and the seconds of a recording."""
-    # A body of the recorded proportions performs it, or for comparisons of movements the mean one.
-    motion: Any
-    if file.suffix.lower() == ".bvh":
-        recording = rh.datasets.load_bvh(file)
-        rate = min(recording.frames_per_second, _RECORDED_RATE)
-        motion = rh.datasets.retarget(recording, frames_per_second=rate)
-    elif is_amass(file):
-        (motion,) = rh.datasets.load_amass(file, frames_per_second=_RECORDED_RATE)
-    else:
+    if not is_recording(file):
         arrays = rh.io.load_arrays(file, ("path", "faces"))
         return arrays["path"], arrays["faces"], {}
+    motion = rh.datasets.load_recording(file)
+    if motion.frames_per_second > _RECORDED_RATE:
+        motion = rh.datasets.load_recording(file, frames_per_second=_RECORDED_RATE)
+    # A body of the recorded proportions performs it, or for comparisons of movements the mean one.
     if is_mean:
         motion = motion.performed_by([0.0] * motion.model.n_betas)
     return motion, motion.faces, {"seconds": len(motion) / motion.frames_per_second}
@@ -273,7 +271,7 @@ def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> M
     found: list[tuple[str, Any, ndarray]] = []
     for place in places:
         files = sorted(place.rglob("*")) if place.is_dir() else [place]
-        recorded = [file for file in files if file.suffix.lower() in (".npz", ".bvh")]
+        recorded = [file for file in files if file.suffix.lower() in rh.datasets.RECORDING_ENDINGS]
         is_hdf5 = place.suffix.lower() in (".hdf5", ".h5") or bool(list(place.glob("*.hdf5")))
         if any(chosen.values()) and not is_hdf5:
             raise ArgumentError(f"--subjects and --sequences choose from HDF5 files; found {place}")

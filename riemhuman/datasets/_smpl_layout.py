@@ -14,7 +14,7 @@ from riemhuman.surfaces.procrustes import make_upright
 
 # All models of SMPL's family begin with the joints of its body.
 N_BODY = len(SMPL_JOINTS)
-_FACE, _HANDS = 3, 30
+_FACE, N_HANDS = 3, 30
 # Where these are from their parents in SMPL's rest pose, of about the mean person, centimetres.
 _BODY_OFFSETS = (
     *((0, -22, 3), (7, -9, -1), (-7, -9, -1), (0, 11, -3), (3, -38, 0), (-3, -38, 0), (0, 14, 0)),
@@ -27,11 +27,11 @@ _STANDING = 0.4
 LAYOUTS = {
     N_BODY: ("body",),
     N_BODY + 2: ("body", "fists"),
-    N_BODY + _HANDS: ("body", "hands"),
-    N_BODY + _FACE + _HANDS: ("body", "face", "hands"),
+    N_BODY + N_HANDS: ("body", "hands"),
+    N_BODY + _FACE + N_HANDS: ("body", "face", "hands"),
 }
 """Parts of the joints of a file or a model, by the number of joints."""
-_SIZES = {"body": N_BODY, "fists": 2, "face": _FACE, "hands": _HANDS}
+_SIZES = {"body": N_BODY, "fists": 2, "face": _FACE, "hands": N_HANDS}
 
 
 def is_smpl(model: BodyModel) -> bool:
@@ -63,14 +63,20 @@ def upright_parameters(
     return turned, make_upright(translations + root, up=up) - root
 
 
+def smpl_offsets() -> np.ndarray:
+    """Return SMPL's joints relative to their parents in about the mean person, the root at 0."""
+    offsets = 0.01 * np.array(_BODY_OFFSETS, dtype=np.float64)
+    offsets[0] = 0.0
+    return offsets
+
+
 def smpl_skeleton(
     poses: np.ndarray, translations: np.ndarray, rate: float, name: str, up: str
 ) -> SkeletonMotion:
     """Return the joints of SMPL's body in poses (T, joints, 3), with legs as long as they walk."""
     n_frames = len(poses)
     rotations = Rotation.from_rotvec(poses[:, :N_BODY].reshape(-1, 3)).as_matrix()
-    offsets = 0.01 * np.array(_BODY_OFFSETS, dtype=np.float64)
-    offsets[0] = 0.0
+    offsets = smpl_offsets()
     steps = np.tile(offsets, (n_frames, 1, 1))
     steps[:, 0] = translations
     motion = SkeletonMotion(

@@ -13,6 +13,7 @@ import numpy as np
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_array, real_number, refuse_type
+from riemhuman.datasets._motion_files import SAVED_FIELDS
 from riemhuman.datasets._skeletons import model_joints
 from riemhuman.datasets._smpl_layout import (
     LAYOUTS,
@@ -22,7 +23,7 @@ from riemhuman.datasets._smpl_layout import (
     upright_parameters,
 )
 from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
-from riemhuman.datasets.motions import ModelMotion, Motions
+from riemhuman.datasets.motions import ArrayMotion, ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
@@ -76,7 +77,7 @@ def load_amass(
     model: BodyModel | Mapping[str, BodyModel] | None = None,
     *,
     frames_per_second: float | None = None,
-) -> Motions[AmassMotion | RetargetedMotion]:
+) -> Motions[AmassMotion | ArrayMotion | RetargetedMotion]:
     """Load motions of AMASS [1]_ for a body model; frames are computed on access.
 
     The data set is available from its authors. The subject of a motion is the name of its file's
@@ -87,7 +88,8 @@ def load_amass(
 
     Another model, such as the open model, performs the motions as by `retarget`. Betas in the files
     belong to SMPL's models: they are ignored then, with a warning, and the person is one with the
-    proportions of SMPL's mean; ``motion.performed_by(betas)`` gives it the body of another.
+    proportions of SMPL's mean; ``motion.performed_by(betas)`` gives it the body of another. Files
+    that `Motion.save` wrote give back the motion of the open model itself.
 
     Parameters
     ----------
@@ -119,7 +121,7 @@ def load_amass(
         files = [file for file in sorted(root.rglob("*.npz")) if not file.name.endswith(_SKIPPED)]
     if not files:
         raise FileError(f"{root} holds no .npz file with a motion")
-    motions: list[AmassMotion | RetargetedMotion] = []
+    motions: list[AmassMotion | ArrayMotion | RetargetedMotion] = []
     for file in files:
         gender, recorded_rate, n_frames = _read_header(file)
         own = models.get(gender, models.get(None))
@@ -128,7 +130,10 @@ def load_amass(
             raise ArgumentError(f"model must have one for {gender!r}, as in {file}; has {known}")
         rate = recorded_rate if frames_per_second is None else frames_per_second
         frames = nearest_frames(n_frames, recorded_rate, rate)
-        if is_smpl(own):
+        saved = _saved_motion(file, own, frames, rate)
+        if saved is not None:
+            motions.append(saved)
+        elif is_smpl(own):
             motions.append(AmassMotion(file, own, gender, rate, frames))
         else:
             recording = partial(_skeleton_motion, file, frames, rate)
@@ -149,6 +154,26 @@ def _names(path: Path) -> tuple[str, str]:
     for ending in _ENDINGS:
         sequence = sequence.removesuffix(ending)
     return path.absolute().parent.name, sequence
+
+
+def _saved_motion(
+    file: Path, model: BodyModel, frames: np.ndarray, rate: float
+) -> ArrayMotion | None:
+    """Return the motion of this very model that `Motion.save` wrote beside poses of SMPL."""
+    fields = load_arrays(file, (), SAVED_FIELDS)
+    if len(fields) < len(SAVED_FIELDS):
+        return None
+    joints, poses, translations, betas = (fields[name] for name in SAVED_FIELDS)
+    if tuple(joints.tolist()) != model.joint_names or betas.shape != (model.n_betas,):
+        return None
+    with format_errors(file, "a motion"):
+        shape = (int(frames[-1]) + 1, model.n_joints, 3)
+        poses = real_array(poses, SAVED_FIELDS[1], ("n_frames", *shape[1:]), batched=False)
+        translations = real_array(translations, SAVED_FIELDS[2], (len(poses), 3), batched=False)
+        if len(poses) < shape[0]:
+            raise ArgumentError(f"{SAVED_FIELDS[1]} has {len(poses)} frames; poses has {shape[0]}")
+        betas = real_array(betas, SAVED_FIELDS[3])
+    return ArrayMotion(_names(file), rate, model, betas, poses[frames], translations[frames])
 
 
 def _skeleton_motion(path: Path, frames: np.ndarray, rate: float) -> SkeletonMotion:

@@ -12,6 +12,12 @@ import numpy as np
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_array, real_number
+from riemhuman.datasets._motion_files import (
+    PosedPerson,
+    write_amass,
+    write_bvh,
+    write_skinned_glb,
+)
 from riemhuman.datasets.registered_meshes import (
     MESH_ENDINGS,
     RegisteredMeshes,
@@ -21,6 +27,10 @@ from riemhuman.datasets.registered_meshes import (
     natural_key,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FrameIndexError
+from riemhuman.io import save_glb
+from riemhuman.io.files import file_path, suffix_of
+from riemhuman.io.meshes import save_mesh
+from riemhuman.io.outputs import atomic_folder
 from riemhuman.kernels.threads import slices
 from riemhuman.surfaces.template import Template
 
@@ -92,6 +102,48 @@ class Motion(ABC):
             f"{self.frames_per_second:g} a second>"
         )
 
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the motion to a file, or to a folder of meshes.
+
+        Parameters
+        ----------
+        path : path_like
+            ``x.glb`` is an animation for Blender, game engines and viewers. A path without an
+            ending is a folder of PLY files, one a frame, which must not exist yet. Motions of a
+            body model are also written as ``x.bvh`` (skeleton, centimetres) and ``x.npz`` (AMASS's
+            layout), and their GLB files hold a skeleton with a skin.
+
+        Raises
+        ------
+        FileFormatError
+            If the ending is another one.
+        FileError
+            If the file or folder cannot be written.
+
+        Examples
+        --------
+        >>> motion = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
+        >>> motion.save("knees.glb")
+        >>> motion.save("knees.bvh")
+        """
+        file = file_path(path)
+        if not file.suffix:
+            self._save_frames(file)
+        else:
+            self._save_file(file)
+
+    def _save_file(self, file: Path) -> None:
+        suffix_of(file, (".glb",))
+        seconds = max(1, len(self) - 1) / self.frames_per_second
+        save_glb(file, self[:], self.faces, seconds=seconds, name=self.sequence or "motion")
+
+    def _save_frames(self, folder: Path) -> None:
+        if folder.exists():
+            raise FileError(f"{folder} exists; name a folder that does not exist yet")
+        with atomic_folder(folder, is_ours=lambda name: False) as temporary:
+            for number, frame in enumerate(self):
+                save_mesh(temporary / f"frame_{number:05d}.ply", frame, self.faces)
+
     @abstractmethod
     def _frames(self, numbers: range) -> np.ndarray:
         """Return these frames, shape (n, V, 3)."""
@@ -125,6 +177,18 @@ class ModelMotion(Motion):
     def translations(self) -> np.ndarray:
         """Translation in every frame, shape (n_frames, 3), metres."""
         return self._parameters(np.arange(len(self)))[1]
+
+    def _save_file(self, file: Path) -> None:
+        ending = suffix_of(file, (".glb", ".bvh", ".npz"))
+        poses, translations = self._parameters(np.arange(len(self)))
+        name, rate = self.sequence or file.stem, self.frames_per_second
+        person = PosedPerson(self.model, self.betas, poses, translations, rate, name)
+        if ending == ".bvh":
+            write_bvh(file, person)
+        elif ending == ".npz":
+            write_amass(file, person)
+        else:
+            write_skinned_glb(file, person)
 
     def performed_by(self, betas: Any) -> ModelMotion:
         """Return the motion of another person, in the same poses and places.

@@ -1,0 +1,207 @@
+"""Files of motions of a body model: BVH, AMASS's layout, and skeletons with a skin in GLB."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel
+from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS, usual_joint_names
+from riemhuman.datasets._skeletons import shortest
+from riemhuman.datasets._smpl_layout import N_HANDS, is_smpl, smpl_offsets
+from riemhuman.errors import ArgumentError
+from riemhuman.io.arrays import save_arrays
+from riemhuman.io.files import write_bytes, write_text
+from riemhuman.io.skinned_gltf import SkinnedAnimation, skinned_glb
+from riemhuman.kernels.surface import unit_vectors
+from riemhuman.surfaces.procrustes import make_upright
+
+# Most programs take the numbers of a BVH file for centimetres.
+_CENTIMETRES = 100.0
+_EULER = "ZXY"
+# In files of AMASS, persons have so many coefficients.
+_N_BETAS = 16
+SAVED_FIELDS = ("riemhuman_joints", "riemhuman_poses", "riemhuman_trans", "riemhuman_betas")
+"""Fields for a motion of another model than SMPL's, beside those of AMASS."""
+# The bone that says how SMPL's rest pose differs from another at a joint: to the joint named here.
+_NEXT_JOINTS = {
+    f"{side}_{joint}": f"{side}_{following}"
+    for side in ("left", "right")
+    for joint, following in (
+        ("hip", "knee"),
+        ("knee", "ankle"),
+        ("ankle", "toes"),
+        ("collar", "shoulder"),
+        ("shoulder", "elbow"),
+        ("elbow", "wrist"),
+    )
+}
+# Without a joint below them, these differ as the bone above does.
+_LAST_JOINTS = ("left_toes", "right_toes", "left_wrist", "right_wrist")
+
+
+@dataclass(frozen=True)
+class PosedPerson:
+    """What a file of a motion holds: a person of a model in the poses of all frames."""
+
+    model: BodyModel
+    betas: np.ndarray
+    poses: np.ndarray  # (n_frames, J, 3)
+    translations: np.ndarray
+    frames_per_second: float
+    name: str
+
+    @property
+    def joints(self) -> np.ndarray:
+        """Joints of the person in the rest pose, shape (J, 3)."""
+        return np.asarray(self.model.joints(self.betas))
+
+    @property
+    def rotations(self) -> np.ndarray:
+        """Rotations of the joints relative to their parents, shape (n_frames, J, 3, 3)."""
+        matrices = Rotation.from_rotvec(self.poses.reshape(-1, 3)).as_matrix()
+        return np.asarray(matrices.reshape(*self.poses.shape, 3))
+
+
+def write_bvh(file: Path, person: PosedPerson) -> None:
+    """Write the skeleton of a person and its rotations, in centimetres, y up."""
+    joints, parents = _CENTIMETRES * person.joints, person.model.parents
+    children = [np.flatnonzero(parents == joint).tolist() for joint in range(len(joints))]
+    text = io.StringIO()
+    order: list[int] = []
+
+    def describe(joint: int, depth: int) -> None:
+        order.append(joint)
+        indent = "\t" * depth
+        is_root = parents[joint] < 0
+        start = np.zeros(3) if is_root else joints[joint] - joints[parents[joint]]
+        rotations = " ".join(f"{axis}rotation" for axis in _EULER)
+        positions = "Xposition Yposition Zposition " if is_root else ""
+        text.write(f"{indent}{'ROOT' if is_root else 'JOINT'} {person.model.joint_names[joint]}\n")
+        text.write(f"{indent}{{\n{indent}\tOFFSET {_numbers(start)}\n")
+        text.write(f"{indent}\tCHANNELS {6 if is_root else 3} {positions}{rotations}\n")
+        for child in children[joint]:
+            describe(child, depth + 1)
+        if not children[joint]:
+            end = _CENTIMETRES * _tip(person.model, joint)
+            text.write(f"{indent}\tEnd Site\n{indent}\t{{\n")
+            text.write(f"{indent}\t\tOFFSET {_numbers(end)}\n{indent}\t}}\n")
+        text.write(f"{indent}}}\n")
+
+    text.write("HIERARCHY\n")
+    for root in np.flatnonzero(parents < 0).tolist():
+        describe(root, 0)
+    n_frames = len(person.poses)
+    with warnings.catch_warnings():
+        # Two of the three angles may be interchangeable; the rotation is right all the same.
+        warnings.filterwarnings("ignore", message="Gimbal lock")
+        turned = Rotation.from_rotvec(person.poses[:, order].reshape(-1, 3))
+        angles = turned.as_euler(_EULER, degrees=True).reshape(n_frames, -1)
+    places = joints[order[0]] + _CENTIMETRES * person.translations
+    text.write(f"MOTION\nFrames: {n_frames}\nFrame Time: {1.0 / person.frames_per_second:.9g}\n")
+    for row in np.concatenate([places, angles], axis=1):
+        text.write(_numbers(row) + "\n")
+    write_text(file, text.getvalue())
+
+
+def _numbers(values: np.ndarray) -> str:
+    # A hundred-thousandth of a degree moves no hand by a thousandth of a millimetre.
+    return " ".join(f"{value:.5f}" for value in values.tolist())
+
+
+def _tip(model: BodyModel, joint: int) -> np.ndarray:
+    """Return the farthest vertex that moves with a joint, relative to it, in the mean body."""
+    own = model.weights.argmax(axis=1) == joint
+    if not own.any():
+        return np.zeros(3)
+    steps = model.template.vertices[own] - (model.joint_regressor @ model.template.vertices)[joint]
+    return np.asarray(steps[np.linalg.norm(steps, axis=1).argmax()])
+
+
+def write_amass(file: Path, person: PosedPerson) -> None:
+    """Write a motion in AMASS's layout, z up.
+
+    Models without SMPL's joints have poses of SMPL-H for other programs, in which every bone points
+    the same way, and beside them their own, which `load_amass` takes for the same model.
+    """
+    smpl = is_smpl(person.model)
+    if smpl:
+        poses, betas = person.poses, person.betas
+        places, root = person.translations, person.joints[0]
+    else:
+        poses, places = _smpl_poses(person), person.translations + person.joints[0]
+        betas, root = np.zeros(_N_BETAS), np.zeros(3)
+    upright = Rotation.from_matrix(make_upright(np.eye(3), up="z"))
+    turned = poses.copy()
+    turned[:, 0] = (upright * Rotation.from_rotvec(poses[:, 0])).as_rotvec()
+    fields = {
+        "poses": turned.reshape(len(turned), -1),
+        "trans": upright.apply(places + root) - root,
+        "betas": betas,
+        "gender": np.array("neutral"),
+        "mocap_framerate": np.array(person.frames_per_second),
+    }
+    if not smpl:
+        own = (np.array(person.model.joint_names), person.poses, person.translations, person.betas)
+        fields |= dict(zip(SAVED_FIELDS, own, strict=True))
+    save_arrays(file, fields)
+
+
+def _smpl_poses(person: PosedPerson) -> np.ndarray:
+    """Return poses of SMPL-H's joints in which all bones have the directions of the model's."""
+    names = list(usual_joint_names(person.model))
+    missing = [name for name in SMPL_JOINTS if name not in names]
+    if missing:
+        raise ArgumentError(
+            f"a model needs the joints of SMPL for AMASS's layout; {missing[0]} is missing"
+        )
+    rotations, joints = person.rotations, person.joints
+    in_space = rotations.copy()
+    for joint in person.model.joint_order:
+        parent = person.model.parents[joint]
+        if parent >= 0:
+            in_space[:, joint] = in_space[:, parent] @ rotations[:, joint]
+    offsets = smpl_offsets()
+    starts: list[np.ndarray] = []
+    local = np.empty((len(rotations), len(SMPL_JOINTS), 3, 3))
+    placed: list[np.ndarray] = []
+    for number, (name, parent) in enumerate(zip(SMPL_JOINTS, SMPL_PARENTS, strict=True)):
+        start = np.eye(3)
+        if name in _NEXT_JOINTS:
+            following = _NEXT_JOINTS[name]
+            bone = joints[names.index(following)] - joints[names.index(name)]
+            smpl_bone = offsets[SMPL_JOINTS.index(following)]
+            start = shortest(unit_vectors(smpl_bone), unit_vectors(bone))
+        elif name in _LAST_JOINTS:
+            start = starts[parent]
+        starts.append(start)
+        placed.append(in_space[:, names.index(name)] @ start)
+        local[:, number] = placed[-1]
+        if parent >= 0:
+            local[:, number] = np.swapaxes(placed[parent], -1, -2) @ placed[-1]
+    vectors = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_rotvec()
+    hands = np.zeros((len(rotations), N_HANDS, 3))
+    return np.concatenate([vectors.reshape(len(rotations), -1, 3), hands], axis=1)
+
+
+def write_skinned_glb(file: Path, person: PosedPerson) -> None:
+    """Write the body, its skeleton and the motion; pose correctives of a model are left out."""
+    quaternions = Rotation.from_rotvec(person.poses.reshape(-1, 3)).as_quat()
+    animation = SkinnedAnimation(
+        vertices=np.asarray(person.model(person.betas)),
+        faces=person.model.faces,
+        joints=person.joints,
+        parents=person.model.parents,
+        joint_names=person.model.joint_names,
+        weights=person.model.weights,
+        rotations=quaternions.reshape(*person.poses.shape[:2], 4),
+        root_places=person.joints[0] + person.translations,
+        frames_per_second=person.frames_per_second,
+        name=person.name or "motion",
+    )
+    write_bytes(file, skinned_glb(animation))
