@@ -20,12 +20,13 @@ if TYPE_CHECKING:
     "an interactive page of bodies or of a path",
     "Writes a page for any browser, without a network connection: registered meshes side by\n"
     "side, or one after the other with --motion; the path in an .npz file; or a motion capture\n"
-    "recording (.bvh, or .npz of AMASS), performed by a body of its proportions.",
+    "recording (.bvh, .amc, .npz of AMASS, or .npz, .pkl and .pt of methods that watch videos),\n"
+    "performed by a body of its proportions.",
     "  riemhuman view anna.ply ben.ply -o both.html\n"
     "  riemhuman view walk/ --motion -o walk.html\n"
     "  riemhuman view path.npz -o path.html --open\n"
     "  riemhuman view walk.bvh -o walk.html\n",
-    cli.path_option("meshes", "FILES", "meshes, folders, an .npz, or a .bvh", nargs="+"),
+    cli.path_option("meshes", "FILES", "meshes, folders, an .npz, or a recording", nargs="+"),
     cli.output("HTML", ".html"),
     cli.flag("--motion", "the meshes are the frames of one motion"),
     cli.flag("--open", "open the page in the browser"),
@@ -38,7 +39,7 @@ def _view(options: argparse.Namespace) -> cli.Answer:
     first = options.meshes[0]
     with options.task("Page"):
         ending = first.suffix.lower()
-        if ending in (".npz", ".bvh"):
+        if ending in rh.datasets.RECORDING_ENDINGS:
             if len(options.meshes) > 1:
                 raise ArgumentError(f"give either one {ending} file with a path, or meshes")
             motion, faces, duration = inputs.read_motion(first)
@@ -89,8 +90,9 @@ def _facts(file: Path) -> dict[str, Any]:
         ".json": _measurement_facts,
         ".csv": _table_facts,
         **dict.fromkeys((".hdf5", ".h5"), _hdf5_facts),
-        ".bvh": _recording_facts,
-        **dict.fromkeys((".pkl", ".pickle"), _model_facts),
+        **dict.fromkeys((".bvh", ".amc"), _skeleton_facts),
+        **dict.fromkeys((".pkl", ".pickle"), _pickle_facts),
+        **dict.fromkeys((".joblib", ".pt", ".pth"), _recording_facts),
     }
     return readers[suffix_of(file, readers)](file)
 
@@ -190,7 +192,7 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
 
 
 def _npz_facts(file: Path) -> dict[str, Any]:
-    if inputs.is_amass(file):
+    if rh.io.load_arrays(file, (), ("mocap_framerate", "mocap_frame_rate")):
         (motion,) = rh.datasets.load_amass(file)
         return {"kind": "motion of AMASS", **_times(motion)}
     arrays = rh.io.load_arrays(file, ())
@@ -272,8 +274,21 @@ def _hdf5_facts(file: Path) -> dict[str, Any]:
     }
 
 
+def _pickle_facts(file: Path) -> dict[str, Any]:
+    """Return facts of a recording, or if the file holds none, of a body model."""
+    try:
+        return _recording_facts(file)
+    except rh.errors.FileFormatError:
+        return _model_facts(file)
+
+
 def _recording_facts(file: Path) -> dict[str, Any]:
-    motion = rh.datasets.load_bvh(file)
+    return {"kind": "recording of poses", **_times(rh.datasets.load_recording(file))}
+
+
+def _skeleton_facts(file: Path) -> dict[str, Any]:
+    load = rh.datasets.load_amc if file.suffix.lower() == ".amc" else rh.datasets.load_bvh
+    motion = load(file)
     return {
         "kind": "motion capture recording",
         "joints": len(motion.joint_names),

@@ -36,7 +36,7 @@ def is_recording(file: Path) -> bool:
     """Return whether a file is a recording rather than an array path, by its ending and content."""
     if file.suffix.lower() != ".npz":
         return file.suffix.lower() in rh.datasets.RECORDING_ENDINGS
-    return "path" not in rh.io.array_names(file)
+    return not rh.io.load_arrays(file, (), ("path",))
 
 
 def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, dict[str, float]]:

@@ -1,6 +1,7 @@
 """The commands info and view."""
 
 import json
+import pickle
 from pathlib import Path
 
 import h5py
@@ -129,3 +130,16 @@ def test_hdf5(facts, bodies, tmp_path):
     found = facts(tmp_path / "registrations_f.hdf5")
     assert found["sequences"] == ["50020_hips: 3 frames"]
     assert (found["people"], found["vertices"]) == (["50020"], 1202)
+
+
+def test_recordings_of_every_kind(run, tmp_path):
+    folder = Path(__file__).parents[1] / "datasets" / "recordings"
+    found = run("info", folder / "cmu_01_01.amc", "--json")
+    assert json.loads(found.out)["frames"] == 40
+    video = {"smpl_poses": np.zeros((5, 72)), "smpl_trans": np.zeros((5, 3))}
+    (tmp_path / "dance.pkl").write_bytes(pickle.dumps(video))
+    facts = json.loads(run("info", tmp_path / "dance.pkl", "--json").out)
+    assert (facts["kind"], facts["frames"]) == ("recording of poses", 5)
+    page = tmp_path / "dance.html"
+    assert run("view", tmp_path / "dance.pkl", "-o", page).code == 0
+    assert "dance" in page.read_text()
