@@ -17,6 +17,7 @@ __version__ = "0.1.0"
 
 _ROOM_OF_NAME = {
     "AlignedSurfaces": "geometry.aligned_surfaces",
+    "AreaMetric": "geometry.smoothed_metrics",
     "ElasticMetric": "geometry.surface_metric",
     "GeneralElasticMetric": "geometry.surface_metric",
     "GaugeInvariantMetric": "geometry.sobolev_metric",
@@ -32,7 +33,7 @@ _ROOM_OF_NAME = {
     "PullbackMetric": "geometry.product",
     "RotationFieldMetric": "geometry.fields",
     "RotationFields": "geometry.fields",
-    "RotationMetric": "geometry.surface_metric",
+    "RotationMetric": "geometry.smoothed_metrics",
     "FlatMetric": "geometry.vector_space",
     "SRNFMetric": "geometry.surface_metric",
     "SurfaceMetric": "geometry.surface_metric",

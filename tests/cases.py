@@ -15,6 +15,7 @@ import trimesh
 
 from riemhuman.geometry import (
     AlignedSurfaces,
+    AreaMetric,
     EbinMetric,
     ElasticMetric,
     FlatMetric,
@@ -302,6 +303,11 @@ def build_cases() -> list[Case]:
         metric = RotationMetric(AlignedSurfaces(template, equip=False), time)
         diffused = ", diffused" if time > 0 else ""
         cases.append(surface_case(f"rotation {template_name}{diffused}", template, metric))
+    for template_name, time in (("sphere", 0.1), ("triangle", 0.1), ("open", 0.0)):
+        template = TEMPLATES[template_name]()
+        metric = AreaMetric(AlignedSurfaces(template, equip=False), time)
+        smoothed = ", smoothed" if time > 0 else ""
+        cases.append(surface_case(f"area {template_name}{smoothed}", template, metric, "rotation"))
     edges = edges_metric(AlignedSurfaces(sphere_template()))
     cases += [
         surface_case("edges", sphere_template(), edges, "template"),
@@ -321,6 +327,7 @@ KINDS = [
     for name in (
         *("ebin 0.05 sphere", "normals sphere", "rotations sphere", "flat", "product"),
         *("mixed open", "pose triangle", "srnf sphere", "general open", "rotation open, diffused"),
+        "area sphere, smoothed",
         *("sobolev all sphere", "gauge-invariant srnf open", "edges", "half-plane, distance"),
         *("half-plane, inner product", "half-plane, pulled back"),
     )
@@ -332,6 +339,7 @@ SURFACES = [
     for name in (
         *("shape sphere", "stretch open", "pose open", "mixed sphere", "srnf open"),
         *("general sphere", "rotation sphere", "rotation open, diffused"),
+        *("area sphere, smoothed", "area open"),
     )
 ]
 """A case of each family of metrics on surfaces with distances."""

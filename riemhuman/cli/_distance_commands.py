@@ -140,7 +140,7 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
 )
 def _dist(options: argparse.Namespace) -> cli.Answer:
     surfaces = inputs.read_surfaces(options, [options.a_file, options.b_file])
-    metric = inputs.chosen_metric(options, surfaces.template)
+    metric = inputs.metric_of_people(options, surfaces)
     first, second = surfaces[:]
     distance = float(metric.dist(first, second))
     if not (options.quiet or options.align or metric.is_rotation_invariant):
@@ -154,16 +154,17 @@ def _dist(options: argparse.Namespace) -> cli.Answer:
     record |= {"files": surfaces.files, "template": options.template or options.a_file}
     record |= {"aligned": options.align}
     if not (options.quiet or options.json or options.any_scale or options.extension):
-        _note_usual_distances(options)
+        _note_usual_distances(options, surfaces.are_scans)
     return cli.Answer(f"{distance:.10g}", record)
 
 
-def _note_usual_distances(options: argparse.Namespace) -> None:
+def _note_usual_distances(options: argparse.Namespace, are_scans: bool) -> None:
     """Say how far the open bodies are from each other under the metric."""
     import numpy as np
 
     bodies = rh.datasets.load_open_bodies("coarse")
-    distances = inputs.chosen_metric(options, bodies.template).dist_pairwise(bodies.points)
+    metric = inputs.chosen_metric(options, bodies.template, are_scans=are_scans)
+    distances = metric.dist_pairwise(bodies.points)
     person, pose = (np.equal.outer(labels, labels) for labels in (bodies.subject, bodies.pose))
     one_person, one_pose = (
         np.median(distances[person & ~pose]),
@@ -220,7 +221,7 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
     if options.paths and options.precision != "double":
         raise ArgumentError("--precision single cannot be combined with --paths; leave out one")
     surfaces = inputs.read_surfaces(options, rh.datasets.find_meshes(options.folder))
-    metric = inputs.chosen_metric(options, surfaces.template)
+    metric = inputs.metric_of_people(options, surfaces)
     said = f"{len(surfaces) * (len(surfaces) - 1) // 2:,} distances, {metric}"
     try:
         with options.task(said):
@@ -298,7 +299,8 @@ def _retrieve(options: argparse.Namespace) -> cli.Answer:
     if not files:
         raise ArgumentError(f"{options.folder} holds no mesh other than the query")
     others: Any = inputs.read_surfaces(options, files)
-    metric = inputs.chosen_metric(options, asked.template)
+    asked.are_scans |= others.are_scans
+    metric = inputs.metric_of_people(options, asked)
     with options.task(f"{len(files):,} distances, {metric}"):
         (distances,) = metric.cdist(asked[:], others, -1, precision="double", progress=options.bars)
     nearest = np.argsort(distances, kind="stable")[: options.k]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
-from riemhuman.cli._terminal import as_json
+from riemhuman.cli._terminal import as_json, note
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ class Surfaces:
     def __init__(self, meshes: Any, align: bool) -> None:
         self.files, self.faces = meshes.files, meshes.faces
         self.template = rh.Template(meshes.reference, meshes.faces)
+        self.are_scans = any(map(rh.io.is_registered_scan, meshes.files))
         self._meshes, self._align = meshes, align
 
     def __len__(self) -> int:
@@ -109,7 +110,10 @@ def metric_options(
     reference: str, default: tuple[float, float, float] = _PRESETS["shape"]
 ) -> cli.Argument:
     """Return the declaration of the template, alignment and metric, with default weights."""
-    name = "--shape" if default == _PRESETS["shape"] else "-a {:g} -l {:g} -c {:g}".format(*default)
+    of_distances = default == _PRESETS["shape"]
+    name = "-a {:g} -l {:g} -c {:g}".format(*default)
+    if of_distances:
+        name = "--area for bodies of riemhuman register, else --shape"
 
     def preset(name: str, text: str) -> cli.Argument:
         return cli.option(f"--{name}", text, dest="metric", action="store_const", const=name)
@@ -121,6 +125,7 @@ def metric_options(
     metric = cli.several(
         cli.several(
             preset("shape", "compares people: (a, λ, c) = (1, 0.0001, 0)"),
+            *[preset("area", "compares people who were scanned: AreaMetric")] * of_distances,
             preset("pose", "compares poses: (a, λ, c) = (0, 0, 1)"),
             preset("srnf", "square root normal fields, for comparison"),
             cli.option(
@@ -141,7 +146,10 @@ def metric_options(
     return cli.several(cli.template(reference), cli.ALIGN, metric)
 
 
-def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
+def chosen_metric(
+    options: argparse.Namespace, template: Template, *, are_scans: bool = False
+) -> Any:
+    """Return the metric that the options choose; by default that of areas for scanned people."""
     # Surfaces share a unit: this is checked when they are read.
     space = rh.AlignedSurfaces(template, equip=False, scale=None)
     given = {"-a": options.a, "-l": options.lam, "-c": options.c}
@@ -153,14 +161,28 @@ def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
         return rh.extensions.extension("metrics", options.extension)(space)
     if options.metric == "srnf":
         return rh.SRNFMetric(space)
+    if options.metric == "area" or (are_scans and not (options.metric or flags)):
+        return rh.AreaMetric(space)
     default = _PRESETS.get(options.metric, options.default_metric)
     pairs = zip(given.values(), default, strict=True)
     return rh.ElasticMetric(space, *(d if weight is None else weight for weight, d in pairs))
 
 
+def metric_of_people(options: argparse.Namespace, surfaces: Surfaces) -> Any:
+    """Return the metric that the options choose for surfaces; say so where scans choose it."""
+    metric = chosen_metric(options, surfaces.template, are_scans=surfaces.are_scans)
+    if isinstance(metric, rh.AreaMetric) and options.metric != "area" and not options.quiet:
+        note(
+            "these are registered scans: people are compared by smoothed areas (AreaMetric, "
+            "--area), which hardly depend on noise; --shape compares them by the paper's metric"
+        )
+    return metric
+
+
 def metric_record(metric: Any) -> dict[str, Any]:
-    """Return the name and the weights of a metric, for JSON."""
-    weights = {name: getattr(metric, name) for name in ("a", "lam", "c") if hasattr(metric, name)}
+    """Return the name and the parameters of a metric, for JSON."""
+    names = ("a", "lam", "c", "time")
+    weights = {name: getattr(metric, name) for name in names if hasattr(metric, name)}
     return {"name": type(metric).__name__, **weights}
 
 

@@ -12,11 +12,11 @@ from riemhuman.geometry.fields import (
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.product import ProductManifold, ProductMetric, PullbackMetric
+from riemhuman.geometry.smoothed_metrics import AreaMetric, RotationMetric
 from riemhuman.geometry.sobolev_metric import GaugeInvariantMetric, SobolevMetric
 from riemhuman.geometry.surface_metric import (
     ElasticMetric,
     GeneralElasticMetric,
-    RotationMetric,
     SRNFMetric,
     SurfaceMetric,
 )
@@ -24,6 +24,7 @@ from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 
 __all__ = [
     "AlignedSurfaces",
+    "AreaMetric",
     "EbinMetric",
     "ElasticMetric",
     "FlatMetric",

@@ -1,4 +1,4 @@
-"""Metrics on aligned surfaces: sums of terms, the paper's family, and the metrics beside it."""
+"""Metrics on aligned surfaces that are sums of terms, first of all the paper's family."""
 
 from __future__ import annotations
 
@@ -14,30 +14,27 @@ from autograd.tracer import isbox
 from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.checks import joint_shape, metric_weight, path_array, real_number, values_of
+from riemhuman.checks import joint_shape, metric_weight, path_array, values_of
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.fields import (
     EbinMetric,
     GeneralElasticFieldMetric,
     MetricFields,
     NormalFields,
-    RotationFields,
 )
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import Bulk
-from riemhuman.geometry.product import ProductManifold, ProductMetric, PullbackMetric
+from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels import surface
 from riemhuman.kernels.projections import field_coordinates
-from riemhuman.kernels.rotations import nearest_rotations, quaternions, transpose
 from riemhuman.kernels.threads import quadratic_form
 from riemhuman.terms._quadratic import SumOfQuadraticTerms
 from riemhuman.terms._sum import SumOfTerms, checked_terms
 from riemhuman.terms.cone import ConeTerm, EbinTerm
 from riemhuman.terms.flat import FlatTerm, RootNormalTerm
-from riemhuman.terms.normals import NormalTerm, RotationTerm
+from riemhuman.terms.normals import NormalTerm
 from riemhuman.terms.term import Fields, Term
 
 if TYPE_CHECKING:
@@ -436,108 +433,3 @@ class SRNFMetric(SurfaceMetric):
         **solvers: Unpack[Solvers],
     ) -> None:
         super().__init__(space, [RootNormalTerm()], **solvers)
-
-
-# √(4 time) is then 10 cm on an adult body, whose skin has 1.8 m²: the thickness of a limb.
-_SHARE_OF_AREA = 0.0025 / 1.8
-# Deformations whose images are computed together, for the sake of memory.
-_AT_A_TIME = 8
-
-
-class RotationMetric(PullbackMetric):
-    r"""The pull-back of `RotationFieldMetric` by the rotations of triangles, diffused.
-
-    The differential of a surface f on a triangle is :math:`df = R \sqrt g` (polar decomposition),
-    where R takes the template's plane and normal to the surface's and so is a rotation. Heat flows
-    between the rotations of all triangles for `time`, as between matrices, and the nearest
-    rotations are compared. Like normals, the metric distinguishes poses, and more reliably:
-    diffusion averages over the thickness of a limb, within which a person's build rotates triangles
-    back and forth. Translation and scale of one surface leave the distance unchanged.
-
-    Parameters
-    ----------
-    space : AlignedSurfaces
-    time : float, optional
-        Duration of the heat flow, in squared units of the template, such as m²: heat spreads by √(4
-        time). By default a 720th of the template's area, on an adult the thickness of a limb.
-    **solvers : strategies, see `RiemannianMetric`
-
-    Examples
-    --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> space = rh.AlignedSurfaces(bodies.template)
-    >>> pose = rh.RotationMetric(space)
-    >>> same_pose, same_person = bodies[13], bodies[4]
-    >>> bool(pose.dist(bodies[3], same_pose) < pose.dist(bodies[3], same_person))
-    True
-    """
-
-    is_translation_invariant = True
-    is_stretch_invariant = True
-
-    def __init__(
-        self,
-        space: Manifold,
-        time: float | None = None,
-        **solvers: Unpack[Solvers],
-    ) -> None:
-        surfaces: Any = space
-        template = space.template
-        if time is None:
-            time = _SHARE_OF_AREA * template.face_areas.sum()
-        self.time = real_number(time, "time", minimum=0.0)
-        self._axes = surface.polar_frames(*surfaces.partial_derivatives(template.vertices))
-        super().__init__(space, RotationFields(template).metric, self.rotations, **solvers)
-
-    def rotations(self, f: ndarray) -> ndarray:
-        """Return the rotations of all triangles from the template, diffused, shape (..., F, 3, 3).
-
-        Parameters
-        ----------
-        f : array, shape (..., V, 3)
-        """
-        f_u, f_v = self.space.partial_derivatives(f)
-        surface.refuse_degenerate(surface.is_degenerate(values_of(f_u), values_of(f_v)))
-        rotations = np.matmul(surface.polar_frames(f_u, f_v), transpose(self._axes))
-        if self.time == 0:
-            return rotations
-        flat = np.reshape(rotations, (*np.shape(rotations)[:-2], 9))
-        diffused = surface.apply_operator(self.space.template.heat.step(self.time), flat)
-        return nearest_rotations(np.reshape(diffused, np.shape(rotations)))
-
-    @property
-    def bulk(self) -> Bulk:
-
-        def fields(points: ndarray) -> tuple[ndarray]:
-            surfaces = self.space.check_point(points, "points")
-            components = np.empty((len(surfaces), self.space.template.n_faces, 4))
-            for i, f in enumerate(surfaces):
-                components[i] = quaternions(self.rotations(f))
-            return (components,)
-
-        return SumOfTerms([RotationTerm()], self.space.template, fields)
-
-    def lower_bound_coordinates(self, points: ndarray) -> ndarray:
-        rotations = self.rotations(points)
-        flat = np.sqrt(0.5) * np.reshape(rotations, (*np.shape(rotations)[:-2], 9))
-        return field_coordinates(flat, self.space.template.face_areas)
-
-    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
-        path = self.check_points(path, "path")
-        if surface.is_degenerate(*self.space.partial_derivatives(path)).any():
-            return np.inf, np.zeros(path.shape)
-        return super().energy_and_gradient(path)
-
-    def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
-        vectors = self.check_points(vectors, "vectors")
-        surfaces = self.space.check_point(base_point, "base_point").reshape(-1, *self.space.shape)
-        roots = np.sqrt(0.5 * self.space.template.face_areas)[:, None, None]
-        images = np.empty((len(vectors), roots.size * 9))
-        gram = np.zeros((len(vectors), len(vectors)))
-        for f in surfaces:
-            for first in range(0, len(vectors), _AT_A_TIME):
-                some = slice(first, first + _AT_A_TIME)
-                changes = roots * self.differential(vectors[some], f)
-                images[some] = changes.reshape(len(changes), -1)
-            gram += images @ images.T
-        return gram / len(surfaces)

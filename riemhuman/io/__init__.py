@@ -9,6 +9,7 @@ from riemhuman.io.arrays import load_array, load_arrays, save_arrays
 from riemhuman.io.mesh_seams import Seams, find_seams
 from riemhuman.io.meshes import (
     as_arrays,
+    is_registered_scan,
     load_mesh,
     load_points,
     load_trusted,
@@ -22,6 +23,7 @@ __all__ = [
     "Seams",
     "as_arrays",
     "find_seams",
+    "is_registered_scan",
     "load_array",
     "load_arrays",
     "load_mesh",

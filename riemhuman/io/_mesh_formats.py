@@ -27,6 +27,7 @@ Mesh = tuple[ndarray, ndarray]
 
 _POSITION, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 _CORNERS = ("vertex_indices", "vertex_index")
+_HEADER_BYTES = 2**16  # no header of a PLY file is as long
 _SHOWN = 60  # characters of a name or a line in messages
 # Numbers and the three normals, corners and spare bytes of each triangle of a binary STL file.
 _STL_HEADER = 84
@@ -42,6 +43,13 @@ def read_ply(file: Path) -> tuple[ndarray, ndarray | None, ndarray | None, ndarr
     trusted = _columns(data, ("trusted",))
     trusted = None if trusted is None else trusted[:, 0] != 0
     return vertices, _faces(data), _columns(data, _NORMAL), trusted
+
+
+def says_trusted(file: Path) -> bool:
+    """Return whether the header of a PLY file declares which vertices are trusted."""
+    with file.open("rb") as stream:
+        header = stream.read(_HEADER_BYTES).partition(b"end_header")[0]
+    return re.search(rb"[\r\n]property[ \t]+\w+[ \t]+trusted[ \t]*[\r\n]", header) is not None
 
 
 def _read_ply(file: Path) -> Any:

@@ -140,6 +140,25 @@ def load_trusted(path: str | os.PathLike[str]) -> ndarray | None:
         return read_ply(file)[3] if file.suffix.lower() == ".ply" else None
 
 
+def is_registered_scan(path: str | os.PathLike[str]) -> bool:
+    """Return whether a mesh file says that it is a registered scan, by its header alone.
+
+    Parameters
+    ----------
+    path : path_like
+        A mesh file; the PLY files of `riemhuman register` say so, see `load_trusted`.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.save_mesh("body.ply", bodies[0], bodies.template.faces)
+    >>> rh.io.is_registered_scan("body.ply")
+    False
+    """
+    file = file_path(path)
+    return file.suffix.lower() == ".ply" and formats.says_trusted(file)
+
+
 def save_mesh(
     path: str | os.PathLike[str],
     vertices: ArrayLike,

@@ -233,13 +233,22 @@ def refuse_degenerate(degenerate: ndarray, name: str = "the surface") -> None:
 
 def refuse_triangles(bad: ndarray, message: str, error: type[Exception]) -> None:
     """Raise an error naming the first bad triangle, its surface if there are several, the count."""
+    _refuse(bad, message, error, "triangle", "triangles")
+
+
+def refuse_vertices(bad: ndarray, message: str, error: type[Exception]) -> None:
+    """Raise an error naming the first bad vertex, its surface if there are several, the count."""
+    _refuse(bad, message, error, "vertex", "vertices")
+
+
+def _refuse(bad: ndarray, message: str, error: type[Exception], one: str, several: str) -> None:
     if not bad.any():
         return
-    *leading, triangle = (int(i) for i in np.argwhere(bad)[0])
+    *leading, first = (int(i) for i in np.argwhere(bad)[0])
     where = f" of item {tuple(leading)}" if leading else ""
     count = int(bad.sum())
-    others = "" if count == 1 else f", the first of {count} such triangles"
-    raise error(f"{message}; found otherwise at triangle {triangle}{where}{others}")
+    others = "" if count == 1 else f", the first of {count} such {several}"
+    raise error(f"{message}; found otherwise at {one} {first}{where}{others}")
 
 
 def triangle_frames(points: ndarray, operator: object) -> ndarray:

@@ -30,6 +30,7 @@ from riemhuman.errors import (
 from riemhuman.extensions import extensions
 from riemhuman.geometry import (
     AlignedSurfaces,
+    AreaMetric,
     ElasticMetric,
     GaugeInvariantMetric,
     GeneralElasticMetric,
@@ -186,6 +187,7 @@ def table_metrics(bodies: Any) -> dict[str, Any]:
     return {
         SHAPE_METRIC: ElasticMetric(space, a=1.0, lam=1e-4, c=0.0),
         POSE_METRIC: ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
+        "area metric": AreaMetric(space),
         "SRNF": SRNFMetric(space),
         "rotation metric": RotationMetric(space),
         "general elastic metric (1, 1, 1)": GeneralElasticMetric(space, a=1.0, b=1.0, c=1.0),
@@ -207,7 +209,7 @@ def representations(bodies: Any) -> dict[str, Any]:
     Examples
     --------
     >>> list(rh.report.representations(rh.datasets.load_open_bodies("coarse")))[2]
-    'SRNF'
+    'area metric'
     """
     descriptors: dict[str, Any] = {
         "APT": AreaProjectionTransform(),

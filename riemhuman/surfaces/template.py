@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator
 
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
@@ -22,10 +21,9 @@ from riemhuman.io.meshes import (
     to_pyvista,
     to_trimesh,
 )
-from riemhuman.kernels.elimination import symmetric_factor
-from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.kernels.surface import cotangent_laplacian
+from riemhuman.surfaces._heat import HeatFlow, TriangleHeat
 from riemhuman.surfaces._poisson import PoissonInterpolator
-from riemhuman.surfaces.measures import adjacent_triangles
 
 # A triangle is flat if its height is within rounding of zero: relative to its longest side, or to
 # the coordinates from which it was computed.
@@ -243,6 +241,20 @@ class Template:
         """The flow of heat between the triangles, across seams, too."""
         return TriangleHeat(self.vertices, self.joined_faces, self.face_areas)
 
+    @cached_property
+    def vertex_heat(self) -> HeatFlow:
+        """The flow of heat between the vertices, by the cotangent Laplacian."""
+        return HeatFlow(self.vertex_areas, cotangent_laplacian(self.vertices, self.faces))
+
+    @cached_property
+    def averaging_operator(self) -> sparse.csr_array:
+        """Sparse matrix of shape (V, F): averages of triangles around vertices, by area."""
+        corners = self.faces.ravel()
+        shares = np.repeat(self.face_areas / 3, 3) / self.vertex_areas[corners]
+        triangles = np.repeat(np.arange(self.n_faces), 3)
+        shape = (self.n_vertices, self.n_faces)
+        return sparse.csr_array((shares, (corners, triangles)), shape=shape)
+
     def __getstate__(self) -> dict[str, Any]:
         # Cached properties are left out, since some cannot be pickled.
         return {name: value for name, value in vars(self).items() if name.startswith("_")}
@@ -338,57 +350,3 @@ class TriangleAssembler:
         entries = np.bincount(self._positions, blocks.ravel(), minlength=len(self._columns))
         shape = (self._size, self._size)
         return sparse.csr_array((entries, self._columns, self._row_ends), shape=shape)
-
-
-class TriangleHeat:
-    """The flow of heat between triangles; its factorisations are computed once."""
-
-    # A function X that is constant on triangles evolves by A dX/dt = −L X, with triangle areas A
-    # and the finite-volume Laplacian L. Between triangles s and t that share an edge of length ℓ,
-    # the conductance is ℓ/d, where d = 2(w_s + w_t)/(3ℓ) is the sum of the distances of both
-    # centroids from the edge.
-
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray, face_areas: np.ndarray) -> None:
-        self.face_areas = face_areas
-        pairs, edges = adjacent_triangles(faces)
-        squared_lengths = np.sum((vertices[edges[:, 0]] - vertices[edges[:, 1]]) ** 2, axis=1)
-        flows = 1.5 * squared_lengths / face_areas[pairs].sum(axis=1)
-        self._pairs, self._flows = pairs, flows
-        self.laplacian = self._laplacian(flows)
-        self._steps: dict[float, LinearOperator] = {}
-
-    def step(self, time: float) -> LinearOperator:
-        """Return one implicit step of the flow."""
-        if time not in self._steps:
-            self._steps[time] = self._step(time, self.laplacian)
-        return self._steps[time]
-
-    def step_through(self, conductances: np.ndarray, time: float) -> LinearOperator:
-        """Return one implicit step of the flow with different conductivities of the triangles."""
-        both = conductances[self._pairs]
-        means = 2.0 * both[:, 0] * both[:, 1] / both.sum(axis=1)
-        return self._step(time, self._laplacian(means * self._flows))
-
-    def _laplacian(self, flows: np.ndarray) -> Any:
-        n_faces = len(self.face_areas)
-        links = sparse.coo_array((flows, tuple(self._pairs.T)), shape=(n_faces, n_faces))
-        links = (links + links.T).tocsr()
-        return sparse.diags_array(links.sum(axis=1)) - links
-
-    def _step(self, time: float, laplacian: Any) -> LinearOperator:
-        """Return (A + time L)⁻¹ A, which keeps constants and ∫ X dx, with its transpose."""
-        areas = self.face_areas
-        factor = symmetric_factor(sparse.diags_array(areas) + time * laplacian)
-
-        def solve(values: np.ndarray) -> np.ndarray:
-            with single_threaded_libraries():
-                return factor.solve(np.ascontiguousarray(values))
-
-        def flow(values: np.ndarray) -> np.ndarray:
-            return solve((areas * values.T).T)
-
-        def transposed(values: np.ndarray) -> np.ndarray:
-            return (areas * solve(values).T).T
-
-        size = (len(areas), len(areas))
-        return LinearOperator(size, flow, transposed, flow, np.float64, transposed)

@@ -10,7 +10,7 @@ over triangles run in vector registers; along paths some thousand triangles at a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as onp
@@ -277,14 +277,26 @@ def _join(record: ndarray, slope: ndarray) -> None:
             slope[3 + k, t] = in_v if has_area else 0.0
 
 
+def _records(surfaces: ndarray, template: Any) -> Iterator[ndarray]:
+    """Yield the records of one surface after the other, in one array."""
+    records = onp.empty((1, LENGTH, template.n_faces))
+    over = template.faces, template.frame_coefficients, 0, template.n_faces
+    for f in surfaces:
+        fill_records(of_one_kind(f)[:, None], *over, records)
+        yield records[0]
+
+
+def area_ratios(surfaces: ndarray, template: Any) -> Iterator[ndarray]:
+    """Yield the area ratios of the triangles of one surface after the other."""
+    for record in _records(surfaces, template):
+        yield record[9]
+
+
 def nearly_degenerate(surfaces: ndarray, template: Any) -> ndarray:
     """Tell the triangles of surfaces that have no area, or hardly more than none."""
     found = onp.empty((len(surfaces), template.n_faces), dtype=bool)
-    records = onp.empty((1, LENGTH, template.n_faces))
-    over = template.faces, template.frame_coefficients, 0, template.n_faces
-    for f, marked in zip(surfaces, found, strict=True):
-        fill_records(of_one_kind(f)[:, None], *over, records)
-        squared, mixed = records[0, 9] ** 2, records[0, 11]
+    for record, marked in zip(_records(surfaces, template), found, strict=True):
+        squared, mixed = record[9] ** 2, record[11]
         # A² + m² = e g.
         marked[:] = squared <= surface.NEARLY_DEGENERATE * (squared + mixed**2)
     return found

@@ -8,7 +8,7 @@ import shutil
 import numpy as np
 import pytest
 
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, AreaMetric, ElasticMetric
 from riemhuman.io import save_mesh
 from riemhuman.solvers import BasisPath, path_distances
 from riemhuman.surfaces import DeformationBasis, Template, procrustes
@@ -39,6 +39,49 @@ def test_dist_is_that_of_the_library(run, scans, bodies, options, weights):
     assert record["metric"]["a"] == weights[0]
     plain = run("dist", scans / NAMES[0], scans / NAMES[3], *options)
     assert float(plain.out) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.fixture
+def registered(bodies, tmp_path):
+    """Return a folder of two bodies that carry the mark of registered scans, and one without."""
+    for number, trusted in ((0, True), (20, True), (1, False)):
+        marks = np.arange(bodies.template.n_vertices) > 5 if trusted else None
+        save_mesh(
+            tmp_path / f"body_{number}.ply", bodies.points[number], bodies.template.faces, marks
+        )
+    return tmp_path
+
+
+def test_scanned_people_are_compared_by_areas(run, registered, bodies):
+    """Unless another metric is asked for: it is chosen, said and recorded."""
+    template = Template(bodies.points[0], bodies.template.faces)
+    areas = AreaMetric(AlignedSurfaces(template, equip=False))
+    expected = areas.dist(*bodies.points[[0, 20]])
+    pair = registered / "body_0.ply", registered / "body_20.ply"
+    finished = run("dist", *pair)
+    assert float(finished.out) == pytest.approx(expected, rel=1e-9)
+    assert "registered scans: people are compared by smoothed areas" in finished.err
+    assert "among the open bodies, the same person in another pose" in finished.err
+    record = json.loads(run("dist", *pair, "--json").out)
+    assert record["metric"] == {"name": "AreaMetric", "time": areas.time}
+    for options, weights in ((["--shape"], (1, 1e-4, 0)), (["-l", "1"], (1, 1, 0))):
+        finished = run("dist", *pair, *options)
+        paper = metric_of(template, *weights).dist(*bodies.points[[0, 20]])
+        assert float(finished.out) == pytest.approx(paper, rel=1e-9)
+        assert "registered scans" not in finished.err
+    matrix = run("matrix", registered, "--csv", "-")
+    assert "registered scans" in matrix.err
+    nearest = json.loads(run("retrieve", registered / "body_1.ply", registered, "--json").out)
+    assert nearest["metric"]["name"] == "AreaMetric"
+
+
+def test_areas_can_be_asked_for(run, scans, bodies):
+    finished = run("dist", scans / NAMES[0], scans / NAMES[3], "--area", "--quiet")
+    template = Template(bodies.points[0], bodies.template.faces)
+    areas = AreaMetric(AlignedSurfaces(template, equip=False))
+    assert float(finished.out) == pytest.approx(areas.dist(*bodies.points[[0, 20]]), rel=1e-9)
+    assert finished.err == ""
+    assert "--area sets all weights" in run("dist", *[scans / NAMES[0]] * 2, "--area", "-c", 1).err
 
 
 @pytest.mark.parametrize("options", [[], ["--pose", "--align"], ["--precision", "single"]])

@@ -19,6 +19,7 @@ import riemhuman as rh
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.geometry import (
     AlignedSurfaces,
+    AreaMetric,
     ElasticMetric,
     GaugeInvariantMetric,
     GeneralElasticMetric,
@@ -51,8 +52,8 @@ def over(metric, template):
         return ElasticMetric(space, metric.a, metric.lam, metric.c)
     if isinstance(metric, GeneralElasticMetric):
         return GeneralElasticMetric(space, metric.a, metric.b, metric.c)
-    if isinstance(metric, RotationMetric):
-        return RotationMetric(space, metric.time)
+    if isinstance(metric, (AreaMetric, RotationMetric)):
+        return type(metric)(space, metric.time)
     return SRNFMetric(space)
 
 
@@ -189,14 +190,14 @@ def test_choice_of_the_template(case):
 
 @every_metric
 def test_scaling_of_both(case):
-    """The Ebin part and SRNF scale with lengths, normals and rotations not at all."""
+    """The Ebin part and SRNF scale with lengths; normals, rotations, ratios of areas do not."""
     f1, f2 = case.points[:2]
     before, after = case.metric.squared_dist(f1, f2), case.metric.squared_dist(3 * f1, 3 * f2)
     normals = 0.0
     if isinstance(case.metric, ElasticMetric) and case.metric.c > 0:
         turn = ElasticMetric(case.space, 0.0, 0.0, 1.0).squared_dist(f1, f2)
         normals = case.metric.c * turn
-    if isinstance(case.metric, RotationMetric):
+    if isinstance(case.metric, (AreaMetric, RotationMetric)):
         normals = before
     np.testing.assert_allclose(after - normals, 9 * (before - normals), rtol=1e-10, atol=1e-12)
 

@@ -20,6 +20,7 @@ from riemhuman.errors import (
 )
 from riemhuman.io import (
     as_arrays,
+    is_registered_scan,
     load_mesh,
     load_points,
     load_trusted,
@@ -313,12 +314,15 @@ def test_trusted_vertices_of_ply_files(mesh, tmp_path):
     save_mesh(tmp_path / "body.ply", *mesh, trusted)
     assert_reads(tmp_path / "body.ply", mesh)
     np.testing.assert_array_equal(load_trusted(tmp_path / "body.ply"), trusted)
+    assert is_registered_scan(tmp_path / "body.ply")
     by_trimesh = trimesh.load_mesh(tmp_path / "body.ply", process=False, maintain_order=True)
     np.testing.assert_array_equal(by_trimesh.vertices, mesh[0])
     save_mesh(tmp_path / "body.ply", *mesh)
     assert load_trusted(tmp_path / "body.ply") is None
+    assert not is_registered_scan(tmp_path / "body.ply")
     save_mesh(tmp_path / "body.obj", *mesh, trusted)
     assert load_trusted(tmp_path / "body.obj") is None
+    assert not is_registered_scan(tmp_path / "body.obj")
     (tmp_path / "body.ply").write_bytes(b"ply\n")
     with pytest.raises(FileFormatError, match=r"body\.ply: not a PLY file"):
         load_trusted(tmp_path / "body.ply")

@@ -1,0 +1,198 @@
+"""The metric of smoothed areas."""
+
+import numpy as np
+import pytest
+import trimesh
+from cases import TEMPLATES, open_template, sphere_template, surfaces
+from scipy.spatial.distance import pdist, squareform
+from scipy.spatial.transform import Rotation
+
+import riemhuman as rh
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.geometry import AlignedSurfaces, AreaMetric, ElasticMetric
+from riemhuman.retrieval import scores
+from riemhuman.surfaces import Template
+
+
+def triangle_areas(vertices, faces):
+    one, two, three = (vertices[corners] for corners in faces.T)
+    return 0.5 * np.linalg.norm(np.cross(two - one, three - one), axis=1)
+
+
+def smoothed_log_areas(template, f, time):
+    """Return the field by its definition, with dense matrices and cotangents of angles."""
+    vertices, faces, n = template.vertices, template.faces, template.n_vertices
+    at_rest, areas = triangle_areas(vertices, faces), triangle_areas(f, faces)
+    before, after, stiffness = np.zeros(n), np.zeros(n), np.zeros((n, n))
+    for face, rest, area in zip(faces, at_rest, areas, strict=True):
+        before[face] += rest / 3
+        after[face] += area / 3
+        for k in range(3):
+            i, j, opposite = face[k], face[(k + 1) % 3], face[(k + 2) % 3]
+            u, v = vertices[i] - vertices[opposite], vertices[j] - vertices[opposite]
+            half = 0.5 * np.dot(u, v) / np.linalg.norm(np.cross(u, v))
+            stiffness[[i, j], [i, j]] += half
+            stiffness[[i, j], [j, i]] -= half
+    mass = np.diag(before)
+    return np.linalg.solve(mass + time * stiffness, mass @ np.log(after / before)), before
+
+
+@pytest.mark.parametrize("time", [0.0, 0.02, 3.0])
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_fields_and_distances_by_their_definition(name, time):
+    template = TEMPLATES[name]()
+    metric = AreaMetric(AlignedSurfaces(template), time)
+    f1, f2 = surfaces(template, 2)
+    (x1, masses), (x2, _) = (smoothed_log_areas(template, f, time) for f in (f1, f2))
+    np.testing.assert_allclose(metric.log_areas(f1), x1, rtol=1e-9, atol=1e-12)
+    assert metric.squared_dist(f1, f2) == pytest.approx(np.sum(masses * (x1 - x2) ** 2), rel=1e-9)
+
+
+@pytest.mark.parametrize("time", [0.0, None])
+def test_growth_shifts_logarithms(time):
+    """A surface s times as large is at the distance 2 log s √area, wherever it is."""
+    template = sphere_template()
+    metric = AreaMetric(AlignedSurfaces(template), time)
+    f = surfaces(template, 1)[0]
+    turn = Rotation.from_rotvec([0.3, -0.8, 0.4]).as_matrix()
+    larger = 1.3 * f @ turn.T + [0.0, 2.0, -1.0]
+    shift = 2 * np.log(1.3)
+    np.testing.assert_allclose(metric.log_areas(larger) - metric.log_areas(f), shift, atol=1e-12)
+    expected = shift * np.sqrt(template.face_areas.sum())
+    assert metric.dist(f, larger) == pytest.approx(expected, rel=1e-12)
+    np.testing.assert_allclose(metric.log_areas(template.vertices), 0.0, atol=1e-12)
+
+
+def test_default_time_follows_the_size_of_the_template():
+    template = rh.datasets.load_open_bodies("coarse").template
+    metric = AreaMetric(AlignedSurfaces(template))
+    assert np.ptp(template.vertices[:, 1]) == pytest.approx(1.7, abs=0.03)
+    assert metric.time == pytest.approx(0.05, rel=0.05)
+    assert metric.time == pytest.approx(template.face_areas.sum() / 36)
+    in_millimetres = Template(1000 * template.vertices, template.faces)
+    of_millimetres = AreaMetric(AlignedSurfaces(in_millimetres))
+    assert of_millimetres.time == pytest.approx(1e6 * metric.time)
+    f1, f2 = rh.datasets.load_open_bodies("coarse").points[[0, 30]]
+    found = of_millimetres.dist(1000 * f1, 1000 * f2)
+    assert found == pytest.approx(1000 * metric.dist(f1, f2), rel=1e-9)
+
+
+def test_parameters():
+    space = AlignedSurfaces(sphere_template())
+    metric = AreaMetric(space, time=0.05)
+    assert repr(metric) == "AreaMetric(time=0.05)"
+    with pytest.raises(ArgumentError, match="time of AreaMetric cannot change"):
+        metric.time = 0.1
+    for wrong in (-1.0, np.nan, np.inf):
+        with pytest.raises(ArgumentError, match="time must be a finite number of at least 0"):
+            AreaMetric(space, time=wrong)
+    with pytest.raises(ArgumentTypeError, match="time must be a real number"):
+        AreaMetric(space, time="long")
+
+
+def test_finer_meshes_have_the_same_distances():
+    """Distances of a smooth deformation of a sphere converge, to second order in edge length."""
+
+    def dist(subdivisions):
+        mesh = trimesh.creation.icosphere(subdivisions)
+        template = Template(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+        x = template.vertices
+        growth = 1.0 + 0.2 * x[:, :1] * x[:, 1:2] + 0.1 * np.sin(3 * x[:, 2:])
+        return AreaMetric(AlignedSurfaces(template), time=0.05).dist(x, growth * x)
+
+    coarse, middle, fine = (dist(k) for k in (2, 3, 4))
+    assert abs(middle - fine) < 0.02 * fine
+    assert abs(coarse - fine) > 3 * abs(middle - fine)
+
+
+def test_parts_and_vertices_of_no_triangle():
+    """Heat stays in its part, and a vertex that no triangle uses has no effect."""
+    one, other = sphere_template(), open_template()
+    shift = one.n_vertices + 1
+    both = Template(
+        np.vstack([one.vertices, [[9.0, 9.0, 9.0]], other.vertices]),
+        np.vstack([one.faces, other.faces + shift]),
+    )
+    pairs = surfaces(one, 2), surfaces(other, 2)
+    lonely = np.array([[0.0, 0.0, 0.0]]), np.array([[5.0, 1.0, 2.0]])
+    together = [np.vstack(each) for each in zip(pairs[0], lonely, pairs[1], strict=True)]
+    metric = AreaMetric(AlignedSurfaces(both), time=0.1)
+    parts = [
+        AreaMetric(AlignedSurfaces(template), time=0.1).squared_dist(*pair)
+        for template, pair in zip((one, other), pairs, strict=True)
+    ]
+    assert metric.squared_dist(*together) == pytest.approx(sum(parts), rel=1e-12)
+    assert np.all(np.isfinite(metric.energy_and_gradient(np.stack(together))[1]))
+
+
+def test_triangles_without_area():
+    template = sphere_template()
+    metric = AreaMetric(AlignedSurfaces(template), time=0.1)
+    f, g = surfaces(template, 2)
+    flat = f.copy()
+    flat[template.faces[7, 1]] = flat[template.faces[7, 0]]  # two triangles without area
+    limit = metric.dist(flat, g)
+    assert metric.dist(flat + 1e-7 * (f - flat), g) == pytest.approx(limit, rel=1e-5)
+    energy, gradient = metric.energy_and_gradient(np.stack([f, flat, g]))
+    assert np.isfinite(energy)
+    assert np.all(np.isfinite(gradient))
+    around = template.faces[(template.faces == 4).any(axis=1)]
+    gone = f.copy()
+    gone[np.unique(around)] = f[4]
+    first = min(v for v in range(template.n_vertices) if is_gone(template, gone, v))
+    with pytest.raises(DegenerateSurfaceError, match=rf"every vertex .* at vertex {first}"):
+        metric.dist(f, gone)
+    with pytest.raises(DegenerateSurfaceError, match="every vertex"):
+        metric.dist_pairwise(np.stack([f, gone, g]))
+    assert metric.energy_and_gradient(np.stack([f, gone, g]))[0] == np.inf
+
+
+def is_gone(template, f, vertex):
+    around = template.faces[(template.faces == vertex).any(axis=1)]
+    return triangle_areas(f, around).max() == 0.0
+
+
+def test_fields_are_vectors_in_a_flat_space():
+    bodies = rh.datasets.load_open_bodies("coarse")
+    points = bodies.points[::9]
+    metric = AreaMetric(AlignedSurfaces(bodies.template))
+    distances = metric.dist_pairwise(points, precision="double")
+    coordinates = metric.lower_bound_coordinates(points)
+    np.testing.assert_allclose(squareform(pdist(coordinates)), distances, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(metric.dist_pairwise(points), distances, rtol=1e-5, atol=1e-12)
+    (features, _) = metric.features(points, "single")
+    assert features.dtype == np.float32
+    assert features[0].size < 1.02 * bodies.template.n_vertices  # of SRNF there are 3 F
+    fields, (x, y) = metric.target_metric, metric.map(points[:2])
+    velocity = fields.log(y, x)
+    np.testing.assert_allclose(fields.exp(velocity, x), y, atol=1e-12)
+    assert fields.norm(velocity) == pytest.approx(distances[0, 1])
+    nearest = rh.NearestNeighbors(metric, algorithm="index").fit(points).kneighbors(points, 3)
+    np.testing.assert_allclose(nearest[0], np.sort(distances, axis=1)[:, :3], atol=1e-5)
+
+
+def test_jobs_and_learning(tmp_path):
+    bodies = rh.datasets.load_open_bodies("coarse")
+    space, some = AlignedSurfaces(bodies.template), bodies.points[:20]
+    metric = AreaMetric(space)
+    distances = rh.pairwise_job(metric, some, tmp_path)
+    np.testing.assert_allclose(distances, metric.dist_pairwise(some), rtol=1e-6, atol=1e-9)
+    with pytest.raises(rh.RiemhumanError, match="time"):
+        rh.pairwise_job(AreaMetric(space, time=0.1), some, tmp_path)
+    learned = rh.LearnedMetric(metric).fit(bodies.points[:80], bodies.subject[:80])
+    found = learned.metric_.dist_pairwise(bodies.points[80:])
+    assert scores(found, bodies.subject[80:]).nn == 100.0
+
+
+def test_noise_on_people_nothing_was_tuned_on():
+    """With a millimetre of noise the paper's metric loses people, and areas keep them."""
+    bodies = rh.datasets.load_open_bodies("coarse", "natural", 12)
+    space = AlignedSurfaces(bodies.template)
+    noise = np.random.default_rng(0).standard_normal(bodies.points.shape)
+    for millimetres, least in ((0.0, 100.0), (1.0, 100.0), (4.0, 98.0)):
+        points = bodies.points + 0.001 * millimetres * noise
+        found = scores(AreaMetric(space).dist_pairwise(points), bodies.subject)
+        assert found.nn >= least
+        assert found.first_tier > 80.0
+    paper = scores(ElasticMetric(space, 1.0, 1e-4, 0.0).dist_pairwise(points), bodies.subject)
+    assert paper.nn < 60.0
