@@ -18,14 +18,14 @@ from riemhuman.surfaces import DeformationBasis
 def test_tables_of_a_labelled_folder(run, scans):
     finished = run("tables", "--bodies", scans, "--labels", scans / "labels.csv")
     assert "6 bodies: 2 people, 3 poses, 1,202 vertices, 2,400 triangles" in finished.out
-    assert len(re.findall(r"15 distances: \d+\.\d s", finished.err)) == 5
+    assert len(re.findall(r"15 distances: \d+\.\d s", finished.err)) == 6
     who, how = finished.out.split("How do they stand?")
-    row = r"{} metric \([^)]*\) +(\d+\.\d)"
+    row = r"{} metric(?: \([^)]*\))? +(\d+\.\d)"
     found = {
         name: [float(re.search(row.format(name), part)[1]) for part in (who, how)]
-        for name in ("shape", "pose")
+        for name in ("shape", "pose", "area")
     }
-    assert found == {"shape": [100.0, 0.0], "pose": [0.0, 100.0]}
+    assert found == {"shape": [100.0, 0.0], "pose": [0.0, 100.0], "area": [100.0, 0.0]}
 
 
 def test_all_representations(run, scans, monkeypatch):
