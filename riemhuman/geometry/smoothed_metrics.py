@@ -207,7 +207,7 @@ class AreaMetric(SmoothedMetric):
         **solvers: Unpack[Solvers],
     ) -> None:
         surfaces: Any = space
-        areas = surfaces.template.vertex_areas
+        areas = surfaces.template.vertex_heat.masses
         fields = VectorSpace((len(areas),)).equip_with_metric(FlatMetric, weights=areas)
         super().__init__(space, fields.metric, self.log_areas, time, **solvers)
 
@@ -237,7 +237,7 @@ class AreaMetric(SmoothedMetric):
         return SumOfFactors([(fields, 1.0, self.target_metric.bulk)])
 
     def lower_bound_coordinates(self, points: ndarray) -> ndarray:
-        return np.sqrt(self.space.template.vertex_areas) * self.log_areas(points)
+        return np.sqrt(self.space.template.vertex_heat.masses) * self.log_areas(points)
 
     def _ratios(self, f: ndarray) -> ndarray:
         """Return the area ratios of triangles, shape (..., F)."""
@@ -245,18 +245,18 @@ class AreaMetric(SmoothedMetric):
         return np.where(first.degenerate, 0.0, first.areas)
 
     def _averages(self, ratios: ndarray) -> ndarray:
-        """Return area ratios at vertices, 1 where there are no triangles, shape (..., V)."""
+        """Return area ratios at vertices, 1 where no triangle counts, shape (..., V)."""
         template = self.space.template
         averages = surface.apply_operator(template.averaging_operator, ratios[..., None])[..., 0]
-        return averages + (template.vertex_areas == 0.0)
+        return averages + (template.vertex_heat.masses == 0.0)
 
     def _smoothed(self, averages: ndarray) -> ndarray:
         _refuse_lost(values_of(averages))
-        logarithms = np.log(averages)
-        if self.time == 0:
-            return logarithms
-        step = self.space.template.vertex_heat.step(self.time)
-        return surface.apply_operator(step, logarithms[..., None])[..., 0]
+        logarithms, template = np.log(averages), self.space.template
+        if self.time > 0:
+            step = template.vertex_heat.step(self.time)
+            logarithms = surface.apply_operator(step, logarithms[..., None])[..., 0]
+        return logarithms[..., template.seams.first_copies] if template.seams else logarithms
 
     def _undefined(self, f: ndarray) -> bool:
         return bool(np.any(self._averages(self._ratios(f)) == 0.0))

@@ -243,14 +243,16 @@ class Template:
 
     @cached_property
     def vertex_heat(self) -> HeatFlow:
-        """The flow of heat between the vertices, by the cotangent Laplacian."""
-        return HeatFlow(self.vertex_areas, cotangent_laplacian(self.vertices, self.faces))
+        """The flow of heat between the vertices, of which seams leave the first copies alone."""
+        faces = self.joined_faces
+        masses = np.bincount(faces.ravel(), np.repeat(self.face_areas / 3, 3), self.n_vertices)
+        return HeatFlow(masses, cotangent_laplacian(self.vertices, faces))
 
     @cached_property
     def averaging_operator(self) -> sparse.csr_array:
         """Sparse matrix of shape (V, F): averages of triangles around vertices, by area."""
-        corners = self.faces.ravel()
-        shares = np.repeat(self.face_areas / 3, 3) / self.vertex_areas[corners]
+        corners, masses = self.joined_faces.ravel(), self.vertex_heat.masses
+        shares = np.repeat(self.face_areas / 3, 3) / masses[corners]
         triangles = np.repeat(np.arange(self.n_faces), 3)
         shape = (self.n_vertices, self.n_faces)
         return sparse.csr_array((shares, (corners, triangles)), shape=shape)

@@ -125,6 +125,26 @@ def test_parts_and_vertices_of_no_triangle():
     assert np.all(np.isfinite(metric.energy_and_gradient(np.stack(together))[1]))
 
 
+def test_seams_change_nothing():
+    """Vertices doubled where an exporter cut the mesh: heat flows across the cut."""
+    template = sphere_template()
+    upper = template.vertices[template.faces].mean(axis=1)[:, 1] > 0.0
+    twins = np.intersect1d(template.faces[upper], template.faces[~upper])
+    faces = template.faces.copy()
+    of_twin = np.arange(template.n_vertices)
+    of_twin[twins] = template.n_vertices + np.arange(len(twins))
+    faces[upper] = of_twin[faces[upper]]
+    cut = Template(np.vstack([template.vertices, template.vertices[twins]]), faces)
+    f = surfaces(template, 2)
+    torn = np.concatenate([f, f[:, twins]], axis=1)
+    whole, apart = (AreaMetric(AlignedSurfaces(each), time=0.1) for each in (template, cut))
+    assert apart.dist(*torn) == pytest.approx(whole.dist(*f), rel=1e-12)
+    np.testing.assert_allclose(apart.dist_pairwise(torn), whole.dist_pairwise(f), rtol=1e-6)
+    fields = apart.log_areas(torn)
+    np.testing.assert_allclose(fields[:, : template.n_vertices], whole.log_areas(f), atol=1e-12)
+    np.testing.assert_array_equal(fields[:, template.n_vertices :], fields[:, twins])
+
+
 def test_triangles_without_area():
     template = sphere_template()
     metric = AreaMetric(AlignedSurfaces(template), time=0.1)

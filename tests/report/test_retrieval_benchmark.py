@@ -151,7 +151,7 @@ TEMPLATE_FREE = ["APT", "ShapeDNA", "HKS", "WKS"]
 def test_registered_bodies_have_all():
     everyone = load_open_bodies("coarse")
     names = list(representations(everyone))
-    assert names[:3] == ["shape metric (1, 0.0001, 0)", "pose metric (0, 0, 1)", "SRNF"]
+    assert names[:3] == ["shape metric (1, 0.0001, 0)", "pose metric (0, 0, 1)", "area metric"]
     assert set(TEMPLATE_FREE) < set(names)
     assert {SOBOLEV, GAUGE_INVARIANT} < set(names)
     assert "model shape vector" in names
