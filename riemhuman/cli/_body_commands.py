@@ -72,7 +72,8 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
     "mean",
     "the Karcher mean of registered meshes",
     "Writes the body with the least mean squared distance from the meshes, searched over a\n"
-    "basis of deformations and the differences of the meshes.",
+    "basis of deformations and the differences of the meshes. A metric of normals alone does\n"
+    "not measure lengths: with --pose the metric (1, 1, 0) is added to what is minimised.",
     "  riemhuman mean anna.ply ben.ply carl.ply -o mean.ply --align\n"
     "  riemhuman mean scans/ -o mean.obj --pose --picture mean.html\n"
     "  riemhuman mean scans/ -o mean.ply --basis basis.npz -a 1 -l 1 -c 0.1 --json\n",

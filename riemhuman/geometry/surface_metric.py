@@ -279,6 +279,10 @@ class ElasticMetric(SurfaceMetric):
     .. math:: d(f_1, f_2)^2 = a\, d^\lambda(g_1, g_2)^2 + c\int_T d_{S^2}(n_1, n_2)^2\, dx
 
     Equations 3 to 5 of the paper. (a, λ, c) = (1, 1e-4, 0) distinguishes persons, (0, 0, 1) poses.
+    At λ = 1e-4 the distance of metric fields saturates: a triangle counts in full once it is
+    stretched 9 % more in one direction than across it. The metric nearly counts how much of the
+    surface has changed, which is less between poses of a person than between persons. Distances
+    at λ = 1 measure by how much.
 
     Parameters
     ----------

@@ -37,7 +37,17 @@ from riemhuman.report._report import (
     name_of,
 )
 from riemhuman.report.retrieval_benchmark import POSE_METRIC
-from riemhuman.solvers import BasisMean, BasisPath, LinearPath, ModelPath, compare_paths
+from riemhuman.solvers import (
+    BasisMean,
+    BasisPath,
+    LinearPath,
+    ModelPath,
+    PathComparison,
+    PoissonPath,
+    compare_metrics,
+    compare_paths,
+)
+from riemhuman.surfaces import generalized_procrustes, procrustes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,6 +57,7 @@ if TYPE_CHECKING:
 
 # Paths that the section on comparisons names.
 _LINEAR, _OURS = "linear", "ours (1, 1, 0)"
+_ROTATING = "rotating start"
 _parameters: Any = attrgetter("betas", "pose", "trans")  # of a model's fit
 # Weights a0, a1, b1, c1, d1 and a2.
 _SOBOLEV_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 0.0, 1e-3)
@@ -56,6 +67,7 @@ _VIEWED_METRICS = {
     "pose (0, 0, 1)": ("pose", POSE_WEIGHTS),
     "both (1, 1, 0.1)": ("both", (1.0, 1.0, 0.1)),
 }
+Row = dict[str, Any]
 _COUNTS = {4: "Four", 5: "Five"}
 
 
@@ -170,54 +182,109 @@ def comparison_section(report: Report) -> Section | None:
     if pair is None:
         return None
     step = _comparison(report, pair)
-    rows = step.record["rows"]
-    names, count = [row["name"] for row in rows], _COUNTS[len(rows)]
-    title = f"{len(names)} paths between the same two bodies"
+    rows, from_straight = step.record["rows"], step.record["rows_from_straight"]
+    names = _drawn(step)
+    count, title = _COUNTS[len(names)], f"{len(names)} paths between the same two bodies"
     shown = {name: step.arrays[name] for name in names}
     viewer = view_path(shown, bodies.template.faces, side_by_side=True, title=title)
     html = fill(
         "comparison",
         picture=report.output.figure("comparison", _draw_comparison, bodies, step),
+        names=names,
         viewer=viewer.fragment("comparison-view"),
         ends=[name_of(bodies, number) for number in pair],
         rows=report.output.table("comparison", rows),
-        names=names,
-        straight=_LINEAR,
-        ours=_OURS,
+        from_straight=report.output.table("comparison-from-straight", from_straight),
+        basis=report.basis[1],
+        plan=report.plan,
+        **_findings(rows, from_straight),
     )
     return Section("comparison", f"{count} paths from one pose to another", f"{count} paths", html)
 
 
+def _drawn(step: Step) -> list[str]:
+    """Return the names of the paths that are drawn: all but a start that resembles ours."""
+    return [row["name"] for row in step.record["rows"] if row["name"] != _ROTATING]
+
+
+def _findings(rows: list[Row], from_straight: list[Row]) -> dict[str, Any]:
+    """Return what the section says about the searches from the two starts."""
+    from_rotating = {row["name"]: row for row in rows}
+    start, ours = from_rotating[_ROTATING], from_rotating[_OURS]
+    lower, continued = [], []
+    for row in from_straight:
+        if not row["starts"]:
+            continue
+        energy, other = (
+            path[f"energy_{row['metric']}"] for path in (row, from_rotating[row["name"]])
+        )
+        if energy < other:
+            lower.append((row["name"], 100.0 * (1.0 - energy / other)))
+    for table in (rows, from_straight):
+        continued += [(row["name"], row["starts"]) for row in table if ", then " in row["starts"]]
+    names_from_straight = [row["name"] for row in from_straight]
+    return {
+        "searched": [row["name"] for row in rows if row["starts"]],
+        "at": {
+            "start": rows.index(start),
+            "ours": rows.index(ours),
+            "gain": 100.0 * (1.0 - ours["energy_ours"] / start["energy_ours"]),
+            "ours_from_straight": names_from_straight.index(_OURS),
+        },
+        "lower": lower,
+        "continued": continued,
+    }
+
+
 def _comparison(report: Report, pair: Pair) -> Step:
-    """Find paths between two bodies by several methods, and compare them (figure 5)."""
+    """Compare paths of several metrics, found alike from each of two starts (figure 5)."""
     start, end = report.bodies.points[list(pair)]
     n_nodes = report.plan.n_nodes
+    search: BasisPath = report.path_solver()
 
     def compute() -> Computed:
         space = AlignedSurfaces(report.bodies.template, equip=False)
         metrics: dict[str, RiemannianMetric] = {
-            "ours": report.metric(PATH_WEIGHTS),
             "srnf": SRNFMetric(space),
             "sobolev": SobolevMetric(space, *_SOBOLEV_WEIGHTS),
+            "ours": report.metric(PATH_WEIGHTS),
         }
-        srnf = BasisPath(report.basis[0], n_nodes, initial=LinearPath(n_nodes), tolerance=1e-3)
         solvers: dict[str, tuple[Any, str]] = {
             _LINEAR: (LinearPath(n_nodes), "ours"),
-            "SRNF": (srnf, "srnf"),
-            f"Sobolev, a2 = {_SOBOLEV_WEIGHTS[-1]:g}": (report.path_solver(), "sobolev"),
+            _ROTATING: (PoissonPath(n_nodes), "ours"),
         }
         reference, model = None, report.bodies.model
         if model is not None:
             path = ModelPath(model, n_nodes, parameters=lambda f: _parameters(model.fit(f)))
             solvers["body model"] = (path, "ours")
             reference = path.solve(metrics["ours"], start, end).path
-        solvers[_OURS] = (report.path_solver(), "ours")
-        compared = compare_paths(metrics, start, end, solvers, reference)
-        paths = {path.name: path.result.path for path in compared}
-        return paths, {"pair": list(pair), "rows": [path.as_row() for path in compared]}
+        known = compare_paths(metrics, start, end, solvers, reference)
+        found = compare_metrics(metrics, search, known, _ROTATING, reference)
+        straight = known[:1]
+        found_from_it = compare_metrics(metrics, search, straight, _LINEAR, reference)
+        rows, rows_from_straight = _named([*known, *found]), _named([*straight, *found_from_it])
+        paths = {path.name: path.result.path for path in rows}
+        return paths, {
+            "pair": list(pair),
+            "rows": [path.as_row() for path in rows],
+            "rows_from_straight": [path.as_row() for path in rows_from_straight],
+        }
 
     inputs = {"pair": pair, "sobolev": _SOBOLEV_WEIGHTS}
     return report.path_step("comparison", compute, "Paths compared", **inputs)
+
+
+def _named(paths: list[PathComparison]) -> list[PathComparison]:
+    """Return paths by the names that the page gives to their metrics."""
+    names = {"srnf": "SRNF", "sobolev": f"Sobolev, a2 = {_SOBOLEV_WEIGHTS[-1]:g}", "ours": _OURS}
+    return [
+        replace(
+            path,
+            name=names.get(path.name, path.name),
+            starts=tuple(names.get(start, start) for start in path.starts),
+        )
+        for path in paths
+    ]
 
 
 def mean_section(report: Report) -> Section | None:
@@ -243,8 +310,17 @@ def mean_section(report: Report) -> Section | None:
         {"body": name_of(bodies, index), "distance": distance, "squared_distance": distance**2}
         for index, distance in zip(group, step.record["distances"], strict=True)
     ]
-    table = report.output.table("mean", rows)
-    html = fill("mean", picture=figure, viewer=viewer.fragment("mean-view"), rows=table)
+    karcher, *others = step.record["variances"]
+    nearer = [row["body"] for row in others if row["normal_part"] < karcher["normal_part"]]
+    html = fill(
+        "mean",
+        picture=figure,
+        viewer=viewer.fragment("mean-view"),
+        rows=report.output.table("mean", rows),
+        variances=report.output.table("mean-variances", step.record["variances"]),
+        nearer=nearer,
+        basis=report.basis[1],
+    )
     return Section("mean", "The mean of several people", "Mean", html)
 
 
@@ -253,10 +329,27 @@ def _mean(report: Report, group: ndarray) -> Step:
     points = report.bodies.points[group]
 
     def compute() -> Computed:
-        metric = report.metric(POSE_WEIGHTS)
-        result = BasisMean(report.basis[0]).solve(metric, points)
+        metric, solver = report.metric(POSE_WEIGHTS), BasisMean(report.basis[0])
+        minimised = metric.with_stretching(solver.companion_weight)
+        result = solver.solve(metric, points)
         distances = metric.dist(points, result.point).tolist()
-        return {"mean": result.point}, {"group": group.tolist(), "distances": distances}
+        average = points.mean(axis=0)
+        _, aligned_average = generalized_procrustes(points)
+        centers = {
+            "Karcher mean": result.point,
+            "average of the vertices": average,
+            "Procrustes average": procrustes(aligned_average, to=average),
+        }
+        variances = [
+            {
+                "body": name,
+                "minimised": float(np.mean(minimised.squared_dist(points, center))),
+                "normal_part": float(np.mean(metric.squared_dist(points, center))),
+            }
+            for name, center in centers.items()
+        ]
+        record = {"group": group.tolist(), "distances": distances, "variances": variances}
+        return {"mean": result.point}, record
 
     return report.path_step("mean", compute, "Karcher mean", group=group.tolist())
 
@@ -296,7 +389,7 @@ def _draw_geodesic(bodies: Bodies, step: Step) -> Figure:
 
 def _draw_comparison(bodies: Bodies, step: Step) -> Figure:
     """Draw several paths between two bodies below each other (figure 5 of the paper)."""
-    names = [row["name"] for row in step.record["rows"]]
+    names = _drawn(step)
     figure = new_figure(8.0, 1.75 * len(names))
     axes = figure.subplots(len(names), 1, squeeze=False)[:, 0]
     for name, ax in zip(names, axes, strict=True):

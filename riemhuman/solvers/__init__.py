@@ -14,6 +14,7 @@ from riemhuman.solvers.parallel_transport import PoleLadder, SchildLadder, Trans
 from riemhuman.solvers.path_comparison import (
     PathComparison,
     PathDistances,
+    compare_metrics,
     compare_paths,
     path_distances,
 )
@@ -68,6 +69,7 @@ __all__ = [
     "Status",
     "TangentPCA",
     "TransportResult",
+    "compare_metrics",
     "compare_paths",
     "inverted_triangles",
     "path_distances",

@@ -53,7 +53,8 @@ class BasisMean(Solver, MeanSolver):
 
     Algorithm 2 of the paper: minimisation by L-BFGS, preconditioned by the metric's matrix. With
     a basis the result is the mean over the span of the basis and of the points' differences, and
-    its message says so.
+    its message says so; points outside the span may have a smaller variance. Under a metric of
+    normals alone, what is minimised is not the variance: see `companion_weight`.
 
     Parameters
     ----------
@@ -64,8 +65,10 @@ class BasisMean(Solver, MeanSolver):
         algorithm does without: a basis of motions does not describe how bodies differ in build.
     companion_weight : float
         An elastic metric of normals alone, a = 0, does not measure the lengths of edges: in its
-        means, arms stretch and shrink like rubber. The search therefore minimises the sum with
-        this weight times the metric (1, 1, 0), in units of c.
+        means, arms stretch and shrink like rubber. The search therefore minimises the mean squared
+        distance under the sum of the metric and this weight times (1, 1, 0), in units of c. Under
+        the metric alone, other points may have a smaller variance, even the average of the
+        vertices.
     tolerance : float, optional
         Stop when a Newton step would gain at most this share of the variance, as far as the
         preconditioned gradient tells. By default 1e-8 over a basis, and in all coordinates 1e-5
@@ -121,8 +124,8 @@ class BasisMean(Solver, MeanSolver):
         Returns
         -------
         MeanResult
-            `variance` is that of the metric alone; `variances` include the companion metric, and
-            are mean distances for medians.
+            `variance` is that of the metric alone; `variances`, which the search lowers, include
+            the companion metric, and are mean distances for medians.
         """
         check_metric(metric)
         of_search = metric_of_search(metric, self.companion_weight)
@@ -336,6 +339,9 @@ def _mean_of_logarithms(dispersion: Dispersion, point: ndarray) -> ndarray:
 class FrechetMean(Estimator):
     r"""The point x̄ that minimises Σ_i w_i d(x_i, x̄)² (section 4 of the paper).
 
+    `BasisMean` minimises this over a span if it has a basis, and adds a second metric to one of
+    normals alone: it says what it minimises.
+
     Parameters
     ----------
     space : Manifold
@@ -402,7 +408,7 @@ class FrechetMean(Estimator):
 
 
 class GeometricMedian(FrechetMean):
-    r"""The point that minimises Σ_i w_i d(x_i, x).
+    r"""The point that minimises Σ_i w_i d(x_i, x); see `FrechetMean` for what `BasisMean` adds.
 
     Parameters
     ----------

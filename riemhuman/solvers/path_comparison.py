@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -16,9 +16,13 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import GeodesicSolver, check_strategy
 from riemhuman.representation import Record
+from riemhuman.solvers.path_search import PathSearch
 from riemhuman.solvers.paths import solve_pairs
 from riemhuman.solvers.results import PathResult, Result, Status, complete
 from riemhuman.surfaces.measures import edge_lengths, signed_volume, triangle_areas
+
+# Share of an energy by which another path must be lower to count as lower: more than rounding.
+_LOWER = 1e-9
 
 
 class Distortion(NamedTuple):
@@ -52,6 +56,9 @@ class PathComparison(Record):
         Change of the volume; NaN if the mesh is not closed.
     mean_deviation, max_deviation : float
         Distance of the vertices from those of the reference, millimetres; NaN without one.
+    starts : tuple of str
+        Names of the paths from which `compare_metrics` started and continued the search; empty for
+        other paths.
 
     Examples
     --------
@@ -72,6 +79,7 @@ class PathComparison(Record):
     volume_change: float
     mean_deviation: float
     max_deviation: float
+    starts: tuple[str, ...] = ()
 
     def as_row(self) -> dict[str, Any]:
         """Return everything but the path, by name, for a table."""
@@ -83,6 +91,7 @@ class PathComparison(Record):
             "volume_change": self.volume_change,
             "mean_deviation": self.mean_deviation,
             "max_deviation": self.max_deviation,
+            "starts": ", then ".join(self.starts),
             "n_iterations": self.result.n_iterations,
             "converged": self.result.converged,
             "seconds": self.seconds,
@@ -118,9 +127,7 @@ def compare_paths(
     >>> [(row.name, row.metric) for row in rows]
     [('straight', 'elastic')]
     """
-    check_methods(metrics, "metrics", "a dictionary of metrics", "items")
-    for name, metric in metrics.items():
-        check_metric(metric, f"metrics[{name!r}]")
+    _check_metrics(metrics)
     check_methods(solvers, "solvers", "a dictionary of solvers with names of metrics", "items")
     for name, pair in solvers.items():
         if not isinstance(pair, tuple) or len(pair) != 2:
@@ -132,34 +139,156 @@ def compare_paths(
                 f"solvers[{name!r}] names the metric {metric_name!r}; metrics holds "
                 f"{', '.join(map(repr, metrics)) or 'none'}"
             )
-    if not all(metric.space.is_surface_space for metric in metrics.values()):
-        raise ArgumentError("metrics must be metrics on surfaces over a template")
     compared = []
     for name, (solver, metric_name) in solvers.items():
-        metric, began = metrics[metric_name], perf_counter()
-        result = complete(solver.solve(metric, start, end), PathResult)
+        began = perf_counter()
+        result = complete(solver.solve(metrics[metric_name], start, end), PathResult)
         seconds = perf_counter() - began
-        template = metric.space.template
-        path, faces, edges = template.check_points(result.path), template.faces, template.edges
-        deviations = np.array(np.nan)
-        if reference is not None:
-            reference = real_array(reference, "reference", path.shape, batched=False)
-            deviations = 1000.0 * np.linalg.norm(path - reference, axis=-1)
-        lengths = edge_lengths(template.vertices, edges)
-        row = PathComparison(
-            name,
-            metric_name,
-            result,
-            seconds,
-            {other: float(each.energy(path)) for other, each in metrics.items()},
-            summarize(change_along_path(triangle_areas(path, faces)), template.face_areas),
-            summarize(change_along_path(edge_lengths(path, edges)), lengths),
-            float(change_along_path(signed_volume(path, faces))),
-            float(deviations.mean()),
-            float(deviations.max()),
-        )
-        compared.append(row)
+        compared.append(_measured(name, metric_name, result, seconds, metrics, reference))
     return compared
+
+
+def compare_metrics(
+    metrics: Mapping[str, RiemannianMetric],
+    search: PathSearch,
+    paths: Sequence[PathComparison],
+    initial: str,
+    reference: ndarray | None = None,
+) -> list[PathComparison]:
+    """Find a path under each metric, all with the same search and from the same path.
+
+    In `compare_paths` every search may start elsewhere, and paths then differ by their starts as
+    well as by their metrics. Here a search that ends above the energy of another path, measured by
+    its own metric, continues from that path, until no path has a lower energy under a metric than
+    the metric's own path.
+
+    Parameters
+    ----------
+    metrics : mapping of str to RiemannianMetric
+        Metrics on the same surfaces, those of `paths`.
+    search : PathSearch
+        `BasisPath` or `PathStraightening`; its own `initial` is not used.
+    paths : sequence of PathComparison
+        Known paths between the same surfaces, from `compare_paths`.
+    initial : str
+        Name of the one among them from which every search starts.
+    reference : array, shape (n_nodes, V, 3), optional
+        As in `compare_paths`.
+
+    Returns
+    -------
+    list of PathComparison
+        A path for each metric, with the name of the metric. Seconds and numbers of iterations are
+        sums over all runs.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metrics = {"elastic": space.metric, "SRNF": rh.SRNFMetric(space)}
+    >>> solvers = {"straight": (rh.solvers.LinearPath(n_nodes=4), "elastic")}
+    >>> straight = rh.solvers.compare_paths(metrics, bodies[0], bodies[2], solvers)
+    >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=5)
+    >>> search = rh.solvers.BasisPath(basis, n_nodes=4)
+    >>> rows = rh.solvers.compare_metrics(metrics, search, straight, "straight")
+    >>> [(row.name, row.starts) for row in rows]
+    [('elastic', ('straight',)), ('SRNF', ('straight',))]
+    """
+    _check_metrics(metrics)
+    if not isinstance(search, PathSearch):
+        refuse_type(search, "search", "BasisPath or PathStraightening")
+    by_name = {path.name: path for path in paths}
+    if initial not in by_name:
+        raise ArgumentError(
+            f"initial must name one of the paths, {', '.join(map(repr, by_name)) or 'none'}; "
+            f"found {initial!r}"
+        )
+    for path in paths:
+        if set(path.energies) != set(metrics):
+            raise ArgumentError(
+                f"paths must be measured under the same metrics, {', '.join(map(repr, metrics))}; "
+                f"{path.name!r} is under {', '.join(map(repr, path.energies))}"
+            )
+    found: dict[str, PathComparison] = {}
+    for name in metrics:
+        found[name] = _searched(name, search, by_name[initial], metrics, reference)
+    is_settled = False
+    while not is_settled:
+        is_settled = True
+        for name in metrics:
+            best = _lowest([*paths, *found.values()], name)
+            if best.energies[name] < (1.0 - _LOWER) * found[name].energies[name]:
+                found[name] = _searched(name, search, best, metrics, reference, found[name])
+                is_settled = False
+    return list(found.values())
+
+
+def _lowest(rows: Sequence[PathComparison], metric_name: str) -> PathComparison:
+    """Return the path of least energy under a metric."""
+    return min(rows, key=lambda row: row.energies[metric_name])
+
+
+def _searched(
+    name: str,
+    search: PathSearch,
+    begin: PathComparison,
+    metrics: Mapping[str, RiemannianMetric],
+    reference: ndarray | None,
+    earlier: PathComparison | None = None,
+) -> PathComparison:
+    """Return the path of a search under a metric from a known path, after an earlier search."""
+    path, began = begin.result.path, perf_counter()
+    result = search.solve(metrics[name], path[0], path[-1], initial_path=path)
+    seconds = perf_counter() - began
+    starts: tuple[str, ...] = (begin.name,)
+    if earlier is not None:
+        seconds += earlier.seconds
+        starts = (*earlier.starts, begin.name)
+        result = replace(
+            result,
+            n_iterations=earlier.result.n_iterations + result.n_iterations,
+            n_evaluations=earlier.result.n_evaluations + result.n_evaluations,
+        )
+    row = _measured(name, name, result, seconds, metrics, reference)
+    return replace(row, starts=starts)
+
+
+def _check_metrics(metrics: Mapping[str, RiemannianMetric]) -> None:
+    check_methods(metrics, "metrics", "a dictionary of metrics", "items")
+    for name, metric in metrics.items():
+        check_metric(metric, f"metrics[{name!r}]")
+    if not all(metric.space.is_surface_space for metric in metrics.values()):
+        raise ArgumentError("metrics must be metrics on surfaces over a template")
+
+
+def _measured(
+    name: str,
+    metric_name: str,
+    result: PathResult,
+    seconds: float,
+    metrics: Mapping[str, RiemannianMetric],
+    reference: ndarray | None,
+) -> PathComparison:
+    """Return the measures of a path under all metrics."""
+    template = metrics[metric_name].space.template
+    path, faces, edges = template.check_points(result.path), template.faces, template.edges
+    deviations = np.array(np.nan)
+    if reference is not None:
+        reference = real_array(reference, "reference", path.shape, batched=False)
+        deviations = 1000.0 * np.linalg.norm(path - reference, axis=-1)
+    lengths = edge_lengths(template.vertices, edges)
+    return PathComparison(
+        name,
+        metric_name,
+        result,
+        seconds,
+        {other: float(metric.energy(path)) for other, metric in metrics.items()},
+        summarize(change_along_path(triangle_areas(path, faces)), template.face_areas),
+        summarize(change_along_path(edge_lengths(path, edges)), lengths),
+        float(change_along_path(signed_volume(path, faces))),
+        float(deviations.mean()),
+        float(deviations.max()),
+    )
 
 
 @dataclass(frozen=True, repr=False)

@@ -186,7 +186,8 @@ class MeanResult(Result):
     variance : float
         Weighted mean of the squared distances to it, Σ w_i d²/Σ w_i.
     variances : array, shape (n_iterations + 1,)
-        The same at the start and after each iteration.
+        What is minimised, at the start and after each iteration: the same, unless `BasisMean` adds
+        a metric of lengths to one of normals alone.
     n_iterations, n_evaluations, status, message
         See `Result`; a mean over a basis is one within the span that the message names.
 

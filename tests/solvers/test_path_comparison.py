@@ -1,5 +1,6 @@
 """Paths of several solvers beside each other."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import bodies_in_motion
@@ -7,10 +8,14 @@ import numpy as np
 import pytest
 from cases import CASES
 
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import ElasticMetric, SRNFMetric
-from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath
-from riemhuman.solvers.path_comparison import change_along_path, compare_paths
+from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath, PoissonPath
+from riemhuman.solvers.path_comparison import (
+    change_along_path,
+    compare_metrics,
+    compare_paths,
+)
 from riemhuman.solvers.path_search import BasisPath, PathStraightening
 from riemhuman.solvers.paths import LinearPath
 
@@ -87,6 +92,69 @@ def test_rows_for_tables(rows):
     )
     assert table[0]["energy_srnf"] == rows[0].energies["srnf"]
     assert table[0]["area_change_quantile_99"] == rows[0].area_change.quantile_99
+
+
+@pytest.fixture(scope="module")
+def setting():
+    """Return metrics, known paths of an elbow that bends, and a search."""
+    space = bodies_in_motion.space()
+    metrics = {"elastic": ElasticMetric(space, 1.0, 1.0, 0.0), "srnf": SRNFMetric(space)}
+    ends = bodies_in_motion.body("resting"), bodies_in_motion.body("elbow bent")
+    search = BasisPath(bodies_in_motion.basis(), N_TIMES)
+    solvers = {
+        "linear": (LinearPath(N_TIMES), "elastic"),
+        "rotating": (PoissonPath(N_TIMES), "elastic"),
+    }
+    return metrics, search, compare_paths(metrics, *ends, solvers)
+
+
+@pytest.mark.parametrize("initial", ["linear", "rotating"])
+def test_metrics_are_compared_from_one_start(setting, initial):
+    metrics, search, known = setting
+    path = by_name(known)[initial].result.path
+    rows = compare_metrics(metrics, search, known, initial)
+    assert [(row.name, row.metric) for row in rows] == [(name, name) for name in metrics]
+    for row in rows:
+        assert row.starts[0] == initial
+        if row.starts == (initial,):
+            alone = search.solve(metrics[row.name], path[0], path[-1], initial_path=path)
+            np.testing.assert_array_equal(row.result.path, alone.path)
+            assert row.result.n_iterations == alone.n_iterations
+
+
+@pytest.mark.parametrize("initial", ["linear", "rotating"])
+def test_no_path_of_a_table_has_less_energy_than_the_metrics_own(setting, initial):
+    metrics, search, known = setting
+    rows = [*known, *compare_metrics(metrics, search, known, initial)]
+    for name in metrics:
+        energies = {row.name: row.energies[name] for row in rows}
+        assert energies[name] <= (1 + 1e-9) * min(energies.values())
+
+
+def test_a_search_continues_from_a_better_path(setting):
+    """From the straight path, with few deformations, it ends above the rotating path."""
+    metrics, search, known = setting
+    few = BasisPath(search.basis.truncate(1), N_TIMES)
+    alone = {"elastic": metrics["elastic"]}
+    straight, rotating = (replace(row, energies={"elastic": row.energies["elastic"]})
+                          for row in known)  # fmt: skip
+    (short,) = compare_metrics(alone, few, [straight], "linear")
+    assert short.energies["elastic"] > rotating.energies["elastic"]
+    (continued,) = compare_metrics(alone, few, [straight, rotating], "linear")
+    assert continued.starts == ("linear", "rotating")
+    assert continued.as_row()["starts"] == "linear, then rotating"
+    assert continued.energies["elastic"] <= rotating.energies["elastic"]
+    assert continued.result.n_iterations >= short.result.n_iterations
+
+
+def test_comparisons_of_metrics_refuse(setting):
+    metrics, search, known = setting
+    with pytest.raises(ArgumentError, match="initial must name one of the paths, 'linear'"):
+        compare_metrics(metrics, search, known, "curved")
+    with pytest.raises(ArgumentError, match="same metrics, 'elastic'; 'linear' is under"):
+        compare_metrics({"elastic": metrics["elastic"]}, search, known, "linear")
+    with pytest.raises(ArgumentTypeError, match="search must be BasisPath or PathStraightening"):
+        compare_metrics(metrics, LinearPath(N_TIMES), known, "linear")
 
 
 def measured(metric, path, reference=None):
