@@ -1,15 +1,19 @@
 """Principal components and metrics learned from labels on the open bodies.
 
 pytest tests/benchmarks/test_statistics.py --benchmark-enable -s
+
+`-k left_out` prints how well components of nine people describe the tenth, for natural bodies and,
+where the variable RIEMHUMAN_FAUST names the folder of MPI FAUST, for its registrations.
 """
 
+import os
 from functools import cache
 
 import numpy as np
 import pytest
 from performances import bodies, clocked
 
-from riemhuman.datasets import load_open_bodies
+from riemhuman.datasets import load_faust, load_open_bodies
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import scores
 from riemhuman.solvers.path_comparison import Distortion, summarize
@@ -17,9 +21,16 @@ from riemhuman.statistics import (
     LearnedMetric,
     TangentPCA,
 )
-from riemhuman.surfaces import edge_lengths, generalized_procrustes, triangle_areas
+from riemhuman.surfaces import (
+    edge_lengths,
+    generalized_procrustes,
+    procrustes,
+    triangle_areas,
+)
 
 SETS = {"ten people in one pose": slice(0, 100, 10), "ten poses of one person": slice(0, 10)}
+FAUST = os.environ.get("RIEMHUMAN_FAUST")
+OTHER_PEOPLE = 31  # on whom no setting was compared
 each_set = pytest.mark.parametrize("name", SETS)
 
 
@@ -79,6 +90,45 @@ def test_components_against_euclidean_ones(benchmark, name):
         if k < 9:
             assert squared[0] < squared[1]
             assert measured[0][0].mean < measured[1][0].mean
+
+
+@pytest.mark.parametrize("name", ["natural", "FAUST"])
+def test_components_describe_people_left_out(benchmark, name):
+    """Ten people in their first pose: each described by all components of the other nine."""
+    if name == "FAUST" and FAUST is None:
+        pytest.skip("RIEMHUMAN_FAUST names no folder of MPI FAUST")
+    if name == "FAUST":
+        data = load_faust(FAUST)
+    else:
+        data = load_open_bodies("coarse", variant="natural", people=OTHER_PEOPLE)
+    people = data.points[data.pose == data.pose.min()]
+    space = AlignedSurfaces(data.template, equip=False)
+    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+
+    def errors_of_people():
+        errors = []
+        for k in range(len(people)):
+            known, average = generalized_procrustes(np.delete(people, k, axis=0))
+            left_out = procrustes(people[k], to=average)
+            pca = TangentPCA(space, n_components=len(known) - 1).fit(known)
+            mean, directions, _ = euclidean(known)
+            scores = directions[: len(known) - 1] @ (left_out - mean).ravel()
+            described = (
+                pca.inverse_transform(pca.transform(left_out[None]))[0],
+                mean + (scores @ directions[: len(known) - 1]).reshape(mean.shape),
+            )
+            for surface in described:
+                gaps = np.linalg.norm(procrustes(surface, to=left_out) - left_out, axis=1)
+                errors += [1000.0 * gaps.mean(), float(space.metric.dist(surface, left_out))]
+        return np.mean(np.reshape(errors, (len(people), 4)), axis=0)
+
+    ours, our_distance, flat, flat_distance = benchmark.pedantic(errors_of_people, rounds=1)
+    print(
+        f"\n{name}, one of {len(people)} people left out: TangentPCA {ours:.1f} mm and "
+        f"{our_distance:.3f} by the metric (1, 1, 1), components of vertices {flat:.1f} mm and "
+        f"{flat_distance:.3f}"
+    )
+    assert our_distance < flat_distance
 
 
 @pytest.mark.parametrize("what", ["subject", "pose"])

@@ -251,7 +251,8 @@ def test_stopped_from_the_keyboard_it_goes_on_where_it_was(tmp_path, monkeypatch
     stored = {file.stem for file in (tmp_path / "r" / "results").glob("*.npz")}
     assert stored == {"distances-shape-metric-1-0-0001-0", "distances-pose-metric-0-0-1",
                       "distances-srnf", "distances-rotation-metric",
-                      "distances-general-elastic-metric-1-1-1", "maps", "differences",
+                      "distances-general-elastic-metric-1-1-1", "distances-area-metric",
+                      "maps", "differences",
                       "basis"}  # fmt: skip
     # Only what was interrupted is begun again.
     again = "Geodesic, one person, two poses"
