@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence, Set
 from contextlib import suppress
 from typing import Any, NoReturn
 
@@ -186,23 +186,86 @@ def length_of(points: Any, name: str) -> int:
     return len(points)
 
 
-def class_numbers(labels: Any, name: str, count: int) -> tuple[np.ndarray, list[Any]]:
-    """Return `count` labels as numbers, and the classes, ascending where labels can be compared."""
-    try:
-        values = list(labels.tolist() if isinstance(labels, np.ndarray) else labels)
-        classes = list(dict.fromkeys(values))
-    except TypeError as error:
+def label_list(labels: Any, name: str, count: int) -> list[Any]:
+    """Return `count` class labels as a list of Python objects; none of them may be missing.
+
+    A label is missing if it is None, NaN, NaT, pandas' NA, a masked entry, empty or blank text, or
+    a tuple with such a part. Tables of labels have the same rule, see `rh.datasets.read_labels`.
+    """
+    if isinstance(labels, (Mapping, Set)) or getattr(labels, "ndim", 1) != 1:
+        shape = getattr(labels, "shape", None)
         raise ArgumentTypeError(
-            f"{name} must be a sequence of hashable class labels ({error})"
+            f"{name} must be a sequence of hashable class labels; found {type(labels).__name__}"
+            + ("" if shape is None else f" of shape {tuple(shape)}")
+        )
+    try:
+        # Elements of other packages' arrays are arrays, each of which would be its own class.
+        values = list(labels.tolist() if hasattr(labels, "tolist") else labels)
+        values = [_plain_label(value) for value in values]
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise ArgumentTypeError(
+            f"{name} must be a sequence of class labels ({error}); found {type(labels).__name__}"
         ) from error
     if len(values) != count:
         raise ArgumentError(
             f"{name} must hold a label for each of {count} points; found {len(values)}"
         )
+    missing = [index for index, value in enumerate(values) if is_missing_label(value)]
+    if missing:
+        raise ArgumentError(
+            f"{name}[{missing[0]}] is missing, {_shown(values[missing[0]])}, the first of "
+            f"{len(missing)} missing labels; leave out what has no label"
+        )
+    try:
+        hash(tuple(values))
+    except TypeError as error:
+        raise ArgumentTypeError(
+            f"{name} must be a sequence of hashable class labels ({error})"
+        ) from error
+    return values
+
+
+def is_missing_label(value: Any) -> bool:
+    """Return whether a label is missing, see `label_list`."""
+    if value is None or (isinstance(value, np.ma.MaskedArray) and np.ma.count_masked(value) > 0):
+        return True
+    if isinstance(value, (str, bytes)):
+        return not value.strip()
+    if isinstance(value, tuple):
+        return any(is_missing_label(part) for part in value)
+    if getattr(value, "shape", ()) != ():
+        return False
+    try:
+        # NaN and NaT differ from themselves.
+        return bool(value != value)
+    except (TypeError, ArithmeticError):
+        # Comparing pandas' NA with itself gives NA, neither true nor false; a signalling NaN of
+        # decimal numbers cannot be compared.
+        return True
+
+
+def _plain_label(value: Any) -> Any:
+    """Return a label; of an array of no dimension, of NumPy or not, its Python number or text."""
+    is_scalar = getattr(value, "shape", None) == () and hasattr(value, "item")
+    return value.item() if is_scalar and not is_missing_label(value) else value
+
+
+def class_numbers(labels: Any, name: str, count: int) -> tuple[np.ndarray, list[Any]]:
+    """Return `count` labels as numbers, and the classes, ascending where labels can be compared.
+
+    Missing labels are refused, see `label_list`.
+    """
+    values = label_list(labels, name, count)
+    classes = list(dict.fromkeys(values))
     with suppress(TypeError):
         classes = sorted(classes)
     numbers = {value: number for number, value in enumerate(classes)}
     return np.array([numbers[value] for value in values], dtype=np.int64), classes
+
+
+def class_indices(labels: Any, name: str, count: int) -> np.ndarray:
+    """Return `count` labels that are whole numbers, as int64; missing ones are refused."""
+    return integer_array(label_list(labels, name, count), name, (count,))
 
 
 def metric_weight(value: Any, name: str, *, strict: bool = False) -> float:

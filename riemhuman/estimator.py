@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import inspect
+import sys
+from abc import abstractmethod
 from typing import Any, Self
 
+import numpy as np
+
+from riemhuman.checks import one_of
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
 from riemhuman.representation import constructor_text
@@ -57,3 +62,56 @@ class Estimator:
     def _require_fit(self, attribute: str) -> None:
         if not hasattr(self, attribute):
             raise ArgumentError(f"{type(self).__name__} must be fitted first, by its method fit")
+
+
+_CONTAINERS = ("default", "pandas", "polars")
+
+
+class Transformer(Estimator):
+    """An estimator with `transform`, whose result may be a data frame, as in scikit-learn."""
+
+    _sklearn_output_config: dict[str, str]  # this name, because `sklearn.clone` copies it
+
+    @abstractmethod
+    def _n_outputs(self) -> int:
+        """Return the number of columns of a result."""
+
+    def set_output(self, *, transform: str | None = None) -> Self:
+        """Choose what `transform` and `fit_transform` return.
+
+        Parameters
+        ----------
+        transform : {"default", "pandas", "polars"}, optional
+            "default" for arrays; "pandas" or "polars" for data frames. None changes nothing. Before
+            the first call, the setting ``transform_output`` of scikit-learn is used.
+        """
+        if transform is not None:
+            one_of(transform, "transform", _CONTAINERS)
+            self._sklearn_output_config = {"transform": transform}
+        return self
+
+    def get_feature_names_out(self, input_features: object = None) -> np.ndarray:
+        """Return the names of the columns of results: the class in lower case, and a number.
+
+        Parameters
+        ----------
+        input_features : object
+            Not used; tools of scikit-learn pass it.
+        """
+        prefix = type(self).__name__.lower()
+        return np.array([f"{prefix}{k}" for k in range(self._n_outputs())], dtype=object)
+
+    def _in_container(self, values: np.ndarray, X: Any) -> Any:
+        """Return a result in the container that was chosen, with the index of its data frame."""
+        config = getattr(self, "_sklearn_output_config", None)
+        if config is None and "sklearn" in sys.modules:
+            config = {"transform": sys.modules["sklearn"].get_config()["transform_output"]}
+        container = (config or {}).get("transform", "default")
+        if container == "default":
+            return values
+        package: Any = import_optional(container, "statistics")
+        columns = list(self.get_feature_names_out())
+        if container == "polars":
+            return package.DataFrame(values, schema=columns, orient="row")
+        index = X.index if isinstance(X, (package.DataFrame, package.Series)) else None
+        return package.DataFrame(values, index=index, columns=columns)

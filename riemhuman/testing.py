@@ -18,7 +18,7 @@ import numpy as np
 from autograd import grad
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_number
+from riemhuman.checks import Rng, generator, is_missing_label, real_number
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.representation import Record
@@ -579,7 +579,8 @@ def check_dataset(dataset: Any) -> PropertyReport:
     """Check that a data set has what tables, reports and estimators read.
 
     That is its length; ``points``, surfaces of shape (n, V, 3), an array or an object whose slices
-    and items are arrays; ``template``; and labels ``subject`` and ``pose``, of shape (n,) or None;
+    and items are arrays; ``template``; and labels ``subject`` and ``pose``, of shape (n,), none of
+    them missing, or None;
     it may also have ``model``, the body model that the surfaces come from. `check_dataset` reads a
     few surfaces. `riemhuman.datasets.Bodies` is such a data set.
 
@@ -606,7 +607,13 @@ def check_dataset(dataset: Any) -> PropertyReport:
 
     def labels() -> float:
         kinds = [labels for labels in (dataset.subject, dataset.pose) if labels is not None]
-        return _share([np.shape(labels) != (len(dataset),) for labels in kinds] or [False])
+        wrong = [
+            len(labels) != len(dataset)
+            or getattr(labels, "ndim", 1) != 1
+            or any(map(is_missing_label, labels))
+            for labels in kinds
+        ]
+        return _share(wrong or [False])
 
     needed = ("points", "template", "subject", "pose")
     n_lacking = sum(not hasattr(dataset, name) for name in needed)

@@ -3,13 +3,16 @@
 import pickle
 
 import numpy as np
+import pandas
 import pytest
+import sklearn
 from cases import sphere_template, surfaces, triangle_template
 from sklearn.base import clone
 from sklearn.model_selection import cross_val_score
 
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, NormalFields, VectorSpace
+from riemhuman.learned import MetricCodes
 from riemhuman.motions import MotionComponents, MotionMean, MotionSpace
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.solvers import BasisMean, GradientDescentMean
@@ -85,6 +88,38 @@ def test_cross_validation_by_scikit_learn():
     points = space.metric.exp(times[:, None, None] * velocity, point)
     scores = cross_val_score(GeodesicRegression(space), times[:, None], points, cv=3)
     np.testing.assert_allclose(scores, 1.0, atol=1e-6)
+
+
+def transformers():
+    """Return each estimator with `transform`, and what it is fitted to."""
+    template = sphere_template()
+    space = AlignedSurfaces(template).equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    points = surfaces(template, 6, size=0.05)
+    return [
+        (TangentPCA(space, 2), points, None),
+        (LearnedMetric(space.metric), points, [0, 0, 0, 1, 1, 1]),
+        (MetricCodes(space.metric, n_codes=4), points, None),
+    ]
+
+
+@pytest.mark.parametrize(("estimator", "points", "labels"), transformers())
+def test_results_are_arrays_or_data_frames(estimator, points, labels):
+    rows = points.reshape(len(points), -1)
+    expected = estimator.fit(points, labels).transform(points)
+    assert type(expected) is np.ndarray
+    np.testing.assert_array_equal(estimator.fit_transform(rows, labels), expected)
+    names = estimator.get_feature_names_out()
+    assert len(names) == expected.shape[1]
+    with sklearn.config_context(transform_output="pandas"):
+        found = estimator.transform(pandas.DataFrame(rows, index=list("abcdef")))
+    assert list(found.index) == list("abcdef")
+    twin = clone(estimator.set_output(transform="pandas").set_output())
+    found = twin.fit_transform(points, labels)
+    np.testing.assert_array_equal(found.to_numpy(), expected)
+    assert found.columns.tolist() == names.tolist()
+    assert type(twin.set_output(transform="default").transform(points)) is np.ndarray
+    with pytest.raises(ArgumentError, match="transform must be one of 'default', 'pandas'"):
+        estimator.set_output(transform="list")
 
 
 def test_what_is_not_fitted_says_so():

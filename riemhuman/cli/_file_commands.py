@@ -249,15 +249,12 @@ def _measurement_facts(file: Path) -> dict[str, Any]:
 
 
 def _table_facts(file: Path) -> dict[str, Any]:
-    import csv
+    from riemhuman.io.text_tables import read_rows
 
-    from riemhuman.io.files import read_text
-    from riemhuman.io.text_tables import separator_of
-
-    text = read_text(file)
-    rows = list(csv.reader(text.splitlines(), delimiter=separator_of(text)))
-    columns = rows[0] if rows else []
-    kind = "table of labels" if {"file", "subject", "pose"} <= {*columns} else "table"
+    _, rows = read_rows(file)
+    columns = rows[0][1] if rows else []
+    is_labels = {"file", "subject", "pose"} <= {column.lower() for column in columns}
+    kind = "table of labels" if is_labels else "table"
     return {"kind": kind, "columns": columns, "rows": max(0, len(rows) - 1)}
 
 

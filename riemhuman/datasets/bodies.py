@@ -11,7 +11,7 @@ from typing import Any, overload
 import numpy as np
 
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import integer_array, real_array
+from riemhuman.checks import class_indices, real_array
 from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, format_errors
@@ -80,7 +80,7 @@ class Bodies:
         )
         values: dict[str, Any] = {"points": points}
         for name in ("subject", "pose"):
-            labels = integer_array(getattr(self, name), name, (len(points),))
+            labels = class_indices(getattr(self, name), name, len(points))
             names = tuple(str(label) for label in getattr(self, f"{name}_names"))
             if labels.size and not 0 <= labels.min() <= labels.max() < len(names):
                 raise ArgumentError(

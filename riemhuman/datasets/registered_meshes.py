@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from riemhuman.checks import SCALES, check_same_scale, one_of
+from riemhuman.checks import SCALES, check_same_scale, is_missing_label, one_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.files import convert_errors, file_path, read_text
+from riemhuman.io.files import convert_errors, file_path
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import Seams, check_seams, common_seams, find_seams
 from riemhuman.io.meshes import load_mesh
-from riemhuman.io.text_tables import SEPARATORS
+from riemhuman.io.text_tables import read_rows
 from riemhuman.progress import ProgressBar
 from riemhuman.representation import join_names
 from riemhuman.surfaces.procrustes import make_upright, procrustes
@@ -269,7 +267,9 @@ def load_bodies(
     scale, unit, up, seams
         As for `RegisteredMeshes`.
     allow_missing : bool
-        Whether to leave out meshes without a row and rows without a mesh.
+        Whether to leave out meshes without a row or with an empty cell for a label, and rows
+        without a mesh; else they are errors, as missing labels are everywhere, see
+        `rh.retrieval.scores`.
     progress : bool
 
     Examples
@@ -315,7 +315,8 @@ def read_labels(
     names : sequence of str
         Names of the files.
     allow_missing : bool
-        Whether to leave out names without a row and rows without a name.
+        Whether to leave out names without a row or with an empty cell for a label, and rows
+        without a name.
 
     Examples
     --------
@@ -332,6 +333,12 @@ def read_labels(
     found: dict[int, tuple[int, str, str]] = {}
     unknown = []
     for line, (name, subject, pose) in _read_table(file):
+        cells = dict(zip(_COLUMNS, (name, subject, pose), strict=True))
+        empty = [column for column, text in cells.items() if is_missing_label(text)]
+        if empty and allow_missing and name:
+            continue
+        if empty:
+            raise FileFormatError(f"{file}, line {line}: no {' and no '.join(empty)} given")
         candidates = by_name.get(name, [])
         if len(candidates) > 1:
             several = join_names([names[number] for number in candidates], 5)
@@ -423,36 +430,27 @@ def _load(
 
 
 def _read_table(table: Path) -> list[tuple[int, list[str]]]:
-    """Return each row of a table, file, subject and pose, after the number of its line."""
+    """Return each row of a table, file, subject and pose, after the number of its line.
+
+    A cell may be empty.
+    """
     if not table.exists():
         raise FileError(
             f"there is no table of labels {table}; write one with the columns "
             f"{', '.join(_COLUMNS)}, or give its path"
         )
-    text = read_text(table)
-    heading = re.split(r"[\r\n]", text, maxsplit=1)[0]
-    separator = max(SEPARATORS, key=heading.count)
-    reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    rows = []
-    try:
-        reader.fieldnames = [name.strip().lower() for name in reader.fieldnames or ()]
-        missing = [name for name in _COLUMNS if name not in reader.fieldnames]
-        if missing:
-            raise FileFormatError(
-                f"{table} lacks the columns {', '.join(missing)}; its first line must name "
-                f"{', '.join(_COLUMNS)}; found {heading.strip()[:60]!r}"
-            )
-        for row in reader:
-            wanted = [(row[name] or "").strip() for name in _COLUMNS]
-            # Entries beyond the columns are a list.
-            if not "".join("".join(entry or ()) for entry in row.values()).strip():
-                continue
-            if not all(wanted):
-                empty = [name for name, text in zip(_COLUMNS, wanted, strict=True) if not text]
-                raise FileFormatError(
-                    f"{table}, line {reader.line_num}: no {' and no '.join(empty)} given"
-                )
-            rows.append((reader.line_num, wanted))
-    except csv.Error as error:
-        raise FileFormatError(f"{table}, line {reader.reader.line_num}: {error}") from error
-    return rows
+    _, rows = read_rows(table)
+    header = [name.lower() for name in rows[0][1]] if rows else []
+    missing = [name for name in _COLUMNS if name not in header]
+    if missing:
+        found = ",".join(rows[0][1])[:60] if rows else ""
+        raise FileFormatError(
+            f"{table} lacks the columns {', '.join(missing)}; its first line must name "
+            f"{', '.join(_COLUMNS)}; found {found!r}"
+        )
+    numbers = [header.index(name) for name in _COLUMNS]
+    found_rows = []
+    for line, cells in rows[1:]:
+        cells += [""] * (len(header) - len(cells))
+        found_rows.append((line, [cells[number] for number in numbers]))
+    return found_rows

@@ -22,7 +22,7 @@ _ADVICE = "decimals need a point, and semicolons or tabs between numbers leave n
 
 
 def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict[str, np.ndarray]:
-    """Return the rows of a .csv file with a name and equally many numbers in each line.
+    """Return the rows of a text table with a name and equally many numbers in each line.
 
     Commas, semicolons or tabs separate them. A first line without numbers is a header; if it names
     all the columns, these are returned in their order.
@@ -30,35 +30,23 @@ def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict
     table: dict[str, np.ndarray] = {}
     length, has_fractions = 0, False
     chosen: list[int] | None = None
-    text = read_text(file)
-    separator = separator_of(text)
-    rows = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    is_first = True
-    try:
-        for row in rows:
-            name, *fields = [field.strip() for field in row] or [""]
-            where = f"{file}, line {rows.line_num}"
-            if not any([name, *fields]):
-                continue
-            is_header = is_first and (
-                name.lower() == title or (fields and not any(map(_is_number, fields)))
-            )
-            is_first = False
-            if is_header:
-                chosen = _columns_by_name(fields, columns)
-                continue
-            if not name:
-                raise FileFormatError(f"{where}: the {title} is missing")
-            if name in table:
-                raise FileFormatError(f"{where}: the {title} {name[:60]!r} is repeated")
-            if not fields or (table and len(fields) != length):
-                expected = f"{length} expected" if table else "at least one expected"
-                raise FileFormatError(f"{where}: {len(fields)} numbers found, {expected}")
-            length = len(fields)
-            has_fractions |= any(c in field for field in fields for c in ".eE")
-            table[name] = np.array([_number(field, where) for field in fields])
-    except csv.Error as error:
-        raise FileFormatError(f"{file}, line {rows.line_num}: {error}") from error
+    separator, rows = read_rows(file)
+    for number, (line, (name, *fields)) in enumerate(rows):
+        where = f"{file}, line {line}"
+        is_header = name.lower() == title or (fields and not any(map(_is_number, fields)))
+        if number == 0 and is_header:
+            chosen = _columns_by_name(fields, columns)
+            continue
+        if not name:
+            raise FileFormatError(f"{where}: the {title} is missing")
+        if name in table:
+            raise FileFormatError(f"{where}: the {title} {name[:60]!r} is repeated")
+        if not fields or (table and len(fields) != length):
+            expected = f"{length} expected" if table else "at least one expected"
+            raise FileFormatError(f"{where}: {len(fields)} numbers found, {expected}")
+        length = len(fields)
+        has_fractions |= any(c in field for field in fields for c in ".eE")
+        table[name] = np.array([_number(field, where) for field in fields])
     if not table:
         raise FileFormatError(f"{file} holds no rows of a name and numbers")
     if separator == "," and length > 3 and not has_fractions:
@@ -68,6 +56,22 @@ def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict
     if chosen is not None and max(chosen) < length:
         return {name: numbers[chosen] for name, numbers in table.items()}
     return table
+
+
+def read_rows(file: Path) -> tuple[str, list[tuple[int, list[str]]]]:
+    """Return the separator of a table, and the cells of rows that are not blank, by line."""
+    text = read_text(file)
+    separator = separator_of(text)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    rows = []
+    try:
+        for row in reader:
+            cells = [cell.strip() for cell in row]
+            if any(cells):
+                rows.append((reader.line_num, cells))
+    except csv.Error as error:
+        raise FileFormatError(f"{file}, line {reader.line_num}: {error}") from error
+    return separator, rows
 
 
 def separator_of(text: str) -> str:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.checks import real_array, whole_number
+from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.estimator import Estimator
+from riemhuman.estimator import Transformer
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.projections import in_blocks, principal_components
 
@@ -18,7 +18,7 @@ from riemhuman.kernels.projections import in_blocks, principal_components
 _ROUNDING = 1e-12
 
 
-class MetricCodes(Estimator):
+class MetricCodes(Transformer):
     r"""Codes of bodies whose Euclidean distances approximate those of a metric.
 
     Codes are the principal components of `RiemannianMetric.lower_bound_coordinates` of the user's
@@ -83,7 +83,7 @@ class MetricCodes(Estimator):
         Parameters
         ----------
         X : array, shape (n, V, 3)
-            Bodies, at least three, of the kind that is to be compared.
+            Bodies, at least three, of the kind that is to be compared, or rows (n, 3V).
         y : object
             Not used.
         """
@@ -102,7 +102,7 @@ class MetricCodes(Estimator):
         self.scale_ = 1.0
         codes = self._encode(coordinates)
         some = np.linspace(0, len(codes) - 1, min(len(codes), 64)).astype(int)
-        wanted = self.metric.dist_pairwise(np.asarray(X, dtype=np.float64)[some])
+        wanted = self.metric.dist_pairwise(self.metric.check_points(X, "X")[some])
         pairs = np.triu_indices(len(some), 1)
         distances = np.linalg.norm(codes[some][pairs[0]] - codes[some][pairs[1]], axis=1)
         self.scale_ = float(wanted[pairs].sum() / distances.sum())
@@ -114,9 +114,25 @@ class MetricCodes(Estimator):
         Parameters
         ----------
         X : array, shape (n, V, 3)
+            Bodies, or rows (n, 3V).
         """
         self._require_fit("scale_")
-        return self._encode(self._coordinates(X))
+        return self._in_container(self._encode(self._coordinates(X)), X)
+
+    def fit_transform(self, X: ndarray, y: object = None) -> ndarray:
+        """Fit the codes to bodies, and return the codes of the same bodies.
+
+        Parameters
+        ----------
+        X : array, shape (n, V, 3)
+        y : object
+            Not used.
+        """
+        return self.fit(X).transform(X)
+
+    def _n_outputs(self) -> int:
+        self._require_fit("scale_")
+        return len(self.components_) + self._projection.shape[1]
 
     def _encode(self, coordinates: ndarray) -> ndarray:
         centered = coordinates - self.mean_
@@ -125,7 +141,7 @@ class MetricCodes(Estimator):
         return self.scale_ * np.concatenate([principal, remainder @ self._projection], axis=1)
 
     def _coordinates(self, X: Any) -> ndarray:
-        points = real_array(X, "X", ("n", *self.metric.space.shape), batched=False)
+        points = self.metric.check_points(X, "X")
         if not len(points):
             return np.empty((0, len(getattr(self, "mean_", ()))))
         return in_blocks(self.metric.lower_bound_coordinates, points)

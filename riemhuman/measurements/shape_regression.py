@@ -65,7 +65,8 @@ def regress_shape(
         Bodies.
     people : array_like, shape (n,), optional
         Person of each body. Bodies of one person must have one value, and permutations keep them
-        together; by default each body is a person.
+        together; by default each body is a person. None may be missing, see
+        `rh.retrieval.scores`.
     n_permutations : int
         Number of random permutations.
     rng : int or numpy.random.Generator, optional

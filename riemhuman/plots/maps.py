@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import Rng, distance_matrix, generator, integer_array, one_of, real_array
+from riemhuman.checks import Rng, class_indices, distance_matrix, generator, one_of, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.optional import import_optional
@@ -124,7 +124,7 @@ def plot_embedding(
     positions : array_like, shape (n, 2)
         See `embed`.
     labels : array_like of int, shape (n,)
-        Class of each item, counted from 0.
+        Class of each item, counted from 0; none may be missing, see `rh.retrieval.scores`.
     names : sequence of str, optional
         Names of the classes.
     item_names : sequence of str, length n, optional
@@ -142,7 +142,7 @@ def plot_embedding(
     >>> ax = rh.plots.plot_embedding([[0, 1], [1, 0], [1, 1]], [0, 0, 1], ["Anna", "Ben"])
     """
     places = real_array(positions, "positions", ("n_items", 2), batched=False)
-    items = integer_array(labels, "labels", (len(places),))
+    items = class_indices(labels, "labels", len(places))
     if (points is None) != (faces is None):
         raise ArgumentError("points and faces must be given together; found only one of them")
     ax = new_axes(ax, 6.0, 5.0)

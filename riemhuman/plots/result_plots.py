@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import integer_array, real_array
+from riemhuman.checks import class_indices, length_of, real_array
 from riemhuman.optional import import_optional
 from riemhuman.plots.figures import class_colors, new_axes
 from riemhuman.retrieval import confusion, precision_recall
@@ -81,6 +81,7 @@ def plot_precision_recall(
     distances : mapping of str to array_like, shape (n, n)
         Distances by name of representation.
     labels : sequence of hashable, length n
+        Class of each item; none may be missing, see `rh.retrieval.scores`.
     ax : matplotlib.axes.Axes, optional
 
     Examples
@@ -113,7 +114,7 @@ def plot_confusion(
     ----------
     distances : array_like, shape (n, n)
     labels : array_like of int, shape (n,)
-        Class of each item, counted from 0.
+        Class of each item, counted from 0; none may be missing, see `rh.retrieval.scores`.
     names : sequence of str, optional
         Names of the classes.
     ax : matplotlib.axes.Axes, optional
@@ -123,13 +124,13 @@ def plot_confusion(
     >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
     >>> ax = rh.plots.plot_confusion(D, [0, 0, 1, 1])
     """
-    items = integer_array(labels, "labels", ("n_items",))
+    items = class_indices(labels, "labels", length_of(distances, "distances"))
     counts = confusion(distances, items)
     classes = np.unique(items)
     titles = [str(label) if names is None else names[label] for label in classes]
     ax = new_axes(ax, 4.2, 4.0)
     shown = np.ma.masked_equal(counts, 0)
-    _heat_map(ax, shown, counts.sum(axis=1).max(), titles, titles)
+    _heat_map(ax, shown, counts.sum(axis=1).max(), titles, titles, digits=1)
     ax.tick_params(axis="x", labelrotation=90)
     ax.set(xlabel="nearest neighbour", ylabel="body")
     return ax
@@ -162,7 +163,13 @@ def plot_sweep(
 
 
 def _heat_map(
-    ax: Axes, values: np.ma.MaskedArray, largest: float, rows: Sequence[str], columns: Sequence[str]
+    ax: Axes,
+    values: np.ma.MaskedArray,
+    largest: float,
+    rows: Sequence[str],
+    columns: Sequence[str],
+    *,
+    digits: int = 0,
 ) -> None:
     """Draw a matrix in shades of blue, on which its values are legible."""
     colors = import_optional("matplotlib.colors", "plot")
@@ -174,7 +181,7 @@ def _heat_map(
     ax.set_xticks(range(len(columns)), columns)
     ax.set_yticks(range(len(rows)), rows)
     for row, column in np.argwhere(~np.ma.getmaskarray(values)):
-        text = f"{values[row, column]:.0f}"
+        text = f"{values[row, column]:.{digits}f}".removesuffix(".0")
         ax.text(column, row, text, ha="center", va="center", fontsize="small", color=_ON_SHADES)
 
 

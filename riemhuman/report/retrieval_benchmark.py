@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from riemhuman.checks import class_numbers
 from riemhuman.descriptors import (
     AreaProjectionTransform,
     Descriptor,
@@ -109,7 +110,8 @@ def benchmark(
     ----------
     bodies : Bodies or LabelledMeshes
         Surfaces with the labels ``subject`` and ``pose``; a task is left out if its labels are
-        None, or no two surfaces share a label.
+        None, or no two surfaces share a label. A label of single surfaces may not be missing, see
+        `rh.retrieval.scores`.
     representations : mapping of str to object, optional
         By name, metrics (with the method ``dist_pairwise``) or descriptors (with the methods
         ``describe`` and ``distances``), such as `representations` of the bodies; by default the
@@ -141,8 +143,11 @@ def benchmark(
     labels = {}
     for kind, field in _LABELS.items():
         own = getattr(bodies, field, None)
-        if own is not None and len(np.unique(own)) < len(own):
-            labels[kind] = own
+        if own is None:
+            continue
+        numbers, classes = class_numbers(own, f"bodies.{field}", len(bodies))
+        if len(classes) < len(numbers):
+            labels[kind] = numbers
     if not labels:
         raise ArgumentError(
             f"bodies must have labels that surfaces share; no two of {len(bodies)} surfaces do "

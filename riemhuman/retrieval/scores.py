@@ -71,7 +71,8 @@ def scores(
         Distance from query i to item j in row i, column j. The matrix need not be symmetric; its
         diagonal is not read.
     labels : sequence of hashable, length n
-        Class of each item.
+        Class of each item. Missing labels (None, NaN, NaT, pandas' NA, masked entries, empty text)
+        are refused, as in tables of labels: leave out the items without a label.
     groups : sequence of hashable, length n, optional
         Group of each item, such as the person: items of the query's group are then not ranked. With
         poses as labels and people as groups, the scores are those among other people only.
@@ -213,6 +214,10 @@ def precision_recall(
 def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> np.ndarray:
     """Return the confusion matrix of nearest neighbours.
 
+    Of n neighbours at exactly the same distance, each counts 1/n, so that the share of the diagonal
+    does not depend on the order of the input; it is the NN of `scores` where no item is alone in
+    its class.
+
     Parameters
     ----------
     distances, labels
@@ -220,7 +225,7 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
 
     Returns
     -------
-    array of int, shape (n_classes, n_classes)
+    array, shape (n_classes, n_classes)
         Number of queries by their class (row) and the class of their nearest neighbour (column),
         ascending, or in the order of first items where labels cannot be compared.
 
@@ -228,14 +233,15 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
     --------
     >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
     >>> rh.retrieval.confusion(D, ["a", "a", "b", "b"]).tolist()
-    [[2, 0], [0, 2]]
+    [[2.0, 0.0], [0.0, 2.0]]
     """
     matrix = distance_matrix(distances, "distances", symmetric=False)
     np.fill_diagonal(matrix, np.inf)
     classes, names = class_numbers(labels, "labels", len(matrix))
-    counts = np.zeros((len(names), len(names)), dtype=np.int64)
-    np.add.at(counts, (classes, classes[matrix.argmin(axis=1)]), 1)
-    return counts
+    nearest = (matrix == matrix.min(axis=1, keepdims=True)) & np.isfinite(matrix)
+    shares = nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)
+    members = np.equal.outer(np.arange(len(names)), classes).astype(np.float64)
+    return members @ shares @ members.T
 
 
 def retrieval_table(

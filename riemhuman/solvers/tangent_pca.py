@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, one_of, real_array, refuse_type, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.estimator import Estimator
+from riemhuman.estimator import Estimator, Transformer
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import sample_count, stack_samples
 from riemhuman.geometry.metric import metric_of
@@ -89,7 +89,7 @@ class ImageEstimator(Estimator):
         return metric.space.check_point(mean, "mean")
 
 
-class TangentPCA(ImageEstimator):
+class TangentPCA(ImageEstimator, Transformer):
     r"""Principal directions of logarithms at the Karcher mean, orthonormal in the metric there.
 
     With :math:`v_i = \log_{\bar x} x_i` less their average, the directions :math:`u_k` maximise
@@ -226,7 +226,8 @@ class TangentPCA(ImageEstimator):
         metric, points = self._image_metric, self._metric.check_points(X, "X")
         logs = metric.log(self._embed(points), self._base) - self.offset_
         covectors = metric.covector(self.components_, self._base)
-        return logs.reshape(len(logs), -1) @ covectors.reshape(self.n_components_, -1).T
+        scores = logs.reshape(len(logs), -1) @ covectors.reshape(self.n_components_, -1).T
+        return self._in_container(scores, X)
 
     def fit_transform(
         self, X: ndarray, y: object = None, base_point: ndarray | None = None
@@ -239,6 +240,10 @@ class TangentPCA(ImageEstimator):
             As of `fit`.
         """
         return self.fit(X, base_point=base_point).transform(X)
+
+    def _n_outputs(self) -> int:
+        self._require_fit("components_")
+        return self.n_components_
 
     def inverse_transform(self, X: ndarray) -> ndarray:
         r"""Return the points exp(offset + Σ_k z_k u_k), on surfaces those with the nearest fields.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from functools import partial
+from itertools import combinations
 from typing import Any, Self
 
 import autograd.numpy as anp
@@ -11,9 +12,9 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial.distance import cdist
 
-from riemhuman.checks import class_numbers, one_of, real_array, real_number, whole_number
+from riemhuman.checks import class_numbers, one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.estimator import Estimator
+from riemhuman.estimator import Transformer
 from riemhuman.geometry import PullbackMetric, RiemannianMetric, VectorSpace
 from riemhuman.kernels.projections import in_blocks, principal_components
 from riemhuman.optional import import_optional
@@ -21,7 +22,7 @@ from riemhuman.optional import import_optional
 LEDOIT_WOLF = "ledoit-wolf"
 
 
-class LearnedMetric(Estimator):
+class LearnedMetric(Transformer):
     r"""A metric fitted to labels, in which classes are compact.
 
     Another metric maps points to coordinates x in a vector space, its
@@ -44,7 +45,7 @@ class LearnedMetric(Estimator):
     shrinkage : "ledoit-wolf" or float
         The shrinkage s, from 0 (not included) to 1; by default from a formula [2]_.
     n_folds : int
-        Number of folds of the groups in `held_out_distances`.
+        Number of folds of the groups in `held_out_distances`, at least 3.
 
     Attributes
     ----------
@@ -91,9 +92,10 @@ class LearnedMetric(Estimator):
         Parameters
         ----------
         X : array, shape (n, \*shape)
-            Points.
+            Points, or rows of as many numbers as a point has.
         y : sequence of hashable, length n
-            Class of each point, such as its pose or its person.
+            Class of each point, such as its pose or its person. Missing labels are refused, see
+            `rh.retrieval.scores`.
         """
         coordinates = self._coordinates(X)
         classes = class_numbers(y, "y", len(coordinates))[0]
@@ -113,19 +115,32 @@ class LearnedMetric(Estimator):
         Parameters
         ----------
         X : array, shape (n, \*shape)
-            Points.
+            Points, or rows.
         """
         self._require_fit("components_")
-        return (self._coordinates(X) - self.mean_) @ self.components_.T
+        coordinates = (self._coordinates(X) - self.mean_) @ self.components_.T
+        return self._in_container(coordinates, X)
+
+    def fit_transform(self, X: ndarray, y: Sequence[Hashable] | ndarray) -> ndarray:
+        """Learn the metric, and return the coordinates of the same points.
+
+        Parameters
+        ----------
+        X, y
+            As for `fit`.
+        """
+        return self.fit(X, y).transform(X)
 
     def held_out_distances(
         self, X: ndarray, y: Sequence[Hashable] | ndarray, groups: Sequence[Hashable] | ndarray
     ) -> ndarray:
-        r"""Return distances from every point in a metric fitted without the point's group.
+        r"""Return distances of all pairs in metrics fitted without the groups of both points.
 
-        Row i holds the distances from point i. Groups are left out fold by fold. Scores of these
-        distances, see `rh.retrieval.scores`, say how well the metric does on people to whom it was
-        not fitted.
+        Groups are dealt to folds. For every two folds, a metric is fitted to all others: it gives
+        the distances between points of the two folds. A distance within a fold is the mean over
+        its pairs with the other folds. All metrics thus learn from equally many folds, and neither
+        a query nor what it is compared with was seen. Scores of these distances, see
+        `rh.retrieval.scores`, say how well the metric does on people to whom it was not fitted.
 
         Parameters
         ----------
@@ -137,24 +152,33 @@ class LearnedMetric(Estimator):
         coordinates = self._coordinates(X)
         classes = class_numbers(y, "y", len(coordinates))[0]
         members = class_numbers(groups, "groups", len(coordinates))[0]
-        n_folds, n_groups = whole_number(self.n_folds, "n_folds", minimum=2), members.max() + 1
+        n_folds, n_groups = whole_number(self.n_folds, "n_folds", minimum=3), members.max() + 1
         if n_groups < n_folds:
             raise ArgumentError(
                 f"groups must hold at least n_folds={n_folds} groups; found {n_groups}"
             )
         _, _, reduced = _principal(coordinates)
-        distances = np.empty((len(reduced), len(reduced)))
-        for fold in range(n_folds):
-            held_out = members % n_folds == fold
-            whitening, _ = self._whitening(reduced[~held_out], classes[~held_out])
-            whitened = reduced @ whitening.T
-            distances[held_out] = cdist(whitened[held_out], whitened)
+        folds = members % n_folds
+        distances = np.zeros((len(reduced), len(reduced)))
+        for pair in combinations(range(n_folds), 2):
+            fitted = ~np.isin(folds, pair)
+            whitening, _ = self._whitening(reduced[fitted], classes[fitted])
+            first, second = (np.flatnonzero(folds == fold) for fold in pair)
+            whitened_first, whitened_second = (reduced[k] @ whitening.T for k in (first, second))
+            across = cdist(whitened_first, whitened_second)
+            distances[np.ix_(first, second)] = across
+            distances[np.ix_(second, first)] = across.T
+            for own, whitened in ((first, whitened_first), (second, whitened_second)):
+                distances[np.ix_(own, own)] += cdist(whitened, whitened) / (n_folds - 1)
         return distances
 
+    def _n_outputs(self) -> int:
+        self._require_fit("components_")
+        return len(self.components_)
+
     def _coordinates(self, X: Any) -> ndarray:
-        points = real_array(X, "X", ("n", *self.metric.space.shape), batched=False)
-        metric: Any = self.metric
-        return in_blocks(metric.lower_bound_coordinates, points)
+        points = self.metric.check_points(X, "X")
+        return in_blocks(self.metric.lower_bound_coordinates, points)
 
     def _whitening(self, coordinates: ndarray, classes: ndarray) -> tuple[ndarray, float]:
         """Return the rows that whiten the scatter within classes, and the shrinkage."""

@@ -10,7 +10,14 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import Rng, class_numbers, distance_matrix, generator, values_of, whole_number
+from riemhuman.checks import (
+    Rng,
+    class_numbers,
+    distance_matrix,
+    generator,
+    label_list,
+    whole_number,
+)
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import slices
 from riemhuman.representation import Record
@@ -77,10 +84,11 @@ def two_sample_test(
     distances : array_like, shape (n, n)
         Symmetric distances.
     in_first : array_like of bool, shape (n,)
-        Which points are in the first group.
+        Which points are in the first group, as booleans or as 1 and 0; none may be missing, see
+        `rh.retrieval.scores`.
     units : array_like, shape (n,), optional
         Exchangeable unit of each point, such as the person that a surface shows; by default every
-        point. All points of a unit are in one group, and change it together.
+        point. All points of a unit are in one group, and change it together. None may be missing.
     n_permutations : int
         Number of random splits.
     rng : int or numpy.random.Generator
@@ -102,12 +110,16 @@ def two_sample_test(
     """
     matrix = distance_matrix(distances, "distances")
     n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
-    first = values_of(in_first, "in_first")
-    if first.dtype != bool or first.shape != (len(matrix),):
+    groups = label_list(in_first, "in_first", len(matrix))
+    others = [
+        label for label in groups if not isinstance(label, (int, float)) or label not in (0, 1)
+    ]
+    if others:
         raise ArgumentError(
-            f"in_first must hold {len(matrix)} booleans, one for each row of distances; found "
-            f"{first.dtype} of shape {first.shape}"
+            f"in_first must hold booleans, or 0 and 1, one for each row of distances; found "
+            f"{others[0]!r}"
         )
+    first = np.array(groups, dtype=bool)
     if first.all() or not first.any():
         raise ArgumentError("in_first must leave both groups at least one point")
     members, chosen = _units(units, first)

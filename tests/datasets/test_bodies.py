@@ -38,7 +38,7 @@ def fields(**changes):
     ("changes", "message"),
     [
         ({"points": np.zeros((6, 5, 3))}, r"points must have shape \(n_bodies, 4, 3\); found"),
-        ({"subject": [0] * 5}, r"subject must have shape \(6\); found \(5,\)"),
+        ({"subject": [0] * 5}, "subject must hold a label for each of 6 points; found 5"),
         ({"subject": [0, 0, 0, 1, 1, 2]}, "subject holds labels from 0 to 2; subject_names names"),
         ({"pose_names": ()}, "pose_names names only 0"),
         ({"betas": np.zeros((5, 5))}, r"betas must have shape \(6, n_betas\)"),

@@ -54,8 +54,21 @@ def test_confusion_counts_nearest_neighbours(distances):
     assert counts[0, 1] == sum(LABELS[nearest[i]] == "b" for i in range(12) if LABELS[i] == "a")
 
 
+@pytest.mark.parametrize("n_values", [1, 2, 3])
+def test_confusion_treats_ties_as_scores_do(n_values):
+    """The diagonal is the NN of the scores, and no order of the items changes the counts."""
+    rng = np.random.default_rng(n_values)
+    matrix = rng.integers(0, n_values, size=(12, 12)).astype(float)
+    counts = confusion(matrix, LABELS)
+    np.testing.assert_allclose(counts.sum(axis=1), [4, 4, 4])
+    assert 100 * np.trace(counts) / 12 == pytest.approx(scores(matrix, LABELS).nn)
+    order = rng.permutation(12)
+    again = confusion(matrix[np.ix_(order, order)], LABELS[order])
+    np.testing.assert_allclose(again, counts)
+
+
 def test_confusion_of_labels_of_any_hashable_kind(distances):
-    mixed = [None, "1", 1] * 4  # which cannot be sorted
+    mixed = [("a",), "1", 1] * 4  # which cannot be sorted
     expected = confusion(distances, [0, 1, 2] * 4)
     for labels in (mixed, "abc" * 4, [("a", 1), ("a", 2), ("b", 1)] * 4):
         np.testing.assert_array_equal(confusion(distances, labels), expected)

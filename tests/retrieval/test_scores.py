@@ -128,7 +128,7 @@ def test_diagonal_is_not_read(on_diagonal):
         [0, 0, 1, 1],
         np.array(["x", "x", "y", "y"]),
         "aabb",
-        [("s", 1), ("s", 1), None, None],
+        [("s", 1), ("s", 1), "t", "t"],
         ["1", "1", 1, 1],
         np.array([0.5, 0.5, 2.5, 2.5]),
     ],

@@ -1,10 +1,15 @@
 """A metric learned from labels, on people who were left out, and its properties."""
 
 import numpy as np
+import pandas
 import pytest
 from scipy.spatial.distance import cdist
+from sklearn.base import clone
 from sklearn.covariance import LedoitWolf
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
+from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.pipeline import make_pipeline
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError, NotDefinedError
@@ -46,19 +51,70 @@ def test_people_left_out_are_retrieved_better_than_without_labels(
     assert found.second_tier >= 99.4
 
 
-def test_people_of_a_query_are_not_in_its_metric(bodies, metrics):
-    """Labels of the people who are left out do not change their distances."""
+def test_neither_people_of_a_query_nor_of_the_gallery_are_in_their_metric(bodies, metrics):
+    """Labels of the people of both bodies do not change their distance."""
     learned = rh.LearnedMetric(metrics["pose"])
     distances = learned.held_out_distances(bodies.points, bodies.pose, bodies.subject)
+    folds = bodies.subject % 5
     dealt = bodies.pose.copy()
-    held_out = bodies.subject % 5 == 3
-    dealt[held_out] = np.random.default_rng(0).permutation(dealt[held_out])
+    unseen = np.isin(folds, [1, 3])
+    dealt[unseen] = np.random.default_rng(0).permutation(dealt[unseen])
     again = learned.held_out_distances(bodies.points, dealt, bodies.subject)
-    np.testing.assert_array_equal(again[held_out], distances[held_out])
-    assert not np.allclose(again[~held_out], distances[~held_out])
-    fitted = rh.LearnedMetric(metrics["pose"]).fit(bodies.points[~held_out], bodies.pose[~held_out])
-    codes = fitted.transform(bodies.points)
-    np.testing.assert_allclose(distances[held_out], cdist(codes[held_out], codes), atol=1e-4)
+    across = np.ix_(folds == 1, folds == 3)
+    np.testing.assert_array_equal(again[across], distances[across])
+    assert not np.allclose(
+        again[np.ix_(folds == 1, folds == 2)], distances[folds == 1][:, folds == 2]
+    )
+    np.testing.assert_array_equal(distances, distances.T)
+    assert not distances.diagonal().any()
+
+
+def test_distances_across_and_within_folds(bodies, metrics):
+    """Across folds, those of a metric fitted to the others; within, the mean of such metrics."""
+    points, labels = bodies.points[:60], bodies.pose[:60]
+    folds = bodies.subject[:60] % 3
+    learned = rh.LearnedMetric(metrics["pose"], n_folds=3)
+    distances = learned.held_out_distances(points, labels, bodies.subject[:60])
+    within = []
+    for other in (1, 2):
+        fitted = ~np.isin(folds, [0, other])
+        metric = rh.LearnedMetric(metrics["pose"]).fit(points[fitted], labels[fitted])
+        codes, others = (metric.transform(points[folds == fold]) for fold in (0, other))
+        expected = cdist(codes, others)
+        np.testing.assert_allclose(distances[folds == 0][:, folds == other], expected, atol=1e-4)
+        within.append(cdist(codes, codes))
+    own = distances[np.ix_(folds == 0, folds == 0)]
+    np.testing.assert_allclose(own, np.mean(within, axis=0), atol=1e-4)
+
+
+def test_rows_and_data_frames_as_scikit_learn_has_them(bodies, metrics):
+    points, labels = bodies.points[:40:2], bodies.pose[:40:2]
+    rows = points.reshape(len(points), -1)
+    learned = rh.LearnedMetric(metrics["pose"])
+    codes = learned.fit_transform(points, labels)
+    np.testing.assert_array_equal(codes, learned.fit(rows, labels).transform(rows))
+    frame = pandas.DataFrame(rows, index=[f"body {k}" for k in range(len(rows))])
+    found = clone(learned).set_output(transform="pandas").fit_transform(frame, labels)
+    np.testing.assert_array_equal(found.to_numpy(), codes)
+    assert list(found.index) == list(frame.index)
+    assert list(found.columns[:2]) == ["learnedmetric0", "learnedmetric1"]
+    np.testing.assert_array_equal(found.columns, learned.get_feature_names_out())
+    wanted = learned.held_out_distances(points, labels, np.arange(20))
+    found = learned.held_out_distances(rows, labels, np.arange(20))
+    np.testing.assert_array_equal(found, wanted)
+
+
+def test_in_pipelines_and_searches_of_scikit_learn(bodies, metrics):
+    some = bodies[bodies.subject < 4]
+    rows, labels = some.points.reshape(len(some), -1), some.pose
+    pipeline = make_pipeline(rh.LearnedMetric(metrics["pose"]), KNeighborsClassifier(1))
+    search = GridSearchCV(
+        pipeline, {"learnedmetric__shrinkage": [0.1, 0.5]}, cv=GroupKFold(2), error_score="raise"
+    )
+    search.fit(rows, labels, groups=some.subject)
+    assert search.best_score_ >= 0.9
+    pipeline.set_output(transform="pandas").fit(rows, labels)
+    assert list(pipeline[:-1].transform(rows[:1]).columns)[:1] == ["learnedmetric0"]
 
 
 def test_the_metric_is_a_metric_as_others_are(bodies, metrics):
@@ -119,6 +175,8 @@ def test_refusals(bodies, metrics):
             learned.fit(*arguments)
     with pytest.raises(ArgumentError, match="groups must hold"):
         learned.held_out_distances(points, labels, labels[:3])
+    with pytest.raises(ArgumentError, match="n_folds must be a whole number of at least 3"):
+        rh.LearnedMetric(metrics["pose"], n_folds=2).held_out_distances(points, labels, labels)
     with pytest.raises(ArgumentError, match="n_folds=5 groups; found 2"):
         learned.held_out_distances(points, labels, bodies.subject[:20])
     for shrinkage in (0.0, 1.5, "none"):

@@ -85,12 +85,22 @@ def test_units_keep_the_level_where_points_depend_on_each_other():
     np.testing.assert_allclose(whole * 3, np.round(whole * 3), atol=1e-12)
 
 
+@pytest.mark.parametrize("kind", [int, np.uint8, float, list])
+def test_groups_are_booleans_or_zero_and_one(kind):
+    distances = distances_of(np.random.default_rng(3).standard_normal((6, 2)))
+    first = np.arange(6) < 3
+    expected = two_sample_test(distances, first)
+    groups = first.astype(int).tolist() if kind is list else first.astype(kind)
+    assert two_sample_test(distances, groups).p_value == expected.p_value
+
+
 def test_refusals():
     distances = distances_of(np.random.default_rng(3).standard_normal((6, 2)))
     first = np.arange(6) < 3
-    with pytest.raises(ArgumentError, match="6 booleans.*int64"):
-        two_sample_test(distances, first.astype(int))
-    with pytest.raises(ArgumentError, match=r"6 booleans.*\(5,\)"):
+    for wrong in (first.astype(int) + 1, ["a", "a", "a", "b", "b", "b"], first + 0.5):
+        with pytest.raises(ArgumentError, match="in_first must hold booleans, or 0 and 1"):
+            two_sample_test(distances, wrong)
+    with pytest.raises(ArgumentError, match=r"in_first must hold a label for each of 6.*found 5"):
         two_sample_test(distances, first[:5])
     with pytest.raises(ArgumentError, match="both groups"):
         two_sample_test(distances, np.ones(6, dtype=bool))
@@ -98,7 +108,7 @@ def test_refusals():
         two_sample_test(distances, first, units=[0, 1, 1, 1, 2, 2])
     with pytest.raises(ArgumentError, match="units must hold a label for each of 6"):
         two_sample_test(distances, first, units=[0, 1])
-    mixed = two_sample_test(distances, first, units=["b", None, "b", 1, 1, 2])
+    mixed = two_sample_test(distances, first, units=["b", ("c",), "b", 1, 1, 2])
     assert mixed.n_permutations == 6  # two units of four
     with pytest.raises(ArgumentError, match="n_permutations"):
         two_sample_test(distances, first, n_permutations=0)

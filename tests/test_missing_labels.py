@@ -1,0 +1,201 @@
+"""Missing labels of every kind are refused by whatever takes labels, as tables of labels do."""
+
+import decimal
+
+import numpy as np
+import pandas
+import pytest
+
+import riemhuman as rh
+from riemhuman.checks import class_numbers, label_list
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
+from riemhuman.retrieval import confusion, precision_recall, retrieval_table, scores
+
+N_POINTS, MISSING = 12, 4
+TEXT = ["a", "b", "c"] * 4
+NUMBERS = [0, 1, 2] * 4
+IS_MISSING = np.arange(N_POINTS) == MISSING
+
+
+def with_missing(labels, value):
+    """Return a list of labels of which one is missing."""
+    return [value if k == MISSING else label for k, label in enumerate(labels)]
+
+
+KINDS = {
+    "None": with_missing(TEXT, None),
+    "None among numbers": with_missing(NUMBERS, None),
+    "NaN among text": with_missing(TEXT, np.nan),
+    "an array with NaN": np.array(with_missing(NUMBERS, np.nan)),
+    "single precision": np.array(with_missing(NUMBERS, np.nan), np.float32),
+    "arrays of no dimension": [np.array(label) for label in with_missing(NUMBERS, np.nan)],
+    "NaT": np.array(with_missing(["2020", "2021", "2022"] * 4, "NaT"), "datetime64[Y]"),
+    "NA": with_missing(TEXT, pandas.NA),
+    "pandas' NaT": with_missing(TEXT, pandas.NaT),
+    "nullable integers": pandas.Series(with_missing(NUMBERS, None), dtype="Int64"),
+    "text of pandas": pandas.Series(with_missing(TEXT, None), dtype="string"),
+    "categories": pandas.Categorical(with_missing(TEXT, None)),
+    "objects of pandas": pandas.Series(with_missing(TEXT, None), dtype=object),
+    "a mask": np.ma.masked_array(NUMBERS, IS_MISSING),
+    "a mask of text": np.ma.masked_array(TEXT, IS_MISSING),
+    "masked entries in a list": list(np.ma.masked_array(NUMBERS, IS_MISSING)),
+    "empty text": with_missing(TEXT, ""),
+    "blank text": np.array(with_missing(TEXT, " ")),
+    "a decimal number": with_missing(NUMBERS, decimal.Decimal("sNaN")),
+    "part of a pair": [("x", label) for label in with_missing(NUMBERS, np.nan)],
+}
+
+DISTANCES = np.random.default_rng(0).random((N_POINTS, N_POINTS))
+DISTANCES = DISTANCES + DISTANCES.T
+FIRST = np.arange(N_POINTS) % 2
+
+
+def bodies_with(labels):
+    bodies = rh.datasets.load_open_bodies("coarse")[:N_POINTS]
+    return rh.datasets.Bodies(
+        points=bodies.points,
+        template=bodies.template,
+        subject=labels,
+        subject_names=tuple("abc"),
+        pose=NUMBERS,
+        pose_names=tuple("abc"),
+    )
+
+
+class LabelledBodies:
+    """Surfaces of another package, which checks no labels."""
+
+    def __init__(self, labels):
+        bodies = rh.datasets.load_open_bodies("coarse")[:N_POINTS]
+        self.points, self.template = bodies.points, bodies.template
+        self.subject, self.pose = labels, None
+
+    def __len__(self):
+        return N_POINTS
+
+
+def learned():
+    template = rh.datasets.load_open_bodies("coarse").template
+    return rh.LearnedMetric(rh.ElasticMetric(rh.AlignedSurfaces(template), 0.0, 0.0, 1.0))
+
+
+def points():
+    return rh.datasets.load_open_bodies("coarse").points[:N_POINTS]
+
+
+def regression(labels):
+    space = rh.AlignedSurfaces(rh.datasets.load_open_bodies("coarse").template)
+    space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=0.1)
+    return rh.measurements.regress_shape(space, np.arange(12.0), points(), people=labels)
+
+
+FUNCTIONS = {
+    "scores": lambda labels: scores(DISTANCES, labels),
+    "groups of scores": lambda labels: scores(DISTANCES, TEXT, labels),
+    "tables of scores": lambda labels: retrieval_table({"one": DISTANCES}, labels),
+    "confusion": lambda labels: confusion(DISTANCES, labels),
+    "precision_recall": lambda labels: precision_recall(DISTANCES, labels),
+    "LearnedMetric.fit": lambda labels: learned().fit(points(), labels),
+    "LearnedMetric.held_out_distances": lambda labels: learned().held_out_distances(
+        points(), TEXT, labels
+    ),
+    "groups of a test": lambda labels: rh.statistics.two_sample_test(DISTANCES, labels),
+    "units of a test": lambda labels: rh.statistics.two_sample_test(
+        DISTANCES, FIRST == 0, units=labels
+    ),
+    "people of a regression": regression,
+    "Bodies": bodies_with,
+    "benchmark": lambda labels: rh.report.benchmark(LabelledBodies(labels), {}),
+    "plot_embedding": lambda labels: rh.plots.plot_embedding(np.zeros((N_POINTS, 2)), labels),
+    "plot_confusion": lambda labels: rh.plots.plot_confusion(DISTANCES, labels),
+    "plot_precision_recall": lambda labels: rh.plots.plot_precision_recall(
+        {"one": DISTANCES}, labels
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_missing_labels_are_refused(function, kind):
+    with pytest.raises(ArgumentError, match=r"\[4\] is missing, .*the first of 1 missing labels"):
+        FUNCTIONS[function](KINDS[kind])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_checks_of_data_sets_find_missing_labels(kind):
+    found = rh.testing.check_dataset(LabelledBodies(KINDS[kind]))
+    assert not found.passed
+    assert rh.testing.check_dataset(LabelledBodies(TEXT)).passed
+
+
+def test_tables_have_the_same_rule(tmp_path):
+    table = tmp_path / "labels.csv"
+    table.write_text("file,subject,pose\na,anna,sits\nb,,sits\nc,anna, \n", encoding="utf-8")
+    with pytest.raises(FileFormatError, match="line 3: no subject given"):
+        rh.datasets.read_labels(table, ["a", "b", "c"])
+    chosen, labels = rh.datasets.read_labels(table, ["a", "b", "c"], allow_missing=True)
+    assert chosen == [0]
+    assert labels == {"subject": ["anna"], "pose": ["sits"]}
+
+
+class Tensor:
+    """A tensor as others have it: iterating gives tensors, each equal to itself alone."""
+
+    def __init__(self, values, has_list=True):
+        self.values, self.shape, self.ndim = values, np.shape(values), np.ndim(values)
+        if has_list:
+            self.tolist = lambda: self.values
+        self.item = lambda: self.values
+
+    def __iter__(self):
+        return iter([Tensor(value) for value in self.values])
+
+    def __array__(self, dtype=None, copy=None):
+        raise RuntimeError("Can't call numpy() on Tensor that requires grad.")
+
+
+@pytest.mark.parametrize(
+    "labels",
+    [
+        Tensor(NUMBERS),
+        Tensor(NUMBERS, has_list=False),
+        list(Tensor(NUMBERS)),
+        [np.array(label) for label in NUMBERS],
+        pandas.Series(NUMBERS, index=range(50, 62)),
+        pandas.Series(NUMBERS, dtype="Int64"),
+        pandas.Categorical(TEXT),
+        memoryview(bytes(NUMBERS)),
+        iter(NUMBERS),
+        np.ma.masked_array(NUMBERS, mask=False),
+        "abc" * 4,
+    ],
+)
+def test_labels_of_any_container(labels):
+    numbers, classes = class_numbers(labels, "labels", N_POINTS)
+    np.testing.assert_array_equal(numbers, NUMBERS)
+    assert len(classes) == 3
+
+
+def test_labels_of_real_tensors():
+    torch = pytest.importorskip("torch")
+    for labels in (torch.tensor(NUMBERS), list(torch.tensor(NUMBERS))):
+        assert label_list(labels, "labels", N_POINTS) == NUMBERS
+
+
+@pytest.mark.parametrize(
+    "labels",
+    [
+        np.zeros((12, 1)),
+        Tensor(np.zeros((12, 1)).tolist()),
+        pandas.DataFrame({"subject": NUMBERS}),
+        dict.fromkeys(range(12)),
+        set(range(12)),
+        [[1]] * 12,
+        [np.zeros(2)] * 12,
+        5,
+        None,
+    ],
+)
+def test_what_holds_no_labels_is_refused(labels):
+    with pytest.raises(ArgumentTypeError, match="labels must be a sequence of .*class labels"):
+        label_list(labels, "labels", N_POINTS)
