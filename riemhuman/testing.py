@@ -580,9 +580,8 @@ def check_dataset(dataset: Any) -> PropertyReport:
 
     That is its length; ``points``, surfaces of shape (n, V, 3), an array or an object whose slices
     and items are arrays; ``template``; and labels ``subject`` and ``pose``, of shape (n,), none of
-    them missing, or None;
-    it may also have ``model``, the body model that the surfaces come from. `check_dataset` reads a
-    few surfaces. `riemhuman.datasets.Bodies` is such a data set.
+    them missing, or None; it may also have ``model``, the body model that the surfaces come from.
+    `check_dataset` reads a few surfaces. `riemhuman.datasets.Bodies` is such a data set.
 
     Parameters
     ----------

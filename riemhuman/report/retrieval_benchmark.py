@@ -49,7 +49,7 @@ from riemhuman.surfaces.template import Template
 # Names in tables.
 SHAPE_METRIC = "shape metric (1, 0.0001, 0)"
 POSE_METRIC = "pose metric (0, 0, 1)"
-_LEARNED_METRIC = "learned from labels, other people"  # fitted without the people of the query
+_LEARNED_METRIC = "learned from labels, other people"  # fitted without the people of both bodies
 # Metrics without closed form, compared by the cost of straight paths.
 _STRAIGHT = ", straight"
 LEARNED = ", trained here"  # ending of the names of learned codes
