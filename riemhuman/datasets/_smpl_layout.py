@@ -70,6 +70,11 @@ def smpl_offsets() -> np.ndarray:
     return offsets
 
 
+def smpl_root() -> np.ndarray:
+    """Return the root in SMPL's rest pose of about the mean person: translations do not have it."""
+    return 0.01 * np.array(_BODY_OFFSETS[0], dtype=np.float64)
+
+
 def smpl_skeleton(
     poses: np.ndarray, translations: np.ndarray, rate: float, name: str, up: str
 ) -> SkeletonMotion:

@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping
-from functools import lru_cache, partial
+from collections.abc import Callable, Mapping
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import real_array, real_number, refuse_type
+from riemhuman.bodies.skinning import SMPL_JOINTS
+from riemhuman.checks import one_of, real_array, real_number, refuse_type
+from riemhuman.datasets._joint_names import model_joints
 from riemhuman.datasets._motion_files import SAVED_FIELDS
-from riemhuman.datasets._skeletons import model_joints
+from riemhuman.datasets._skeletons import leg_length, middle
 from riemhuman.datasets._smpl_layout import (
     LAYOUTS,
     is_smpl,
     poses_of_model,
+    smpl_root,
     smpl_skeleton,
     upright_parameters,
 )
+from riemhuman.datasets._upward import AMASS, upward_axis, warn_of_doubt
 from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ArrayMotion, ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model
@@ -30,6 +34,7 @@ from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
 from riemhuman.io.files import convert_errors, file_path, format_errors
 from riemhuman.io.mesh_arrays import face_difference
+from riemhuman.surfaces.procrustes import AXES
 
 _RATES = ("mocap_framerate", "mocap_frame_rate")
 _POSES = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3, "pose_eye": 6, "pose_hand": 90}
@@ -37,6 +42,8 @@ _NEEDED_POSES = ("root_orient", "pose_body")
 _SKIPPED = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
 _FILES_KEPT = 4
+# Axes that point up are kept for so many files, and found by so many frames.
+_AXES_KEPT, _FRAMES_OF_FLOOR = 10_000, 300
 # Larger numbers are damage: of such an angle, double precision holds no digit within a circle.
 _LARGEST = 1e12
 
@@ -53,10 +60,16 @@ class AmassMotion(ModelMotion):
     """One motion of AMASS; frame i is ``model(betas, pose_vectors[i], translations[i])``."""
 
     def __init__(
-        self, path: Path, model: BodyModel, gender: str, rate: float, frames: np.ndarray
+        self,
+        path: Path,
+        model: BodyModel,
+        gender: str,
+        rate: float,
+        frames: np.ndarray,
+        up: str | None = None,
     ) -> None:
         super().__init__(*_names(path), rate, len(frames), model)
-        self.path, self.gender, self._numbers = path, gender, frames
+        self.path, self.gender, self._numbers, self._up = path, gender, frames, up
 
     @property
     def betas(self) -> np.ndarray:
@@ -64,12 +77,17 @@ class AmassMotion(ModelMotion):
         betas = _read(self.path, int(self._numbers[-1])).betas[: self.model.n_betas]
         return np.pad(betas, (0, self.model.n_betas - len(betas)))
 
+    @cached_property
+    def up(self) -> str:
+        """Axis of the file that points up."""
+        return self._up or _upward_axis(self.path, int(self._numbers[-1]))
+
     def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         recording = _read(self.path, int(self._numbers[-1]))
         chosen = self._numbers[numbers]
         pose = poses_of_model(recording.poses[chosen], self.model.n_joints)
         translations = recording.translations[chosen]
-        return upright_parameters(self.model, self.betas, pose, translations, "z")
+        return upright_parameters(self.model, self.betas, pose, translations, self.up)
 
 
 def load_amass(
@@ -77,19 +95,21 @@ def load_amass(
     model: BodyModel | Mapping[str, BodyModel] | None = None,
     *,
     frames_per_second: float | None = None,
+    up: str | None = None,
 ) -> Motions[AmassMotion | ArrayMotion | RetargetedMotion]:
     """Load motions of AMASS [1]_ for a body model; frames are computed on access.
 
     The data set is available from its authors. The subject of a motion is the name of its file's
-    folder; y points up, as z does in the files. Files in the layouts of SMPL-H (``poses``) and
-    SMPL-X (``root_orient``, ``pose_body``, …) are read: rotations of the 22 joints of SMPL's body,
-    and of the 33 of hands and face if both model and file have them. Soft tissue (``dmpls``) is
-    not used.
+    folder; y points up, as z does in the files of AMASS. In files of others in its layouts, such as
+    Motion-X, y may: the axis along which people stand on a floor is taken. Files in the layouts of
+    SMPL-H (``poses``) and SMPL-X (``root_orient``, ``pose_body``, …) are read: rotations of the 22
+    joints of SMPL's body, and of the 33 of hands and face if both model and file have them. Soft
+    tissue (``dmpls``) is not used.
 
     Another model, such as the open model, performs the motions as by `retarget`. Betas in the files
-    belong to SMPL's models: they are ignored then, with a warning, and the person is one with the
-    proportions of SMPL's mean; ``motion.performed_by(betas)`` gives it the body of another. Files
-    that `Motion.save` wrote give back the motion of the open model itself.
+    belong to SMPL's models: they are ignored then, with a warning, and an average adult performs;
+    ``motion.performed_by(betas)`` is the motion of another person. Files that `Motion.save` wrote
+    give back the motion of the open model itself.
 
     Parameters
     ----------
@@ -103,6 +123,9 @@ def load_amass(
     frames_per_second : float, optional
         Frame rate, at most that of the files: the frames nearest in time are used. By default all
         frames are used.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis of the files that points up; by default it is found in each file when its frames are
+        first used, with a warning where it is in doubt.
 
     References
     ----------
@@ -114,6 +137,8 @@ def load_amass(
     >>> rh.datasets.load_amass("AMASS/CMU")[0][:10].shape  # doctest: +SKIP
     (10, 1202, 3)
     """
+    if up is not None:
+        one_of(up, "up", AXES)
     models = _models(load_open_model("coarse") if model is None else model)
     root = file_path(path, kind="file or folder")
     files = [root]
@@ -134,11 +159,12 @@ def load_amass(
         if saved is not None:
             motions.append(saved)
         elif is_smpl(own):
-            motions.append(AmassMotion(file, own, gender, rate, frames))
+            motions.append(AmassMotion(file, own, gender, rate, frames, up))
         else:
-            recording = partial(_skeleton_motion, file, frames, rate)
+            axis = partial(_upward_axis, file, int(frames[-1])) if up is None else up
+            recording = partial(_skeleton_motion, file, frames, rate, axis)
             size = rate, len(frames)
-            motions.append(RetargetedMotion(recording, own, _names(file), *size, up="z"))
+            motions.append(RetargetedMotion(recording, own, _names(file), *size, up=axis))
     if any(isinstance(motion, RetargetedMotion) for motion in motions):
         warnings.warn(
             "betas in the files belong to SMPL's models and are ignored: motions are performed by "
@@ -176,11 +202,29 @@ def _saved_motion(
     return ArrayMotion(_names(file), rate, model, betas, poses[frames], translations[frames])
 
 
-def _skeleton_motion(path: Path, frames: np.ndarray, rate: float) -> SkeletonMotion:
+def _skeleton_motion(
+    path: Path, frames: np.ndarray, rate: float, up: str | Callable[[], str]
+) -> SkeletonMotion:
     """Return the joints of SMPL's body in frames of a file."""
     recording = _read(path, int(frames[-1]))
     poses, translations = recording.poses[frames], recording.translations[frames]
-    return smpl_skeleton(poses, translations, rate, _names(path)[1], "z")
+    axis = up() if callable(up) else up
+    return smpl_skeleton(poses, translations, rate, _names(path)[1], axis)
+
+
+@lru_cache(maxsize=_AXES_KEPT)
+def _upward_axis(path: Path, last: int) -> str:
+    """Return the axis that points up in a file until a frame, with a warning if in doubt."""
+    recording = _read(path, last)
+    frames = np.unique(np.linspace(0, last, _FRAMES_OF_FLOOR).astype(np.int64))
+    places = recording.translations[frames] + smpl_root()
+    motion = smpl_skeleton(recording.poses[frames], places, 1.0, path.name, AMASS.axis)
+    joints = dict(zip(SMPL_JOINTS, range(len(SMPL_JOINTS)), strict=True))
+    shoulders, ankles = (middle(motion.positions, joints, part) for part in ("shoulder", "ankle"))
+    leg = leg_length(motion.positions, joints)
+    axes = upward_axis(motion.positions, shoulders - ankles, leg, convention=AMASS)
+    warn_of_doubt(path.name, axes)
+    return axes[0]
 
 
 def _models(model: Any) -> dict[str | None, BodyModel]:

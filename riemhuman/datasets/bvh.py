@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.checks import real_number
+from riemhuman.datasets._units import metres_in
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import memory_limit
 from riemhuman.io.files import file_path, read_bytes, short_message
@@ -48,6 +49,8 @@ class SkeletonMotion(Record):
     frames_per_second : float
     name : str
         Name of the file without its ending.
+    unit : str, number or None
+        Unit of lengths, as for `load_bvh`, or None where it is not known.
 
     Examples
     --------
@@ -62,6 +65,7 @@ class SkeletonMotion(Record):
     translations: np.ndarray
     frames_per_second: float
     name: str = ""
+    unit: str | float | None = None
 
     def __len__(self) -> int:
         return len(self.rotations)
@@ -86,7 +90,7 @@ class SkeletonMotion(Record):
         return positions
 
 
-def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
+def load_bvh(path: str | os.PathLike[str], *, unit: str | float | None = None) -> SkeletonMotion:
     """Read a motion capture recording in a BVH file.
 
     Channels may be in any order, with any number of rotations about any axes; position channels
@@ -95,12 +99,17 @@ def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
     Parameters
     ----------
     path : path_like
+    unit : str or number, optional
+        Unit of the file's lengths, which the format does not say: "m", "cm", "mm", "inch", "foot",
+        "yard", in words or abbreviated, or metres in a unit. Lengths are returned in metres then,
+        and in the unit of the file by default.
 
     Examples
     --------
     >>> rh.datasets.load_bvh("walk.bvh").joint_names[0]  # doctest: +SKIP
     'Hips'
     """
+    metres = 1.0 if unit is None else metres_in(unit)
     file = file_path(path)
     content = read_bytes(file)
     joints, values, frame_time = _Reader(file, content).read()
@@ -126,11 +135,12 @@ def load_bvh(path: str | os.PathLike[str]) -> SkeletonMotion:
     return SkeletonMotion(
         tuple(joint.name for joint in joints),
         np.array([joint.parent for joint in joints]),
-        offsets,
+        metres * offsets,
         rotations,
-        translations,
+        metres * translations,
         1.0 / frame_time,
         file.stem,
+        None if unit is None else "metres",
     )
 
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import SMPL_JOINTS
 from riemhuman.checks import one_of, real_array, real_number, refuse_type, values_of, weight_shares
-from riemhuman.datasets._skeletons import model_joints
+from riemhuman.datasets._joint_names import model_joints
 from riemhuman.datasets._smpl_layout import (
     LAYOUTS,
     is_smpl,

@@ -235,17 +235,17 @@ def test_recordings_of_any_maker(tmp_path, model, truth, maker):
 
 def test_the_person_is_found(tmp_path, model, truth):
     recording = load_bvh(write_recording(tmp_path / "a.bvh", model, truth, "LAFAN1"))
-    errors = retarget(recording, model).errors
+    errors = retarget(recording, model, betas="recorded").errors
     assert errors.directions.max() < 5.0
     assert errors.positions.mean() < 0.02
-    average = retarget(recording, model, betas=np.zeros(model.n_betas)).errors
+    average = retarget(recording, model).errors
     assert errors.positions.mean() < average.positions.mean()
 
 
 @pytest.fixture(scope="module")
 def jump():
     """Two seconds of a real recording, performed by the open model."""
-    return retarget(load_bvh(RECORDING))
+    return retarget(load_bvh(RECORDING), betas="recorded")
 
 
 @pytest.fixture(scope="module")
@@ -345,10 +345,9 @@ def test_tables_of_names(tmp_path, model, truth):
     text = path.read_text().replace("mixamorig:LeftUpLeg", "Bone17").replace("Left", "Port")
     path.write_text(text)
     recording = load_bvh(path)
-    with pytest.raises(
-        ArgumentError, match="joints must name left_hip, left_knee, .*; the skeleton"
-    ):
-        retarget(recording, model)
+    with pytest.warns(UserWarning, match=r"joints must name left_hip, .* left_hip='Bone17'"):
+        motion = retarget(recording, model, betas=truth[0])
+    assert joint_errors(model, motion, truth)[0].max() < 5.0
     parts = ("hip", "knee", "ankle", "toes", "collar", "shoulder", "elbow", "wrist")
     names = ("UpLeg", "Leg", "Foot", "ToeBase", "Shoulder", "Arm", "ForeArm", "Hand")
     table = {f"left_{a}": f"mixamorig:Port{b}" for a, b in zip(parts, names, strict=True)}

@@ -1,0 +1,99 @@
+"""Who performs a recording: a person with recorded bones, of recorded size, or the model's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from scipy.optimize import least_squares
+
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets._joint_names import BONES, model_joints
+from riemhuman.datasets._skeletons import bones, leg_length
+from riemhuman.datasets.bvh import SkeletonMotion
+
+# Standard deviation of the lengths of bones about those of a person of the model, in lengths of the
+# leg; of these lengths about the mean, as their unit may be unknown; and the largest coefficient.
+_LENGTH_DEVIATION, _LEG_DEVIATION, _MOST_BETA = 0.006, 0.03, 2.5
+# Lengths by which a person is found; with the trunk.
+_LENGTHS = (*BONES, ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip"))
+# Bones of the model itself are so near to those of one of its people, metres, in one of the units
+# that writers use.
+_OWN_BONES, _OWN_UNITS = 2e-5, (1.0, 0.01, 0.001)
+
+
+class OwnPerson(NamedTuple):
+    """A person of the model whose skeleton a file holds, and the metres in the file's unit."""
+
+    betas: ndarray
+    metres: float
+    joints: list[int]  # numbers of the model's joints in the file
+
+
+def recorded_person(positions: ndarray, joints: Mapping[str, int], model: BodyModel) -> ndarray:
+    """Return the shape coefficients of a person whose bones have the recorded proportions."""
+    lengths = np.linalg.norm(bones(positions, joints, _LENGTHS), axis=-1)
+    recorded = np.median(lengths, axis=0) / leg_length(positions, joints)
+    mean, own = model.joints(), model_joints(model)
+    changes = np.tensordot(model.joint_regressor, model.shapedirs, axes=1)
+    mean_leg = leg_length(mean, own)
+
+    def residuals(betas: ndarray) -> ndarray:
+        rest = mean + changes @ betas
+        leg = leg_length(rest, own)
+        apart = np.linalg.norm(bones(rest, own, _LENGTHS), axis=1) / leg - recorded
+        taller = leg / mean_leg - 1.0
+        return np.concatenate([apart / _LENGTH_DEVIATION, [taller / _LEG_DEVIATION], betas])
+
+    start = np.zeros(model.n_betas)
+    return np.asarray(least_squares(residuals, start, bounds=(-_MOST_BETA, _MOST_BETA)).x)
+
+
+def scaled_model(model: BodyModel, scale: float) -> BodyModel:
+    """Return a model whose bodies are larger by a factor."""
+    posedirs = None if model.posedirs is None else scale * model.posedirs
+    return BodyModel(
+        scale * model.template.vertices,
+        model.faces,
+        scale * model.shapedirs,
+        model.joint_regressor,
+        model.weights,
+        np.stack([model.parents, np.arange(model.n_joints)]),
+        posedirs=posedirs,
+        joint_names=model.joint_names,
+        hand_directions=scale * model.hand_directions,
+        hand_poses=model.hand_poses,
+        dtype=model.dtype,
+    )
+
+
+def own_person(recording: SkeletonMotion, model: BodyModel) -> OwnPerson | None:
+    """Return the person whose skeleton a recording holds, if it is a skeleton of the model."""
+    names = list(recording.joint_names)
+    if not set(model.joint_names) <= set(names):
+        return None
+    joints = [names.index(name) for name in model.joint_names]
+    limbs = np.flatnonzero(model.parents >= 0)
+    root = model.joint_order[0]
+    parents = recording.parents[joints]
+    if parents[root] >= 0 or any(
+        parents[limb] != joints[model.parents[limb]] for limb in limbs.tolist()
+    ):
+        return None
+    offsets = recording.offsets[joints][limbs]
+    moved = recording.translations[:, joints][:, limbs] - offsets
+    mean = model.joints()
+    changes = np.tensordot(model.joint_regressor, model.shapedirs, axes=1)
+    mean_bones, bone_changes = (
+        (values[limbs] - values[model.parents[limbs]]).reshape(3 * len(limbs), -1)
+        for values in (mean, changes)
+    )
+    for metres in _OWN_UNITS:
+        apart = metres * offsets.ravel() - mean_bones[:, 0]
+        betas = np.linalg.lstsq(bone_changes, apart, rcond=None)[0]
+        left = np.abs(apart - bone_changes @ betas).max()
+        if max(left, metres * np.abs(moved).max()) < _OWN_BONES:
+            return OwnPerson(betas, metres, joints)
+    return None

@@ -1,0 +1,226 @@
+"""The axes of recorded joints, found from the positions of joints.
+
+The rotation of a recorded joint is known but for a constant one: files have any axes, and their
+rest poses are T-poses as well as bones that all point one way. Axes are taken from positions alone,
+so that other axes of any joint with the same positions give the same body. In the body's part that
+moves with a joint, the model's axes are the mean over frames of
+
+- pelvis, chest: the line of hips or shoulders and the trunk, most of all while someone stands;
+- head, collars, hands: the axes of chest or forearm, as their positions tell no more;
+- limbs: the bone, and the axis in which its knee or elbow bends;
+- feet: a level sole, while they stand still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets._joint_names import LIMBS, SIDES, model_joints
+from riemhuman.datasets._recorded_skeletons import RecordedSkeleton
+from riemhuman.datasets._skeletons import (
+    body_frame,
+    bone,
+    frame,
+    has_bone,
+    leg_length,
+    shortest,
+    trunk,
+    turned_towards,
+)
+from riemhuman.kernels.rotations import nearest_rotations, transpose
+from riemhuman.kernels.surface import unit_vectors as unit
+
+# A knee or elbow shows its axis where it bends by more than this, degrees.
+BENT = 15.0
+# Feet that point forward below someone upright, as a share of frames, tell which way is across.
+_LEVEL_FEET = 0.1
+# Share of frames in which nobody stands upright, beside those in which someone does.
+_BENT_POSTURE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A person of a model in the rest pose, with the frames of the trunk: up, left, forward."""
+
+    model: BodyModel
+    betas: ndarray
+    joints: dict[str, int]
+    rest: ndarray
+    leg: float
+
+    frame: ndarray
+
+    def bone(self, first: str, second: str) -> ndarray:
+        """Return the vector between two joints in the rest pose."""
+        return bone(self.rest, self.joints, first, second)
+
+    def forward(self) -> ndarray:
+        """Return the direction to the front of the body."""
+        return -self.frame[:, 2]
+
+
+def make_figure(model: BodyModel, betas: ndarray) -> Figure:
+    """Return a person of a model; the columns of its frame point up, to the left and backward."""
+    joints, rest = model_joints(model), model.joints(betas)
+    across = bone(rest, joints, "right_hip", "left_hip")
+    axes = frame(trunk(rest, joints), across)
+    return Figure(model, betas, joints, rest, leg_length(rest, joints), axes)
+
+
+def joint_axes(source: RecordedSkeleton, figure: Figure) -> dict[str, ndarray]:
+    """Return the constant rotations of parts, by names of joints, shape (3, 3) each.
+
+    The part of the model is rotated in space by R(t) C, where R(t) is the recorded rotation.
+    """
+    upright = _upright_weights(source)
+    axes = {
+        "pelvis": _axes_of_trunk(source, figure, "pelvis", "hip", upright),
+        "chest": _axes_of_trunk(source, figure, "chest", "shoulder", upright),
+    }
+    pelvis, chest = (_rotations(source, name) @ axes[name] for name in ("pelvis", "chest"))
+    if "head" in source.joints:
+        axes["head"] = mean_axes(_rotations(source, "head"), chest, upright)
+    for side in SIDES:
+        collar = f"{side}_collar"
+        if collar in source.joints and collar in figure.joints:
+            lowered = upright * _lowered_arms(source, side)
+            axes[collar] = mean_axes(_rotations(source, collar), chest, lowered)
+    for limb in LIMBS:
+        is_leg = limb[0].endswith("hip")
+        axes |= _axes_of_limb(source, figure, limb, pelvis if is_leg else chest)
+        if is_leg:
+            axes |= _axes_of_foot(source, figure, limb[0].split("_")[0], axes)
+        else:
+            forearm = _rotations(source, limb[1]) @ axes[limb[1]]
+            axes[limb[2]] = mean_axes(_rotations(source, limb[2]), forearm, source.kept)
+    return axes
+
+
+def _rotations(source: RecordedSkeleton, name: str) -> ndarray:
+    return source.rotations[:, source.joints[name]]
+
+
+def mean_axes(rotations: ndarray, wanted: ndarray, weights: ndarray) -> ndarray:
+    """Return the rotation C for which rotations times C are nearest to wanted ones in the mean."""
+    products = transpose(rotations) @ wanted
+    total = np.einsum("n,nij->ij", weights, products) / weights.sum()
+    return np.asarray(nearest_rotations(total))
+
+
+def _mean_vector(rotations: ndarray, vectors: ndarray, weights: ndarray | None = None) -> ndarray:
+    """Return the mean of vectors in space in the axes of a joint, by default of equal weights."""
+    local = np.einsum("nji,nj->ni", rotations, vectors)
+    return np.asarray(np.average(local, axis=0, weights=weights))
+
+
+def _upright_weights(source: RecordedSkeleton) -> ndarray:
+    """Return weights of frames, the larger the more thighs and trunk are in one line."""
+    back = unit(trunk(source.positions, source.joints))
+    straight = np.ones(len(back))
+    for side in SIDES:
+        thigh = unit(bone(source.positions, source.joints, f"{side}_hip", f"{side}_knee"))
+        straight *= np.clip(-np.sum(thigh * back, axis=1), 0.0, 1.0) ** 2
+    return np.asarray(source.kept * (_BENT_POSTURE + straight))
+
+
+def _lowered_arms(source: RecordedSkeleton, side: str) -> ndarray:
+    """Return weights of frames, the larger the lower an arm is."""
+    back = unit(trunk(source.positions, source.joints))
+    arm = unit(bone(source.positions, source.joints, f"{side}_shoulder", f"{side}_elbow"))
+    return np.asarray(_BENT_POSTURE + np.clip(0.3 - np.sum(arm * back, axis=1), 0.0, 1.0))
+
+
+def _axes_of_trunk(
+    source: RecordedSkeleton, figure: Figure, name: str, line: str, weights: ndarray
+) -> ndarray:
+    """Return the axes of pelvis or chest."""
+    seen = body_frame(source.positions, source.joints, line)
+    wanted = seen @ body_frame(figure.rest, figure.joints, line).T
+    return mean_axes(_rotations(source, name), wanted, weights)
+
+
+def _axes_of_limb(
+    source: RecordedSkeleton, figure: Figure, limb: tuple[str, ...], above: ndarray
+) -> dict[str, ndarray]:
+    """Return the axes of both bones of a limb, below a part that is rotated in space."""
+    hinge = figure_hinge(figure, limb)
+    upper, lower = (
+        unit(bone(source.positions, source.joints, *pair)) for pair in (limb[:2], limb[1:])
+    )
+    rotations = [_rotations(source, name) for name in limb[:2]]
+    bends = np.cross(upper, lower)
+    upper_hinge, lower_hinge = (_bending_axis(each, bends, source.kept) for each in rotations)
+    if upper_hinge is None or lower_hinge is None:
+        # As if the limb had been raised without being rotated about itself.
+        raised = turned_towards(above, figure.bone(*limb[:2]), upper) @ hinge
+        upper_hinge = _mean_vector(rotations[0], raised, source.kept)
+        lower_hinge = _mean_vector(rotations[1], rotations[0] @ upper_hinge, source.kept)
+    axes = {}
+    for pair, rotation, direction, axis in zip(
+        (limb[:2], limb[1:]), rotations, (upper, lower), (upper_hinge, lower_hinge), strict=True
+    ):
+        local = _mean_vector(rotation, direction, source.kept)
+        axes[pair[0]] = frame(local, axis) @ frame(figure.bone(*pair), hinge).T
+    return axes
+
+
+def _bending_axis(rotations: ndarray, bends: ndarray, kept: ndarray) -> ndarray | None:
+    """Return the axis in which a knee or elbow bends, in the axes of one of its bones."""
+    sines = kept * np.linalg.norm(bends, axis=1)
+    # Squares weight the frames in which the joint bends most.
+    mean = _mean_vector(rotations, sines[:, None] * bends)
+    if sines.max() < np.sin(np.radians(BENT)) or not mean @ mean > 0.25 * np.mean(sines**2) ** 2:
+        return None
+    return unit(mean)
+
+
+def figure_hinge(figure: Figure, limb: tuple[str, ...]) -> ndarray:
+    """Return the axis in which a knee or elbow of the model bends, in the rest pose."""
+    upper, lower = unit(figure.bone(*limb[:2])), unit(figure.bone(*limb[1:]))
+    axis = np.cross(upper, lower)
+    if np.linalg.norm(axis) > np.sin(np.radians(BENT)):
+        return unit(axis)
+    left = figure.frame[:, 1]
+    if limb[0].endswith("hip"):
+        return np.asarray(left)
+    # With arms straight to the sides, elbows bend forward.
+    outward = left if limb[0].startswith("left") else -left
+    return np.asarray(shortest(outward, upper) @ np.cross(outward, figure.forward()))
+
+
+def _axes_of_foot(
+    source: RecordedSkeleton, figure: Figure, side: str, axes: Mapping[str, ndarray]
+) -> dict[str, ndarray]:
+    """Return the axes of a foot and its toes."""
+    knee, ankle, toes = (f"{side}_{part}" for part in ("knee", "ankle", "toes"))
+    rotations = _rotations(source, ankle)
+    flat = source.flat[:, SIDES.index(side)]
+    vertical = np.array([0.0, 1.0, 0.0])
+    up = figure.frame[:, 0]
+    shank = _rotations(source, knee) @ axes[knee]
+    if toes not in source.joints or not has_bone(figure.rest, figure.joints, ankle, toes):
+        weights = flat if flat.any() else source.kept
+        level = turned_towards(shank, up, vertical) if flat.any() else shank
+        return {ankle: mean_axes(rotations, level, weights)}
+    directions = unit(bone(source.positions, source.joints, ankle, toes))
+    if flat.any():
+        # Soles are level in the mean over frames in which the foot stands still.
+        sole = frame(vertical, directions) @ frame(up, figure.bone(ankle, toes)).T
+        parts = {name: _rotations(source, name) for name in (ankle, toes)}
+        return {name: mean_axes(part, sole, flat) for name, part in parts.items()}
+    foot = turned_towards(shank, figure.bone(ankle, toes), directions)
+    # The feet of someone upright are level across, more so the less their toes point down.
+    across = source.kept * np.clip(unit(trunk(source.positions, source.joints))[:, 1], 0.0, 1.0)
+    across = across * (1.0 - directions[:, 1] ** 2)
+    if across.mean() > _LEVEL_FEET:
+        level = frame(directions, vertical) @ frame(figure.bone(ankle, toes), up).T
+        foot_axes = mean_axes(rotations, level, across)
+    else:
+        foot_axes = mean_axes(rotations, foot, source.kept)
+    toe_axes = mean_axes(_rotations(source, toes), rotations @ foot_axes, source.kept)
+    return {ankle: foot_axes, toes: toe_axes}

@@ -1,0 +1,183 @@
+"""Which joint of a skeleton is which: by name, else by the shape of the tree, else as told."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.bodies import BodyModel
+from riemhuman.bodies.skinning import joints_to_root, usual_joint_names
+from riemhuman.datasets._joint_tree import joints_by_tree
+from riemhuman.errors import ArgumentError
+from riemhuman.representation import join_names
+
+SIDES = ("left", "right")
+# Names of joints in recordings, the surest first; a joint is used once, so that "foot" is the toes
+# and "shoulder" the collar where there are other names for the ankle and the shoulder.
+_SIDED_NAMES = {
+    "hip": ("upleg", "upperleg", "thigh", "femur", "hip"),
+    "knee": ("lowleg", "lowerleg", "knee", "calf", "shin", "shank", "tibia", "leg"),
+    "ankle": ("ankle", "foot"),
+    "toes": ("toebase", "toes", "toe", "ball", "foot"),
+    "shoulder": (
+        *("upperarm", "uparm", "uarm", "humerus", "bicep", "shldr", "arm", "shoulder"),
+        *("shoulderjoint", "glenohumeral"),
+    ),
+    "elbow": ("forearm", "lowerarm", "lowarm", "farm", "elbow", "radius", "ulna"),
+    "wrist": ("wrist", "hand"),
+    "collar": ("collar", "clavicle", "collarbone", "scapula", "shoulder"),
+}
+_OTHER_NAMES = {"neck": ("neck", "cervical"), "head": ("head", "skull")}
+_PARTS = {name for names in (*_SIDED_NAMES.values(), *_OTHER_NAMES.values()) for name in names}
+_SIDE_WORDS = {"left": "left", "l": "left", "lft": "left", "lt": "left"}
+_SIDE_WORDS |= {"right": "right", "r": "right", "rgt": "right", "rt": "right"}
+# What programs add to names of joints, and says nothing about them.
+_ADDED_WORDS = frozenset(
+    ("jnt", "joint", "jt", "j", "bone", "bn", "b", "bind", "skin", "skel", "sk", "sknode", "node")
+    + ("def", "deform", "fk", "rig", "bend", "rot", "x", "y", "z", "main", "model", "mesh")
+)
+LIMBS = tuple(
+    tuple(f"{side}_{part}" for part in parts)
+    for parts in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
+    for side in SIDES
+)
+BONES = tuple((first, second) for limb in LIMBS for first, second in pairwise(limb))
+_MOST_NAMES = 40
+
+
+def find_joints(
+    names: Sequence[str],
+    parents: ndarray,
+    table: Mapping[str, str] | None = None,
+    positions: ndarray | None = None,
+) -> dict[str, int]:
+    """Return the numbers of a skeleton's joints by their names in the open model.
+
+    Where names do not tell, and positions (n_frames, J, 3) are known, the tree does, with a
+    warning.
+    """
+    told = _told_joints(names, table or {})
+    joints = _named_joints(names, parents, told)
+    problem = _problem(names, parents, joints)
+    if problem and positions is not None:
+        inferred = joints_by_tree(parents, positions)
+        if inferred and not _problem(names, parents, inferred | told):
+            joints = inferred | told
+            pairs = ", ".join(f"{role}={names[joint]!r}" for role, joint in inferred.items())
+            warnings.warn(
+                f"{problem}. Joints were inferred from the shape of the skeleton: {pairs}. Pass "
+                "joints= if that is wrong",
+                stacklevel=2,
+            )
+            problem = ""
+    if problem:
+        raise ArgumentError(problem)
+    return joints | _branchings(parents, joints)
+
+
+def model_joints(model: BodyModel) -> dict[str, int]:
+    """Return the numbers of a model's joints; those of SMPL need no names."""
+    return find_joints(usual_joint_names(model), model.parents)
+
+
+def _told_joints(names: Sequence[str], table: Mapping[str, str]) -> dict[str, int]:
+    told: dict[str, int] = {}
+    for role, name in table.items():
+        if name not in names:
+            known = join_names(names, _MOST_NAMES)
+            raise ArgumentError(f"joints[{role!r}] must be one of {known}; found {name!r}")
+        told[role] = list(names).index(name)
+    return told
+
+
+def _named_joints(
+    names: Sequence[str], parents: ndarray, told: Mapping[str, int]
+) -> dict[str, int]:
+    """Return the joints that are told, and those that names tell."""
+    found = dict(told)
+    depths = [len(joints_to_root(parents, joint)) for joint in range(len(names))]
+    read = [_read_name(name) for name in names]
+    sides = [(f"{side}_", side, _SIDED_NAMES) for side in SIDES] + [("", "", _OTHER_NAMES)]
+    for prefix, side, parts in sides:
+        for part, spellings in parts.items():
+            # Of a collar in two parts, the lower one carries the rotations of both.
+            order = -1 if part == "collar" else 1
+            candidates = [
+                (spellings.index(name), order * depths[joint], joint)
+                for joint, (own_side, name) in enumerate(read)
+                if own_side == side and name in spellings and joint not in found.values()
+            ]
+            if candidates and prefix + part not in found:
+                found[prefix + part] = min(candidates)[2]
+    for side in SIDES:
+        # Hands and toes may have other names, or be end sites.
+        for role, above in ((f"{side}_wrist", f"{side}_elbow"), (f"{side}_toes", f"{side}_ankle")):
+            below = np.flatnonzero(np.asarray(parents) == found.get(above, -2))
+            if role not in found and len(below):
+                found[role] = int(below[0])
+        _drop_misplaced(parents, found, f"{side}_collar", f"{side}_shoulder")
+    return found
+
+
+def _drop_misplaced(parents: ndarray, found: dict[str, int], above: str, below: str) -> None:
+    """Forget a joint that is not above another."""
+    if {above, below} <= found.keys():
+        path = joints_to_root(parents, found[below])[1:]
+        if found[above] not in path:
+            del found[above]
+
+
+def _problem(names: Sequence[str], parents: ndarray, joints: Mapping[str, int]) -> str:
+    """Return what is wrong with the joints of the limbs, or an empty text."""
+    missing = [role for limb in LIMBS for role in limb if role not in joints]
+    if missing:
+        return (
+            f"joints must name {', '.join(missing)}, such as {{{missing[0]!r}: ...}}; the skeleton "
+            f"has {join_names(names, _MOST_NAMES)}"
+        )
+    for first, second in BONES:
+        if joints[first] not in joints_to_root(parents, joints[second])[1:]:
+            upper, lower = names[joints[first]], names[joints[second]]
+            return (
+                f"joints: {second} must be below {first}; found {lower!r}, which is not below "
+                f"{upper!r}"
+            )
+    branchings = _branchings(parents, joints)
+    if min(branchings.values()) < 0 or not set(joints_to_root(parents, branchings["pelvis"])) & set(
+        joints_to_root(parents, branchings["chest"])
+    ):
+        return "joints: hips and shoulders must be in one tree of joints"
+    return ""
+
+
+def _branchings(parents: ndarray, joints: Mapping[str, int]) -> dict[str, int]:
+    """Return the joints from which both legs and both arms hang; -1 where there are none."""
+    found = {}
+    for role, part in (("pelvis", "hip"), ("chest", "shoulder")):
+        left, right = (joints_to_root(parents, joints[f"{side}_{part}"])[1:] for side in SIDES)
+        found[role] = next((joint for joint in left if joint in right), -1)
+    return found
+
+
+def _read_name(name: str) -> tuple[str, str]:
+    """Return the side and the part that the name of a joint says, or empty texts."""
+    name = name.rpartition(":")[2]  # before the colon is the name of the person
+    words = [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)]
+    side = next((_SIDE_WORDS[word] for word in words if word in _SIDE_WORDS), "")
+    words = [word for word in words if word not in _SIDE_WORDS]
+    kept = [word for word in words if word not in _ADDED_WORDS]
+    # Other words before, such as the name of the person, do not matter; words after do.
+    for chosen in (words, kept):
+        for text in ("".join(chosen[first:]) for first in range(len(chosen))):
+            if text in _PARTS:
+                return side, text
+            for word, own in _SIDE_WORDS.items():
+                for shorter in (text.removeprefix(word), text.removesuffix(word)):
+                    if not side and shorter != text and shorter in _PARTS:
+                        return own, shorter
+    return side, ""

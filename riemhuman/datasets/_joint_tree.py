@@ -1,0 +1,155 @@
+"""Which joint of a skeleton is which, by the shape of its tree and the way its joints move.
+
+Two long branches that leave one joint, alike in length, are the legs; two such branches above are
+the arms. The two longest bones of a branch, one after the other, are those of the limb. Feet point
+forward, and tell left from right.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.bodies.skinning import joints_to_root
+
+# Branches of a pair have lengths within this ratio, and limbs at least this share of the longest.
+_ALIKE, _LONG = 0.75, 0.45
+# Joints nearer than this share of the skeleton's longest bone are in one place.
+_ONE_PLACE = 0.02
+_FRAMES = 200
+
+
+def joints_by_tree(parents: ndarray, positions: ndarray) -> dict[str, int]:
+    """Return the joints by their names in the open model, or none if it is no tree of a person."""
+    frames = np.unique(np.linspace(0, len(positions) - 1, _FRAMES).astype(np.int64))
+    positions = positions[frames]
+    lengths = bone_lengths(parents, positions)
+    paths = [_longest_path(parents, lengths, joint) for joint in range(len(parents))]
+    reaches = np.array([sum(lengths[joint] for joint in path) for path in paths])
+    pairs = _pairs_of_branches(parents, reaches)
+    if len(pairs) < 2:
+        return {}
+    legs, arms = pairs
+    leg_joints, arm_joints = (
+        [_limb(paths[first], lengths) for first in pair] for pair in (legs, arms)
+    )
+    if not all(leg_joints + arm_joints):
+        return {}
+    left = _left_directions(positions, leg_joints, arm_joints)
+    found: dict[str, int] = {}
+    for limbs, roles, before, after in (
+        (leg_joints, ("hip", "knee", "ankle"), "", "toes"),
+        (arm_joints, ("shoulder", "elbow", "wrist"), "collar", ""),
+    ):
+        first, second = (positions[:, limb[1]] for limb in limbs)
+        if np.sum((first - second) * left, axis=1).mean() < 0.0:
+            limbs = limbs[::-1]
+        for side, (above, *limb, below) in zip(("left", "right"), limbs, strict=True):
+            found |= {f"{side}_{role}": joint for role, joint in zip(roles, limb, strict=True)}
+            if before and above >= 0:
+                found[f"{side}_{before}"] = above
+            if after and below >= 0:
+                found[f"{side}_{after}"] = below
+    return found | _neck_and_head(parents, paths, lengths, arms)
+
+
+def bone_lengths(parents: ndarray, positions: ndarray) -> ndarray:
+    """Return the median distance of each joint from its parent; 0 for a root."""
+    lengths = np.zeros(len(parents))
+    below = np.flatnonzero(parents >= 0)
+    bones = positions[:, below] - positions[:, parents[below]]
+    lengths[below] = np.median(np.linalg.norm(bones, axis=-1), axis=0)
+    return lengths
+
+
+def _longest_path(parents: ndarray, lengths: ndarray, joint: int) -> list[int]:
+    """Return the joints from one to its farthest descendant."""
+    best, best_length = [joint], 0.0
+    for end in range(len(parents)):
+        path = joints_to_root(parents, end)
+        if joint in path:
+            path = path[: path.index(joint) + 1][::-1]
+            length = sum(lengths[each] for each in path[1:])
+            if length > best_length * (1.0 + 1e-9):
+                best, best_length = path, length
+    return best
+
+
+def _pairs_of_branches(parents: ndarray, reaches: ndarray) -> list[tuple[int, int]]:
+    """Return the two pairs of long branches that are alike, those nearer to the root first."""
+    candidates: list[tuple[int, int]] = []
+    for joint in range(len(parents)):
+        below = np.flatnonzero((parents == joint) & (reaches > 0.0)).tolist()
+        ratios = {
+            pair: min(reaches[list(pair)]) / max(reaches[list(pair)])
+            for pair in combinations(below, 2)
+        }
+        used: set[int] = set()
+        for pair in sorted(ratios, key=lambda pair: -ratios[pair]):
+            if ratios[pair] > _ALIKE and not used & set(pair):
+                candidates.append(pair)
+                used |= set(pair)
+    size = {pair: min(reaches[list(pair)]) for pair in candidates}
+    longest = max(size.values(), default=0.0)
+    long = [pair for pair in candidates if size[pair] > _LONG * longest]
+
+    def is_inside(pair: tuple[int, int], other: tuple[int, int]) -> bool:
+        return any(joint in joints_to_root(parents, pair[0]) for joint in other)
+
+    # A pair of hands within a pair of arms is part of it.
+    outer = [p for p in long if not any(q != p and is_inside(p, q) for q in long)]
+    outer.sort(key=lambda pair: (len(joints_to_root(parents, pair[0])), -size[pair]))
+    return outer[:2] if len(outer) == 2 else []
+
+
+def _limb(path: list[int], lengths: ndarray) -> list[int]:
+    """Return the joint above a limb, its three joints, and the one below; -1 where there is none.
+
+    The joints of the limb are the ends of two long bones, one after the other.
+    """
+    nearby = _ONE_PLACE * lengths[path].max()
+    # Of joints in one place, the last moves what is below.
+    chain = [a for a, b in zip(path, [*path[1:], -1], strict=True) if b < 0 or lengths[b] > nearby]
+    if len(chain) < 3:
+        return []
+    bones = lengths[chain[1:]]
+    pairs = np.minimum(bones[:-1], bones[1:])
+    first = int(np.argmax(pairs))
+    ends = [-1, *chain, -1]
+    return ends[first : first + 5]
+
+
+def _left_directions(positions: ndarray, legs: list[list[int]], arms: list[list[int]]) -> ndarray:
+    """Return the direction to the left of the body in all frames."""
+    hips, ankles = (np.mean([positions[:, leg[k]] for leg in legs], axis=0) for k in (1, 3))
+    shoulders = np.mean([positions[:, arm[1]] for arm in arms], axis=0)
+    up = shoulders - hips
+    # Feet point forward, and knees bend so.
+    forward = np.mean([positions[:, leg[2]] for leg in legs], axis=0) - 0.5 * (hips + ankles)
+    for leg in legs:
+        if leg[4] >= 0:
+            forward = forward + positions[:, leg[4]] - positions[:, leg[3]]
+    across = legs[0][1], legs[1][1]
+    line = positions[:, across[0]] - positions[:, across[1]]
+    sign = np.sign(np.sum(np.cross(up, forward) * line, axis=1).sum()) or 1.0
+    return np.asarray(sign * line)
+
+
+def _neck_and_head(
+    parents: ndarray, paths: list[list[int]], lengths: ndarray, arms: tuple[int, int]
+) -> dict[str, int]:
+    """Return the neck and the head on the longest other branch above the arms."""
+    branches = [
+        int(joint)
+        for joint in np.flatnonzero(parents == parents[arms[0]])
+        if joint not in arms and sum(lengths[paths[joint]]) > 0.0
+    ]
+    if not branches:
+        return {}
+    path = max((paths[joint] for joint in branches), key=lambda path: sum(lengths[path]))
+    inner = [joint for joint in path if np.any(parents == joint)]
+    if len(inner) < 2:
+        return {"head": path[0]}
+    return {"neck": inner[0], "head": inner[-1]}

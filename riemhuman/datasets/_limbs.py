@@ -1,0 +1,143 @@
+"""The rotations of a figure's joints in space that follow recorded ones."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.bodies import joints_between
+from riemhuman.datasets._joint_axes import Figure, figure_hinge, joint_axes
+from riemhuman.datasets._joint_names import LIMBS
+from riemhuman.datasets._recorded_skeletons import RecordedSkeleton
+from riemhuman.datasets._skeletons import bone, has_bone, middle, shortest, trunk, turned_towards
+from riemhuman.kernels.rotations import exp, log
+from riemhuman.kernels.surface import unit_vectors as unit
+
+# Limbs leave the recorded directions by at most so many radians.
+_LIMB = np.radians(3.8)
+_BISECTIONS = 12
+_TRUNK_STEPS = 3
+# Share of the length of a limb that it is stretched to.
+_STRETCHED = 0.9995
+# Weight of the axis of a knee beside the sine of its angle: a straight knee bends about it.
+_HINGE_SHARE = 0.1
+
+
+def follow(source: RecordedSkeleton, figure: Figure, scale: float) -> ndarray:
+    """Return rotations of all joints in space that follow a recording, (n_frames, J, 3, 3)."""
+    known = _known_rotations(source, figure)
+    rotations = np.empty((len(source.positions), len(figure.rest), 3, 3))
+    for joint in figure.model.joint_order:
+        above = figure.model.parents[joint]
+        rotations[:, joint] = known.get(joint, rotations[:, above])
+    rotations = _straighten_trunk(source, figure, rotations, scale)
+    positions = joint_positions(source, figure, rotations, scale)
+    for arm in LIMBS[2:]:
+        wrist = scale * source.positions[:, source.joints[arm[2]]]
+        to_wrist = wrist - positions[:, figure.joints[arm[0]]]
+        rotations = reach(source, figure, rotations, arm, to_wrist)
+    return rotations
+
+
+def joint_positions(
+    source: RecordedSkeleton, figure: Figure, rotations: ndarray, scale: float
+) -> ndarray:
+    """Return the positions of joints, the middle of the hips where it was recorded."""
+    positions = np.zeros(rotations.shape[:-1])
+    for joint in figure.model.joint_order:
+        above = figure.model.parents[joint]
+        if above >= 0:
+            step = rotations[:, above] @ (figure.rest[joint] - figure.rest[above])
+            positions[:, joint] = positions[:, above] + step
+    hips = middle(positions, figure.joints, "hip")
+    recorded = scale * middle(source.positions, source.joints, "hip")
+    return np.asarray(positions + (recorded - hips)[:, None])
+
+
+def reach(
+    source: RecordedSkeleton,
+    figure: Figure,
+    rotations: ndarray,
+    limb: tuple[str, ...],
+    to_end: ndarray,
+) -> ndarray:
+    """Bend a limb so that its end is as near to a place as its directions may go."""
+    a, b = (float(np.linalg.norm(figure.bone(*pair))) for pair in (limb[:2], limb[1:]))
+    joints = [figure.joints[name] for name in limb[:2]]
+    known = [_direction(source, *pair) for pair in (limb[:2], limb[1:])]
+    # A straight limb bends about its hinge, a bent one in its plane.
+    hinge = rotations[:, joints[0]] @ figure_hinge(figure, limb)
+    axis = np.cross(known[0], known[1]) + _HINGE_SHARE * hinge
+    end = a * known[0] + b * known[1]
+    low, high = np.zeros((len(end), 1)), np.ones((len(end), 1))
+    for _ in range(_BISECTIONS):
+        half = 0.5 * (low + high)
+        bent = _bent(end + half * (to_end - end), a, b, axis)
+        cosines = [np.sum(new * old, axis=1) for new, old in zip(bent, known, strict=True)]
+        is_near = np.minimum(*cosines)[:, None] > np.cos(_LIMB)
+        low, high = np.where(is_near, half, low), np.where(is_near, high, half)
+    bent = _bent(end + low * (to_end - end), a, b, axis)
+    rotations = rotations.copy()
+    for joint, old, new in zip(joints, known, bent, strict=True):
+        rotations[:, joint] = shortest(old, new) @ rotations[:, joint]
+    return rotations
+
+
+def _direction(source: RecordedSkeleton, first: str, second: str) -> ndarray:
+    """Return the recorded directions between two joints in all frames."""
+    return unit(bone(source.positions, source.joints, first, second))
+
+
+def _known_rotations(source: RecordedSkeleton, figure: Figure) -> dict[int, ndarray]:
+    """Return the rotations in space of joints that are recorded; others follow their parents."""
+    axes = joint_axes(source, figure)
+    parts = {name: source.rotations[:, source.joints[name]] @ axis for name, axis in axes.items()}
+    for limb in LIMBS:
+        for pair in (limb[:2], limb[1:]):
+            directions = _direction(source, *pair)
+            parts[pair[0]] = turned_towards(parts[pair[0]], figure.bone(*pair), directions)
+    parts.setdefault("head", parts["chest"])
+    neck = _interpolated(parts["chest"], parts["head"], 3)[1]
+    pair = ("neck", "head")
+    if has_bone(source.positions, source.joints, *pair) and set(pair) <= figure.joints.keys():
+        neck = turned_towards(neck, figure.bone(*pair), _direction(source, *pair))
+    parts["neck"] = neck
+    known = {figure.joints[name]: part for name, part in parts.items() if name in figure.joints}
+    spine = joints_between(figure.model.parents, figure.joints["pelvis"], figure.joints["chest"])
+    turned = _interpolated(parts["pelvis"], parts["chest"], len(spine))
+    return known | dict(zip(spine, turned, strict=True))
+
+
+def _straighten_trunk(
+    source: RecordedSkeleton, figure: Figure, rotations: ndarray, scale: float
+) -> ndarray:
+    """Rotate the spine until shoulders are above hips as recorded."""
+    parents, joints = figure.model.parents, figure.joints
+    spine = joints_between(parents, joints["pelvis"], joints["chest"])[1:-1]
+    wanted = unit(trunk(source.positions, source.joints))
+    rotations = rotations.copy()
+    for _ in range(_TRUNK_STEPS if spine else 0):
+        positions = joint_positions(source, figure, rotations, scale)
+        hips, shoulders = (middle(positions, joints, part) for part in ("hip", "shoulder"))
+        start = positions[:, spine[0]]
+        length = np.linalg.norm(shoulders - hips, axis=1, keepdims=True)
+        towards = unit(hips + length * wanted - start)
+        turn = shortest(unit(shoulders - start), towards)
+        rotations[:, spine] = turn[:, None] @ rotations[:, spine]
+    return rotations
+
+
+def _bent(to_end: ndarray, a: float, b: float, axis: ndarray) -> tuple[ndarray, ndarray]:
+    """Return the directions of two bones of lengths a and b to an end, bent about an axis."""
+    length = np.linalg.norm(to_end, axis=1, keepdims=True)
+    length = np.clip(length, abs(a - b) + 1e-6, _STRETCHED * (a + b))
+    towards = unit(to_end)
+    along = (length**2 + a**2 - b**2) / (2.0 * length)
+    across = np.sqrt(np.maximum(a**2 - along**2, 0.0))
+    joint = along * towards + across * unit(np.cross(towards, axis))
+    return joint / a, (length * towards - joint) / b
+
+
+def _interpolated(start: ndarray, end: ndarray, n: int) -> list[ndarray]:
+    """Return n rotations from a rotation to another, in each frame."""
+    return [exp(share * log(start, end), start) for share in np.linspace(0.0, 1.0, n)]

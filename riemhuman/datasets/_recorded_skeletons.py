@@ -1,0 +1,142 @@
+"""A recorded skeleton in space, y up, and when its feet stand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+from scipy.ndimage import uniform_filter1d
+
+from riemhuman.datasets._joint_names import SIDES, find_joints
+from riemhuman.datasets._skeletons import check_bones, has_bone, leg_length, middle
+from riemhuman.datasets._upward import rest_directions, upward_axis, warn_of_doubt
+from riemhuman.datasets.bvh import SkeletonMotion
+from riemhuman.surfaces.procrustes import make_upright
+
+# A foot stands still below this speed, in lengths of the leg a second (some 12 cm a second) …
+_STILL = 0.15
+# … averaged over so many seconds, against noise.
+_SMOOTHED = 0.1
+# Still feet so near to the floor in the recording stand on it, and their joints are at most so high
+# above its lowest point, in lengths of the leg (some 3 and 12 cm).
+_NEAR_FLOOR, _FOOT = 0.04, 0.15
+# Where someone goes faster, in lengths of the leg a second, and so far from one frame to the next,
+# the recording may have been interrupted.
+_FASTEST, _FARTHEST = 8.0, 0.25
+# After an interruption, a part whose lowest joints differ by so much from those of the longest part
+# is not on its floor, in lengths of the leg.
+_OTHER_FLOOR = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedSkeleton:
+    """A recorded skeleton in space, y up, in the unit of the recording.
+
+    `joints` are numbers of joints by names of the open model; `rotations` (n_frames, J, 3, 3) are
+    those in space; `kept` (n_frames,) are frames in which the recording was not interrupted; the
+    ball of each foot is `still`, is `grounded` on the floor, and the whole foot `flat` on it
+    (n_frames, 2).
+    """
+
+    joints: dict[str, int]
+    rotations: ndarray
+    positions: ndarray
+    frames_per_second: float
+    leg: float
+    kept: ndarray
+    still: ndarray
+    grounded: ndarray
+    flat: ndarray
+
+    @property
+    def ankles(self) -> list[int]:
+        """Numbers of the ankles."""
+        return [self.joints[f"{side}_ankle"] for side in SIDES]
+
+
+def read_skeleton(
+    recording: SkeletonMotion, known: Mapping[str, int] | None = None, up: str | None = None
+) -> RecordedSkeleton:
+    """Return a recording as a skeleton that stands on a floor, y up.
+
+    Joints are found by name where they are not known.
+    """
+    names, parents, rate = recording.joint_names, recording.parents, recording.frames_per_second
+    rotations, positions = recording.global_rotations, recording.positions
+    joints = find_joints(names, parents, None, positions) if known is None else dict(known)
+    check_bones(positions, joints, names)
+    for side in SIDES:
+        # An end site in one place with the ankle is no toe.
+        if not has_bone(positions, joints, f"{side}_ankle", f"{side}_toes"):
+            joints.pop(f"{side}_toes", None)
+    leg = leg_length(positions, joints)
+    if up is None:
+        directions = middle(positions, joints, "shoulder") - middle(positions, joints, "ankle")
+        offsets = np.median(recording.translations, axis=0)
+        at_rest = rest_directions(parents, offsets, joints)
+        kept = _is_uninterrupted(recording, positions, joints, leg)
+        axes = upward_axis(positions[kept], directions[kept], leg, at_rest)
+        warn_of_doubt(recording.name, axes)
+        up = axes[0]
+    upright = make_upright(np.eye(3), up=up).T
+    rotations, positions = upright @ rotations, positions @ upright.T
+    kept = _is_uninterrupted(recording, positions, joints, leg)
+    ankles = [joints[f"{side}_ankle"] for side in SIDES]
+    balls = [joints.get(f"{side}_toes", joints[f"{side}_ankle"]) for side in SIDES]
+    ball_still, ankle_still = (
+        kept[:, None] & _is_still(positions[:, feet], rate, leg) for feet in (balls, ankles)
+    )
+    grounded = ball_still & _is_near_floor(positions, balls, ball_still, kept, leg)
+    flat = grounded & ankle_still
+    return RecordedSkeleton(
+        joints, rotations, positions, rate, leg, kept, ball_still, grounded, flat
+    )
+
+
+def _is_uninterrupted(
+    recording: SkeletonMotion, positions: ndarray, joints: Mapping[str, int], leg: float
+) -> ndarray:
+    """Return whether frames belong to the recording; others jump there and back, or to 0."""
+    hips = middle(positions, joints, "hip")
+    steps = np.linalg.norm(np.diff(hips, axis=0), axis=1) / leg
+    jumps = (steps * recording.frames_per_second > _FASTEST) & (steps > _FARTHEST)
+    parts = np.concatenate([[0], np.cumsum(jumps)])
+    # Programs write zeros where they lost someone.
+    is_zero = np.all(recording.translations[:, recording.parents < 0] == 0.0, axis=(1, 2))
+    if is_zero.any() and not is_zero.all():
+        apart = np.median(hips[is_zero], axis=0) - np.median(hips[~is_zero], axis=0)
+        if np.linalg.norm(apart) > _FARTHEST * leg:
+            parts = 2 * parts + is_zero
+    lowest = positions[..., 1].min(axis=1)
+    numbers, counts = np.unique(parts, return_counts=True)
+    longest = numbers[np.argmax(counts)]
+    floor = np.percentile(lowest[parts == longest], 5.0)
+    kept = np.zeros(len(hips), dtype=bool)
+    for number in numbers:
+        own = parts == number
+        is_near = abs(np.percentile(lowest[own], 5.0) - floor) < _OTHER_FLOOR * leg
+        kept |= own & is_near
+    return kept
+
+
+def _is_still(paths: ndarray, rate: float, leg: float) -> ndarray:
+    """Return whether feet stand still, shape (n_frames, 2)."""
+    if len(paths) < 2:
+        return np.ones(paths.shape[:2], dtype=bool)
+    width = max(1, round(_SMOOTHED * rate))
+    steps = np.gradient(uniform_filter1d(paths, width, axis=0, mode="nearest"), axis=0)
+    speeds = np.linalg.norm(steps, axis=-1) * rate
+    return np.asarray(speeds < _STILL * leg)
+
+
+def _is_near_floor(
+    positions: ndarray, balls: list[int], still: ndarray, kept: ndarray, leg: float
+) -> ndarray:
+    """Return whether each foot is as low as where it stands, and near the lowest joint."""
+    heights = positions[:, balls, 1]
+    known = heights[still] if still.any() else heights[kept]
+    lowest = np.percentile(positions[kept, :, 1].min(axis=1), 1.0)
+    floor = min(np.percentile(known, 10.0), lowest + _FOOT * leg)
+    return np.asarray(heights < floor + _NEAR_FLOOR * leg)

@@ -1,0 +1,152 @@
+"""Bodies on the floor: feet that stay in place, and nothing below the floor.
+
+A performance is the rotations of the model's joints in space, shape (n_frames, J, 3, 3), and their
+positions, shape (n_frames, J, 3), in metres.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
+
+from riemhuman.datasets._joint_axes import Figure
+from riemhuman.datasets._joint_names import LIMBS, SIDES
+from riemhuman.datasets._limbs import joint_positions, reach
+from riemhuman.datasets._recorded_skeletons import RecordedSkeleton
+from riemhuman.datasets._skeletons import middle
+
+# Bodies so little below the floor touch it, metres.
+_TOUCHING = 0.005
+# Still feet are moved by at most so much to stay in place, metres.
+_MOST_SHIFT = 0.05
+# The body moves with one foot or the other over so many seconds, and a little with feet in the air.
+_SHIFTED, _SWING = 0.25, 0.05
+# Vertices of a sole that are held above the floor.
+_SOLE_VERTICES = 40
+# Where no foot stands, the lowest points of this share of frames, percent, are on the floor.
+_LOWEST_FRAMES = 5.0
+# Vertices of a body that are looked at, about, frames at a time, and seconds in which it is raised.
+_BODY_VERTICES, _FRAMES_AT_A_TIME, _RAISED = 1500, 200, 0.2
+
+
+class Performance(NamedTuple):
+    """Rotations and positions of the joints of a figure in space."""
+
+    rotations: ndarray
+    positions: ndarray
+
+
+def stand(
+    source: RecordedSkeleton, figure: Figure, rotations: ndarray, scale: float
+) -> Performance:
+    """Return the performance with the body moved with its standing feet, and feet to the floor."""
+    surface = figure.model(figure.betas)
+    rate = source.frames_per_second
+    feet = [figure.joints[f"{side}_ankle"] for side in SIDES]
+    positions = joint_positions(source, figure, rotations, scale)
+    recorded = scale * source.positions[:, source.ankles]
+    positions = positions + _body_shift(source, recorded - positions[:, feet])
+    soles = [_sole(figure, surface, rotations, side) for side in SIDES]
+    lows, balls = (np.stack(parts, axis=1) for parts in zip(*soles, strict=True))
+    performance = Performance(rotations, positions)
+    targets = _footholds(source, figure, performance, surface, lows, balls)
+    positions = positions + _body_shift(source, targets - positions[:, feet])
+    for k, leg in enumerate(LIMBS[:2]):
+        to_end = targets[:, k] - positions[:, figure.joints[leg[0]]]
+        rotations = reach(source, figure, rotations, leg, to_end)
+    hips = middle(positions, figure.joints, "hip")
+    positions = joint_positions(source, figure, rotations, scale)
+    positions += (hips - middle(positions, figure.joints, "hip"))[:, None]
+    depths = -_lowest_points(figure, surface, Performance(rotations, positions))
+    positions[..., 1] += _raise(depths, rate)[:, None]
+    return Performance(rotations, positions)
+
+
+def _raise(depths: ndarray, rate: float) -> ndarray:
+    """Return how much a body is raised so that it is nowhere below the floor, smoothly."""
+    needed = np.maximum(0.0, depths - _TOUCHING)
+    width = max(1, round(_RAISED * rate)) | 1
+    # A mean of largest values nearby is nowhere below the values themselves.
+    return np.asarray(uniform_filter1d(maximum_filter1d(needed, width), width))
+
+
+def _body_shift(source: RecordedSkeleton, shifts: ndarray) -> ndarray:
+    """Return the mean shift of the feet, above all of those that stand still."""
+    width = max(1, round(_SHIFTED * source.frames_per_second))
+    still = source.still.astype(np.float64)
+    weights = _SWING + uniform_filter1d(still, width, axis=0, mode="nearest")
+    shares = weights / weights.sum(axis=1, keepdims=True)
+    return np.sum(shares[..., None] * shifts, axis=1)[:, None]
+
+
+def _sole(
+    figure: Figure, surface: ndarray, rotations: ndarray, side: str
+) -> tuple[ndarray, ndarray]:
+    """Return the height of a foot's lowest vertex, and its ball, relative to its ankle."""
+    names = [f"{side}_{part}" for part in ("ankle", "toes")]
+    foot = [figure.joints[name] for name in names if name in figure.joints]
+    weights = figure.model.weights[:, foot]
+    total = weights.sum(axis=1)
+    vertices = np.flatnonzero(total >= 0.5 * total.max())
+    vertices = vertices[np.argsort(surface[vertices] @ figure.frame[:, 0])[:_SOLE_VERTICES]]
+    ball = rotations[:, foot[0]] @ (figure.rest[foot[-1]] - figure.rest[foot[0]])
+    heights = np.zeros((len(ball), len(vertices)))
+    for k, joint in enumerate(foot):
+        share = weights[vertices, k] / total[vertices]
+        moved = rotations[:, joint, 1] @ (surface[vertices] - figure.rest[joint]).T
+        heights += share * (moved + (ball[:, 1:2] if k else 0.0))
+    return heights.min(axis=1), ball
+
+
+def _footholds(
+    source: RecordedSkeleton,
+    figure: Figure,
+    performance: Performance,
+    surface: ndarray,
+    lows: ndarray,
+    balls: ndarray,
+) -> ndarray:
+    """Return where ankles must be for still feet to stay in place, and no sole below 0."""
+    ankles = performance.positions[:, [figure.joints[f"{side}_ankle"] for side in SIDES]]
+    heights = ankles[..., 1] + lows
+    grounded = source.grounded
+    if grounded.any():
+        floor = np.median(heights[grounded])
+    else:
+        lowest = _lowest_points(figure, surface, performance)
+        floor = np.percentile(lowest[source.kept], _LOWEST_FRAMES)
+    targets, above = ankles - [0.0, floor, 0.0], heights - floor
+    apart = np.sign(above) * np.maximum(np.abs(above) - _TOUCHING, 0.0)
+    frames = np.arange(len(ankles))
+    for k, still in enumerate(source.still.T):
+        shift = np.zeros_like(balls[:, k])
+        shift[:, 1] = np.where(grounded[:, k], -apart[:, k], 0.0)
+        for standing in np.ma.clump_unmasked(np.ma.masked_array(frames, ~still)):
+            drift = (ankles[standing, k] + balls[standing, k])[:, [0, 2]]
+            shift[standing, ::2] = drift.mean(axis=0) - drift
+        size = np.linalg.norm(shift[:, ::2], axis=1, keepdims=True)
+        shift[:, ::2] *= _MOST_SHIFT / np.maximum(size, _MOST_SHIFT)
+        # In between, feet move from one place to the next.
+        known = np.flatnonzero(still)
+        for column in shift.T:
+            column[:] = np.interp(frames, known, column[known]) if len(known) else 0.0
+        shift[:, 1] += np.maximum(0.0, -(above[:, k] + shift[:, 1] + _TOUCHING))
+        targets[:, k] += shift
+    return targets
+
+
+def _lowest_points(figure: Figure, surface: ndarray, performance: Performance) -> ndarray:
+    """Return the height of the lowest vertex in every frame."""
+    step = max(1, len(surface) // _BODY_VERTICES)
+    vertices, weights = surface[::step], figure.model.weights[::step]
+    lowest = np.empty(len(performance.positions))
+    for first in range(0, len(lowest), _FRAMES_AT_A_TIME):
+        some = slice(first, first + _FRAMES_AT_A_TIME)
+        upward = performance.rotations[some, :, 1]
+        shifts = performance.positions[some, :, 1] - np.sum(upward * figure.rest, axis=-1)
+        heights = np.einsum("vj,njx,vx->nv", weights, upward, vertices, optimize=True)
+        lowest[some] = (heights + shifts @ weights.T).min(axis=1)
+    return lowest
