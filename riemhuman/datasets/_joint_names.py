@@ -32,7 +32,10 @@ _SIDED_NAMES = {
     "wrist": ("wrist", "hand"),
     "collar": ("collar", "clavicle", "collarbone", "scapula", "shoulder"),
 }
-_OTHER_NAMES = {"neck": ("neck", "cervical"), "head": ("head", "skull")}
+_OTHER_NAMES = {
+    "neck": ("neck", "lowerneck", "neckbase", "cervical", "upperneck"),
+    "head": ("head", "skull"),
+}
 _PARTS = {name for names in (*_SIDED_NAMES.values(), *_OTHER_NAMES.values()) for name in names}
 _SIDE_WORDS = {"left": "left", "l": "left", "lft": "left", "lt": "left"}
 _SIDE_WORDS |= {"right": "right", "r": "right", "rgt": "right", "rt": "right"}
@@ -62,15 +65,17 @@ def find_joints(
     warning.
     """
     told = _told_joints(names, table or {})
-    joints = _named_joints(names, parents, told)
+    joints = found = _named_joints(names, parents, told)
     problem = _problem(names, parents, joints)
     if problem and positions is not None:
         inferred = joints_by_tree(parents, positions)
         if inferred and not _problem(names, parents, inferred | told):
             joints = inferred | told
             pairs = ", ".join(f"{role}={names[joint]!r}" for role, joint in inferred.items())
+            missing = [role for limb in LIMBS for role in limb if role not in found]
+            reason = f"names of joints do not tell {', '.join(missing)}" if missing else problem
             warnings.warn(
-                f"{problem}. Joints were inferred from the shape of the skeleton: {pairs}. Pass "
+                f"{reason}; they were inferred from the shape of the skeleton: {pairs}. Pass "
                 "joints= if that is wrong",
                 stacklevel=2,
             )

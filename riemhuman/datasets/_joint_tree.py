@@ -16,6 +16,8 @@ from riemhuman.bodies.skinning import joints_to_root
 
 # Branches of a pair have lengths within this ratio, and limbs at least this share of the longest.
 _ALIKE, _LONG = 0.75, 0.45
+# Of pairs of bones in a limb that are about as long, those farther from the trunk are its own.
+_AS_LONG = 0.85
 # Joints nearer than this share of the skeleton's longest bone are in one place.
 _ONE_PLACE = 0.02
 _FRAMES = 200
@@ -114,9 +116,11 @@ def _limb(path: list[int], lengths: ndarray) -> list[int]:
     chain = [a for a, b in zip(path, [*path[1:], -1], strict=True) if b < 0 or lengths[b] > nearby]
     if len(chain) < 3:
         return []
-    bones = lengths[chain[1:]]
+    reached = np.cumsum(lengths[path])
+    bones = np.diff([reached[path.index(joint)] for joint in chain])
     pairs = np.minimum(bones[:-1], bones[1:])
-    first = int(np.argmax(pairs))
+    # A collar may be as long as a forearm, but a hand is shorter.
+    first = int(np.flatnonzero(pairs >= _AS_LONG * pairs.max())[-1])
     ends = [-1, *chain, -1]
     return ends[first : first + 5]
 

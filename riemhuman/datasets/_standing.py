@@ -44,7 +44,6 @@ def stand(
 ) -> Performance:
     """Return the performance with the body moved with its standing feet, and feet to the floor."""
     surface = figure.model(figure.betas)
-    rate = source.frames_per_second
     feet = [figure.joints[f"{side}_ankle"] for side in SIDES]
     positions = joint_positions(source, figure, rotations, scale)
     recorded = scale * source.positions[:, source.ankles]
@@ -61,16 +60,19 @@ def stand(
     positions = joint_positions(source, figure, rotations, scale)
     positions += (hips - middle(positions, figure.joints, "hip"))[:, None]
     depths = -_lowest_points(figure, surface, Performance(rotations, positions))
-    positions[..., 1] += _raise(depths, rate)[:, None]
+    positions[..., 1] += _raised(depths, source)[:, None]
     return Performance(rotations, positions)
 
 
-def _raise(depths: ndarray, rate: float) -> ndarray:
+def _raised(depths: ndarray, source: RecordedSkeleton) -> ndarray:
     """Return how much a body is raised so that it is nowhere below the floor, smoothly."""
     needed = np.maximum(0.0, depths - _TOUCHING)
-    width = max(1, round(_RAISED * rate)) | 1
+    width = max(1, round(_RAISED * source.frames_per_second)) | 1
     # A mean of largest values nearby is nowhere below the values themselves.
-    return np.asarray(uniform_filter1d(maximum_filter1d(needed, width), width))
+    largest = maximum_filter1d(np.where(source.kept, needed, 0.0), width)
+    smooth = uniform_filter1d(largest, width)
+    # Where the recording was interrupted, a body may be anywhere.
+    return np.asarray(np.where(source.kept, smooth, needed))
 
 
 def _body_shift(source: RecordedSkeleton, shifts: ndarray) -> ndarray:

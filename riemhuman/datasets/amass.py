@@ -42,8 +42,8 @@ _NEEDED_POSES = ("root_orient", "pose_body")
 _SKIPPED = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
 _FILES_KEPT = 4
-# Axes that point up are kept for so many files, and found by so many frames.
-_AXES_KEPT, _FRAMES_OF_FLOOR = 10_000, 300
+# Frames by which the axis that points up is found.
+_FRAMES_OF_FLOOR = 300
 # Larger numbers are damage: of such an angle, double precision holds no digit within a circle.
 _LARGEST = 1e12
 
@@ -212,7 +212,6 @@ def _skeleton_motion(
     return smpl_skeleton(poses, translations, rate, _names(path)[1], axis)
 
 
-@lru_cache(maxsize=_AXES_KEPT)
 def _upward_axis(path: Path, last: int) -> str:
     """Return the axis that points up in a file until a frame, with a warning if in doubt."""
     recording = _read(path, last)

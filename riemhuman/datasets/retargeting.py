@@ -225,7 +225,8 @@ class RetargetedMotion(ModelMotion):
             scale = figure.leg / source.leg
             performance = stand(source, figure, follow(source, figure, scale), scale)
         errors = _errors(source, figure, performance, scale)
-        _warn_of_errors(recording.name, errors, _misplaced(source, figure, performance))
+        misplaced = _misplaced(source, figure, performance)
+        _warn_of_errors(recording.name, source, errors, misplaced)
         return _Played(*_model_parameters(figure, performance), errors)
 
 
@@ -432,7 +433,9 @@ def _misplaced(source: RecordedSkeleton, figure: Figure, performance: Performanc
     return np.stack(distances, axis=1)
 
 
-def _warn_of_errors(name: str, errors: RetargetingErrors, misplaced: ndarray) -> None:
+def _warn_of_errors(
+    name: str, source: RecordedSkeleton, errors: RetargetingErrors, misplaced: ndarray
+) -> None:
     """Warn if the body is far from the recording in the mean over the frames.
 
     Distances are those that proportions of the person do not explain.
@@ -450,6 +453,9 @@ def _warn_of_errors(name: str, errors: RetargetingErrors, misplaced: ndarray) ->
         for joint, distance in zip(errors.joints, distances, strict=True)
         if distance > _MOST_METRES
     ]
+    hips, shoulders = (unit(bone(source.positions, source.joints, *line)) for line in _LINES)
+    if np.sum(hips * shoulders, axis=1).mean() < 0.0:
+        found.append("the hips face away from the shoulders: their sides may have been swapped")
     if found:
         warnings.warn(
             f"{name or 'recording'}: the body differs from the recording in the mean, "

@@ -1,0 +1,85 @@
+"""Bodies follow the positions of joints, whatever the axes in which files rotate them."""
+
+import numpy as np
+import pytest
+from recorded_people import RECORDING, recording_of, with_axes
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import joint_motions, rotation_matrix
+from riemhuman.datasets import load_bvh, load_open_model, load_open_motions, retarget
+from riemhuman.kernels.rotations import log
+
+
+@pytest.fixture(scope="module")
+def model():
+    return load_open_model("coarse")
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return load_bvh(RECORDING)
+
+
+@pytest.fixture(scope="module")
+def frames(recording):
+    return retarget(recording, frames_per_second=5)[:]
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+def test_axes_of_joints_do_not_matter(recording, frames, share):
+    rng = np.random.default_rng(5)
+    axes = Rotation.random(len(recording.parents), random_state=rng).as_matrix()
+    axes[rng.random(len(axes)) > share] = np.eye(3)
+    other = with_axes(recording, axes)
+    np.testing.assert_allclose(other.positions, recording.positions, atol=1e-9)
+    np.testing.assert_allclose(retarget(other, frames_per_second=5)[:], frames, atol=1e-6)
+
+
+def test_axes_of_each_joint_of_the_trunk_do_not_matter(recording, frames):
+    quarter = Rotation.from_euler("z", 90, degrees=True).as_matrix()
+    for name in ("Hips", "Spine1", "Neck1", "Head", "LeftShoulder", "LeftHand", "LeftFoot"):
+        axes = np.tile(np.eye(3), (len(recording.parents), 1, 1))
+        axes[recording.joint_names.index(name)] = quarter
+        turned = retarget(with_axes(recording, axes), frames_per_second=5)
+        np.testing.assert_allclose(turned[:], frames, atol=1e-6)
+
+
+@pytest.mark.parametrize("sequence", ["punching", "jumping_jacks", "hips", "knees"])
+def test_parts_are_rotated_as_those_of_the_person(model, sequence):
+    motion = load_open_motions("coarse", "lean runner", sequence, 15)[0]
+    poses, translations = motion.pose_vectors, motion.translations
+    recording = recording_of(model, motion.betas, poses, translations, 15.0)
+    axes = Rotation.random(len(recording.parents), random_state=1).as_matrix()
+    found = retarget(with_axes(recording, axes), model, betas=motion.betas)
+    made, true = (
+        joint_motions(
+            model.joints(motion.betas), rotation_matrix(vectors), model.parents, model.joint_order
+        )[0]
+        for vectors in (found.pose_vectors, poses)
+    )
+    angles = np.degrees(np.linalg.norm(log(made, true), axis=-1)).mean(axis=0)
+    by_name = dict(zip(model.joint_names, angles, strict=True))
+    for part in ("pelvis", "chest", "head", "left_collar", "left_elbow", "right_elbow"):
+        assert by_name[part] < 8.0, part
+    errors = found.errors
+    lines = errors.directions[:, errors.bones.index(("left_hip", "right_hip"))]
+    assert lines.mean() < 1.0
+    assert errors.rotations.mean(axis=0).max() < 1.0
+    assert errors.parts == ("pelvis", "chest", "head")
+
+
+def test_a_single_frame_and_straight_limbs(model):
+    poses, translations = np.zeros((1, model.n_joints, 3)), np.zeros((1, 3))
+    recording = recording_of(model, np.zeros(model.n_betas), poses, translations)
+    body = retarget(recording, model)[0]
+    apart = body - model()
+    assert np.linalg.norm(apart - apart.mean(axis=0), axis=1).max() < 0.01
+
+
+def test_errors_tell_of_joints_taken_for_others(recording):
+    sides = {"left_hip": "RightUpLeg", "left_knee": "RightLeg", "left_ankle": "RightFoot"}
+    sides |= {"right_hip": "LeftUpLeg", "right_knee": "LeftLeg", "right_ankle": "LeftFoot"}
+    sides |= {"left_toes": "RightToeBase", "right_toes": "LeftToeBase"}
+    motion = retarget(recording, joints=sides, frames_per_second=5)
+    with pytest.warns(UserWarning, match="hips face away from the shoulders.*pass joints="):
+        motion.errors  # noqa: B018

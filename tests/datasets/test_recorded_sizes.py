@@ -1,0 +1,97 @@
+"""Lengths of recordings: units, people of any size, and the model's own people."""
+
+import numpy as np
+import pytest
+from recorded_people import RECORDING, recording_of, scaled
+
+from riemhuman.datasets import load_bvh, load_open_model, load_open_motions, retarget
+from riemhuman.errors import ArgumentError
+
+CMU = 0.0254 / 0.45
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return load_bvh(RECORDING)
+
+
+def stature(motion):
+    return np.ptp(motion.model(motion.betas)[:, 1])
+
+
+def travel(motion):
+    return np.ptp(motion.translations[:, 2])
+
+
+@pytest.mark.parametrize("betas", [None, "recorded"])
+def test_recorded_lengths_are_kept(recording, betas):
+    motions = [
+        retarget(scaled(recording, size), unit=CMU, betas=betas, frames_per_second=3)
+        for size in (0.6, 1.0, 1.2)
+    ]
+    for size, motion in zip((0.6, 1.0, 1.2), motions, strict=True):
+        assert stature(motion) == pytest.approx(size * stature(motions[1]), rel=1e-3)
+        assert travel(motion) == pytest.approx(size * travel(motions[1]), rel=0.05)
+        assert motion.errors.scale == pytest.approx(CMU, rel=1e-9)
+        assert "Recorded lengths were kept" in motion.message
+    assert 1.4 < stature(motions[1]) < 2.1
+
+
+def test_by_default_an_average_adult_performs(recording):
+    motions = [retarget(scaled(recording, size), frames_per_second=3) for size in (0.6, 1.0)]
+    for motion in motions:
+        assert motion.model is load_open_model("coarse")
+        assert not motion.betas.any()
+        assert "an average adult" in motion.message
+    child, adult = motions
+    assert child.errors.scale == pytest.approx(adult.errors.scale / 0.6, rel=1e-9)
+    np.testing.assert_allclose(child[:], adult[:], atol=1e-9)
+
+
+def test_units_are_guessed_with_a_warning(recording):
+    metres = scaled(recording, CMU)
+    for name, factor in (("metres", 1.0), ("centimetres", 100.0), ("feet", 1 / 0.3048)):
+        with pytest.warns(UserWarning, match=f"lengths were taken to be in {name}, .* pass unit="):
+            motion = retarget(scaled(metres, factor), scale="recorded", frames_per_second=3)
+        assert motion.errors.scale == pytest.approx(1.0 / factor, rel=1e-6)
+    with pytest.warns(UserWarning, match="units of CMU"):
+        retarget(recording, scale="recorded")
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("cm", 0.01), ("Inches", 0.0254), ("foot", 0.3048), ("mm", 0.001), (2, 2)]
+)
+def test_files_are_read_in_a_unit(recording, unit, metres):
+    read = load_bvh(RECORDING, unit=unit)
+    np.testing.assert_allclose(read.positions, metres * recording.positions)
+    assert read.unit == "metres"
+    assert recording.unit is None
+
+
+def test_wrong_units(recording):
+    with pytest.raises(ArgumentError, match="unit must be one of 'metres', .*; found 'cubits'"):
+        load_bvh(RECORDING, unit="cubits")
+    with pytest.raises(ArgumentError, match="unit must be .*found -1"):
+        retarget(recording, unit=-1)
+    with pytest.raises(ArgumentError, match="scale must be one of 'adult', 'recorded'; found 2"):
+        retarget(recording, scale=2)
+    with pytest.raises(ArgumentError, match="betas must be 'recorded'|betas must be one of"):
+        retarget(recording, betas="tall")
+
+
+def test_other_performers_keep_their_own_size(recording):
+    child = retarget(scaled(recording, 0.6), unit=CMU, frames_per_second=3)
+    adult = child.performed_by(np.zeros(child.model.n_betas))
+    assert stature(child) < 0.7 * stature(adult)
+    assert adult.model is load_open_model("coarse")
+
+
+def test_the_own_skeleton_of_the_model_is_played():
+    motion = load_open_motions("coarse", "lean runner", "punching", 10)[0]
+    for unit in (1.0, 0.01):
+        recording = recording_of(
+            motion.model, motion.betas, motion.pose_vectors, motion.translations, 10.0, "{}"
+        )
+        played = retarget(scaled(recording, 1.0 / unit), motion.model)
+        np.testing.assert_allclose(played[:], motion[:], atol=1e-6)
+        assert played.errors.positions.max() < 1e-6
