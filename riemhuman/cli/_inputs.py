@@ -47,7 +47,7 @@ def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, dic
     motion = rh.datasets.load_recording(file)
     if motion.frames_per_second > _RECORDED_RATE:
         motion = rh.datasets.load_recording(file, frames_per_second=_RECORDED_RATE)
-    # A body of the recorded proportions performs it, or for comparisons of movements the mean one.
+    # An average adult performs recordings of skeletons; for comparisons of movements, all others.
     if is_mean:
         motion = motion.performed_by([0.0] * motion.model.n_betas)
     return motion, motion.faces, {"seconds": len(motion) / motion.frames_per_second}

@@ -16,7 +16,7 @@ from riemhuman.datasets.bvh import SkeletonMotion
 
 # Standard deviation of the lengths of bones about those of a person of the model, in lengths of the
 # leg; of these lengths about the mean, as their unit may be unknown; and the largest coefficient.
-_LENGTH_DEVIATION, _LEG_DEVIATION, _MOST_BETA = 0.006, 0.03, 2.5
+_LENGTH_DEVIATION, _LEG_DEVIATION, _MOST_BETA = 0.01, 0.03, 2.5
 # Lengths by which a person is found; with the trunk.
 _LENGTHS = (*BONES, ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip"))
 # Bones of the model itself are so near to those of one of its people, metres, in one of the units

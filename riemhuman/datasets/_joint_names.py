@@ -41,8 +41,23 @@ _SIDE_WORDS = {"left": "left", "l": "left", "lft": "left", "lt": "left"}
 _SIDE_WORDS |= {"right": "right", "r": "right", "rgt": "right", "rt": "right"}
 # What programs add to names of joints, and says nothing about them.
 _ADDED_WORDS = frozenset(
-    ("jnt", "joint", "jt", "j", "bone", "bn", "b", "bind", "skin", "skel", "sk", "sknode", "node")
-    + ("def", "deform", "fk", "rig", "bend", "rot", "x", "y", "z", "main", "model", "mesh")
+    ("jnt", "joint", "jt", "j", "bone", "bn", "b", "bind", "skin", "skel", "sk", "node", "model")
+    + (
+        "def",
+        "deform",
+        "fk",
+        "rig",
+        "bend",
+        "rot",
+        "x",
+        "y",
+        "z",
+        "m",
+        "c",
+        "main",
+        "model",
+        "mesh",
+    )
 )
 LIMBS = tuple(
     tuple(f"{side}_{part}" for part in parts)

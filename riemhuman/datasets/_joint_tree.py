@@ -122,7 +122,12 @@ def _limb(path: list[int], lengths: ndarray) -> list[int]:
     # A collar may be as long as a forearm, but a hand is shorter.
     first = int(np.flatnonzero(pairs >= _AS_LONG * pairs.max())[-1])
     ends = [-1, *chain, -1]
-    return ends[first : first + 5]
+    above, *limb, below = ends[first : first + 5]
+    # Fingers may begin in one place with the wrist: the first joint there moves the whole hand.
+    place = path.index(limb[2])
+    while reached[path.index(limb[2])] - reached[place - 1] <= nearby:
+        place -= 1
+    return [above, *limb[:2], path[place], below]
 
 
 def _left_directions(positions: ndarray, legs: list[list[int]], arms: list[list[int]]) -> ndarray:

@@ -123,7 +123,7 @@ def load_recording(
         raise ArgumentError(f"joints are of skeletons, in .bvh and .amc; found {file.name}")
     motion: ModelMotion
     if suffix == ".npz" and set(_AMASS) & set(array_shapes(file, ())[0]):
-        (amass,) = load_amass(file, model, frames_per_second=frames_per_second)
+        (amass,) = load_amass(file, model, frames_per_second=frames_per_second, up=up)
         motion = amass
     else:
         motion = _video_motion(file, suffix, model, frames_per_second, up, person)

@@ -1,0 +1,206 @@
+"""Joints are found by the names of the studios, else by the shape of the skeleton."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recorded_people import RECORDING, recording_of, with_axes
+from scipy.spatial.transform import Rotation
+
+from riemhuman.datasets import load_bvh, load_open_model, load_open_motions, retarget
+from riemhuman.errors import ArgumentError
+
+PARTS = ("hip", "knee", "ankle", "toes", "collar", "shoulder", "elbow", "wrist")
+TRUNK = {"pelvis": "Hips", "middle_spine": "Spine", "chest": "Spine1", "neck": "Neck"}
+TRUNK |= {"head": "Head"}
+MIXAMO = ("UpLeg", "Leg", "Foot", "ToeBase", "Shoulder", "Arm", "ForeArm", "Hand")
+BIPED = ("Thigh", "Calf", "Foot", "Toe0", "Clavicle", "UpperArm", "Forearm", "Hand")
+JOINTS = ("Hip", "Knee", "Ankle", "Toe", "Collar", "Shoulder", "Elbow", "Wrist")
+# How a limb's joint is named, with words for the sides, names of parts, and of the trunk.
+STUDIOS = {
+    "Mixamo": ("mixamorig:{side}{part}", "Left Right", MIXAMO, "mixamorig:{}"),
+    "Character1": ("Character1_{side}{part}", "Left Right", MIXAMO, "Character1_{}"),
+    "Perception Neuron": ("Robot_{side}{part}", "Left Right", MIXAMO, "Robot_{}"),
+    "Biped": ("Bip01 {side} {part}", "L R", BIPED, "Bip01 {}"),
+    "Biped 001": ("Bip001_{side}_{part}", "L R", BIPED, "Bip001_{}"),
+    "Truebones": ("BN_Bip01_{side}_{part}", "L R", BIPED, "BN_{}"),
+    "MVN, 100STYLE, MHAD": ("{side}{part}", "Left Right", JOINTS, "{}"),
+    "Kinect": ("{part}{side}", "Left Right", (*JOINTS[:3], "Foot", "Clavicle", *JOINTS[5:]), "{}"),
+    "Maya": ("{part}_{side}", "L R", (*JOINTS[:4], "Scapula", *JOINTS[5:]), "{}_M"),
+    "Rokoko": (
+        "{side}{part}",
+        "Left Right",
+        ("Thigh", "Shin", "Foot", "Toe", "Shoulder", "Arm", "ForeArm", "Hand"),
+        "{}",
+    ),
+    "Bandai-Namco": (
+        "{part}_{side}",
+        "L R",
+        ("UpperLeg", "LowerLeg", "Foot", "Toes", "Shoulder", "UpperArm", "LowerArm", "Hand"),
+        "{}",
+    ),
+    "VRM": (
+        "J_Bip_{side}_{part}",
+        "L R",
+        ("UpperLeg", "LowerLeg", "Foot", "ToeBase", "Shoulder", "UpperArm", "LowerArm", "Hand"),
+        "J_Bip_C_{}",
+    ),
+    "Vicon": (
+        "{side}{part}",
+        "L R",
+        ("Femur", "Tibia", "Foot", "Toes", "Clavicle", "Humerus", "Radius", "Hand"),
+        "{}",
+    ),
+    "Acclaim": (
+        "{side}{part}",
+        "l r",
+        ("femur", "tibia", "foot", "toes", "clavicle", "humerus", "radius", "wrist"),
+        "lower{}",
+    ),
+    "OptiTrack": (
+        "Skeleton 001:{side}{part}",
+        "L R",
+        ("Thigh", "Shin", "Foot", "Toe", "Shoulder", "UArm", "FArm", "Hand"),
+        "Skeleton 001:{}",
+    ),
+    "Unreal": (
+        "{part}_{side}",
+        "l r",
+        ("thigh", "calf", "foot", "ball", "clavicle", "upperarm", "lowerarm", "hand"),
+        "{}_01",
+    ),
+    "Blender": (
+        "DEF-{part}.{side}.001",
+        "L R",
+        ("thigh", "shin", "foot", "toe", "shoulder", "upper_arm", "forearm", "hand"),
+        "DEF-{}",
+    ),
+    "DAZ": (
+        "{side}{part}",
+        "l r",
+        ("ThighBend", "Shin", "Foot", "Toe", "Collar", "ShldrBend", "ForearmBend", "Hand"),
+        "{}",
+    ),
+    "Poser": (
+        "{side}{part}",
+        "l r",
+        ("Thigh", "Shin", "Foot", "Toe", "Collar", "Shldr", "ForeArm", "Hand"),
+        "{}",
+    ),
+    "joints": (
+        "{side}_{part}_jnt",
+        "L R",
+        ("upLeg", "lowLeg", "foot", "toe", "clavicle", "upArm", "lowArm", "hand"),
+        "{}_jnt",
+    ),
+    "bones": (
+        "{side}{part}Bone",
+        "Left Right",
+        ("Thigh", "Calf", "Foot", "Toe", "Clavicle", "Bicep", "Forearm", "Hand"),
+        "{}Bone",
+    ),
+    "numbers": ("07_{side}{part}_J", "Left Right", MIXAMO, "07_{}_J"),
+}
+
+
+def renamed(names, studio):
+    """Return the names of the open model's joints as a studio gives them."""
+    pattern, sides, parts, other = STUDIOS[studio]
+    sided = {
+        f"{ours}_{part}": pattern.format(side=side, part=theirs)
+        for ours, side in zip(("left", "right"), sides.split(), strict=True)
+        for part, theirs in zip(PARTS, parts, strict=True)
+    }
+    return tuple(sided.get(name, other.format(TRUNK.get(name, "Extra"))) for name in names)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return load_open_model("coarse")
+
+
+@pytest.fixture(scope="module")
+def person(model):
+    motion = load_open_motions("coarse", "lean runner", "knees", 5)[0]
+    return motion.betas, recording_of(
+        model, motion.betas, motion.pose_vectors, motion.translations, 5.0
+    )
+
+
+@pytest.fixture(scope="module")
+def frames(model, person):
+    betas, recording = person
+    return retarget(recording, model, betas=betas)[:]
+
+
+@pytest.mark.parametrize("studio", STUDIOS)
+def test_names_of_studios(model, person, frames, studio):
+    betas, recording = person
+    names = renamed(model.joint_names, studio)
+    axes = Rotation.random(len(names), random_state=3).as_matrix()
+    other = with_axes(replace(recording, joint_names=names), axes)
+    motion = retarget(other, model, betas=betas)
+    np.testing.assert_allclose(motion[:], frames, atol=1e-6)
+
+
+@pytest.mark.parametrize("order", ["as it is", "right first"])
+def test_joints_without_names_are_found_by_the_shape(model, person, frames, order):
+    betas, recording = person
+    names = tuple(f"joint {number}" for number in range(model.n_joints))
+    numbers = np.arange(model.n_joints)
+    if order == "right first":
+        numbers = np.concatenate([[0], numbers[19:], numbers[1:7], numbers[15:19], numbers[7:15]])
+    place = np.argsort(numbers)
+    other = replace(
+        recording,
+        joint_names=names,
+        parents=np.where(recording.parents < 0, -1, place[recording.parents])[numbers],
+        offsets=recording.offsets[numbers],
+        rotations=recording.rotations[:, numbers],
+        translations=recording.translations[:, numbers],
+    )
+    with pytest.warns(UserWarning, match="names of joints do not tell left_hip.*Pass joints="):
+        motion = retarget(other, model, betas=betas)
+    assert np.linalg.norm(motion[:] - frames, axis=-1).max() < 0.02
+
+
+def test_a_real_recording_without_names():
+    recording = load_bvh(RECORDING)
+    expected = retarget(recording, frames_per_second=3)
+    names = tuple(f"joint {number}" for number in range(len(recording.parents)))
+    with pytest.warns(UserWarning, match="left_hip='joint 2'.*right_elbow='joint 31'"):
+        motion = retarget(replace(recording, joint_names=names), frames_per_second=3)
+    assert np.linalg.norm(motion[:] - expected[:], axis=-1).max() < 0.08
+
+
+def test_collars_in_two_parts(model, person):
+    betas, recording = person
+    names = list(renamed(model.joint_names, "Mixamo"))
+    for side in ("left", "right"):
+        names[model.joint_names.index(f"{side}_collar")] = f"{side.title()}Shoulder2"
+    names[model.joint_names.index("upper_spine")] = "LeftShoulder1"
+    motion = retarget(replace(recording, joint_names=tuple(names)), model, betas=betas)
+    assert motion.errors.directions.mean(axis=0).max() < 4.0
+
+
+def test_joints_have_the_last_word(model, person, frames):
+    betas, recording = person
+    names = tuple(f"joint {number}" for number in range(model.n_joints))
+    table = dict(zip(model.joint_names, names, strict=True))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        motion = retarget(replace(recording, joint_names=names), model, betas=betas, joints=table)
+    np.testing.assert_allclose(motion[:], frames, atol=1e-6)
+
+
+def test_what_is_no_person_is_refused(model, person):
+    _, recording = person
+    n_joints = model.n_joints
+    chain = replace(
+        recording,
+        joint_names=tuple(f"bone {number}" for number in range(n_joints)),
+        parents=np.arange(n_joints) - 1,
+    )
+    with pytest.raises(ArgumentError, match="joints must name left_hip, .*the skeleton has bone 0"):
+        retarget(chain, model)
