@@ -20,6 +20,8 @@ from riemhuman.solvers import (
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1e-4, 0.0), (1.0, 0.1, 0.1)]
 MOST_EVALUATIONS = 3
+# Means and logarithms make seven, of a few searches that end at once.
+MOST_OF_SEVERAL = 21
 
 # Made when they are used: the basis takes a second, also where no test of this file runs.
 PATHS = {
@@ -74,7 +76,7 @@ def test_logarithm_and_exponential_that_stay(weights, basis):
     for end in (body, moved(body, turn=False)):
         logarithm = DiscreteLogarithm(basis(), n_steps=4).solve(metric, end, body)
         assert logarithm.converged
-        assert logarithm.n_evaluations <= 3 * MOST_EVALUATIONS
+        assert logarithm.n_evaluations <= MOST_OF_SEVERAL
         assert metric.norm(logarithm.tangent_vec, body) <= 1e-9
     still = DiscreteExponential(basis(), n_steps=4).solve(metric, np.zeros_like(body), body)
     assert still.converged
@@ -94,7 +96,7 @@ def test_means_and_medians_of_the_same_body(weights):
         for exponent in (2, 1):
             result = solver.solve(metric, points, None, start, exponent)
             assert result.converged
-            assert result.n_evaluations <= 3 * MOST_EVALUATIONS
+            assert result.n_evaluations <= MOST_OF_SEVERAL
             assert result.variance <= 1e-20
             assert metric.dist(result.point, body) <= 1e-9
 

