@@ -27,23 +27,36 @@ def still_path(path: ndarray, weights: ndarray, *, rotations: bool) -> ndarray:
     moved = path.copy()
     if len(path) < 3:
         return moved
-    size = np.ptp(path[0], axis=0).max()
-    some = slice(None, None, max(1, path.shape[1] // _N_VERTICES))
     times = np.linspace(0.0, 1.0, len(path))[1:-1, None, None]
-    f, own = path[1:-1, some], weights[some]
-    target = (1.0 - times) * path[0, some] + times * path[-1, some]
+    straight = (1.0 - times) * path[0] + times * path[-1]
+    turns, shifts = rigid_motions(path[1:-1], straight, weights, rotations=rotations)
+    moved[1:-1] = path[1:-1] @ turns + shifts
+    return moved
+
+
+def rigid_motions(
+    surfaces: ndarray, target: ndarray, weights: ndarray, *, rotations: bool
+) -> tuple[ndarray, ndarray]:
+    r"""Return R and b of least :math:`\sum_v w_v \|f(v) R + b - l(v)\|` for surfaces f.
+
+    They start from the motions of least squares, so that they turn with what they are given. The
+    target l is one surface or one for each; R has shape (n, 3, 3) and b shape (n, 1, 3).
+    """
+    size = np.ptp(surfaces[0], axis=0).max()
+    some = slice(None, None, max(1, surfaces.shape[1] // _N_VERTICES))
+    f, own = surfaces[:, some], weights[some]
+    target = np.broadcast_to(target, surfaces.shape)[:, some]
     pull = np.broadcast_to(own, f.shape[:2])
     before = f
     for _ in range(_N_ROUNDS):
-        turns, shifts = _rigid_motions(f, target, pull, rotations)
+        turns, shifts = least_squares_motions(f, target, pull, rotations=rotations)
         after = f @ turns + shifts
         if np.abs(after - before).max() <= _TOLERANCE * size:
             break
         distances = np.linalg.norm(after - target, axis=2)
         pull = own / np.maximum(distances, _SMALLEST * size)
         before = after
-    moved[1:-1] = path[1:-1] @ turns + shifts
-    return moved
+    return turns, shifts
 
 
 def steady_path(path: ndarray, weights: ndarray) -> ndarray:
@@ -60,11 +73,14 @@ def centroid(f: ndarray, weights: ndarray) -> ndarray:
     return (weights / weights.sum())[None] @ f
 
 
-def _rigid_motions(
-    f: ndarray, target: ndarray, weights: ndarray, rotations: bool
+def least_squares_motions(
+    f: ndarray, target: ndarray, weights: ndarray, *, rotations: bool = True
 ) -> tuple[ndarray, ndarray]:
-    """Return R and b of least weighted squared distance between f R + b and the target."""
-    shares = (weights / weights.sum(axis=1, keepdims=True))[:, None]
+    """Return R and b of least weighted squared distance between f R + b and the target.
+
+    Target and weights are those of all surfaces f, or have an entry for each.
+    """
+    shares = (weights / weights.sum(axis=-1, keepdims=True))[..., None, :]
     centre, goal = shares @ f, shares @ target
     if not rotations:
         return np.eye(3), goal - centre

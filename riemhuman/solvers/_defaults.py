@@ -16,6 +16,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry.strategies import LogSolver
+from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers._geodesic_equation import has_long_step
 from riemhuman.solvers.exponential import DiscreteExponential
 from riemhuman.solvers.logarithm import DiscreteLogarithm
@@ -70,6 +71,7 @@ class _Logarithm(LogSolver):
     basis: DeformationBasis
 
     def solve(self, metric: Any, point: ndarray, base_point: ndarray) -> Any:
+        point = align_ends(metric, base_point, point).end
         basis = self.basis.extend((point - base_point)[None])
         for doubling in range(_N_DOUBLINGS + 1):
             n_nodes = _N_STEPS * 2**doubling + 1

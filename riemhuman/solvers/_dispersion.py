@@ -70,6 +70,12 @@ class Dispersion:
             return self
         return Dispersion(self.metric, self.points, self.weights).changed(smoothing=self.smoothing)
 
+    def with_points(self, points: ndarray) -> Dispersion:
+        """Return the same functional with other `points`, which differ by what it does not see."""
+        changed = copy(self)
+        changed.points = points
+        return changed
+
     def changed(
         self, metric: RiemannianMetric | None = None, smoothing: float | None = None
     ) -> Dispersion:

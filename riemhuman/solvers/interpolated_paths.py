@@ -14,6 +14,7 @@ from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import PathEnergy
+from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers.paths import (
     PathSolver,
     SegmentEnergy,
@@ -39,7 +40,8 @@ class PoissonPath(PathSolver):
     The triangles of the surface at time t are nearest to those rotated and stretched, by a Poisson
     equation as in deformation transfer. Triangles rotate by the smaller angle. Where neighbours
     then rotate in different directions, as in a limb that rotates by about 180°, each limb rotates
-    by the smaller angle or like its neighbours, whichever has less energy.
+    by the smaller angle or like its neighbours, whichever has less energy. Where the metric
+    ignores rotations and translations, the ends are first aligned as by `BasisPath`.
 
     Parameters
     ----------
@@ -58,7 +60,9 @@ class PoissonPath(PathSolver):
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         start, end = check_end_points(metric, start, end)
-        path, _ = rotating_paths(metric, SegmentEnergy(), start, end, self.n_nodes)[0]
+        ends = align_ends(metric, start, end)
+        path, _ = rotating_paths(metric, SegmentEnergy(), start, ends.end, self.n_nodes)[0]
+        path = ends.turned_back(path)
         return known_path(metric, path, "interpolated deformation gradients")
 
 

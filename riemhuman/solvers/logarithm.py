@@ -13,6 +13,7 @@ from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, LogSolver
 from riemhuman.kernels.drift import steady_path
+from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers._geodesic_equation import (
     GeodesicEquation,
     Triple,
@@ -46,7 +47,9 @@ class LogarithmResult(Result):
     tangent_vec : array, shape (\*shape,)
         Initial velocity.
     path : array, shape (n_nodes, \*shape)
-        The geodesic, both ends included: one point more than steps were made.
+        The geodesic, both ends included: one point more than steps were made. Where the metric
+        ignores rotations and translations, the point is first moved onto the base point: the path
+        ends there, and the velocity holds no rotation.
     energy : float
         Energy of the path: about the squared norm of the velocity.
     end_error : float
@@ -116,6 +119,7 @@ class DiscreteLogarithm(Solver, LogSolver):
         self, metric: RiemannianMetric, point: ndarray, base_point: ndarray
     ) -> LogarithmResult:
         start, end = check_end_points(metric, base_point, point)
+        end = align_ends(metric, start, end).end
         if self.geodesic_solver is not None:
             path = complete(self.geodesic_solver.solve(metric, start, end), PathResult)
             result = self._logarithm(metric, path, end)

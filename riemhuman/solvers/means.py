@@ -15,6 +15,7 @@ from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.metric import check_metric, metric_of
 from riemhuman.geometry.strategies import MeanSolver, check_strategy
+from riemhuman.solvers._alignment import AlignedMembers, align_members
 from riemhuman.solvers._dispersion import Dispersion, area_check, metric_of_search, with_weight
 from riemhuman.solvers._lbfgs import Minimum, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
@@ -54,7 +55,10 @@ class BasisMean(Solver, MeanSolver):
     Algorithm 2 of the paper: minimisation by L-BFGS, preconditioned by the metric's matrix. With
     a basis the result is the mean over the span of the basis and of the points' differences, and
     its message says so; points outside the span may have a smaller variance. Under a metric of
-    normals alone, what is minimised is not the variance: see `companion_weight`.
+    normals alone, what is minimised is not the variance: see `companion_weight`. Where the metric
+    ignores rotations and translations, the points are first moved onto their average and with it
+    onto the template, in whose directions the basis is: the mean does not depend on how they are
+    turned, and is turned back to stand as x₀ does, or the first of the points.
 
     Parameters
     ----------
@@ -130,7 +134,35 @@ class BasisMean(Solver, MeanSolver):
         check_metric(metric)
         of_search = metric_of_search(metric, self.companion_weight)
         dispersion = Dispersion(of_search, points, weights, self.sample_size)
-        point, minimum = self._origin(dispersion.sample, initial_point), None
+        model = with_weight(dispersion.points, dispersion.weights)[0][0]
+        if initial_point is not None:
+            model = metric.check_points(values_of(initial_point, "initial_point")[None])[0]
+        members = align_members(of_search, dispersion.points, dispersion.weights, model)
+        dispersion = dispersion.with_points(members.points)
+        is_given = initial_point is not None
+        point = members.aligned(model) if is_given else self._origin(dispersion.sample)
+        minimum, dispersion = self._between(members)._minimum(dispersion, point, exponent)
+        variance = minimum.value
+        if of_search is not metric or dispersion.smoothing is not None:
+            variance = dispersion.changed(metric).value(minimum.x)
+        point = members.turned_back(minimum.x)
+        return finish(self, MeanResult(point, variance, minimum.values, **minimum.outcome))
+
+    def _between(self, members: AlignedMembers) -> Self:
+        """Return the solver whose callback is given points that stand as the mean should."""
+        callback = self.callback
+        if callback is None:
+            return self
+
+        def report(iteration: int, value: float, point: ndarray) -> None:
+            callback(iteration, value, members.turned_back(point))
+
+        return replace(self, callback=report)
+
+    def _minimum(
+        self, dispersion: Dispersion, point: ndarray, exponent: int
+    ) -> tuple[Minimum, Dispersion]:
+        """Return the best point, after rough searches where they pay, and of which functional."""
         if dispersion.in_batches or exponent == 1:
             tolerance = max(self.tolerance or 0.0, _ROUGH_TOLERANCE)
             rough = replace(self, tolerance=tolerance, callback=None, progress=False)
@@ -141,19 +173,12 @@ class BasisMean(Solver, MeanSolver):
                     start = rough._search(dispersion.sample, start.x)
             point = start.x
             if start.status is Status.INTERRUPTED:
-                dispersion, minimum = dispersion.sample, start
-        minimum = minimum or self._search(dispersion, point)
-        variance = minimum.value
-        if of_search is not metric or dispersion.smoothing is not None:
-            variance = dispersion.changed(metric).value(minimum.x)
-        result = MeanResult(minimum.x, variance, minimum.values, **minimum.outcome)
-        return finish(self, result)
+                return start, dispersion.sample
+        return self._search(dispersion, point), dispersion
 
-    def _origin(self, dispersion: Dispersion, initial_point: ndarray | None) -> ndarray:
+    def _origin(self, dispersion: Dispersion) -> ndarray:
+        """Return the better of the arithmetic mean and of the best of the points."""
         space, points = dispersion.metric.space, dispersion.points
-        if initial_point is not None:
-            point = values_of(initial_point, "initial_point")
-            return dispersion.metric.check_points(point[None])[0]
         medoid = dispersion.medoid()
         average = space.projection(np.tensordot(dispersion.weights, points, axes=1))
         # Bodies that face each other average to a flat one.

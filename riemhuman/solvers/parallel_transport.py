@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
+from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, Triple
 from riemhuman.solvers.paths import check_end_points, rounding_energy
 from riemhuman.solvers.results import Result, Solver, Status, finish
@@ -55,7 +56,9 @@ class PoleLadder(Solver, TransportSolver):
     error is of second order in the length of the segments (Guigui and Pennec, "Numerical accuracy
     of ladder schemes for parallel transport on manifolds", Foundations of Computational Mathematics
     22, 2022). Along geodesics, metrics that have transport in closed form use it. Without
-    closed-form geodesics each side of a rung is one discrete segment.
+    closed-form geodesics each side of a rung is one discrete segment. Where the metric ignores
+    rotations and translations, the end point is first moved onto the base point; the path and the
+    vectors are turned back.
 
     Parameters
     ----------
@@ -125,9 +128,13 @@ class PoleLadder(Solver, TransportSolver):
             vectors = np.stack([vector, metric.parallel_transport(vector, start, **way)])
             ends = np.stack([start, end])
             return TransportResult(vectors[-1], vectors, ends, message="closed form")
-        if path is None:
-            path = self._geodesic(metric, start, end)
-        return self._climb(metric, vector, path)
+        if path is not None:
+            return self._climb(metric, vector, path)
+        aligned = align_ends(metric, start, end)
+        result = self._climb(metric, vector, self._geodesic(metric, start, aligned.end))
+        vectors = aligned.vectors_turned_back(result.tangent_vecs)
+        path = aligned.turned_back(result.path)
+        return replace(result, tangent_vec=vectors[-1], tangent_vecs=vectors, path=path)
 
     def _geodesic(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> ndarray:
         if metric.has_closed_form_geodesic:

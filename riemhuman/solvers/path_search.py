@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy import ndarray
@@ -15,6 +15,7 @@ from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, 
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.solvers._alignment import AlignedEnds, align_ends
 from riemhuman.solvers._lbfgs import Operator, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, PathPreconditioner, metric_factor
 from riemhuman.solvers.interpolated_paths import rotating_paths
@@ -88,11 +89,26 @@ class PathSearch(PathSolver):
             path = linear_path(start, end, 2)
             return known_path(metric, path, "a single segment", 0.0, self.energy)
         with single_threaded_libraries():
+            ends = align_ends(metric, start, end)
             if initial_path is None:
-                paths = self._starts(metric, start, end)
+                paths = self._starts(metric, start, ends.end)
             else:
-                paths = [check_initial_path(metric, start, end, self.n_nodes, initial_path)]
-            return finish(self, self._best_of(metric, paths))
+                path = check_initial_path(metric, start, end, self.n_nodes, initial_path)
+                paths = [ends.aligned(path)]
+            result = self._between(ends)._best_of(metric, paths)
+            path = ends.turned_back(result.path)
+            return finish(self, replace(result, path=path, lower_bound=lower_bound(metric, path)))
+
+    def _between(self, ends: AlignedEnds) -> Self:
+        """Return the search whose callback is given paths between the ends as they were given."""
+        callback = self.callback
+        if callback is None or not ends.are_moved:
+            return self
+
+        def report(iteration: int, energy: float, path: ndarray) -> None:
+            callback(iteration, energy, ends.turned_back(path))
+
+        return replace(self, callback=report)
 
     @abstractmethod
     def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
@@ -205,6 +221,10 @@ class BasisPath(PathSearch):
     that limbs bend instead of shrinking. A quasi-Newton method finds α, preconditioned by the
     metric's Gram matrix on the basis.
 
+    Where the metric ignores rotations and translations (`is_rotation_invariant`), the end is first
+    moved onto the start, and l runs there. The path found is turned back uniformly to the given
+    end: its energy, the sum of the squared distances between its points, does not change.
+
     Parameters
     ----------
     basis : DeformationBasis
@@ -263,8 +283,9 @@ class PathStraightening(PathSearch):
     """Paths of least energy in all coordinates of all interior points, on any manifold.
 
     Coordinates are the entries of the arrays; `projection` maps them back to the manifold, and
-    steps that leave it (`belongs`) are rejected. The minimisation is L-BFGS with the inverse of the
-    metric's matrix, averaged over the path, as its first inverse Hessian; it starts as `BasisPath`
+    steps that leave it (`belongs`) are rejected. Ends are aligned as by `BasisPath`. The
+    minimisation is L-BFGS with the inverse of the metric's matrix, averaged over the path, as its
+    first inverse Hessian; it starts as `BasisPath`
     does, and tries both ways where a limb may rotate either way. Its energies are never higher than
     those of `BasisPath` with ``initial=BasisPath(...)``.
 

@@ -1,0 +1,133 @@
+"""Rigid motions of end points and members that a metric does not see, removed and restored.
+
+A basis holds deformations in space: a body that faces another way is out of its reach. Where a
+metric is invariant under rotations and translations of each of two surfaces, solvers therefore move
+one onto the other first, and turn what they have found back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy import ndarray
+from scipy.spatial.transform import Rotation
+
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.kernels.drift import centroid, least_squares_motions, rigid_motions
+
+# Motions of all vertices by less than this share of the body's size are left alone: where bodies
+# already stand alike, solvers see the very points that they are given.
+_STILL = 1e-3
+
+# Rounds of alignment with the average, which hardly moves any more.
+_ROUNDS = 3
+
+
+def ignores_rigid_motions(metric: RiemannianMetric) -> bool:
+    """Return whether a metric of surfaces does not see how each of them is placed and turned."""
+    return bool(
+        metric.space.is_surface_space
+        and metric.is_translation_invariant
+        and metric.is_rotation_invariant
+    )
+
+
+@dataclass(frozen=True)
+class AlignedEnds:
+    """Two ends of a path, the second moved onto the first where the metric does not see it.
+
+    With x ↦ (x − c) Q + c + b for the motion that takes the second end, of centroid c, to where the
+    first is, a path between the aligned ends is turned back by a uniform rotation: the point at
+    time t turns by Q^(−t) about its own centroid and moves by −t b.
+    """
+
+    start: ndarray
+    end: ndarray
+    # The motion of the end: a rotation vector for row vectors, and the shift of the centroid.
+    turn: ndarray
+    shift: ndarray
+    weights: ndarray
+    given_end: ndarray
+
+    @property
+    def are_moved(self) -> bool:
+        return self.end is not self.given_end
+
+    def turned_back(self, path: ndarray) -> ndarray:
+        """Return a path between the aligned ends as one between the given ends."""
+        return self._turned(path, -1.0, self.given_end)
+
+    def aligned(self, path: ndarray) -> ndarray:
+        """Return a path between the given ends as one between the aligned ends."""
+        return self._turned(path, 1.0, self.end)
+
+    def vectors_turned_back(self, vectors: ndarray) -> ndarray:
+        """Return tangent vectors along a path between the aligned ends, turned with its points."""
+        return vectors @ self._rotations(len(vectors), -1.0) if self.are_moved else vectors
+
+    def _turned(self, path: ndarray, sign: float, end: ndarray) -> ndarray:
+        if not self.are_moved:
+            return path
+        centroids = centroid(path, self.weights)
+        times = np.linspace(0.0, 1.0, len(path))[:, None, None]
+        turned = (path - centroids) @ self._rotations(len(path), sign)
+        turned += centroids + sign * times * self.shift
+        turned[0], turned[-1] = path[0], end
+        return turned
+
+    def _rotations(self, n_nodes: int, sign: float) -> ndarray:
+        times = np.linspace(0.0, 1.0, n_nodes)[:, None]
+        rotations: ndarray = Rotation.from_rotvec(sign * times * self.turn).as_matrix()
+        return rotations
+
+
+@dataclass(frozen=True)
+class AlignedMembers:
+    """Points moved onto their average and with it onto the template, and the way back."""
+
+    points: ndarray
+    # The motion x ↦ x R + b of the point that shows how a mean stands, if points are moved.
+    turn: ndarray | None = None
+    shift: ndarray | None = None
+
+    def aligned(self, point: ndarray) -> ndarray:
+        """Return a point that stands as the mean should, moved to where the points are."""
+        return point if self.turn is None else point @ self.turn + self.shift
+
+    def turned_back(self, point: ndarray) -> ndarray:
+        return point if self.turn is None else (point - self.shift) @ self.turn.T
+
+
+def align_members(
+    metric: RiemannianMetric, points: ndarray, weights: ndarray, model: ndarray
+) -> AlignedMembers:
+    """Return points moved where the metric allows it; means then stand as `model` does.
+
+    A basis lies in space as the template does, and so do the points: no member's heading counts.
+    """
+    if not ignores_rigid_motions(metric):
+        return AlignedMembers(points)
+    template = cast(Any, metric.space).template
+    target = template.vertices
+    for _ in range(_ROUNDS):
+        turns, shifts = least_squares_motions(points, target, template.vertex_areas)
+        moved = points @ turns + shifts
+        target = np.tensordot(weights, moved, axes=1)
+    turns, shifts = least_squares_motions(model[None], target, template.vertex_areas)
+    return AlignedMembers(moved, turns[0], shifts[0])
+
+
+def align_ends(metric: RiemannianMetric, start: ndarray, end: ndarray) -> AlignedEnds:
+    """Return the ends of a path, the second moved onto the first where the metric allows it."""
+    if not ignores_rigid_motions(metric):
+        return AlignedEnds(start, end, np.zeros(3), np.zeros(3), np.ones(1), end)
+    weights = cast(Any, metric.space).template.vertex_areas
+    turns, shifts = rigid_motions(end[None], start, weights, rotations=True)
+    moved = end @ turns[0] + shifts[0]
+    if np.abs(moved - end).max() <= _STILL * np.ptp(start, axis=0).max():
+        moved = end
+    shift = (centroid(moved, weights) - centroid(end, weights))[0]
+    turn = Rotation.from_matrix(turns[0]).as_rotvec()
+    return AlignedEnds(start, moved, turn, shift, weights, end)
