@@ -21,6 +21,10 @@ from riemhuman.kernels.drift import centroid, least_squares_motions, rigid_motio
 # already stand alike, solvers see the very points that they are given.
 _STILL = 1e-3
 
+# Ends of logarithms that are turned by less stay as they are, and so does the exponential's end: it
+# follows small rotations of its velocity.
+_FACES_AWAY = np.radians(30.0)
+
 # Rounds of alignment with the average, which hardly moves any more.
 _ROUNDS = 3
 
@@ -119,10 +123,21 @@ def align_members(
     return AlignedMembers(moved, turns[0], shifts[0])
 
 
+def end_of_logarithm(metric: RiemannianMetric, start: ndarray, end: ndarray) -> ndarray:
+    """Return the end of a path, moved onto the start where it faces away and the metric allows."""
+    aligned = align_ends(metric, start, end)
+    return aligned.end if np.linalg.norm(aligned.turn) > _FACES_AWAY else end
+
+
+def ends_as_given(start: ndarray, end: ndarray) -> AlignedEnds:
+    """Return the ends of a path that stay where they are."""
+    return AlignedEnds(start, end, np.zeros(3), np.zeros(3), np.ones(1), end)
+
+
 def align_ends(metric: RiemannianMetric, start: ndarray, end: ndarray) -> AlignedEnds:
     """Return the ends of a path, the second moved onto the first where the metric allows it."""
     if not ignores_rigid_motions(metric):
-        return AlignedEnds(start, end, np.zeros(3), np.zeros(3), np.ones(1), end)
+        return ends_as_given(start, end)
     weights = cast(Any, metric.space).template.vertex_areas
     turns, shifts = rigid_motions(end[None], start, weights, rotations=True)
     moved = end @ turns[0] + shifts[0]

@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry.strategies import LogSolver
-from riemhuman.solvers._alignment import align_ends
+from riemhuman.solvers._alignment import end_of_logarithm, ends_as_given
 from riemhuman.solvers._geodesic_equation import has_long_step
 from riemhuman.solvers.exponential import DiscreteExponential
 from riemhuman.solvers.logarithm import DiscreteLogarithm
@@ -71,7 +71,7 @@ class _Logarithm(LogSolver):
     basis: DeformationBasis
 
     def solve(self, metric: Any, point: ndarray, base_point: ndarray) -> Any:
-        point = align_ends(metric, base_point, point).end
+        point = end_of_logarithm(metric, base_point, point)
         basis = self.basis.extend((point - base_point)[None])
         for doubling in range(_N_DOUBLINGS + 1):
             n_nodes = _N_STEPS * 2**doubling + 1
@@ -88,7 +88,7 @@ class _Logarithm(LogSolver):
             solver = DiscreteLogarithm(basis, n_nodes - 1)
             with catch_warnings():
                 simplefilter("ignore", ConvergenceWarning)
-                found = search.solve(metric, base_point, point)
+                found = search._between(metric, ends_as_given(base_point, point))
             result = solver._logarithm(metric, found, point, exp_solver(metric))
             if result.converged:
                 break

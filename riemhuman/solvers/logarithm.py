@@ -13,7 +13,7 @@ from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, LogSolver
 from riemhuman.kernels.drift import steady_path
-from riemhuman.solvers._alignment import align_ends
+from riemhuman.solvers._alignment import end_of_logarithm, ends_as_given
 from riemhuman.solvers._geodesic_equation import (
     GeodesicEquation,
     Triple,
@@ -48,8 +48,8 @@ class LogarithmResult(Result):
         Initial velocity.
     path : array, shape (n_nodes, \*shape)
         The geodesic, both ends included: one point more than steps were made. Where the metric
-        ignores rotations and translations, the point is first moved onto the base point: the path
-        ends there, and the velocity holds no rotation.
+        ignores rotations and translations, a point that is turned by more than 30 degrees is first
+        moved onto the base point: the path ends there, and the velocity holds no rotation.
     energy : float
         Energy of the path: about the squared norm of the velocity.
     end_error : float
@@ -119,7 +119,7 @@ class DiscreteLogarithm(Solver, LogSolver):
         self, metric: RiemannianMetric, point: ndarray, base_point: ndarray
     ) -> LogarithmResult:
         start, end = check_end_points(metric, base_point, point)
-        end = align_ends(metric, start, end).end
+        end = end_of_logarithm(metric, start, end)
         if self.geodesic_solver is not None:
             path = complete(self.geodesic_solver.solve(metric, start, end), PathResult)
             result = self._logarithm(metric, path, end)
@@ -163,7 +163,7 @@ class DiscreteLogarithm(Solver, LogSolver):
             path, exact = self._search(metric, start, end, n_steps, initial_path)
             n_evaluations += path.n_evaluations
             if is_last or not self._has_long_steps(metric, path.path):
-                path = exact.solve(metric, start, end, initial_path=path.path)
+                path = exact._between(metric, ends_as_given(start, end), path.path)
                 result = self._logarithm(metric, path, end)
                 n_evaluations += result.n_evaluations
                 if is_last or result.converged:
@@ -233,16 +233,17 @@ class DiscreteLogarithm(Solver, LogSolver):
         """Return a path of so many steps, and the solver that minimises it to the end."""
         if self.basis is None:
             loose = PathStraightening(n_steps + 1, tolerance=_LOOSE_TOLERANCE, remove_drift=False)
-            path = loose.solve(metric, start, end, initial_path=initial_path)
+            path = loose._between(metric, ends_as_given(start, end), initial_path)
             return path, replace(loose, tolerance=_TOLERANCE)
         basis = self.basis.extend((end - start)[None])
         solver = BasisPath(basis, n_steps + 1, remove_drift=False)
-        free = solver.solve(metric, start, end)
+        ends = ends_as_given(start, end)
+        free = solver._between(metric, ends)
         # The exponential can follow what the path has in the basis.
         initial = start + basis.project(free.path - start)
         if not np.isfinite(metric.energy_and_gradient(initial)[0]):
             initial = linear_path(start, end, n_steps + 1)
-        within = solver.solve(metric, start, end, initial_path=initial)
+        within = solver._between(metric, ends, initial)
         path = within if within.energy <= _WORTH_JOINING * free.energy else free
         joined = self.basis.extend(path.path[1:] - start)
         return path, replace(solver, basis=joined, tolerance=_TOLERANCE)

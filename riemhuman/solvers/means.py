@@ -141,14 +141,14 @@ class BasisMean(Solver, MeanSolver):
         dispersion = dispersion.with_points(members.points)
         is_given = initial_point is not None
         point = members.aligned(model) if is_given else self._origin(dispersion.sample)
-        minimum, dispersion = self._between(members)._minimum(dispersion, point, exponent)
+        minimum, dispersion = self._reporting(members)._minimum(dispersion, point, exponent)
         variance = minimum.value
         if of_search is not metric or dispersion.smoothing is not None:
             variance = dispersion.changed(metric).value(minimum.x)
         point = members.turned_back(minimum.x)
         return finish(self, MeanResult(point, variance, minimum.values, **minimum.outcome))
 
-    def _between(self, members: AlignedMembers) -> Self:
+    def _reporting(self, members: AlignedMembers) -> Self:
         """Return the solver whose callback is given points that stand as the mean should."""
         callback = self.callback
         if callback is None:

@@ -84,22 +84,28 @@ class PathSearch(PathSolver):
             Path to start from, between the same ends.
         """
         start, end = check_end_points(metric, start, end)
+        return self._between(metric, align_ends(metric, start, end), initial_path)
+
+    def _between(
+        self, metric: RiemannianMetric, ends: AlignedEnds, initial_path: ndarray | None = None
+    ) -> PathResult:
+        """Find a path between ends that are aligned, or that count as they are."""
+        start, end = ends.start, ends.given_end
         self._check_search(metric, start, end)
         if self.n_nodes == 2:
             path = linear_path(start, end, 2)
             return known_path(metric, path, "a single segment", 0.0, self.energy)
         with single_threaded_libraries():
-            ends = align_ends(metric, start, end)
             if initial_path is None:
                 paths = self._starts(metric, start, ends.end)
             else:
                 path = check_initial_path(metric, start, end, self.n_nodes, initial_path)
                 paths = [ends.aligned(path)]
-            result = self._between(ends)._best_of(metric, paths)
+            result = self._reporting(ends)._best_of(metric, paths)
             path = ends.turned_back(result.path)
             return finish(self, replace(result, path=path, lower_bound=lower_bound(metric, path)))
 
-    def _between(self, ends: AlignedEnds) -> Self:
+    def _reporting(self, ends: AlignedEnds) -> Self:
         """Return the search whose callback is given paths between the ends as they were given."""
         callback = self.callback
         if callback is None or not ends.are_moved:
