@@ -4,8 +4,8 @@
 
 prints, for the metrics of pose, shape, both and SRNF, microseconds a pair of the compiled loops on
 one thread and on two, of the definitions on fields computed before and on raw vertices, and their
-ratios; then all 4,950 pairs from raw vertices, and the first calls of a fresh process. Times are
-the shortest of several runs, in turns.
+ratios; then all 4,950 pairs from raw vertices, smoothed areas beside SRNF, and the first calls of a
+fresh process. Times are the shortest of several runs, in turns.
 """
 
 import subprocess
@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from performances import bodies
 
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, AreaMetric, ElasticMetric, SRNFMetric
 from riemhuman.kernels.surface import derivatives
 
 WEIGHTS = {
@@ -95,6 +95,23 @@ def test_against_the_definition(benchmark, name):
     benchmark.pedantic(lambda: metric.dist_pairwise(points, n_jobs=2), rounds=3)
     assert name not in ("pose", "shape") or fields >= 40 * one
     assert times[6] <= 0.5
+
+
+def test_areas_beside_srnf(benchmark):
+    points, space = bodies("full").points, AlignedSurfaces(bodies("full").template, equip=False)
+    metrics = {"areas": AreaMetric(space), "srnf": SRNFMetric(space)}
+    features = {name: metric.features(points, "single") for name, metric in metrics.items()}
+    calls = []
+    for name, metric in metrics.items():
+        metric.dist_pairwise(points)  # compiles and factorises
+        known = features[name]
+        calls.append(lambda metric=metric, known=known: metric.bulk.squared_distances(known, known))
+        calls.append(lambda metric=metric: metric.features(points, "single"))
+    times = shortest(*calls).reshape(2, 2) / [4950, len(points)]
+    for name, (pair, body) in zip(metrics, times, strict=True):
+        print(f"\n{name:7}: {1e6 * pair:.2f} us a pair, {1e3 * body:.1f} ms a body")
+    benchmark.pedantic(calls[0], rounds=3)
+    assert times[0, 0] < times[1, 0]
 
 
 FIRST_CALL = """
