@@ -104,6 +104,11 @@ class FlatMetric(FieldMetric):
     def _numbers(self, arrays: ndarray) -> ndarray:
         return np.reshape(arrays, (*np.shape(arrays)[: -self.space.point_ndim], -1))
 
+    def lower_bound_coordinates(self, points: ndarray) -> ndarray:
+        """Return weighted numbers, which are exactly as far apart as their points."""
+        roots = np.repeat(np.sqrt(self._weights), int(np.prod(self.space.shape[1:])))
+        return self._numbers(self.space.check_point(points, "points")) * roots
+
     def _form(self, of_triangles: Callable[..., ndarray], a: Any, b: Any, point: Any) -> ndarray:
         # Inner products are the same at every point.
         point = np.zeros(self.space.shape) if point is None else point

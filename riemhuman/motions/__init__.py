@@ -4,6 +4,7 @@
 motions again that have few frames; `RateInvariantMetric` satisfies the triangle inequality.
 """
 
+from riemhuman.motions.motion_descriptor import MotionDescriptor
 from riemhuman.motions.motion_representations import compare_representations
 from riemhuman.motions.motion_search import MotionSearch
 from riemhuman.motions.motion_space import MotionSpace, RateDependentMetric
@@ -19,6 +20,7 @@ from riemhuman.motions.time_warping import DynamicTimeWarping, VelocityTimeWarpi
 __all__ = [
     "DynamicTimeWarping",
     "MotionComponents",
+    "MotionDescriptor",
     "MotionGeodesic",
     "MotionMean",
     "MotionSearch",

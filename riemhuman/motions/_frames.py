@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -11,7 +12,9 @@ from numpy import ndarray
 from riemhuman.checks import length_of, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, Manifold, RiemannianMetric
+from riemhuman.geometry.pairwise import Features, squared_dist_rectangle
 from riemhuman.kernels.projections import Projection
+from riemhuman.motions._travel import ground_places, surface_space
 
 Motion = Any
 """An array (n_frames, V, 3), or anything with a length whose slices are such arrays."""
@@ -25,6 +28,14 @@ _MOST_SAMPLED = 600
 
 # Squared distances of frames below this share of their squared norms are rounding.
 _ROUNDING = 1e-13
+
+
+class TravelChannel(Protocol):
+    """Returns one number a frame, shape (n_frames,), that says how the body travels."""
+
+    def __call__(
+        self, space: AlignedSurfaces, motion: Motion, places: ndarray, name: str
+    ) -> ndarray: ...
 
 
 def frame_runs(
@@ -131,8 +142,35 @@ def sampled_rows(
     )
 
 
+class _FramesOnDemand:
+    """Single frames of a motion, read again where two are too close for single precision."""
+
+    def __init__(self, space: Manifold, motion: Motion, name: str, heading: bool) -> None:
+        self._space, self._motion, self._name, self._heading = space, motion, name, heading
+
+    def __getitem__(self, number: int) -> ndarray:
+        part = self._motion[number : number + 1]
+        frames = _checked_frames(self._space, part, number, f"frame {number} of {self._name}")
+        return (frames if self._heading else face_forward(self._space, frames))[0]
+
+
+@dataclass(frozen=True)
+class Frames:
+    """What distances need of some frames: features, the frames themselves, and travel."""
+
+    features: Features
+    points: Any
+    travel: ndarray | None = None
+
+
 class FrameDistances:
-    """Squared distances of frames by a metric, its lower-bound coordinates or their components."""
+    """Squared distances of frames by a metric, its lower-bound coordinates or their components.
+
+    Features of exact distances are in single precision, and those of close pairs are computed again
+    in double; where distances are subtracted from each other, all need double precision.
+    With `travel`, a number a frame that says how the body travels, squared differences of these
+    numbers count as well.
+    """
 
     def __init__(
         self,
@@ -142,29 +180,64 @@ class FrameDistances:
         *,
         heading: bool = False,
         flat: bool = False,
+        travel: TravelChannel | None = None,
+        precision: str = "single",
     ) -> None:
         self._metric: Any = metric
         self._heading = heading
+        self._travel = travel
+        self._precision = precision
         self._flat = n_components is not None or (flat and metric.has_lower_bound_coordinates)
         self._projection: Projection | None = None
         if n_components is not None:
-            rows = sampled_rows(motions, lambda motion, name: self.features(motion, name)[0])
+            rows = sampled_rows(motions, self._rows)
             self._projection = Projection.fit(rows, n_components)
 
-    def features(self, motion: Motion, name: str) -> tuple[ndarray, ...]:
-        """Return arrays of features of the frames, each of shape (n_frames, ...)."""
+    def _rows(self, motion: Motion, name: str) -> ndarray:
+        """Return the lower-bound coordinates of a motion's frames."""
         runs = frame_runs(self._metric.space, motion, name, self._heading)
-        if self._flat:
-            rows = np.concatenate([self._metric.lower_bound_coordinates(run) for run in runs])
-            return (rows if self._projection is None else self._projection(rows),)
-        parts = [self._metric.features(run) for run in runs]
-        return tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        return np.concatenate([self._metric.lower_bound_coordinates(run) for run in runs])
 
-    def squared(self, a: tuple[ndarray, ...], b: tuple[ndarray, ...]) -> ndarray:
-        """Return the squared distances between n and m frames, shape (n, m)."""
+    def frames(self, motion: Motion, name: str) -> Frames:
+        """Return what distances need of all frames of a motion."""
+        space = self._metric.space
+        parts, places = [], []
+        for run in frame_runs(space, motion, name):
+            if self._travel is not None:
+                places.append(ground_places(surface_space(space), run))
+            parts.append(self._features(run if self._heading else face_forward(space, run)))
+        features = tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        travel = None
+        if self._travel is not None:
+            travel = self._travel(surface_space(space), motion, np.concatenate(places), name)
+        return Frames(features, _FramesOnDemand(space, motion, name, self._heading), travel)
+
+    def of_run(self, run: ndarray) -> Frames:
+        """Return what distances need of some frames that are checked and face forward."""
+        return Frames(self._features(run), run)
+
+    def _features(self, run: ndarray) -> Features:
         if not self._flat:
-            return np.asarray(self._metric.bulk.squared_distances(a, b))
-        x, y = a[0], b[0]
-        sums = np.einsum("ij,ij->i", x, x)[:, None] + np.einsum("ij,ij->i", y, y)
-        squares = sums - 2.0 * x @ y.T
-        return np.where(squares > _ROUNDING * sums, squares, 0.0)
+            features: Features = self._metric.features(run, self._precision)
+            return features
+        rows = self._metric.lower_bound_coordinates(run)
+        return (rows if self._projection is None else self._projection(rows),)
+
+    def squared(self, a: Frames, b: Frames) -> ndarray:
+        """Return the squared distances between n and m frames, shape (n, m)."""
+        if self._flat:
+            squares = _squared_differences(a.features[0], b.features[0])
+        else:
+            squares = squared_dist_rectangle(
+                self._metric, a.features, b.features, a.points, b.points
+            )
+        if a.travel is not None and b.travel is not None:
+            squares = squares + (a.travel[:, None] - b.travel) ** 2
+        return squares
+
+
+def _squared_differences(x: ndarray, y: ndarray) -> ndarray:
+    """Return the squared distances of rows."""
+    sums = np.einsum("ij,ij->i", x, x)[:, None] + np.einsum("ij,ij->i", y, y)
+    squares = sums - 2.0 * x @ y.T
+    return np.where(squares > _ROUNDING * sums, squares, 0.0)

@@ -100,24 +100,41 @@ def _least_on_step(here: float, there: float, step: float) -> float:
 
 @compiled
 def extend_paths(
-    costs: ndarray, first: int, sums: ndarray, starts: ndarray, totals: ndarray, begins: ndarray
+    costs: ndarray,
+    first: int,
+    longest_run: int,
+    sums: ndarray,
+    starts: ndarray,
+    totals: ndarray,
+    begins: ndarray,
 ) -> None:
-    """Extend paths of a query, which begin anywhere in a long motion, by its next frames."""
+    """Extend paths of a query, which begin anywhere in a long motion, by its next frames.
+
+    At most `longest_run` frames of the query are matched with one frame of the motion.
+    """
     n, k = costs.shape
+    # Sums of paths that end with so many frames of the query at this frame of the motion.
+    runs, run_starts = np.empty(longest_run), np.empty(longest_run, np.int64)
     for j in range(k):
         # Sums at the previous frame of the motion, for the previous frame of the query.
         corner, corner_start = math.inf, 0
+        runs[:] = math.inf
+        run_starts[:] = 0
         for i in range(n):
             beside, beside_start = sums[i], starts[i]
             cost = costs[i, j]
             best, start = beside + cost, beside_start
             if i == 0 and 2.0 * cost <= best:
                 best, start = 2.0 * cost, first + j
-            if i > 0:
-                if corner + 2.0 * cost < best:
-                    best, start = corner + 2.0 * cost, corner_start
-                if sums[i - 1] + cost < best:
-                    best, start = sums[i - 1] + cost, starts[i - 1]
+            if i > 0 and corner + 2.0 * cost < best:
+                best, start = corner + 2.0 * cost, corner_start
+            for length in range(longest_run - 1, 0, -1):
+                runs[length] = runs[length - 1] + cost
+                run_starts[length] = run_starts[length - 1]
+            runs[0], run_starts[0] = best, start
+            for length in range(1, longest_run):
+                if runs[length] < best:
+                    best, start = runs[length], run_starts[length]
             corner, corner_start = beside, beside_start
             sums[i], starts[i] = best, start
         totals[j], begins[j] = sums[n - 1], starts[n - 1]

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import whole_number
+from riemhuman.checks import real_number, whole_number
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.motions._frames import FrameDistances, Motion, frame_count, frame_runs
 from riemhuman.motions._warping_kernels import extend_paths
@@ -40,6 +41,10 @@ class MotionSearch:
         Whether to show a progress bar over frames.
     heading : bool
         As for `DynamicTimeWarping`.
+    shortest : float
+        Length of the shortest part to find, as a share of the length of the query, at most 1. No
+        frame of the motion stands for more than about 1 / `shortest` frames of the query: else a
+        single pose of it is often nearer to a few frames of any motion than all of it is.
 
     Examples
     --------
@@ -53,6 +58,11 @@ class MotionSearch:
     metric: RiemannianMetric
     progress: bool = False
     heading: bool = False
+    shortest: float = 0.5
+
+    def __post_init__(self) -> None:
+        if real_number(self.shortest, "shortest", minimum=0.0) > 1.0:
+            raise ArgumentError(f"shortest must be at most 1; found {self.shortest:g}")
 
     def find(self, query: Motion, motion: Motion, n_occurrences: int = 5) -> list[Occurrence]:
         """Return the parts of a motion that are most like a query.
@@ -72,28 +82,36 @@ class MotionSearch:
         whole_number(n_occurrences, "n_occurrences", minimum=1)
         lengths = [frame_count(query, "query", 2), frame_count(motion, "motion", 2)]
         frames = FrameDistances(self.metric, heading=self.heading)
-        wanted = frames.features(query, "query")
+        wanted = frames.frames(query, "query")
         sums, starts = np.full(lengths[0], math.inf), np.zeros(lengths[0], dtype=np.int64)
         totals, begins = np.empty(lengths[1]), np.empty(lengths[1], dtype=np.int64)
+        longest_run = lengths[0]
+        if self.shortest * lengths[0] > 1.0:
+            longest_run = math.ceil(1.0 / self.shortest)
         first = 0
         bar: Any = ProgressBar(
             total=lengths[1], desc="Frames", disable=not self.progress, unit="frame"
         )
         with bar:
             for run in frame_runs(self.metric.space, motion, heading=self.heading):
-                costs = frames.squared(wanted, self.metric.features(run))
+                costs = frames.squared(wanted, frames.of_run(run))
                 last = first + len(run)
-                extend_paths(costs, first, sums, starts, totals[first:last], begins[first:last])
+                parts = totals[first:last], begins[first:last]
+                extend_paths(costs, first, longest_run, sums, starts, *parts)
                 first = last
                 bar.update(len(run))
-        weights = lengths[0] + np.arange(lengths[1]) - begins + 1
-        return _nearest_parts(np.sqrt(totals / weights), begins, n_occurrences)
+        n_frames = np.arange(lengths[1]) - begins + 1
+        distances = np.sqrt(totals / (lengths[0] + n_frames))
+        distances[n_frames < self.shortest * lengths[0]] = math.inf
+        return _nearest_parts(distances, begins, n_occurrences)
 
 
 def _nearest_parts(distances: ndarray, begins: ndarray, n_occurrences: int) -> list[Occurrence]:
     """Return the nearest parts, by their last frames, that do not overlap nearer ones."""
     parts: list[Occurrence] = []
     for end in np.argsort(distances, kind="stable"):
+        if not math.isfinite(distances[end]):
+            break
         part = Occurrence(int(begins[end]), int(end) + 1, float(distances[end]))
         if all(part.stop <= nearer.start or nearer.stop <= part.start for nearer in parts):
             parts.append(part)

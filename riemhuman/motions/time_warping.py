@@ -11,10 +11,17 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import whole_number
-from riemhuman.geometry import RiemannianMetric
+from riemhuman.checks import real_number, whole_number
+from riemhuman.geometry import AlignedSurfaces, RiemannianMetric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
-from riemhuman.motions._frames import FrameDistances, Motion, check_motions, frame_count
+from riemhuman.motions._frames import (
+    FrameDistances,
+    Frames,
+    Motion,
+    check_motions,
+    frame_count,
+)
+from riemhuman.motions._travel import frame_rate, travel_speeds, travelled_lengths
 from riemhuman.motions._warping_kernels import (
     costs_between_frames,
     least_sums,
@@ -63,9 +70,6 @@ class Warp:
 
 class MotionDistance(ABC):
     """Base of distances of motions by their best re-timing."""
-
-    # Whether frames are points of the space of `lower_bound_coordinates`, where there is one.
-    _flat = False
 
     def __init__(
         self,
@@ -137,11 +141,9 @@ class MotionDistance(ABC):
                 bar.update(n_done)
         return distances
 
+    @abstractmethod
     def _basis(self, motions: Sequence[Motion] = ()) -> Any:
         """Return what `_prepare` and `_match` share, such as components of some motions."""
-        n_components = self.n_components if len(motions) else None
-        options: Any = {"heading": self.heading, "flat": self._flat}
-        return FrameDistances(self.metric, n_components, motions, **options)
 
     @abstractmethod
     def _prepare(self, basis: Any, motion: Motion, name: str) -> Any:
@@ -152,17 +154,62 @@ class MotionDistance(ABC):
         """Return the best re-timing of two prepared motions."""
 
 
+class FrameWarping(MotionDistance):
+    """Base of distances by frames, of which the travel of the body may be a part."""
+
+    # Whether frames are points of the space of `lower_bound_coordinates`, where there is one.
+    _flat = False
+
+    @property
+    @abstractmethod
+    def _precision(self) -> str:
+        """The precision that differences of squared distances need."""
+
+    def __init__(
+        self,
+        metric: Any,
+        *,
+        heading: bool = False,
+        travel_weight: float = 0.0,
+        frames_per_second: float | None = None,
+        n_components: int | None = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        super().__init__(metric, heading=heading, n_components=n_components, n_jobs=n_jobs)
+        self.travel_weight = real_number(travel_weight, "travel_weight", minimum=0.0)
+        self.frames_per_second = frames_per_second
+        if frames_per_second is not None:
+            real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+
+    def _basis(self, motions: Sequence[Motion] = ()) -> FrameDistances:
+        return FrameDistances(
+            self.metric,
+            self.n_components if len(motions) else None,
+            motions,
+            heading=self.heading,
+            flat=self._flat,
+            travel=self._travel if self.travel_weight else None,
+            precision=self._precision,
+        )
+
+    @abstractmethod
+    def _travel(
+        self, space: AlignedSurfaces, motion: Motion, places: ndarray, name: str
+    ) -> ndarray:
+        """Return how the body travels, a number a frame, times the weight; see `FrameDistances`."""
+
+
 @dataclass(frozen=True)
 class _Sampled:
     """A motion's frames, their weights in its mean, and their squared distances."""
 
-    features: tuple[ndarray, ...]
+    frames: Frames
     shares: ndarray | None = None
     to_mean: ndarray | None = None
     steps: ndarray | None = None
 
 
-class DynamicTimeWarping(MotionDistance):
+class DynamicTimeWarping(FrameWarping):
     r"""The least root mean squared distance of frames after re-timing.
 
     .. math:: d(m_1, m_2)^2 = \min_{path} \frac{1}{n + m} \sum_{(i, j)} w_{ij}\, d(f_i, h_j)^2
@@ -184,6 +231,12 @@ class DynamicTimeWarping(MotionDistance):
     heading : bool
         Whether the direction in which bodies face counts. By default each frame is rotated about
         the vertical axis, y, to its best fit with the template.
+    travel_weight : float
+        Weight of how fast the body travels, beside its pose: differences of the speed over the
+        ground, in units of the square root of g times the length of the leg, are multiplied by it
+        and count like distances of the metric. Frames must be in metres.
+    frames_per_second : float, optional
+        Frame rate of motions that are arrays, where speed counts; other motions have their own.
     n_components : int, optional
         Number of principal components of `metric.lower_bound_coordinates` that `dist_pairwise`
         compares in place of frames; no distance exceeds the exact one. By default distances are
@@ -207,28 +260,47 @@ class DynamicTimeWarping(MotionDistance):
         centered: bool = False,
         between_frames: bool = False,
         heading: bool = False,
+        travel_weight: float = 0.0,
+        frames_per_second: float | None = None,
         n_components: int | None = None,
         n_jobs: int | None = None,
     ) -> None:
-        super().__init__(metric, heading=heading, n_components=n_components, n_jobs=n_jobs)
+        super().__init__(
+            metric,
+            heading=heading,
+            travel_weight=travel_weight,
+            frames_per_second=frames_per_second,
+            n_components=n_components,
+            n_jobs=n_jobs,
+        )
         self.centered = centered
         self.between_frames = between_frames
 
+    @property
+    def _precision(self) -> str:
+        return "double" if self.centered else "single"
+
+    def _travel(
+        self, space: AlignedSurfaces, motion: Motion, places: ndarray, name: str
+    ) -> ndarray:
+        rate = frame_rate(motion, self.frames_per_second, name)
+        return self.travel_weight * travel_speeds(space, places, rate)
+
     def _prepare(self, basis: FrameDistances, motion: Motion, name: str) -> _Sampled:
         frame_count(motion, name, 2)
-        features = basis.features(motion, name)
+        frames = basis.frames(motion, name)
         if not self.centered and not self.between_frames:
-            return _Sampled(features)
-        within = basis.squared(features, features)
+            return _Sampled(frames)
+        within = basis.squared(frames, frames)
         steps = np.diagonal(within, 1) if self.between_frames else None
         if not self.centered:
-            return _Sampled(features, steps=steps)
+            return _Sampled(frames, steps=steps)
         shares = _shares_of_length(within)
         to_mean = within @ shares - 0.5 * (shares @ within @ shares)
-        return _Sampled(features, shares, to_mean, steps)
+        return _Sampled(frames, shares, to_mean, steps)
 
     def _match(self, basis: FrameDistances, a: _Sampled, b: _Sampled) -> Warp:
-        costs = basis.squared(a.features, b.features)
+        costs = basis.squared(a.frames, b.frames)
         if a.shares is not None and b.shares is not None:
             # |x − x̄ − (y − ȳ)|² in a flat space; metrics of surfaces are nearly flat.
             costs = (
@@ -258,15 +330,15 @@ def _shares_of_length(within: ndarray) -> ndarray:
 
 @dataclass(frozen=True)
 class _Steps:
-    """A motion's features, squared distances of frames, and lengths of steps between `frames`."""
+    """A motion's frames, their squared distances, and lengths of the steps between `numbers`."""
 
-    features: tuple[ndarray, ...]
+    frames: Frames
     within: ndarray
-    frames: ndarray
+    numbers: ndarray
     lengths: ndarray
 
 
-class VelocityTimeWarping(MotionDistance):
+class VelocityTimeWarping(FrameWarping):
     r"""The distance of square root velocities, at the frames of the motion that has fewer of them.
 
     The frames of one motion are matched with positions on the other, at frames or between them. The
@@ -290,8 +362,13 @@ class VelocityTimeWarping(MotionDistance):
     metric : RiemannianMetric
         Metric on frames. Without `lower_bound_coordinates`, it needs a closed form, and inner
         products of steps and chords come from squared distances.
-    heading, n_components, n_jobs
+    heading : bool
         As for `DynamicTimeWarping`.
+    travel_weight : float
+        Weight of how far the body travels, beside its pose: the way over the ground, in lengths of
+        the leg, times this weight is one more coordinate of every frame.
+    frames_per_second, n_components, n_jobs
+        As for `DynamicTimeWarping`; no frame rate is needed.
 
     Examples
     --------
@@ -304,26 +381,35 @@ class VelocityTimeWarping(MotionDistance):
 
     _flat = True
 
+    @property
+    def _precision(self) -> str:
+        return "double"
+
+    def _travel(
+        self, space: AlignedSurfaces, motion: Motion, places: ndarray, name: str
+    ) -> ndarray:
+        return self.travel_weight * travelled_lengths(space, places)
+
     def _prepare(self, basis: FrameDistances, motion: Motion, name: str) -> _Steps:
         n_frames = frame_count(motion, name, 2)
-        features = basis.features(motion, name)
-        within = basis.squared(features, features)
+        frames = basis.frames(motion, name)
+        within = basis.squared(frames, frames)
         n_steps = min(_MOST_STEPS, n_frames - 1)
-        frames = np.linspace(0, n_frames - 1, n_steps + 1).round().astype(int)
-        return _Steps(features, within, frames, np.sqrt(within[frames[:-1], frames[1:]]))
+        numbers = np.linspace(0, n_frames - 1, n_steps + 1).round().astype(int)
+        return _Steps(frames, within, numbers, np.sqrt(within[numbers[:-1], numbers[1:]]))
 
     def _match(self, basis: FrameDistances, a: _Steps, b: _Steps) -> Warp:
-        costs = basis.squared(a.features, b.features)
+        costs = basis.squared(a.frames, b.frames)
         squared, places = _match_steps(a, b, costs)
         squared_back, places_back = _match_steps(b, a, costs.T)
         if squared <= squared_back:
-            return Warp(math.sqrt(squared), a.frames.astype(np.float64), places)
-        return Warp(math.sqrt(squared_back), places_back, b.frames.astype(np.float64))
+            return Warp(math.sqrt(squared), a.numbers.astype(np.float64), places)
+        return Warp(math.sqrt(squared_back), places_back, b.numbers.astype(np.float64))
 
 
 def _match_steps(a: _Steps, b: _Steps, costs: ndarray) -> tuple[float, ndarray]:
     """Return the squared distance from a to b, and the positions of a's frames on b."""
-    rows = np.ascontiguousarray(costs[a.frames])
+    rows = np.ascontiguousarray(costs[a.numbers])
     total, places = match_chords(rows, a.lengths, b.within)
     length = float(a.lengths.sum())
     if length == 0.0:

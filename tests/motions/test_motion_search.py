@@ -16,7 +16,7 @@ def test_sums_are_the_least_of_all_beginnings():
     totals, begins = np.empty(5), np.empty(5, dtype=np.int64)
     for first, last in ((0, 2), (2, 5)):  # in two runs
         run = np.ascontiguousarray(costs[:, first:last])
-        extend_paths(run, first, sums, starts, totals[first:last], begins[first:last])
+        extend_paths(run, first, 3, sums, starts, totals[first:last], begins[first:last])
     for end in range(5):
         parts = [np.ascontiguousarray(costs[:, start : end + 1]) for start in range(end)]
         all_sums = [least_sums(part)[-1, -1] for part in parts]
@@ -34,6 +34,50 @@ def test_another_person_is_found_at_another_speed(pose, open_motions):
     assert parts[0].dist < 0.7 * parts[1].dist
     intervals = sorted((part.start, part.stop) for part in parts)
     assert all(before[1] <= after[0] for before, after in itertools.pairwise(intervals))
+
+
+def test_parts_are_not_much_shorter_than_the_query(pose, open_motions):
+    """A person who holds one pose of the query is not the query."""
+    query = open_motions[0][:60:4]
+    held = np.repeat(query[-1:], 20, axis=0)
+    long = np.concatenate([held, open_motions[3][:60:4], held])
+    any_length = rh.motions.MotionSearch(pose, shortest=0.0).find(query, long, 12)
+    assert min(part.stop - part.start for part in any_length) < 4
+    parts = rh.motions.MotionSearch(pose).find(query, long, n_occurrences=12)
+    assert min(part.stop - part.start for part in parts) >= 8
+    assert 16 <= parts[0].start <= 24
+    for wrong in (-1.0, 1.5):
+        with pytest.raises(rh.RiemhumanError, match="shortest must be"):
+            rh.motions.MotionSearch(pose, shortest=wrong)
+
+
+@pytest.mark.parametrize("longest_run", [1, 2])
+def test_few_frames_of_the_query_at_one_frame(longest_run):
+    """The least of all paths in which no frame of the motion stands for more of the query."""
+    costs = np.random.default_rng(4).uniform(size=(4, 5))
+    sums, numbers = np.full(4, math.inf), np.zeros(4, dtype=np.int64)
+    totals, begins = np.empty(5), np.empty(5, dtype=np.int64)
+    extend_paths(costs, 0, longest_run, sums, numbers, totals, begins)
+
+    def least_from(i, j, run, end):
+        """Return the least sum from a cell onwards, as it is defined."""
+        if (i, j) == (3, end):
+            return 0.0
+        best = math.inf
+        if i < 3 and j < end:
+            best = 2.0 * costs[i + 1, j + 1] + least_from(i + 1, j + 1, 1, end)
+        if j < end:
+            best = min(best, costs[i, j + 1] + least_from(i, j + 1, 1, end))
+        if i < 3 and run < longest_run:
+            best = min(best, costs[i + 1, j] + least_from(i + 1, j, run + 1, end))
+        return best
+
+    for end in range(5):
+        found = min(
+            2.0 * costs[0, start] + least_from(0, start, 1, end) for start in range(end + 1)
+        )
+        assert totals[end] == pytest.approx(found, rel=1e-12) or math.isinf(found)
+        assert math.isinf(totals[end]) == math.isinf(found)
 
 
 def test_motions_are_read_in_runs(pose, open_motions):

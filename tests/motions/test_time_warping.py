@@ -59,8 +59,24 @@ class TestDynamicTimeWarping:
         plain = rh.motions.DynamicTimeWarping(space.metric)
         assert plain.dist(a, moved) > 1.1 * plain.dist(a, b)
 
-    def test_metric_without_lower_bounds(self, motions):
-        warping = rh.motions.DynamicTimeWarping(rh.VectorSpace((1202, 3)).metric, n_components=3)
+    @pytest.mark.parametrize("name", ["pose", "rotations", "shape"])
+    def test_features_in_single_precision_lose_nothing(self, space, motions, name):
+        """Frames of one motion that hardly differ are computed again in double precision."""
+        metric = {
+            "pose": rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
+            "rotations": rh.RotationMetric(space),
+            "shape": rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0),
+        }[name]
+        warping = rh.motions.DynamicTimeWarping(metric, heading=True)
+        a, b = motions[0][:6], motions[3][:5]
+        costs = metric.cdist(a, b, precision="double") ** 2
+        expected = np.sqrt(least_sums(costs)[-1, -1] / 11)
+        assert warping.dist(a, b) == pytest.approx(expected, rel=1e-5)
+        slow = np.repeat(a, 2, axis=0) + 1e-9 * np.arange(12)[:, None, None]
+        assert warping.dist(a, slow) < 1e-5 * expected
+
+    def test_metric_without_lower_bounds(self, space, motions):
+        warping = rh.motions.DynamicTimeWarping(rh.SobolevMetric(space), n_components=3)
         with pytest.raises(rh.RiemhumanError, match="lower_bound_coordinates"):
             warping.dist_pairwise(motions)
 

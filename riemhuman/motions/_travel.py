@@ -1,0 +1,69 @@
+"""How fast and how far a body travels over the ground, whatever its pose."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.datasets.motions import Motion as RecordedMotion
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.geometry import AlignedSurfaces, Manifold
+
+# Metres a second squared.
+_GRAVITY = 9.81
+# Seconds between the places that tell a speed: within a step, the body speeds up and slows down.
+_SMOOTHED = 0.25
+# Legs are about half as long as people are tall.
+_SHARE_OF_HEIGHT = 0.5
+
+
+def frame_rate(motion: Any, given: float | None, name: str) -> float:
+    """Return the frames a second of a motion: those given, or those of a recording."""
+    if given is not None:
+        return given
+    if isinstance(motion, RecordedMotion):
+        return motion.frames_per_second
+    raise ArgumentError(
+        f"the speed of {name} needs its frame rate: give frames_per_second, or a motion of "
+        "riemhuman.datasets, which has one, instead of an array"
+    )
+
+
+def surface_space(space: Manifold) -> AlignedSurfaces:
+    """Return a space of surfaces, or raise an error: other points do not travel."""
+    if not isinstance(space, AlignedSurfaces):
+        raise ArgumentTypeError(
+            f"travel_weight needs surfaces, whose places are known; found {space!r}"
+        )
+    return space
+
+
+def ground_places(space: AlignedSurfaces, frames: ndarray) -> ndarray:
+    """Return where the centres of surfaces are on the ground, shape (n_frames, 2)."""
+    shares = space.template.vertex_areas / space.template.vertex_areas.sum()
+    return np.einsum("v,nvk->nk", shares, frames[..., ::2])
+
+
+def leg_length(space: AlignedSurfaces) -> float:
+    """Return about the length of the template's legs."""
+    return _SHARE_OF_HEIGHT * float(np.ptp(space.template.vertices[:, 1]))
+
+
+def travel_speeds(space: AlignedSurfaces, places: ndarray, rate: float) -> ndarray:
+    """Return speeds over the ground in units of √(g · leg length), shape (n_frames,)."""
+    if len(places) < 2:
+        return np.zeros(len(places))
+    reach = max(1, round(0.5 * _SMOOTHED * rate))
+    numbers = np.arange(len(places))
+    before, after = np.maximum(numbers - reach, 0), np.minimum(numbers + reach, len(places) - 1)
+    ways = np.linalg.norm(places[after] - places[before], axis=1)
+    speeds = rate * ways / (after - before)
+    return np.asarray(speeds / np.sqrt(_GRAVITY * leg_length(space)))
+
+
+def travelled_lengths(space: AlignedSurfaces, places: ndarray) -> ndarray:
+    """Return how far bodies have travelled since the first frame, in lengths of their legs."""
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)]) / leg_length(space)

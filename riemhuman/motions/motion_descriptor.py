@@ -1,0 +1,187 @@
+"""A row of numbers for each motion, without alignment: poses, their spread and speed, travel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_number, whole_number
+from riemhuman.estimator import Estimator
+from riemhuman.geometry import FlatMetric, RiemannianMetric, VectorSpace
+from riemhuman.kernels.projections import Projection
+from riemhuman.motions._frames import (
+    Motion,
+    check_motions,
+    face_forward,
+    frame_count,
+    frame_runs,
+    sampled_rows,
+)
+from riemhuman.motions._travel import frame_rate, ground_places, surface_space, travel_speeds
+
+# Smaller differences of speed, in units of √(g · leg length), are swaying on the spot: about a
+# tenth of a metre a second.
+_SWAYING = 0.03
+
+
+@dataclass(frozen=True)
+class _Summary:
+    """What a motion has in its mean: each an array of one number a coordinate."""
+
+    mean: ndarray
+    deviation: ndarray
+    speed: ndarray
+    travel: ndarray
+
+    @property
+    def blocks(self) -> tuple[ndarray, ...]:
+        return self.mean, self.deviation, self.speed, self.travel
+
+
+class MotionDescriptor(Estimator):
+    r"""Rows of numbers that say which motion it is, whoever does it and however long it takes.
+
+    With coordinates c of a frame, the principal components of `metric.lower_bound_coordinates`, a
+    row holds the mean of c over time, its standard deviation, and its mean speed |dc/dt|, and the
+    mean and the deviation of the speed over the ground in units of :math:`\sqrt{g\,l}`, l the
+    length of the leg. Each of these four blocks is divided by its spread among the motions of
+    `fit`, so that all count alike (the spread of travel is taken for 0.03 at least). Nothing is
+    aligned in time: what follows what is not seen, and a walk of three steps is near a walk of
+    seven.
+
+    Rows are points of a Euclidean space, `metric_`, from which `rh.LearnedMetric` learns.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        Metric on frames with `lower_bound_coordinates`, such as `rh.RotationMetric`.
+    n_components : int
+        Largest number of coordinates of a frame.
+    heading : bool
+        Whether the direction in which bodies face counts, as for `DynamicTimeWarping`.
+    travel_weight : float
+        Weight of the block of travel beside the others.
+    frames_per_second : float, optional
+        Frame rate of motions that are arrays; others have their own.
+
+    Attributes
+    ----------
+    metric_ : RiemannianMetric
+        Euclidean metric on rows, from `fit`.
+    n_features_out_ : int
+
+    Examples
+    --------
+    >>> motions = rh.datasets.load_open_motions("coarse", sequences="knees")[:3]
+    >>> pose = rh.ElasticMetric(rh.AlignedSurfaces(motions[0].template), a=0.0, lam=0.0, c=1.0)
+    >>> descriptor = rh.motions.MotionDescriptor(pose, n_components=5, frames_per_second=15.0)
+    >>> descriptor.fit_transform([motion[:40:4] for motion in motions]).shape
+    (3, 20)
+    """
+
+    metric_: FlatMetric
+    n_features_out_: int
+
+    def __init__(
+        self,
+        metric: RiemannianMetric,
+        *,
+        n_components: int = 100,
+        heading: bool = False,
+        travel_weight: float = 1.0,
+        frames_per_second: float | None = None,
+    ) -> None:
+        self.metric = metric
+        self.n_components = n_components
+        self.heading = heading
+        self.travel_weight = travel_weight
+        self.frames_per_second = frames_per_second
+
+    def fit(self, motions: Sequence[Motion], y: Any = None) -> Self:
+        """Find the coordinates of frames, and the spread of each block.
+
+        Parameters
+        ----------
+        motions : sequence of motions
+            Arrays (n_frames, V, 3), or motions of `riemhuman.datasets`, of at least two frames.
+        y : ignored
+            As scikit-learn asks.
+        """
+        self._fit(motions)
+        return self
+
+    def fit_transform(self, motions: Sequence[Motion], y: Any = None) -> ndarray:
+        """Fit, and return the rows of the same motions, shape (n, p).
+
+        Parameters
+        ----------
+        motions, y
+            As for `fit`.
+        """
+        return self._rows(self._fit(motions))
+
+    def transform(self, motions: Sequence[Motion]) -> ndarray:
+        """Return a row for each motion, shape (n, p).
+
+        Parameters
+        ----------
+        motions : sequence of motions
+        """
+        self._require_fit("metric_")
+        check_motions(motions)
+        return self._rows(
+            [self._summary(motion, f"motions[{k}]") for k, motion in enumerate(motions)]
+        )
+
+    def _fit(self, motions: Sequence[Motion]) -> list[_Summary]:
+        check_motions(motions)
+        n_components = whole_number(self.n_components, "n_components", minimum=1)
+        weight = real_number(self.travel_weight, "travel_weight", minimum=0.0)
+        self._projection = Projection.fit(
+            sampled_rows(motions, lambda motion, name: self._coordinates(motion, name)[0]),
+            n_components,
+        )
+        summaries = [self._summary(motion, f"motions[{k}]") for k, motion in enumerate(motions)]
+        self._scales: list[float] = []
+        for block in zip(*(summary.blocks for summary in summaries), strict=True):
+            spread = float(np.sqrt(np.sum(np.var(np.stack(block), axis=0))))
+            self._scales.append(1.0 / spread if spread > 0.0 else 0.0)
+        self._scales[-1] = weight * min(self._scales[-1], 1.0 / _SWAYING)
+        self.n_features_out_ = sum(len(block) for block in summaries[0].blocks)
+        self.metric_ = VectorSpace((self.n_features_out_,)).metric
+        return summaries
+
+    def _rows(self, summaries: list[_Summary]) -> ndarray:
+        rows = []
+        for summary in summaries:
+            scaled = zip(summary.blocks, self._scales, strict=True)
+            rows.append(np.concatenate([scale * block for block, scale in scaled]))
+        return np.stack(rows)
+
+    def _coordinates(self, motion: Motion, name: str) -> tuple[ndarray, ndarray]:
+        """Return lower-bound coordinates of all frames, and places on the ground."""
+        space, metric = surface_space(self.metric.space), self.metric
+        rows, places = [], []
+        for run in frame_runs(space, motion, name):
+            places.append(ground_places(space, run))
+            rows.append(
+                metric.lower_bound_coordinates(run if self.heading else face_forward(space, run))
+            )
+        return np.concatenate(rows), np.concatenate(places)
+
+    def _summary(self, motion: Motion, name: str) -> _Summary:
+        frame_count(motion, name, 2)
+        rate = frame_rate(motion, self.frames_per_second, name)
+        coordinates, places = self._coordinates(motion, name)
+        points = self._projection(coordinates)
+        speeds = travel_speeds(surface_space(self.metric.space), places, rate)
+        return _Summary(
+            mean=points.mean(axis=0),
+            deviation=points.std(axis=0),
+            speed=rate * np.abs(np.diff(points, axis=0)).mean(axis=0),
+            travel=np.array([speeds.mean(), speeds.std()]),
+        )
