@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 import numpy as np
 from autograd.tracer import getval
 
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, PrecisionWarning, warn
 
 Rng = int | np.random.Generator | None
 _LONGEST = 200
@@ -45,6 +45,13 @@ _LARGEST_RATIO = 8.0
 _BODY_RATIO = 1.5
 # Some vertices tell the size of a surface well enough.
 _N_SAMPLES = 256
+
+# Digits of the usual distance between neighbouring vertices: fewer are warned of, or refused.
+_ENOUGH_DIGITS, _FEWEST_DIGITS = 2.0, 0.5
+# In double precision, whatever the unit, nothing is lost so near the origin. Beyond so many extents
+# from it, coordinates may be rounded; shapes of fewer vertices may be on a grid by design.
+_NEAR, _FAR, _FEWEST_VERTICES = 30.0, 50.0, 100
+_N_SURFACES = 8
 
 
 def values_of(array: Any, name: str = "array") -> np.ndarray:
@@ -390,6 +397,60 @@ def check_same_scale(
         f"{place} is {factor:.3g} times as {kind} as {reference_name}{_unit_hint(ratio)}; bring "
         f"both to one unit; {remedy}"
     )
+
+
+def check_resolution(
+    points: Any, name: str, dtype: Any = None, error: type[Exception] = ArgumentError
+) -> None:
+    """Warn, or raise an error, if few digits of the distances between vertices are left.
+
+    Coordinates, shape (..., V, 3), have the resolution of their type, or of the `dtype` that they
+    had; far from the origin also that of steps that they are all multiples of, as those of numbers
+    that were once in single precision or written with few decimals.
+    """
+    values = values_of(points, name)
+    dtype = np.dtype(values.dtype if dtype is None else dtype)
+    if values.size == 0 or values.shape[-2] < _FEWEST_VERTICES or dtype.kind not in "fiu":
+        return
+    first = values[..., 0, :]
+    largest = float(max(abs(first.max()), abs(first.min())))
+    if dtype.itemsize == 8 and dtype.kind == "f" and largest <= _NEAR:
+        return
+    some = values.reshape(-1, *values.shape[-2:])[:: max(1, values[..., 0, 0].size // _N_SURFACES)]
+    some = some[:, :: max(1, some.shape[1] // _N_SAMPLES)].astype(np.float64)
+    extent = float(np.ptp(some, axis=1).max())
+    if not 0.0 < extent < np.inf:
+        return
+    largest = float(np.abs(some).max())
+    step = 1.0 if dtype.kind in "iu" else float(np.spacing(np.abs(some).max().astype(dtype)))
+    has_step = dtype.kind in "iu" or dtype.itemsize < 8
+    if not has_step and largest > _FAR * extent:
+        step = max(step, *(_common_step(x.ravel()) for x in np.moveaxis(some, 2, 0)))
+    usual = extent / math.sqrt(values.shape[-2])
+    digits = math.log10(usual / step)
+    if digits >= _ENOUGH_DIGITS:
+        return
+    message = (
+        f"{name} are up to {largest:.3g} from the origin in steps of {step:.2g}: "
+        f"{max(digits, 0.0):.1f} digits of the usual distance {usual:.2g} between vertices are "
+        "left; subtract an offset in double precision, before coordinates are rounded"
+    )
+    if digits < _FEWEST_DIGITS:
+        raise error(message)
+    warn(message, PrecisionWarning)
+
+
+def _common_step(values: np.ndarray) -> float:
+    """Return the step between numbers that are all on one grid, 0 if they are on none."""
+    gaps = np.diff(np.unique(values))
+    # Rounding of decimal fractions leaves gaps that are far smaller than the step.
+    gaps = gaps[gaps > 8.0 * np.spacing(np.abs(values).max())]
+    if not len(gaps):
+        return 0.0
+    step = float(gaps.min())
+    multiples = gaps / step
+    is_grid = np.all(np.abs(multiples - np.round(multiples)) < 0.01)
+    return step if is_grid else 0.0
 
 
 def refuse_type(value: Any, name: str, expected: str) -> NoReturn:

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies._fitting_equations import Equations, Loss, least_squares_step
 from riemhuman.bodies.skinning import Skeleton
 from riemhuman.checks import (
+    check_resolution,
     check_same_scale,
     integer_array,
     one_of,
@@ -148,6 +149,7 @@ def fit_model(
             f"points must have one point for each of {what}, {n_points}; found {surfaces.shape}"
         )
     remedy, rest = "a fit is in the unit of the model", combine @ model.template.vertices
+    check_resolution(surfaces, "points")
     check_same_scale(surfaces, rest, "points", "the model", remedy=remedy)
     in_pose = np.where(model.parents >= 0, real_number(pose_prior, "pose_prior", minimum=0.0), 0.0)
     in_betas = np.full(model.n_betas, real_number(betas_prior, "betas_prior", minimum=0.0))

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import SCALES, Rng, check_same_scale, generator, one_of, real_array, values_of
+from riemhuman.checks import (
+    SCALES,
+    Rng,
+    check_resolution,
+    check_same_scale,
+    generator,
+    one_of,
+    real_array,
+    values_of,
+)
 from riemhuman.errors import ArgumentError, ArgumentTypeError, SeamWarning, warn
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
@@ -182,9 +191,11 @@ class AlignedSurfaces(Manifold):
     def check_point(self, point: Any, name: str = "point") -> ndarray:
         if not isinstance(point, ndarray):
             point = self.as_array(point, name)
+        dtype = getattr(point, "dtype", None)
         point = real_array(point, name, self.shape, rows=True, lengths=True)
         if self.scale is not None:
             check_same_scale(values_of(point), self._reference, name, "the template")
+        check_resolution(point, name, dtype)
         return point
 
     def check_tangent_vec(self, tangent_vec: Any, name: str = "tangent_vec") -> ndarray:
@@ -199,6 +210,7 @@ class AlignedSurfaces(Manifold):
         return real_array(self.as_array(tangent_vec, name), name, self.shape, lengths=True)
 
     def check_scale(self, point: ndarray, name: str = "point") -> None:
+        check_resolution(point, name)
         if self.scale is not None:
             check_same_scale(values_of(point), self._reference, name, "the template")
 

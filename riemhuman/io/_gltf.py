@@ -21,6 +21,8 @@ from riemhuman.io.files import file_path, suffix_of, write_bytes
 from riemhuman.io.mesh_arrays import check_mesh
 
 _FLOAT, _SHORT, _INT = 5126, 5123, 5125  # component types of glTF
+# Surfaces more than so many extents from the origin are written beside it, and moved by their node.
+_FAR = 50.0
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _SKIN = {
     "baseColorFactor": [0.80, 0.72, 0.66, 1.0],
@@ -78,7 +80,8 @@ def write_glb(vertices: np.ndarray, faces: np.ndarray) -> bytes:
 
 
 def _glb(points: np.ndarray, triangles: np.ndarray, seconds: float, name: str) -> bytes:
-    positions = points.astype("<f4")
+    offset = _offset(points)
+    positions = (points - offset).astype("<f4")
     normals = _unit_normals(points, triangles).astype("<f4")
     arrays: list[np.ndarray] = []
 
@@ -105,7 +108,7 @@ def _glb(points: np.ndarray, triangles: np.ndarray, seconds: float, name: str) -
         "asset": {"version": "2.0", "generator": "riemhuman"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "name": name}],
+        "nodes": [{"mesh": 0, "name": name} | ({"translation": offset} if any(offset) else {})],
         "meshes": [mesh],
         "materials": [{"name": "skin", "doubleSided": True, "pbrMetallicRoughness": _SKIN}],
     }
@@ -127,6 +130,14 @@ def _glb(points: np.ndarray, triangles: np.ndarray, seconds: float, name: str) -
     parts = struct.pack("<I4s", len(text), b"JSON") + text
     parts += struct.pack("<I4s", len(binary), b"BIN\0") + binary
     return struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts
+
+
+def _offset(points: np.ndarray) -> list[float]:
+    """Return the place of surfaces far from the origin, where single precision is too coarse."""
+    low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
+    if np.abs(points).max() <= _FAR * (high - low).max():
+        return [0.0, 0.0, 0.0]
+    return np.round(0.5 * (low + high)).tolist()
 
 
 def _describe_arrays(arrays: list[np.ndarray], document: dict[str, Any]) -> bytes:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array
+from riemhuman.checks import check_resolution, real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io import _mesh_formats as formats
 from riemhuman.io._gltf import write_glb
@@ -73,6 +73,7 @@ def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[nda
     file, join = _existing_file(path, MESH_SUFFIXES), check_seams(seams) == "join"
     with format_errors(file, "a mesh or a table of points"):
         vertices, faces = check_mesh(*_READERS.get(file.suffix.lower(), _read_with_meshio)(file))
+    check_resolution(vertices, f"{file}: vertices", error=FileFormatError)
     if join:
         found = find_seams(vertices, faces)
         vertices, faces = found.join(vertices), found.faces
@@ -110,14 +111,20 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
     if suffix not in (".ply", ".xyz", ".npy"):
         return *load_mesh(file), None
     values = load_array(file) if suffix == ".npy" else None
+    faces: ndarray | None = None
     with format_errors(file, "a mesh or a table of points"):
         if suffix == ".ply":
             points, faces, normals, _ = read_ply(file)
-            if faces is not None:
-                return *check_mesh(points, faces), None
         else:
             points, normals = _columns(read_points_text(file) if values is None else values)
-        return np.asarray(real_array(points, "points", ("n", 3), batched=False)), None, normals
+        if faces is None:
+            points = np.asarray(real_array(points, "points", ("n", 3), batched=False))
+        else:
+            points, faces = check_mesh(points, faces)
+            normals = None
+    dtype = None if values is None else values.dtype
+    check_resolution(points, f"{file}: points", dtype, FileFormatError)
+    return points, faces, normals
 
 
 def load_trusted(path: str | os.PathLike[str]) -> ndarray | None:

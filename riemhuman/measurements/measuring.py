@@ -13,7 +13,14 @@ from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, joints_between
-from riemhuman.checks import likely_units, one_of, real_array, real_number, refuse_type
+from riemhuman.checks import (
+    check_resolution,
+    likely_units,
+    one_of,
+    real_array,
+    real_number,
+    refuse_type,
+)
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
@@ -177,7 +184,9 @@ class Measurements:
         one_of(pose, "pose", _POSES)
         one_of(missing, "missing", ("raise", "nan"))
         one_of(axes, "axes", _AXES)
+        dtype = getattr(points, "dtype", None)
         points = real_array(points, "points", (self.definitions.n_vertices, 3))
+        check_resolution(points, "points", dtype)
         lead = points.shape[:-2]
         surfaces = points.reshape(-1, *points.shape[-2:])
         for number, surface in enumerate(surfaces):

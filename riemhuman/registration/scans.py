@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from riemhuman.checks import UNITS, one_of, real_array
+from riemhuman.checks import UNITS, check_resolution, one_of, real_array
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path
 from riemhuman.io.meshes import as_arrays, load_points
@@ -175,12 +175,15 @@ def as_scan(scan: Any, unit: str | None = None) -> Scan:
         return load_scan(scan, unit)
     is_pair = isinstance(scan, tuple) and len(scan) == 2
     if is_pair or hasattr(scan, "faces") or hasattr(scan, "cells"):
-        return _in_metres(*as_arrays(scan), None, unit)
+        vertices, faces = as_arrays(scan)
+        check_resolution(vertices, "scan")
+        return _in_metres(vertices, faces, None, unit)
     values = np.asarray(real_array(scan, "scan", ("N", "C"), batched=False), dtype=np.float64)
     if values.shape[1] not in (3, 6):
         raise ArgumentError(
             f"scan must have 3 columns, or 6 with normals; found shape {values.shape}"
         )
+    check_resolution(values[:, :3], "scan", getattr(scan, "dtype", None))
     normals = values[:, 3:] if values.shape[1] == 6 else None
     return _in_metres(values[:, :3], None, normals, unit)
 

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import (
     UNITS,
+    check_resolution,
     check_same_scale,
     one_of,
     real_array,
@@ -64,6 +65,7 @@ def procrustes(
     if to is None:
         return generalized_procrustes(points, scale=scale, weights=weights)[0]
     surfaces = real_array(points, "points", ("n_vertices", 3))
+    check_resolution(surfaces, "points", getattr(points, "dtype", None))
     reference = real_array(to, "to", ("n_vertices", 3), batched=False)
     if surfaces.shape[-2] != len(reference):
         raise ArgumentError(
@@ -119,6 +121,7 @@ def generalized_procrustes(
     ((10, 1202, 3), (1202, 3))
     """
     surfaces = real_array(points, "points", ("n_surfaces", "n_vertices", 3))
+    check_resolution(surfaces, "points", getattr(points, "dtype", None))
     tolerance = real_number(tolerance, "tolerance", minimum=0.0)
     max_iter = whole_number(max_iter, "max_iter", minimum=1)
     leading = tuple(range(surfaces.ndim - 2))

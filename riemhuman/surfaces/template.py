@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from riemhuman.checks import integer_array, real_array
+from riemhuman.checks import check_resolution, integer_array, real_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_faces, check_mesh, face_difference, read_only
 from riemhuman.io.mesh_seams import Seams, common_seams, find_seams
@@ -70,6 +70,7 @@ class Template:
         if faces is None:
             vertices, faces = as_arrays(vertices)
         points, triangles = check_mesh(vertices, faces)
+        check_resolution(points, "vertices", getattr(vertices, "dtype", None))
         check_faces(
             np.any(triangles == np.roll(triangles, 1, axis=1), axis=1),
             triangles,
@@ -273,7 +274,9 @@ class Template:
         points : array_like, shape (..., V, 3)
         name : str, for messages
         """
+        dtype = getattr(points, "dtype", None)
         points = real_array(points, name, ("n_vertices", 3))
+        check_resolution(points, name, dtype)
         if points.shape[-2] != self.n_vertices:
             raise ArgumentError(
                 f"{name} has {points.shape[-2]} vertices per surface (shape {points.shape}); "

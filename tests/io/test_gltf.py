@@ -107,6 +107,15 @@ def test_trimesh_reads_the_first_surface(path, tmp_path):
     np.testing.assert_array_equal(mesh.faces, faces)
 
 
+def test_far_from_the_origin_no_digits_are_lost(path, tmp_path):
+    surfaces, faces = path
+    far = surfaces + [5e5, 0.0, 5e6]
+    save_glb(tmp_path / "far.glb", far, faces)
+    np.testing.assert_allclose(load_mesh(tmp_path / "far.glb")[0], far[0], atol=1e-6, rtol=0)
+    by_trimesh = trimesh.load(tmp_path / "far.glb", process=False).to_mesh()
+    np.testing.assert_allclose(by_trimesh.vertices, far[0], atol=1e-6, rtol=0)
+
+
 def test_many_vertices_take_long_indices(tmp_path):
     vertices = np.zeros((65535, 3))
     vertices[-3:] = np.eye(3)
