@@ -84,13 +84,15 @@ def _run(given: Sequence[str]) -> int:
         parser.print_help()
         return _DONE
     options.bars = not options.quiet and sys.stderr.isatty()
-    options.task, options.written = partial(terminal.task, options), []
+    options.task, options.written, options.files = partial(terminal.task, options), [], {}
     try:
         with terminal.short_warnings() as unconverged:
             for check in options.checks:
                 check(options)
-            answer: Answer = options.run(options)
+            answer = _answer(options)
     except Exception as error:
+        if terminal.was_interrupted():  # libraries in C report an interruption as they like
+            raise KeyboardInterrupt from error
         if getattr(options, "debug", False):
             raise
         if isinstance(error, RiemhumanError):
@@ -104,6 +106,20 @@ def _run(given: Sequence[str]) -> int:
         return _NOT_DONE
     sys.stdout.write(f"{_text(answer, options)}\n")
     return _NOT_TRUSTED if unconverged or not answer.trusted else _DONE
+
+
+def _answer(options: argparse.Namespace) -> Answer:
+    """Run a command, whose files appear together."""
+    if len(options.files) < 2:
+        answer: Answer = options.run(options)
+        return answer
+    from riemhuman.io.outputs import files_together
+
+    with files_together(options.files) as places:
+        vars(options).update(places)
+        answer = options.run(options)
+    vars(options).update(options.files)
+    return answer
 
 
 def _text(answer: Answer, options: argparse.Namespace) -> str:

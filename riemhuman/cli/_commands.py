@@ -156,6 +156,7 @@ def output(
             options.ending = place.suffix.lower()
             known = [*endings, *["/ (a folder)"] * (names is not None)]
             check_output_file(place, known, force=options.force)
+            options.files[dest] = place
         if options.ending in FIGURE_ENDINGS or (not options.ending and options.has_figure):
             import_optional("matplotlib", "plot")  # before the work, not after it
         setattr(options, dest, place)

@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import is_dataclass
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from riemhuman.cli._commands import Answer
@@ -85,6 +86,21 @@ def note(text: str) -> None:
     with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext():
         begin = "\r\x1b[K" if sys.stderr.isatty() else ""
         sys.stderr.write(f"{begin}riemhuman: {' '.join(text.split())}\n")
+
+
+# When the process was interrupted from the keyboard, if at all.
+_interruptions: list[float] = []
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Handle the signal of an interruption from the keyboard."""
+    _interruptions.append(time.perf_counter())
+    raise KeyboardInterrupt
+
+
+def was_interrupted() -> bool:
+    """Return whether `interrupt` has been called: some libraries replace its exception."""
+    return bool(_interruptions)
 
 
 def tolerate_ascii() -> None:

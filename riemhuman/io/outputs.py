@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -34,6 +34,29 @@ def check_output_folder(path: Path, is_ours: Callable[[str], bool], *, force: bo
         if _check_content(path, is_ours) and not force:
             raise FileError(f"{path} holds an earlier result; --force replaces it")
     _check_parent(path)
+
+
+@contextmanager
+def files_together(places: Mapping[str, Path]) -> Iterator[dict[str, Path]]:
+    """Yield other places for files, which move to theirs when all are written, or not at all."""
+    targets = {name: Path(os.path.realpath(place)) for name, place in places.items()}
+    hidden = {name: neighbour(target) for name, target in targets.items()}
+    try:
+        yield hidden
+        for name, file in hidden.items():
+            if file.exists():
+                with convert_errors(places[name]):
+                    if targets[name].exists():
+                        shutil.copymode(targets[name], file)
+                    os.replace(file, targets[name])
+    except FileError as error:
+        text = str(error)
+        for name, file in hidden.items():
+            text = text.replace(str(file), str(places[name]))
+        raise FileError(text) from error
+    finally:
+        for file in hidden.values():
+            file.unlink(missing_ok=True)
 
 
 @contextmanager

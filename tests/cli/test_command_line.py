@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import riemhuman
+from riemhuman.cli import _terminal as terminal
 from riemhuman.cli import main
 from riemhuman.cli._commands import COMMANDS, make_parser
 from riemhuman.cli._terminal import as_json, note, task
@@ -218,3 +219,58 @@ def test_notes_stand_above_bars(capsys, monkeypatch):
     before, after = written.split("\r\x1b[Kriemhuman: one is unreadable\n")
     assert before.endswith("\r")
     assert "1/3" in after
+
+
+_AT_IMPORT = """
+class Finder:
+    def find_spec(name, path=None, target=None):
+        if name == "riemhuman.cli":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Finder)
+"""
+_AT_THE_END = "atexit.register(os.kill, os.getpid(), signal.SIGINT)"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
+@pytest.mark.parametrize("when", [_AT_IMPORT, _AT_THE_END])
+def test_interruptions_before_and_after_the_work_are_quiet(when):
+    code = (
+        "import atexit, os, signal, sys\nfrom riemhuman.__main__ import main\n"
+        f"sys.argv[1:] = ['tables', '--help']\n{when}\nsys.exit(main())"
+    )
+    finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (finished.returncode, finished.stderr) == (130, "")
+    assert ("usage: riemhuman tables" in finished.stdout) == (when is _AT_THE_END)
+
+
+def test_interruptions_that_a_library_renames(run, scans, monkeypatch):
+    def fail(path):
+        try:
+            terminal.interrupt(2, None)
+        except KeyboardInterrupt as error:
+            raise ImportError("a bad install") from error
+
+    monkeypatch.setattr(terminal, "_interruptions", [])
+    monkeypatch.setattr("riemhuman.load_mesh", fail)
+    finished = run("info", scans / "body_0.ply")
+    assert (finished.code, finished.err) == (130, "riemhuman: interrupted\n")
+
+
+def test_two_outputs_appear_together_or_not_at_all(run, scans, tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise riemhuman.errors.FileError(f"{arguments[0]} cannot be written: no space left")
+
+    table, figure = tmp_path / "D.npz", tmp_path / "D.csv"
+    figure.write_text("old")
+    command = ["matrix", scans, "-o", table, "--csv", figure, "--force", "--quiet"]
+    with monkeypatch.context() as patch:
+        patch.setattr("riemhuman.io.files.write_text", fail)
+        finished = run(*command)
+    assert finished.code == 2
+    assert f"{figure} cannot be written: no space left" in finished.err
+    assert [file.name for file in tmp_path.iterdir()] == ["D.csv"]
+    assert figure.read_text() == "old"
+    assert run(*command).code == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["D.csv", "D.npz"]
+    assert figure.read_text().startswith("file,")
