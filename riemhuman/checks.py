@@ -309,7 +309,12 @@ def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarr
             f"{name} must be an array of whole numbers; found {_describe(array, values)}"
         )
     check_shape(values, name, shape, batched=False)
-    if values.size and not -(2**63) <= int(values.min()) <= int(values.max()) < 2**63:
+    is_signed = values.dtype.kind == "i"  # of at most 64 bits
+    if (
+        not is_signed
+        and values.size
+        and not -(2**63) <= int(values.min()) <= int(values.max()) < 2**63
+    ):
         raise ArgumentError(
             f"{name} must be an array of numbers of at most 64 bits; found "
             f"{values.min()} to {values.max()}"

@@ -117,8 +117,47 @@ def _faces(data: Any) -> ndarray | None:
 
 
 def read_obj(file: Path) -> Mesh:
+    content = read_bytes(file)
+    mesh = _plain_obj(content)
+    return _obj_by_lines(content) if mesh is None else mesh
+
+
+def _plain_obj(content: bytes) -> Mesh | None:
+    """Return the mesh of a file as most programs write it, of triangles; None of another."""
+    # Continued or indented lines, or separators other than spaces.
+    if any(mark in content for mark in (b"\\", b"\t", b"\v", b"\f", b"\n ", b"\r ")):
+        return None
+    lines = content.splitlines()
+    if lines and lines[0][:1].isspace():
+        return None
+    vertices = _rows_of_numbers([line[2:] for line in lines if line.startswith(b"v ")], 3, float)
+    faces = _rows_of_numbers([line[2:] for line in lines if line.startswith(b"f ")], 3, np.int64)
+    if vertices is None or faces is None or not 1 <= faces.min() <= faces.max() <= len(vertices):
+        return None
+    return vertices, faces - 1
+
+
+def _rows_of_numbers(lines: list[bytes], width: int, dtype: type) -> ndarray | None:
+    """Return lines of equally many numbers, of corners without what follows a slash, or None."""
+    if not lines or set(map(len, map(bytes.split, lines))) != {width}:
+        return None
+    text = b" ".join(lines)
+    if dtype is np.int64 and b"/" in text:
+        text = re.sub(rb"/[^ ]*", b"", text)
+    if text.translate(None, b"0123456789+-.eE "):  # such as names, commas and comments
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # where a number ends within a word
+        try:
+            numbers: ndarray = np.fromstring(text.decode(), dtype, sep=" ")
+        except (DeprecationWarning, ValueError):
+            return None
+    return numbers.reshape(-1, width) if numbers.size == width * len(lines) else None
+
+
+def _obj_by_lines(content: bytes) -> Mesh:
     positions, corners, lengths = array("d"), array("q"), array("q")
-    for number, words in _lines_of_words(read_bytes(file)):
+    for number, words in _lines_of_words(content):
         keyword, *fields = words
         try:
             if keyword == b"v":
@@ -148,7 +187,28 @@ def read_obj(file: Path) -> Mesh:
 
 
 def read_off(file: Path) -> Mesh:
-    lines = _lines_of_words(read_bytes(file))
+    content = read_bytes(file)
+    mesh = _plain_off(content)
+    return _off_by_lines(content) if mesh is None else mesh
+
+
+def _plain_off(content: bytes) -> Mesh | None:
+    """Return the mesh of a file as most programs write it, of triangles; None of another."""
+    lines = [line for line in content.splitlines() if line and not line.isspace()]
+    if len(lines) < 3 or lines[0].strip() != b"OFF" or b"#" in content or b"\\" in content:
+        return None
+    counts = re.fullmatch(rb"\s*(\d{1,9})\s+(\d{1,9})(\s+\d+)?\s*", lines[1])
+    if counts is None or int(counts[1]) + int(counts[2]) != len(lines) - 2:
+        return None
+    vertices = _rows_of_numbers(lines[2 : 2 + int(counts[1])], 3, float)
+    faces = _rows_of_numbers(lines[2 + int(counts[1]) :], 4, np.int64)
+    if vertices is None or faces is None or (faces[:, 0] != 3).any():
+        return None
+    return vertices, faces[:, 1:]
+
+
+def _off_by_lines(content: bytes) -> Mesh:
+    lines = _lines_of_words(content)
     _, (keyword, *counts) = next(lines, (0, [b""]))
     if not re.fullmatch(rb"(ST)?C?N?OFF", keyword):
         raise FileFormatError("not an OFF text file: it does not begin with 'OFF'")
@@ -218,7 +278,7 @@ def read_stl(file: Path) -> Mesh:
 def _position(words: list[bytes]) -> list[float]:
     """Return the position of a vertex, which its colour or normal may follow."""
     numbers = [float(word) for word in words]
-    if len(numbers) < 3:
+    if len(numbers) < 3 or any(b"_" in word for word in words):  # Python reads 1_0 as 10
         raise ValueError
     return numbers[:3]
 

@@ -16,11 +16,12 @@ def check_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[np.ndarray, np.nd
     triangles = integer_array(faces, "faces", ("n_faces", 3))
     if len(triangles) == 0:
         raise ArgumentError("faces is empty; a mesh needs at least one triangle")
-    check_faces(
-        np.any((triangles < 0) | (triangles >= len(points)), axis=1),
-        triangles,
-        f"refers to a vertex out of range; vertices holds {len(points)}, counted from 0",
-    )
+    if triangles.min() < 0 or triangles.max() >= len(points):
+        check_faces(
+            np.any((triangles < 0) | (triangles >= len(points)), axis=1),
+            triangles,
+            f"refers to a vertex out of range; vertices holds {len(points)}, counted from 0",
+        )
     return points, triangles
 
 

@@ -143,3 +143,15 @@ def test_recordings_of_every_kind(run, tmp_path):
     page = tmp_path / "dance.html"
     assert run("view", tmp_path / "dance.pkl", "-o", page).code == 0
     assert "dance" in page.read_text()
+
+
+def test_info_says_that_seams_will_be_joined(run, tmp_path):
+    sphere = trimesh.creation.icosphere(subdivisions=2)
+    faces = np.arange(3 * len(sphere.faces)).reshape(-1, 3)
+    for name in ("a.obj", "b.obj"):
+        save_mesh(tmp_path / name, sphere.vertices[sphere.faces].reshape(-1, 3), faces)
+    found = json.loads(run("info", tmp_path / "a.obj", "--json").out)
+    assert found["seam_edges"] == 480
+    assert found["usable_as_template"].startswith("yes, once its seams are joined: 798 doubled")
+    folder = json.loads(run("info", tmp_path, "--json").out)
+    assert (folder["vertices"], folder["seams_joined"]) == (162, 480)

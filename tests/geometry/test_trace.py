@@ -53,8 +53,8 @@ def floor(place):
 @pytest.mark.parametrize(
     ("name", "arguments", "n_files", "n_functions", "n_climbs"),
     [
-        ("dist", (POINTS[0], POINTS[1]), 7, 23, 0),
-        ("dist_pairwise", (POINTS,), 8, 31, 1),
+        ("dist", (POINTS[0], POINTS[1]), 7, 24, 0),
+        ("dist_pairwise", (POINTS,), 8, 32, 1),
         ("energy", (POINTS,), 6, 13, 1),
     ],
 )

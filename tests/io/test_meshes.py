@@ -206,6 +206,41 @@ def test_obj_with_texture_normals_and_materials(mesh, tmp_path, pattern):
         assert_reads(write(tmp_path, "body.obj", start + content), mesh)
 
 
+@pytest.mark.parametrize("name", ["a.obj", "a.off"])
+def test_plain_and_unusual_layouts_are_read_alike(tmp_path, name):
+    """Most files are read at once, unusual ones line by line; both accept and refuse the same."""
+    is_obj = name == "a.obj"
+    head = "" if is_obj else "OFF\n4 2 0\n"
+    vertex, face = ("v ", "f ") if is_obj else ("", "3 ")
+    first = int(is_obj)
+    points = [(0.1, -1e-3, 2.0), (1.0, 0.0, 3e2), (0.5, 1.0, -4.0), (0.25, 7.0, 1.0)]
+    lines = [f"{vertex}{x!r} {y!r} {z!r}" for x, y, z in points]
+    lines += [
+        f"{face}{first} {first + 1} {first + 2}",
+        f"{face}{first + 2} {first + 1} {first + 3}",
+    ]
+    plain = head + "\n".join(lines) + "\n"
+    for text in (
+        plain,
+        plain.replace("\n", "\r\n"),
+        plain.replace(" ", "  "),
+        plain.replace(" ", "\t"),
+        plain.replace("\n", " \n\n"),
+        plain.replace("\n", " # a comment\n"),
+        plain.replace("0.1", "+.1"),
+        plain.replace("0.1", "\\\n 0.1") if is_obj else plain,
+    ):
+        vertices, faces = load_mesh(write(tmp_path, name, text))
+        np.testing.assert_array_equal(vertices, points)
+        assert faces.tolist() == [[0, 1, 2], [2, 1, 3]]
+    for wrong in ("0.1.5", "0x1", "1-2", "0,1", "1e", "1_0", "0.1 2 3 x"):
+        file = write(tmp_path, name, plain.replace("0.1", wrong))
+        assert_refused(file, f"line {1 if is_obj else 3} is not valid")
+    corner = str(first + 3)
+    for wrong in (f"{corner}.5", "99", "-99", f"{corner}e0", "9" * 30):
+        assert_refused(write(tmp_path, name, plain[::-1].replace(corner, wrong[::-1], 1)[::-1]))
+
+
 def test_obj_with_relative_indices_and_continued_lines(mesh, tmp_path):
     vertices, faces = mesh
     lines = [f"v {x!r} \\\n {y!r} {z!r}\n" for x, y, z in vertices.tolist()]
