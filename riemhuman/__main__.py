@@ -23,12 +23,12 @@ def main() -> int:
     listens = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
     if listens:
         signal.signal(signal.SIGINT, _leave)
-    from riemhuman.cli import _terminal as terminal
+    from riemhuman.cli import interrupt
     from riemhuman.cli import main as run
 
     try:
         if listens:
-            signal.signal(signal.SIGINT, terminal.interrupt)
+            signal.signal(signal.SIGINT, interrupt)
         return run()
     finally:
         sys.stderr.flush()

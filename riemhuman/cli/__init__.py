@@ -23,10 +23,11 @@ from riemhuman.cli import _measurement_commands, _motion_commands, _file_command
 # isort: on
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._commands import Answer, make_parser
+from riemhuman.cli._terminal import interrupt
 from riemhuman.errors import RiemhumanError
 from riemhuman.optional import import_optional
 
-__all__ = ["main"]
+__all__ = ["interrupt", "main"]
 
 _DONE = 0
 _NOT_TRUSTED = 1
