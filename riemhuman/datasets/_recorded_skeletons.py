@@ -25,6 +25,8 @@ _NEAR_FLOOR, _FOOT = 0.04, 0.15
 # Where someone goes faster, in lengths of the leg a second, and so far from one frame to the next,
 # the recording may have been interrupted.
 _FASTEST, _FARTHEST = 8.0, 0.25
+# Parts of less than this share of the frames say nothing about the axis that points up.
+_LONG_PART = 0.05
 # After an interruption, a part whose lowest joints differ by so much from those of the longest part
 # is not on its floor, in lengths of the leg.
 _OTHER_FLOOR = 0.4
@@ -72,17 +74,19 @@ def read_skeleton(
         if not has_bone(positions, joints, f"{side}_ankle", f"{side}_toes"):
             joints.pop(f"{side}_toes", None)
     leg = leg_length(positions, joints)
+    parts = _uninterrupted_parts(recording, positions, joints, leg)
     if up is None:
         directions = middle(positions, joints, "shoulder") - middle(positions, joints, "ankle")
         offsets = np.median(recording.translations, axis=0)
         at_rest = rest_directions(parents, offsets, joints)
-        kept = _is_uninterrupted(recording, positions, joints, leg)
-        axes = upward_axis(positions[kept], directions[kept], leg, at_rest)
+        long = np.bincount(parts)[parts] >= _LONG_PART * len(parts)
+        long = long if long.any() else np.ones(len(parts), dtype=bool)
+        axes = upward_axis(positions[long], directions[long], leg, at_rest)
         warn_of_doubt(recording.name, axes)
         up = axes[0]
     upright = make_upright(np.eye(3), up=up).T
     rotations, positions = upright @ rotations, positions @ upright.T
-    kept = _is_uninterrupted(recording, positions, joints, leg)
+    kept = _is_on_one_floor(parts, positions, leg)
     ankles = [joints[f"{side}_ankle"] for side in SIDES]
     balls = [joints.get(f"{side}_toes", joints[f"{side}_ankle"]) for side in SIDES]
     ball_still, ankle_still = (
@@ -95,10 +99,10 @@ def read_skeleton(
     )
 
 
-def _is_uninterrupted(
+def _uninterrupted_parts(
     recording: SkeletonMotion, positions: ndarray, joints: Mapping[str, int], leg: float
 ) -> ndarray:
-    """Return whether frames belong to the recording; others jump there and back, or to 0."""
+    """Return numbers of parts of a recording, between which people jump impossibly, or to 0."""
     hips = middle(positions, joints, "hip")
     steps = np.linalg.norm(np.diff(hips, axis=0), axis=1) / leg
     jumps = (steps * recording.frames_per_second > _FASTEST) & (steps > _FARTHEST)
@@ -109,15 +113,19 @@ def _is_uninterrupted(
         apart = np.median(hips[is_zero], axis=0) - np.median(hips[~is_zero], axis=0)
         if np.linalg.norm(apart) > _FARTHEST * leg:
             parts = 2 * parts + is_zero
+    return np.asarray(parts)
+
+
+def _is_on_one_floor(parts: ndarray, positions: ndarray, leg: float) -> ndarray:
+    """Return whether frames are of parts on the floor of the longest one."""
     lowest = positions[..., 1].min(axis=1)
     numbers, counts = np.unique(parts, return_counts=True)
-    longest = numbers[np.argmax(counts)]
-    floor = np.percentile(lowest[parts == longest], 5.0)
-    kept = np.zeros(len(hips), dtype=bool)
+    floor = np.percentile(lowest[parts == numbers[np.argmax(counts)]], 5.0)
+    kept = np.zeros(len(parts), dtype=bool)
     for number in numbers:
-        own = parts == number
-        is_near = abs(np.percentile(lowest[own], 5.0) - floor) < _OTHER_FLOOR * leg
-        kept |= own & is_near
+        is_here = parts == number
+        is_near = abs(np.percentile(lowest[is_here], 5.0) - floor) < _OTHER_FLOOR * leg
+        kept |= is_here & is_near
     return kept
 
 

@@ -19,8 +19,8 @@ from riemhuman.kernels.surface import unit_vectors as unit
 _AXES = {"x": (0, 1), "y": (1, 1), "z": (2, 1), "-x": (0, -1), "-y": (1, -1), "-z": (2, -1)}
 # Evidence for an axis, in one arbitrary unit; the rest follows from the cases in the tests.
 _STANDS, _FLOOR_AT_ZERO, _BED, _AT_REST = 2.0, 2.5, 1.6, 1.0
-# Evidence against an axis that the convention does not name, and that hardly anything uses.
-_OTHER, _RARE = 2.5, 3.0
+# Evidence against an axis that hardly anything uses.
+_RARE = 3.0
 # With so much evidence of a floor along the usual axis, another one is in doubt.
 _DOUBTFUL_FLOOR = 1.2
 # With less, moving bodies have no floor along an axis.
@@ -38,18 +38,20 @@ _SUPPORTED = 0.05
 
 @dataclass(frozen=True)
 class Convention:
-    """What is known before a recording is seen: its usual axis.
+    """What is known before a recording is seen: its usual axis, and the evidence against others.
 
-    Where bodies `move`, a floor counts by the share of frames in which a body is near it, at any
-    height: the file holds no rest pose to tell more.
+    Where bodies `move`, standing and a floor, at any height, count by the share of frames in which
+    a body is near the floor: the file holds no rest pose to tell more.
     """
 
     axis: str
+    against_other: float
     move: bool = False
 
 
-BVH = Convention("y")
-AMASS = Convention("z", move=True)
+BVH = Convention("y", against_other=2.5)
+# Files of others are in this layout, too, and in them y is usual.
+AMASS = Convention("z", against_other=1.5, move=True)
 
 
 def upward_axis(
@@ -81,11 +83,15 @@ def upward_axis(
             supported[axis] *= min(1.0, len(lowest) / _ENOUGH_FRAMES)
         floors[axis] = _floor_evidence(floor, supported[axis], convention)
         stands = float(np.mean(sign * unit(directions)[:, number] > _UPRIGHT))
+        if convention.move:
+            stands *= supported[axis]
         rests[axis] = rest_direction is not None and bool(
             sign * unit(rest_direction)[number] > _UPRIGHT
         )
         seen[axis] = _STANDS * stands + floors[axis]
-        against = 0.0 if axis == usual else _OTHER if axis in ("y", "z") else _RARE
+        against = convention.against_other if axis in ("y", "z") else _RARE
+        if axis == usual:
+            against = 0.0
         evidence[axis] = seen[axis] + _AT_REST * rests[axis] - against
     chosen = max(evidence, key=lambda axis: evidence[axis])
     likely = max(seen, key=lambda axis: seen[axis])

@@ -75,6 +75,7 @@ def load_recording(
     betas: Any = None,
     joints: Mapping[str, str] | None = None,
     person: str | None = None,
+    unit: str | float | None = None,
 ) -> ModelMotion:
     """Read a recording of a person's motion, in any format that the library knows.
 
@@ -94,14 +95,17 @@ def load_recording(
         used. Where a file of a video holds no rate, this is the rate of the video, by default 30.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis of the recording that points up; by default the one along which people stand.
-    betas : array_like, shape (B,), optional
+    betas : array_like, shape (B,), or "recorded", optional
         Coefficients of the person, of `model`; by default those of the file if they are of this
-        model, else as for `retarget`.
+        model, else as for `retarget`, which finds a person with recorded bones for "recorded".
     joints : mapping of str to str, optional
         Names of joints of a skeleton, see `retarget`.
     person : str, optional
         Which person, in files of several; by default the one seen in the most frames, which a
         warning says.
+    unit : str or number, optional
+        Unit of the lengths of a skeleton, which are kept then, see `retarget`; .amc files are read
+        in metres.
 
     Raises
     ------
@@ -117,8 +121,10 @@ def load_recording(
     suffix = suffix_of(file, RECORDING_ENDINGS)
     if suffix in (".bvh", ".amc"):
         recording = load_bvh(file) if suffix == ".bvh" else load_amc(file)
-        options = {"betas": betas, "joints": joints, "up": up}
+        options = {"betas": betas, "joints": joints, "up": up, "unit": unit}
         return retarget(recording, model, frames_per_second=frames_per_second, **options)
+    if unit is not None:
+        raise ArgumentError(f"unit is of skeletons, in .bvh and .amc; found {file.name}")
     if joints is not None:
         raise ArgumentError(f"joints are of skeletons, in .bvh and .amc; found {file.name}")
     motion: ModelMotion
