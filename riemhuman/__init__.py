@@ -55,6 +55,7 @@ _ROOM_OF_NAME = {
     "LearnedMetric": "statistics.learned_metric",
     "TangentPCA": "solvers.tangent_pca",
     "ConvergenceWarning": "errors",
+    "MixedPosesWarning": "errors",
     "PrecisionWarning": "errors",
     "RiemhumanError": "errors",
     "SeamWarning": "errors",

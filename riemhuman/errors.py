@@ -79,6 +79,10 @@ class SeamWarning(UserWarning):
     """Vertices that a seam doubles are moved without each other: the surface will tear."""
 
 
+class MixedPosesWarning(UserWarning):
+    """Principal components are computed of surfaces in several poses."""
+
+
 class PrecisionWarning(UserWarning):
     """Coordinates hold few digits of the shape, as far from the origin in single precision."""
 

@@ -108,8 +108,10 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     "their logarithms at the Karcher mean. Writes a folder with the mean (mean.ply), the\n"
     "bodies two standard deviations from it along each component (component_1_minus.ply,\n"
     "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...), a page that shows\n"
-    "them (components.html), and summary.json.",
+    "them (components.html), and summary.json. Bodies in several poses need --standard-pose,\n"
+    "which fits a body model to them: components of different poses tear shoulders.",
     "  riemhuman components scans/ -o components/\n"
+    "  riemhuman components bodies/ -o builds/ --standard-pose\n"
     "  riemhuman components scans/ -o components/ -n 5 --samples 20 --seed 7\n"
     "  riemhuman components standing/*.ply -o how_they_stand/ --pose --align --json\n",
     cli.FILES,
@@ -117,6 +119,8 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     cli.option("-n --n-components", "components", default=3, metavar="K"),
     cli.option("--samples", "number of random bodies", default=0, metavar="N"),
     cli.option("--seed", "seed of the random bodies", default=0, metavar="S"),
+    cli.flag("--standard-pose", "bring bodies to the standard pose of their model first"),
+    inputs.MEASURED_MODEL,
     inputs.metric_options("the first mesh", _COMPONENTS_METRIC),
 )
 def _components(options: argparse.Namespace) -> cli.Answer:
@@ -131,9 +135,17 @@ def _components(options: argparse.Namespace) -> cli.Answer:
     surfaces = inputs.read_surfaces(options, options.meshes)
     if not 0 < count < len(surfaces):
         raise ArgumentError(f"-n {count} must be below the number of meshes, {len(surfaces)}")
+    cli.check_needs(options, "--model", "--standard-pose")
+    cli.check_needs(options, "--definitions", "--model NPZ")
     points = surfaces[:]
     metric = inputs.chosen_metric(options, surfaces.template)
     metric.space.metric = metric
+    if options.standard_pose:
+        definitions = inputs.measurements_of(
+            options, surfaces.template, surfaces.files[0]
+        ).definitions
+        with options.task(f"Standard pose of {len(points)} meshes"):
+            points = rh.measurements.in_standard_pose(definitions, points)
     with options.task(f"Components of {len(points)}, {metric}"):
         nearest = rh.statistics.NearestSurface(progress=options.bars)
         pca = rh.statistics.TangentPCA(metric.space, count, nearest=nearest).fit(points)
@@ -150,6 +162,7 @@ def _components(options: argparse.Namespace) -> cli.Answer:
     record = {
         "files": surfaces.files,
         "metric": inputs.metric_record(metric),
+        "standard_pose": options.standard_pose,
         "n_components": pca.n_components_,
         "explained_variance": pca.explained_variance_,
         "explained_variance_ratio": pca.explained_variance_ratio_,

@@ -96,7 +96,8 @@ def several(
 
 def check_needs(options: argparse.Namespace, names: str, *needed: str) -> None:
     """Raise an error if an option is given without any of those that it needs."""
-    if any(getattr(options, need.split()[0].strip("-")) for need in needed):
+    given = [need.split()[0].strip("-").replace("-", "_") for need in needed]
+    if any(getattr(options, name) for name in given):
         return
     for name in names.split():
         if getattr(options, name.strip("-").replace("-", "_")):

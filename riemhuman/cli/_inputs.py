@@ -101,6 +101,31 @@ def list_meshes(paths: Sequence[Path]) -> list[Path]:
     return files
 
 
+MEASURED_MODEL = cli.several(
+    cli.path_option("--model", "NPZ", "body model of the meshes (default: the open one)"),
+    cli.path_option(
+        "--definitions", "JSON", "measurements of the model (default: the open model's)"
+    ),
+)
+
+
+def measurements_of(
+    options: argparse.Namespace, template: rh.Template, file: Path, pose: str = "standing"
+) -> Any:
+    """Return the measurements of the chosen body model, by default of the open one."""
+    if options.model is not None:
+        model = rh.BodyModel.from_file(options.model)
+        model.template.check_faces(template.faces, str(file))
+        return rh.measurements.Measurements(model, options.definitions)
+    definitions = rh.measurements.open_measurements(template, pose)
+    if definitions is None:
+        raise ArgumentError(
+            f"{file} has {template.n_vertices} vertices and {template.n_faces} triangles, not "
+            f"those of the open body model; {advice(file)}, or give --model and --definitions"
+        )
+    return rh.measurements.Measurements(definitions)
+
+
 def advice(scan: Path) -> str:
     """Return what to do with a scan, for messages."""
     return f"register it first: riemhuman register {scan} -o body.ply"

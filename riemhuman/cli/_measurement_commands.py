@@ -20,10 +20,7 @@ if TYPE_CHECKING:
 _MOST_COLUMNS = 5
 
 _DEFINITIONS = cli.several(
-    cli.path_option("--model", "NPZ", "body model of the meshes (default: the open one)"),
-    cli.path_option(
-        "--definitions", "JSON", "measurements of the model (default: the open model's)"
-    ),
+    inputs.MEASURED_MODEL,
     cli.option("--only", "measurement to take; repeatable", metavar="NAME", action="append"),
     cli.UNIT,
 )
@@ -182,19 +179,7 @@ def _read(
     cli.check_needs(options, "--definitions", "--model NPZ")
     meshes = rh.datasets.RegisteredMeshes(files, scale=None, unit=options.unit, up=options.up)
     template = rh.Template(meshes[0], meshes.faces)
-    if options.model is not None:
-        model = rh.BodyModel.from_file(options.model)
-        model.template.check_faces(meshes.faces, str(files[0]))
-        measurements = rh.measurements.Measurements(model, options.definitions)
-    else:
-        definitions = rh.measurements.open_measurements(template, pose)
-        if definitions is None:
-            raise ArgumentError(
-                f"{files[0]} has {template.n_vertices} vertices and {template.n_faces} triangles, "
-                f"not those of the open body model; {inputs.advice(files[0])}, or give --model and "
-                "--definitions"
-            )
-        measurements = rh.measurements.Measurements(definitions)
+    measurements = inputs.measurements_of(options, template, files[0], pose)
     if options.only:
         measurements = rh.measurements.Measurements(measurements.definitions, options.only)
     trusted = np.ones((len(files), template.n_vertices), dtype=bool)

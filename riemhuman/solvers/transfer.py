@@ -52,7 +52,7 @@ _LEAST_AREA = 1e-6
 # Time of the flow, as a share of the area of a body. Of a variation of wavelength ℓ there remains
 # about exp(−4π²t/ℓ²): a quarter of what goes around an arm, 0.3 m, and nine tenths of what changes
 # from a thigh to its shin, 1 m.
-_SMOOTHING = 1.0 / 600.0
+SMOOTHING = 1.0 / 600.0
 
 # How much longer heat flows along bones: see `Disentangling`.
 _BONE_SMOOTHING = 10.0
@@ -389,22 +389,22 @@ class PoseTransfer:
         self._template = template = space.template
         self._bone_smoothing = bone_smoothing
         self._area = float(template.face_areas.sum())
-        self._time = self._area * _SMOOTHING
+        self._time = self._area * SMOOTHING
 
     def solve(self, shape: ndarray, pose: ndarray) -> ndarray:
         """Return a body in the pose of another, with its centroid, shape (V, 3)."""
         frames = triangle_frames(shape, self._template.differential_operator)
         rotations, heat = self._rotations(frames, pose), self._template.heat
         # Of one implicit step alone, short waves fade too little: each flow has two.
-        trust = self._trust(_flow(heat.step(0.5 * self._time), rotations))
+        trust = self._trust(heat_flow(heat.step(0.5 * self._time), rotations))
         along_bones = heat.step_through(trust, 0.5 * self._bone_smoothing * self._time)
         # By the trust of the second field, which bends sharply, few triangles would take all strain
         # of a joint and nearly lose their area.
         assemble = self._template.interpolator.with_weights(trust)
-        field = _flow(along_bones, rotations)
+        field = heat_flow(along_bones, rotations)
         posed = assemble.surface_of(stacked_derivatives(field @ frames), pose)
         missing = self._rotations(self._frames(posed), pose)
-        field = _flow(along_bones, missing) @ field
+        field = heat_flow(along_bones, missing) @ field
         return assemble.surface_of(stacked_derivatives(field @ frames), pose)
 
     def _frames(self, surface: ndarray) -> ndarray:
@@ -424,7 +424,7 @@ class PoseTransfer:
         return 1.0 / (1.0 + _STRAIN_OF_BENDS**2 * self._area * np.maximum(squared_bends, 0.0))
 
 
-def _flow(half: LinearOperator, rotations: ndarray) -> ndarray:
+def heat_flow(half: LinearOperator, rotations: ndarray) -> ndarray:
     """Return rotations after heat has flowed between them, as between matrices."""
     for _ in range(2):
         heat = half @ rotations.reshape(-1, 9)

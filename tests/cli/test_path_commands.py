@@ -9,6 +9,7 @@ from cases import sphere_template, surfaces
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io import load_mesh, save_mesh
+from riemhuman.measurements import Measurements, in_standard_pose
 from riemhuman.solvers import BasisMean, BasisPath
 from riemhuman.statistics import TangentPCA
 from riemhuman.surfaces import DeformationBasis, Template, procrustes
@@ -109,6 +110,29 @@ def test_mean_is_that_of_the_library(run, scans, bodies, tmp_path):
     np.testing.assert_array_equal(vertices, expected.point)
     np.testing.assert_array_equal(faces, bodies.template.faces)
     assert "Karcher mean" in (tmp_path / "mean.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.filterwarnings("always::riemhuman.errors.MixedPosesWarning")
+def test_components_of_one_pose_and_of_several(run, scans, bodies, tmp_path):
+    """Of several poses there is a warning; bodies in the standard pose are in one."""
+    files = [scans / f"body_{number}.ply" for number in (0, 1, 20)]
+    command = ("components", *files, "-n", 1, "--json")
+    mixed = run(*command, "-o", f"{tmp_path / 'mixed'}/")
+    assert mixed.code == 0
+    assert "in different poses" in mixed.err
+    assert "--standard-pose" in mixed.err
+    straight = run(*command, "-o", f"{tmp_path / 'straight'}/", "--standard-pose")
+    assert straight.code == 0
+    assert "in different poses" not in straight.err
+    assert json.loads(straight.out)["standard_pose"]
+    own = Measurements(bodies.model).definitions
+    points = in_standard_pose(own, np.stack([load_mesh(file)[0] for file in files]))
+    mean = load_mesh(tmp_path / "straight" / "mean.ply")[0]
+    # The mean of three people who stand alike is among them.
+    distances = np.linalg.norm(procrustes(points, to=mean) - mean, axis=-1).mean(axis=-1)
+    assert distances.max() < 0.06
+    refused = run(*command, "-o", f"{tmp_path / 'more'}/", "--model", files[0])
+    assert "--model needs --standard-pose" in refused.err
 
 
 def test_components_are_those_of_the_library(run, tmp_path):

@@ -1,6 +1,7 @@
 """Principal components at the mean: known directions are found, and bodies stay bodies."""
 
 from functools import cache
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from self_intersections import count_self_intersections
 from sklearn.decomposition import PCA
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.errors import ArgumentError, OutsideManifoldError
+from riemhuman.errors import ArgumentError, MixedPosesWarning, OutsideManifoldError
 from riemhuman.geometry import (
     AlignedSurfaces,
     EbinMetric,
@@ -21,6 +22,7 @@ from riemhuman.geometry import (
     VectorSpace,
 )
 from riemhuman.solvers import BasisMean, tangent_pca
+from riemhuman.solvers._mixed_poses import _MOST_TURNED, turned_share
 from riemhuman.statistics import TangentPCA, inverted_triangles
 from riemhuman.surfaces import DeformationBasis, generalized_procrustes
 from riemhuman.surfaces.measures import triangle_areas
@@ -158,7 +160,11 @@ SETS = {"people": slice(0, 100, 20), "poses": slice(0, 10)}
 @cache
 def bodies_and_pca(which):
     points, _ = generalized_procrustes(load_open_bodies("coarse").points[SETS[which]])
-    return points, TangentPCA(equipped(1.0, 1.0, 1.0)).fit(points)
+    pca = TangentPCA(equipped(1.0, 1.0, 1.0))
+    if which == "people":
+        return points, pca.fit(points)
+    with pytest.warns(MixedPosesWarning, match="in_standard_pose"):
+        return points, pca.fit(points)
 
 
 def area_changes(points, reference):
@@ -249,7 +255,8 @@ def test_weights_of_the_metric_say_what_is_analysed():
     bodies = load_open_bodies("coarse")
     chosen = bodies.subject % 3 == 0
     points, subject, pose = bodies.points[chosen], bodies.subject[chosen], bodies.pose[chosen]
-    shape = TangentPCA(equipped(1.0, 1.0, 0.0), 2, mean=points[0]).fit_transform(points)
+    with pytest.warns(MixedPosesWarning):
+        shape = TangentPCA(equipped(1.0, 1.0, 0.0), 2, mean=points[0]).fit_transform(points)
     stance = TangentPCA(equipped(0.0, 0.0, 1.0), 2, mean=points[0]).fit_transform(points)
     flat = PCA(2).fit_transform(points.reshape(len(points), -1))
     assert share_between(shape, subject)[0] > 0.99
@@ -284,3 +291,56 @@ def test_refusals():
     few = surfaces(sphere_template(), 3, size=0.5)
     with pytest.raises(OutsideManifoldError, match="angle θ < π"):
         TangentPCA(surface_space, mean=few[0]).fit(few)
+
+
+# Mixed poses.
+
+
+def one_pose(variant, pose, members=slice(None)):
+    bodies = load_open_bodies("coarse", variant=variant)
+    return bodies.points[bodies.pose == pose][members]
+
+
+def share_turned(points, noise=0.0):
+    """Return the share that is compared, of bodies some of which face another way."""
+    template = load_open_bodies("coarse").template
+    rng = np.random.default_rng(5)
+    points = points + rng.normal(0.0, noise, points.shape) if noise else points.copy()
+    points[::2] = points[::2] * [-1.0, 1.0, -1.0]
+    return turned_share(template, points, points[0])
+
+
+@pytest.mark.parametrize("variant", ["plain", "natural"])
+def test_one_pose_of_many_people_is_one(variant):
+    """Whatever their builds, and however differently people hold it; scale does not matter."""
+    shares = [share_turned(one_pose(variant, number)) for number in range(10)]
+    assert max(shares) < 0.5 * _MOST_TURNED
+    squat = one_pose(variant, 9)
+    assert share_turned(1000.0 * squat) == pytest.approx(share_turned(squat), abs=1e-3)
+    assert share_turned(squat, noise=0.003) < _MOST_TURNED
+
+
+@pytest.mark.parametrize("variant", ["plain", "natural"])
+def test_several_poses_are_seen(variant):
+    """Also where one body alone is in another pose. A tilted head alone is no other pose."""
+    for number in range(1, 10):
+        if (variant, number) == ("natural", 1):
+            continue
+        first, second = one_pose(variant, 0), one_pose(variant, number)
+        for count in (5, 9):
+            mixed = np.concatenate([first[:count], second[count:]])
+            assert share_turned(mixed) > 1.5 * _MOST_TURNED
+
+
+@pytest.mark.parametrize("weights", [(1.0, 1.0, 0.0), (1.0, 1.0, 1.0), (0.0, 0.0, 1.0)])
+def test_mixed_poses_are_warned_of(weights):
+    """Unless poses are what the metric describes."""
+    space = equipped(*weights)
+    points = one_pose("plain", 0, slice(4))
+    mixed = np.concatenate([points[:2], one_pose("plain", 3, slice(2, 4))])
+    mean = points[0]
+    TangentPCA(space, 2, mean=mean).fit(points)
+    with catch_warnings(record=True) as warnings:
+        simplefilter("always")
+        TangentPCA(space, 2, mean=mean).fit(mixed)
+    assert [entry.category for entry in warnings] == [MixedPosesWarning] * (weights[0] > 0)
