@@ -107,14 +107,16 @@ def compare_paths(
 ) -> list[PathComparison]:
     """Find paths between two surfaces with several solvers, and measure them in the same way.
 
+    Every solver has its own start and tolerance; to compare metrics alone, see `compare_metrics`.
+
     Parameters
     ----------
     metrics : mapping of str to RiemannianMetric
         Metrics on the same surfaces; every path's energy is measured under each.
     start, end : array, shape (V, 3)
     solvers : mapping of str to (solver, str)
-        Each solver with the name of its metric, such as ``{"ours": (BasisPath(basis), "elastic"),
-        "SRNF": (BasisPath(basis), "srnf")}``.
+        Each solver with the name of its metric, such as ``{"basis": (BasisPath(basis), "elastic"),
+        "straight": (LinearPath(), "elastic")}``.
     reference : array, shape (n_nodes, V, 3), optional
         Path to measure deviations from, such as the body model's own motion.
 
