@@ -15,12 +15,12 @@ _TEMPLATE = cli.several(
     cli.path_option("--template", "MESH", "template mesh (default: the first frame)"), cli.UNIT
 )
 _PAIR = cli.several(
-    cli.path_option("a_motion", "A", "folder, .npz file, or recording (.bvh)"),
-    cli.path_option("b_motion", "B", "folder, .npz file, or recording (.bvh)"),
+    cli.path_option("a_motion", "A", "folder, .npz file, or recording"),
+    cli.path_option("b_motion", "B", "folder, .npz file, or recording"),
     _TEMPLATE,
 )
 _SEVERAL = cli.several(
-    cli.path_option("motions", "MOTIONS", "folders of meshes or motions, .npz or .bvh", nargs="+"),
+    cli.path_option("motions", "MOTIONS", "folders of meshes or motions, or recordings", nargs="+"),
     _TEMPLATE,
 )
 _BY = cli.choice(
@@ -28,6 +28,18 @@ _BY = cli.choice(
     "dynamic time warping of poses, of their changes from the mean of each motion, or of "
     "velocities; or the rate-invariant metric",
     *("warping", "changes", "velocities", "rate-invariant"),
+)
+_METRIC = cli.choice(
+    "--metric",
+    "compares frames by the normals of the skin, or by rotations, which tell movements of people "
+    "of other builds apart more reliably",
+    *("pose", "rotation"),
+)
+_TRAVEL = cli.option(
+    "--travel",
+    "weight of how fast the body travels beside its pose, such as 1 (default: 0)",
+    default=0.0,
+    metavar="W",
 )
 _N_TIMES = cli.option("--n-times", "times of the result", default=40, metavar="N")
 
@@ -42,18 +54,26 @@ def _read_pair(options: argparse.Namespace) -> inputs.Motions:
     return read
 
 
-def _space(read: inputs.Motions, n_times: int = 40) -> Any:
-    """Return the space of motions with the pose metric."""
+def _space(read: inputs.Motions, metric: str, n_times: int = 40) -> Any:
+    """Return the space of motions with a metric on frames."""
     space = rh.AlignedSurfaces(read.template, equip=False)
-    space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
+    if metric == "rotation":
+        space.equip_with_metric(rh.RotationMetric)
+    else:
+        space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
     return rh.motions.MotionSpace(space, n_times)
 
 
-def _measure(options: argparse.Namespace, space: Any, n_components: int | None = None) -> Any:
+def _measure(
+    options: argparse.Namespace, space: Any, n_components: int | None = None, travel: float = 0.0
+) -> Any:
     """Return the measure of motions, exact or on principal components."""
     if options.by == "rate-invariant":
+        if travel:
+            raise ArgumentError("--travel is for --by warping, changes and velocities")
         return rh.motions.RateInvariantMetric(space, n_components=n_components)
-    metric, shared = space.frames.metric, {"n_components": n_components, "n_jobs": -1}
+    metric = space.frames.metric
+    shared = {"n_components": n_components, "n_jobs": -1, "travel_weight": travel}
     if options.by == "velocities":
         return rh.motions.VelocityTimeWarping(metric, **shared)
     centered = options.by == "changes"
@@ -65,13 +85,17 @@ def _measure(options: argparse.Namespace, space: Any, n_components: int | None =
     "distance of two motions, whatever their speeds",
     "Prints the distance of two motions after the best re-timing.",
     "  riemhuman motions dist anna_runs/ ben_runs/\n"
-    "  riemhuman motions dist anna_runs/ ben_runs/ --by rate-invariant --json\n",
+    "  riemhuman motions dist anna_runs/ ben_runs/ --by rate-invariant --json\n"
+    "  riemhuman motions dist walk.bvh run.bvh --metric rotation --travel 1\n",
     _PAIR,
     _BY,
+    _METRIC,
+    _TRAVEL,
 )
 def _dist(options: argparse.Namespace) -> cli.Answer:
     read = _read_pair(options)
-    dist = float(_measure(options, _space(read)).dist(*read.motions))
+    measure = _measure(options, _space(read, options.metric), travel=options.travel)
+    dist = float(measure.dist(*read.motions))
     record = {"a": read.names[0], "b": read.names[1], "by": options.by, "distance": dist}
     return cli.Answer(f"{dist:.8g}", record)
 
@@ -86,6 +110,8 @@ def _dist(options: argparse.Namespace) -> cli.Answer:
     cli.output("FILE", ".npz", ".csv"),
     cli.option("--components", "compare K principal components (faster)", type=int, metavar="K"),
     _BY,
+    _METRIC,
+    _TRAVEL,
 )
 def _matrix(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
@@ -93,7 +119,8 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.io.files import write_text
 
     read = inputs.read_motions(options, *options.motions)
-    names, measure = read.names, _measure(options, _space(read), options.components)
+    names, space = read.names, _space(read, options.metric)
+    measure = _measure(options, space, options.components, options.travel)
     with options.task(f"Distances of {len(names)} motions"):
         distances = measure.dist_pairwise(read.motions, progress=options.bars)
     if options.ending == ".npz":
@@ -115,10 +142,11 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
     cli.output("FILE", ".html", ".npz"),
     _N_TIMES,
     _BY,
+    _METRIC,
 )
 def _align(options: argparse.Namespace) -> cli.Answer:
     read = _read_pair(options)
-    space, names = _space(read, options.n_times), tuple(read.names)
+    space, names = _space(read, options.metric, options.n_times), tuple(read.names)
     with options.task("Alignment"):
         measure = _measure(options, space)
         first, second, warp = rh.motions.align_motions(space, *read.motions, measure, names)
@@ -145,10 +173,11 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     inputs.MOTION_OUTPUT,
     _N_TIMES,
     _BY,
+    _METRIC,
 )
 def _mean(options: argparse.Namespace) -> cli.Answer:
     read = inputs.read_motions(options, *options.motions)
-    space = _space(read, options.n_times)
+    space = _space(read, options.metric, options.n_times)
     alignment, bars = _measure(options, space), options.bars
     estimator = rh.motions.MotionMean(space, alignment=alignment, progress=bars)
     with options.task(f"Mean of {len(read.names)} motions"):
@@ -165,18 +194,26 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     "occurrences of a short motion in a long one",
     "Prints the parts of a motion that are most similar to a query, at any speed, nearest\n"
     "first: distance, first and last frame, and their seconds where the motion is a recording\n"
-    "(.bvh, AMASS): of these, at most 30 frames a second are read and counted. The motion is\n"
-    "read once, frame by frame.",
+    "(.bvh, .amc, AMASS, videos): of these, at most 30 frames a second are read and counted. The\n"
+    "motion is read once, frame by frame.",
     "  riemhuman motions find lifted_knee/ hour/\n  riemhuman motions find jump.bvh day.bvh\n"
     "  riemhuman motions find lifted_knee/ hour/ -k 20 --json\n",
     cli.path_option("a_motion", "QUERY", "motion to find"),
     cli.path_option("b_motion", "MOTION", "motion to search"),
     _TEMPLATE,
     cli.option("-k", "largest number of parts to print", default=5, metavar="K"),
+    cli.option(
+        "--shortest",
+        "length of the shortest part, as a share of the query's (default: 0.5)",
+        default=0.5,
+        metavar="S",
+    ),
+    _METRIC,
 )
 def _find(options: argparse.Namespace) -> cli.Answer:
     read = _read_pair(options)
-    search = rh.motions.MotionSearch(_space(read).frames.metric, options.bars)
+    metric = _space(read, options.metric).frames.metric
+    search = rh.motions.MotionSearch(metric, options.bars, shortest=options.shortest)
     parts = search.find(*read.motions, options.k)
     record = [{"distance": p.dist, "first": p.start, "last": p.stop - 1} for p in parts]
     rows = [f"{p.dist:10.6g}  {p.start:6d}  {p.stop - 1:6d}" for p in parts]

@@ -39,6 +39,25 @@ def test_distance(run, people):
     assert json.loads(finished.out)["distance"] == pytest.approx(expected, rel=1e-9)
 
 
+def test_rotations_and_travel(run, refused, people, tmp_path):
+    rotations = json.loads(
+        run("motions", "dist", *people[:2], "--metric", "rotation", "--json").out
+    )
+    m1, m2 = (rh.datasets.load_mesh_motions(each)[0] for each in people[:2])
+    space = rh.AlignedSurfaces(rh.Template(m1[0], m1.faces))
+    measure = rh.motions.DynamicTimeWarping(rh.RotationMetric(space), between_frames=True)
+    assert rotations["distance"] == pytest.approx(measure.dist(m1, m2), rel=1e-9)
+    carried = tmp_path / "carried"
+    carried.mkdir()
+    for k, frame in enumerate(m1):
+        rh.save_mesh(carried / f"frame_{k}.ply", frame + [0.05 * k, 0.0, 0.0], m1.faces)
+    still = float(run("motions", "dist", people[0], carried).out)
+    travelling = float(run("motions", "dist", people[0], carried, "--travel", "1").out)
+    assert still < 1e-6 < 0.5 < travelling
+    said = refused("motions", "dist", *people[:2], "--by", "rate-invariant", "--travel", "1")
+    assert "--travel is for --by warping, changes and velocities" in said
+
+
 def test_distance_of_files_in_millimetres_over_a_template(run, refused, people, tmp_path):
     motions = [rh.datasets.load_mesh_motions(each)[0] for each in people[:2]]
     faces, body = motions[0].faces, motions[0][2]
