@@ -1,5 +1,6 @@
 """Registration of raw scans by a body model, without landmarks, or by a template."""
 
+from riemhuman.registration.correspondences import ScanCorrespondence, correspondence
 from riemhuman.registration.folders import ScanRecord, read_records, register_folder
 from riemhuman.registration.scan_registration import (
     RegisteredScan,
@@ -13,10 +14,12 @@ from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
 __all__ = [
     "RegisteredScan",
     "Scan",
+    "ScanCorrespondence",
     "ScanRecord",
     "ScanRegistration",
     "SimulatedScan",
     "TemplateRegistration",
+    "correspondence",
     "find_inward_triangles",
     "load_landmarks",
     "load_scan",

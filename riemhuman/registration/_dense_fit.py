@@ -56,7 +56,7 @@ def fit_closest(
     """Return the parameters that bring a body's points to the closest points of a scan."""
     for scale in scales:
         posed = pose_body(body, pose)
-        gaps, normals, weights = scan.match(posed.points, posed.normals, scale)
+        gaps, normals, weights, _ = scan.match(posed.points, posed.normals, scale)
         shares = body.areas * weights
         pose = take_step(
             posed, prior, scan.prior_weight, shares, gaps, normals, _MODEL_ALONG, _LONGEST

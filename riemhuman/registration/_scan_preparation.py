@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage, sparse
 from scipy.sparse import csgraph
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
@@ -27,21 +27,43 @@ _MOST_POINTS = 20_000
 _FIRST_POINTS = 80_000
 # Only vertices are matched, so triangles of this size, such as those that close soles, are split;
 # larger ones are floors or strays. Metres.
-_LONG_EDGE, _LONGEST_EDGE = 0.05, 0.3
+_LONG_EDGE, _LONGEST_EDGE = 0.025, 0.3
 
 # Points farther from the median than this are strays.
 _FAR_METRES = 10.0
-# A loose point is sparse if its so-manieth neighbour is farther than this, and this multiple of the
-# usual distance.
-_N_CLOSE, _SPARSE_METRES, _SPARSE = 6, 0.03, 3.0
-_CELL_METRES = 0.05
-# Separate parts with a smaller share of the points count as strays.
+# The spacing of a point is the distance to this neighbour: on a surface, nearly every place is so
+# near to a point of the scan.
+_N_CLOSE = 6
+# No point stands for an area wider than this, metres.
+_WIDEST_SPACING = 0.06
+# A loose point is a stray if its spacing is more than this, metres, and this multiple of the median
+# over the area, unless such points stand for more than this share of the area, as those of a body
+# do that is sampled less densely there. Beyond the last, metres, it belongs to no surface.
+_SPARSE_METRES, _SPARSE, _FEW_SPARSE, _LONELY_METRES = 0.03, 3.0, 0.03, 0.15
+# Remnants of a floor are in one plane, up to this distance in metres, which holds at least this
+# share of the points with more than this multiple of the median spacing.
+_PLANE_METRES, _IN_PLANE, _SPARSER = 0.02, 0.4, 1.5
+# Width of the cells of a grid in which points are connected, metres; wider for sparse points: at
+# this quantile of the spacing over the area.
+_CELL_METRES, _WIDEST_CELL, _CELL_QUANTILE = 0.05, 0.12, 0.95
+# Separate parts with a smaller share of the area count as strays.
 _STRAY = 0.004
 _FLOOR_METRES, _NEAR_FLOOR_METRES = 0.01, 0.02
 _FLOOR_SHARE, _ABOVE_FLOOR = 0.04, 0.97
 _N_PLANES = 200
+# A floor and two walls.
+_MOST_PLANES = 3
+# A plane is a part of the body if a smaller share of its points is outside the outline of all
+# others, widened by this length, metres.
+_LEAST_OUTSIDE, _OUTLINE_METRES = 0.1, 0.03
+# A body rests on a plane if at least this share of its points is nearer to it, metres; no body
+# rests on a wall beside it.
+_LEAST_RESTING, _RESTING_METRES = 0.01, 0.07
 
 _N_NEIGHBOURS = 14
+# More neighbours are used where these are so nearly on a line, as along the rings of a scanner:
+# the second largest variance is less than this share of the largest.
+_MORE_NEIGHBOURS, _ON_LINE = (40, 110), 0.15
 _NORMAL_METRES = 0.03
 # A mesh has no consistent side if more than this share of its edges join triangles that face
 # different sides.
@@ -53,6 +75,9 @@ N_THREADS = 2
 _MATCHED_NORMAL_METRES = 0.05
 # Number of scan points in an average, against noise.
 _N_MATCHED = 4
+# A match may be so much farther along the surface as the scan's points are farther apart than this
+# there, metres.
+_DENSE_METRES = 0.012
 _BLUR_METRES = 0.008
 # Number of points from which noise is estimated, and the median of |x| for a standard normal x.
 _N_NOISE, _MEDIAN = 3000, 0.6745
@@ -67,6 +92,8 @@ class Matches(NamedTuple):
     gaps: np.ndarray  # (n, 3) vectors from the points of the body to their matches, metres
     normals: np.ndarray  # (n, 3) normals of the scan at the matches
     weights: np.ndarray  # (n,) reliability of each match, between 0 and 1
+    # (n,) lengths of the gaps without what the spacing of the scan explains, metres
+    distances: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +106,7 @@ class PreparedScan:
     whole: Scan
     up: np.ndarray | None = None  # direction up, if it is known
     floor: tuple[np.ndarray, float] | None = None  # its upward normal, and its height along this
+    other_ups: tuple[np.ndarray, ...] = ()  # normals of more planes on which the body may rest
     estimated: bool = False  # whether the normals were estimated from the points alone
     parts: np.ndarray | None = None  # (n,) connected parts of a mesh that has several
     signed: bool = True  # whether the signs of the normals are known
@@ -87,6 +115,15 @@ class PreparedScan:
     @cached_property
     def _tree(self) -> cKDTree:
         return cKDTree(np.concatenate([self.points, _MATCHED_NORMAL_METRES * self.normals], axis=1))
+
+    @cached_property
+    def spacing(self) -> np.ndarray:
+        """The distance within which every point has neighbours on all sides, metres."""
+        return point_spacing(self.points)
+
+    def even_points(self, n_points: int) -> np.ndarray:
+        """Return the numbers of about so many points, as many on every part of the surface."""
+        return thin_points(self.points, n_points, np.random.default_rng(0))
 
     @property
     def prior_weight(self) -> float:
@@ -114,15 +151,20 @@ class PreparedScan:
         gaps = np.einsum("nk,nkx->nx", shares, self.points[near]) - points
         mean_normals = unit_vectors(np.einsum("nk,nkx->nx", shares, self.normals[near]))
         cosines = np.einsum("nx,nx->n", mean_normals, normals)
-        weights = (scale**2 / (np.sum(gaps**2, axis=1) + scale**2)) ** 2
+        # Between sparse points, the nearest is far along the surface even if nothing is missing.
+        heights = np.abs(np.einsum("nx,nx->n", gaps, mean_normals))
+        along = np.sqrt(np.maximum(np.sum(gaps**2, axis=1) - heights**2, 0.0))
+        allowed = np.clip(self.spacing[near[:, 0]] - _DENSE_METRES, 0.0, _WIDEST_SPACING)
+        distances = np.hypot(heights, np.maximum(along - allowed, 0.0))
+        weights = (scale**2 / (distances**2 + scale**2)) ** 2
         weights *= np.clip(cosines, 0.0, 1.0)
         if self.floor is not None:  # soles that it hides are at least not below it
             up, height = self.floor
             depths = height - points @ up
             below = depths > 0.0
             gaps[below], mean_normals[below] = depths[below, np.newaxis] * up, up
-            weights[below] = 1.0
-        return Matches(gaps, mean_normals, weights)
+            weights[below], distances[below] = 1.0, depths[below]
+        return Matches(gaps, mean_normals, weights, distances)
 
 
 def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
@@ -150,9 +192,9 @@ def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
             normals = -normals
     if not surroundings:
         return PreparedScan(points, normals, background[: len(scan)], scan, estimated=estimated)
-    floor = _find_floor(points, normals, rng)
-    if floor is not None:
-        background |= everything @ floor[0] < floor[1] + _NEAR_FLOOR_METRES
+    planes = find_planes(points, normals, rng)
+    for up, height, _ in planes:
+        background |= everything @ up < height + _NEAR_FLOOR_METRES
     if faces is None:
         background |= _find_sparse_points(everything, ~background)
     background |= _find_strays(everything, ~background)
@@ -168,8 +210,19 @@ def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
         normals = estimate_normals(points)  # the background may have flipped signs
     elif faces is not None:
         parts = vertex_components(faces, len(everything))[numbers[keep]]
-    up = None if floor is None else floor[0]
-    return PreparedScan(points, normals, background[: len(scan)], scan, up, floor, estimated, parts)
+    floors = [plane for plane in planes if plane.resting > _LEAST_RESTING]
+    floors.sort(key=lambda plane: -plane.resting)
+    return PreparedScan(
+        points,
+        normals,
+        background[: len(scan)],
+        scan,
+        up=floors[0].normal if floors else None,
+        floor=(floors[0].normal, floors[0].height) if floors else None,
+        other_ups=tuple(plane.normal for plane in floors[1:]),
+        estimated=estimated,
+        parts=parts,
+    )
 
 
 def _outward_fine_mesh(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -198,10 +251,29 @@ def split_triangles(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, 
     return np.concatenate([points, middles]), np.array(parts).transpose(2, 0, 1).reshape(-1, 3)
 
 
-def _find_floor(
-    points: np.ndarray, normals: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, float] | None:
-    """Return the upward normal and the height of a wide plane with all other points above it."""
+class Plane(NamedTuple):
+    """A plane beside the body: a floor or a wall."""
+
+    normal: np.ndarray  # (3,) towards the body
+    height: float  # along the normal, metres
+    resting: float  # share of the other points that are near to it
+
+
+def find_planes(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> list[Plane]:
+    """Return floors and walls: wide planes that have all other points on one side of them."""
+    planes: list[Plane] = []
+    while len(planes) < _MOST_PLANES and len(points) > FEWEST_POINTS:
+        plane = _find_plane(points, normals, rng)
+        if plane is None:
+            break
+        planes.append(plane)
+        rest = points @ plane.normal > plane.height + _NEAR_FLOOR_METRES
+        points, normals = points[rest], normals[rest]
+    return planes
+
+
+def _find_plane(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> Plane | None:
+    """Return the plane that holds the most points, if it is a floor or a wall."""
     best, support = None, _FLOOR_SHARE * len(points)
     for start in rng.choice(len(points), min(_N_PLANES, len(points)), replace=False):
         across = normals[start]
@@ -212,28 +284,82 @@ def _find_floor(
             best, support = start, near.sum()
     if best is None:
         return None
-    up = normals[best]
-    near = np.abs((points - points[best]) @ up) < _FLOOR_METRES
+    near = np.abs((points - points[best]) @ normals[best]) < _FLOOR_METRES
     centre = points[near].mean(axis=0)
-    up = np.linalg.svd(points[near] - centre, full_matrices=False)[2][2]
-    heights = (points - centre) @ up
-    if np.median(heights[~near]) < 0:
-        up, heights = -up, -heights
-    above = heights[~near] > -_NEAR_FLOOR_METRES
+    axes = np.linalg.svd(points[near] - centre, full_matrices=False)[2]
+    heights = (points - centre) @ axes[2]
+    sign = -1.0 if np.median(heights[~near]) < 0 else 1.0
+    others = sign * heights[~near]
+    above = others > -_NEAR_FLOOR_METRES
     spread = points[near].std(axis=0)
     is_wide = np.sort(spread)[1] > 0.2
-    if above.mean() < _ABOVE_FLOOR or not is_wide:
+    flat = (points - centre) @ axes[:2].T
+    higher = sign * heights > _NEAR_FLOOR_METRES
+    if above.mean() < _ABOVE_FLOOR or not is_wide or higher.sum() < FEWEST_POINTS:
         return None
-    return up, float(centre @ up)
+    if _share_outside(flat[near], flat[higher]) < _LEAST_OUTSIDE:
+        return None
+    resting = float(np.mean(sign * heights[higher] < _RESTING_METRES))
+    return Plane(sign * axes[2], float(centre @ (sign * axes[2])), resting)
+
+
+def _share_outside(points: np.ndarray, others: np.ndarray) -> float:
+    """Return the share of points in the plane, (n, 2), outside the convex outline of others."""
+    low, high = np.percentile(others, [0.5, 99.5], axis=0)
+    inside = ((others >= low) & (others <= high)).all(axis=1)  # without strays
+    equations = ConvexHull(others[inside]).equations
+    distances = points @ equations[:, :2].T + equations[:, 2]
+    return float(np.mean(distances.max(axis=1) > _OUTLINE_METRES))
+
+
+def point_spacing(points: np.ndarray) -> np.ndarray:
+    """Return the distance of each point to its sixth neighbour, metres."""
+    count = min(_N_CLOSE + 1, len(points))
+    distances: np.ndarray = cKDTree(points).query(points, k=[count])[0][:, 0]
+    return distances
+
+
+def _areas(spacing: np.ndarray) -> np.ndarray:
+    """Return the areas for which points stand, up to a factor, from their spacing."""
+    return np.minimum(spacing, _WIDEST_SPACING) ** 2
+
+
+def _quantile_over_area(spacing: np.ndarray, share: float) -> float:
+    """Return the spacing below which it is on a share of the area."""
+    order = np.argsort(spacing)
+    below = np.cumsum(_areas(spacing[order]))
+    return float(spacing[order[np.searchsorted(below, share * below[-1])]])
 
 
 def _find_sparse_points(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Return which loose points are far from their neighbours: remnants of floors and stands."""
+    """Return which loose points are remnants of floors and stands, far from their neighbours."""
     sparse_points = np.zeros(len(points), dtype=bool)
     chosen = points[wanted]
-    distances = cKDTree(chosen).query(chosen, k=min(_N_CLOSE + 1, len(chosen)))[0][:, -1]
-    sparse_points[wanted] = distances > max(_SPARSE_METRES, _SPARSE * np.median(distances))
+    spacing = point_spacing(chosen)
+    usual, areas = _quantile_over_area(spacing, 0.5), _areas(spacing)
+    is_remnant = spacing > max(_SPARSE_METRES, _SPARSE * usual)
+    if areas[is_remnant].sum() > _FEW_SPARSE * areas.sum():
+        is_remnant &= spacing > _LONELY_METRES
+    is_remnant |= _find_sparse_floor(chosen, spacing > max(_SPARSE_METRES, _SPARSER * usual))
+    sparse_points[wanted] = is_remnant
     return sparse_points
+
+
+def _find_sparse_floor(points: np.ndarray, is_sparse: np.ndarray) -> np.ndarray:
+    """Return which sparse points are in one plane that has nearly all points on one side."""
+    rng, numbers = np.random.default_rng(0), np.flatnonzero(is_sparse)
+    best, most = np.zeros(len(points)), int(_IN_PLANE * len(numbers))
+    for _ in range(_N_PLANES if len(numbers) > _N_NEIGHBOURS else 0):
+        corners = points[rng.choice(numbers, 3, replace=False)]
+        normal = unit_vectors(np.cross(corners[1] - corners[0], corners[2] - corners[0]))
+        heights = (points[numbers] - corners[0]) @ normal
+        count = int(np.sum(np.abs(heights) < _PLANE_METRES))
+        if count > most:
+            best, most = (points - corners[0]) @ normal, count
+    in_plane = is_sparse & (np.abs(best) < _PLANE_METRES)
+    sides = np.sign(best) * (np.abs(best) > _PLANE_METRES)
+    is_floor = abs(sides.sum()) > (2.0 * _ABOVE_FLOOR - 1.0) * np.abs(sides).sum()
+    return in_plane if is_floor else np.zeros_like(in_plane)
 
 
 def _find_strays(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
@@ -245,14 +371,17 @@ def _find_strays(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     low, high = np.percentile(chosen, [0.5, 99.5], axis=0)
     low, high = low - 0.5, high + 0.5
     inside = ((chosen >= low) & (chosen <= high)).all(axis=1)
-    cells = np.floor((chosen[inside] - low) / _CELL_METRES).astype(np.int64)
-    grid = np.zeros(np.ceil((high - low) / _CELL_METRES).astype(int) + 1, dtype=bool)
+    spacing = point_spacing(chosen)
+    width = np.clip(_quantile_over_area(spacing, _CELL_QUANTILE), _CELL_METRES, _WIDEST_CELL)
+    cells = np.floor((chosen[inside] - low) / width).astype(np.int64)
+    grid = np.zeros(np.ceil((high - low) / width).astype(int) + 1, dtype=bool)
     grid[tuple(cells.T)] = True
     labels, _ = ndimage.label(grid, structure=np.ones((3, 3, 3)))
-    own = labels[tuple(cells.T)]
-    sizes = np.bincount(own)
+    parts = labels[tuple(cells.T)]
+    areas = _areas(spacing)
+    sizes = np.bincount(parts, areas[inside])
     is_stray = np.ones(len(chosen), dtype=bool)
-    is_stray[inside] = sizes[own] < _STRAY * len(chosen)
+    is_stray[inside] = sizes[parts] < _STRAY * areas.sum()
     strays[wanted] = is_stray
     return strays
 
@@ -260,10 +389,15 @@ def _find_strays(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 def estimate_normals(points: np.ndarray) -> np.ndarray:
     """Return outward normals of loose points on a surface."""
     n = len(points)
-    neighbours = cKDTree(points).query(points, k=min(_N_NEIGHBOURS, n))[1]
-    around = points[neighbours] - points[neighbours].mean(axis=1, keepdims=True)
-    spread = np.einsum("nkx,nky->nxy", around, around)
-    normals = np.linalg.eigh(spread)[1][:, :, 0]
+    tree = cKDTree(points)
+    neighbours = tree.query(points, k=min(_N_NEIGHBOURS, n))[1]
+    normals, on_line = _normals_of(points[neighbours])
+    for count in _MORE_NEIGHBOURS:
+        rest = np.flatnonzero(on_line)
+        if not len(rest) or count > n:
+            break
+        more = tree.query(points[rest], k=count)[1]
+        normals[rest], on_line[rest] = _normals_of(points[more])
 
     first = np.repeat(np.arange(n), neighbours.shape[1] - 1)
     second = neighbours[:, 1:].ravel()
@@ -286,6 +420,13 @@ def estimate_normals(points: np.ndarray) -> np.ndarray:
     means = np.stack([np.bincount(part, x) / counts for x in points.T], axis=1)
     outward = np.bincount(part, np.einsum("nx,nx->n", points - means[part], normals))
     return np.where(outward < 0, -1.0, 1.0)[part][:, np.newaxis] * normals
+
+
+def _normals_of(groups: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the normals of groups of points, (n, k, 3), and whether these are nearly on a line."""
+    around = groups - groups.mean(axis=1, keepdims=True)
+    variances, axes = np.linalg.eigh(np.einsum("nkx,nky->nxy", around, around))
+    return axes[:, :, 0], variances[:, 1] < _ON_LINE * variances[:, 2]
 
 
 def smooth_normals(points: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from riemhuman.registration._posed_body import (
     pose_body,
     sample_model,
 )
-from riemhuman.registration._scan_preparation import N_THREADS, PreparedScan, thin_points
+from riemhuman.registration._scan_preparation import N_THREADS, PreparedScan
 from riemhuman.registration._start_poses import (
     UP_POSES,
     BodyParts,
@@ -111,12 +111,15 @@ class StartSearch:
         end = self.end_of(scan, up)
         return self._shown if end is None else self._shown & end.shows(surface)
 
-    def run(self, scan: PreparedScan, *, again: bool = False) -> list[Candidate]:
+    def run(
+        self, scan: PreparedScan, *, again: bool = False, quick: bool = False
+    ) -> list[Candidate]:
         """Return the bodies from the likeliest starts, the best first."""
-        # A search that is done again starts from the headings between, and follows more starts.
-        offset, more = (0.5, 2) if again else (0.0, 1)
-        first, *others = [replace(each, n_best=more * each.n_best) for each in _ROUNDS]
-        ups = _AXES if scan.up is None else scan.up[np.newaxis]
+        # A search that is done again starts from the headings between, and follows more starts. A
+        # quick one follows fewer, and tries no arms.
+        offset, more = (0.5, 2.0) if again else (0.0, 0.5 if quick else 1.0)
+        first, *others = [replace(each, n_best=int(more * each.n_best)) for each in _ROUNDS]
+        ups = _AXES if scan.up is None else np.stack([scan.up, *scan.other_ups])
         if scan.up is None:
             few = [name for name in UP_POSES if name in self.poses] or list(self.poses)
             starts = [each for axis in ups for each in self._starts(few, axis, scan, offset)]
@@ -131,6 +134,12 @@ class StartSearch:
         candidates = self._advance(starts, first, scan)
         for each in others:
             candidates = self._advance(candidates, each, scan)
+        return candidates if quick else self.with_likeliest_arms(candidates, scan)
+
+    def with_likeliest_arms(
+        self, candidates: list[Candidate], scan: PreparedScan
+    ) -> list[Candidate]:
+        """Return candidates, the best with each arm as in the start pose that is the likeliest."""
         best_body = candidates[0]
         for arm in self.arms:
             best_body = self._with_likeliest_arm(best_body, arm, scan)
@@ -166,7 +175,8 @@ class StartSearch:
         """Return starts with headings that differ by sixths of 360°, from an offset in sixths."""
         body = self.samples(_ROUNDS[0].n_model)
         upright = Rotation.align_vectors(up, _UP)[0].as_matrix()
-        centre, end = scan.points.mean(axis=0), self.end_of(scan.points, up)
+        even = scan.points[scan.even_points(_ROUNDS[0].n_scan)]
+        centre, end = even.mean(axis=0), self.end_of(scan.points, up)
         betas = np.zeros(len(self.betas_precisions))
         starts = []
         for name in names:
@@ -205,7 +215,7 @@ class StartSearch:
     ) -> list[Candidate]:
         """Return the likeliest candidates after one round, the best first."""
         body = self.samples(each.n_model)
-        chosen = thin_points(scan.points, each.n_scan, np.random.default_rng(0))
+        chosen = scan.even_points(each.n_scan)
         few = replace(scan, points=scan.points[chosen], normals=scan.normals[chosen])
         sigmas = np.append(np.geomspace(*each.sigmas, each.n_steps), each.sigmas[1])
 

@@ -83,6 +83,10 @@ class RegisteredScan:
         z, standing on the ground in the middle of the axes. The identity without a model.
     unit : str
         The unit of the scan.
+    faces : array of int, shape (F, 3)
+        Triangles of the registered surface.
+    scan : Scan
+        The scan, metres.
 
     Examples
     --------
@@ -106,6 +110,8 @@ class RegisteredScan:
     up: np.ndarray
     transform: np.ndarray
     unit: str
+    faces: np.ndarray
+    scan: Scan
 
     @property
     def upright_points(self) -> np.ndarray:
@@ -131,6 +137,8 @@ _MATCHED_METRES = 0.02
 _FARTHEST_LANDMARK = 5.0
 # Cosine of the pelvis' left with the horizontal below which the forward direction is used instead.
 _LEAST_LEVEL = 0.3
+# Cosine of the direction up with the normal of a floor; planes that lean more are walls.
+_LEAST_LEVEL_FLOOR = 0.8
 # Unseen parts are named if they are more than this share of the surface together.
 _LEAST_UNSEEN = 0.1
 # With a larger unseen share, the direction up is a guess.
@@ -224,12 +232,9 @@ class ScanRegistration:
 
             result = self._solve_whole(half, prepared, start)
             if not result.trusted:
-                others = [self._solve_whole(half, prepared, again=start is None)]
-                if not others[0].trusted and _near_share(result) > _NEAR_OF_HALF:
-                    others += map(half, range(len(self._parts.halves)))
-                likeliest = max(others, key=lambda each: (each.trusted, each.likelihood))
-                if likeliest.trusted or likeliest.likelihood > result.likelihood + _RETRY_GAIN:
-                    return likeliest
+                other = self._solve_again(half, prepared, result, again=start is None)
+                if other.trusted or other.likelihood > result.likelihood + _RETRY_GAIN:
+                    return other
             return result
 
     def solve_sequence(
@@ -272,8 +277,12 @@ class ScanRegistration:
         whole = as_scan(scan, self.unit)
         known = self._landmark_positions(landmarks, whole)
         prepared = prepare_scan(whole)
-        up = prepared.up if self.up is None else _UP[self.up]
-        return replace(prepared, up=up, landmarks=known)
+        if self.up is not None:
+            up = _UP[self.up]
+            is_floor = prepared.up is not None and prepared.up @ up > _LEAST_LEVEL_FLOOR
+            floor = prepared.floor if is_floor else None
+            prepared = replace(prepared, up=up, floor=floor, other_ups=())
+        return replace(prepared, landmarks=known)
 
     def _landmark_positions(self, landmarks: Any, scan: Scan) -> dict[int, np.ndarray]:
         """Return the positions of joints by number, metres."""
@@ -303,14 +312,17 @@ class ScanRegistration:
         half: Callable[[int], RegisteredScan],
         scan: PreparedScan,
         start: RegisteredScan | None = None,
-        *,
-        again: bool = False,
     ) -> RegisteredScan:
         """Return the result for a whole body, or for half a body if the scan shows no more."""
+        return self._or_half(self._solve(self._fitter, scan, start), half)
+
+    def _or_half(
+        self, result: RegisteredScan, half: Callable[[int], RegisteredScan]
+    ) -> RegisteredScan:
+        """Return the result, or that for half a body if the scan shows no more."""
         # The model has no way to leave out legs: without points of their own, they are fitted to
         # the trunk and pull it out of place. Few of their vertices match then, and a body without
         # legs comes near to all of the scan.
-        result = self._solve(self._fitter, scan, start, again=again)
         halves = self._parts.halves if result.trusted_vertices.any() else ()
         for number, missing in enumerate(halves):
             few = result.matched[missing].mean() < _LEAST_MATCHED_HALF
@@ -323,12 +335,46 @@ class ScanRegistration:
         fitter: DenseFitter,
         scan: PreparedScan,
         start: RegisteredScan | None = None,
-        *,
-        again: bool = False,
     ) -> RegisteredScan:
-        """Return the result of one search, from other starts if it is done again."""
+        """Return the result of one search."""
+        return self._finish(fitter, *self._search_candidates(fitter, scan, start))
+
+    def _solve_again(
+        self,
+        half: Callable[[int], RegisteredScan],
+        scan: PreparedScan,
+        result: RegisteredScan,
+        *,
+        again: bool,
+    ) -> RegisteredScan:
+        """Return the result from other starts, without a direction up from a floor, or of a half.
+
+        Only the likeliest of these searches is followed to its end.
+        """
+        searches = [(self._fitter, *self._search_candidates(self._fitter, scan, again=again))]
+        others = []
+        if scan.floor is not None and self.up is None:
+            others.append((self._fitter, replace(scan, up=None, floor=None, other_ups=())))
+        if not result.trusted_vertices.any() and _near_share(result) > _NEAR_OF_HALF:
+            others += [(fitter, scan) for fitter in self._partial_fitters]
+        searches += [(f, *self._search_candidates(f, each, quick=True)) for f, each in others]
+
+        def likelihood(fitter: DenseFitter, found: list[Candidate], target: PreparedScan) -> float:
+            surface, up = fitter.surface(found[0].pose), found[0].up
+            visible = fitter.find_visible(surface, target.points, up)
+            return self._likelihood(fitter, found[0].pose, target, up, visible)
+
+        fitter, candidates, target = max(searches, key=lambda search: likelihood(*search))
+        if candidates is not searches[0][1]:
+            candidates = fitter.with_likeliest_arms(candidates, target)
+        other = self._finish(fitter, candidates, target)
+        return self._or_half(other, half) if fitter is self._fitter else other
+
+    def _finish(
+        self, fitter: DenseFitter, candidates: list[Candidate], scan: PreparedScan
+    ) -> RegisteredScan:
+        """Return the result of the dense fit to the best candidate of a search."""
         parts, whole, template = self._parts, scan.whole, self.model.template
-        candidates, scan = self._search_candidates(fitter, scan, start, again)
         up = candidates[0].up
         _, fit = fit_body(fitter, candidates[0], scan)
         pose, points, model_points = fit.pose, fit.points, fit.model_points
@@ -337,10 +383,11 @@ class ScanRegistration:
         background = scan.background | fitter.find_hair(model_points, whole.points)
         visible = fitter.find_visible(model_points, scan.points, up)
         likelihood = self._likelihood(fitter, pose, scan, up, visible)
-        gaps = np.linalg.norm(fit.matches.gaps, axis=1)
-        matched = visible & (gaps < _MATCHED_METRES) & (fit.matches.weights > 0.1)
-        some = scan.points[:: max(len(scan.points) // _N_DENSE, 1)]
+        near = fit.matches.distances < _MATCHED_METRES
+        matched = visible & near & (fit.matches.weights > 0.1)
+        some = scan.points[scan.even_points(_N_DENSE)]
         some = some[~fitter.find_hair(model_points, some)]
+        _, gaps = nearest_points(some, points, self.model.faces)
         _, model_distances = nearest_points(some, model_points, self.model.faces)
         # Hands that lie on the body are thin enough to be where it is, though they are right.
         overlaps = find_overlaps(template, points, matched & ~parts.on_hands)
@@ -353,7 +400,7 @@ class ScanRegistration:
         doubts, limb_doubts = find_doubts(
             likelihood=likelihood,
             margin=self._margin(fitter, candidates, scan),
-            near=float(np.mean(distances[~background] < NEAR_METRES)),
+            near=float(np.mean(gaps < NEAR_METRES)),
             betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
             far=float(np.quantile(model_distances, FAR_SHARE)),
             overlap=float(overlaps.sum() / max(matched.sum(), 1)),
@@ -368,6 +415,8 @@ class ScanRegistration:
             trusted_vertices &= ~parts.limb_vertices(limb)
         if scan.up is None:
             up = self._standing_up(pose, up)
+        elif scan.other_ups:
+            up = self._upright_plane(pose, scan)
         return RegisteredScan(
             points=points,
             trusted=not doubts and not limb_doubts,
@@ -390,14 +439,18 @@ class ScanRegistration:
             up=up,
             transform=_upright_transform(points, pose.local[fitter.root], up),
             unit=whole.unit,
+            faces=self.model.faces,
+            scan=whole,
         )
 
     def _search_candidates(
         self,
         fitter: DenseFitter,
         scan: PreparedScan,
-        start: RegisteredScan | None,
-        again: bool,
+        start: RegisteredScan | None = None,
+        *,
+        again: bool = False,
+        quick: bool = False,
     ) -> tuple[list[Candidate], PreparedScan]:
         """Return the likeliest bodies, and the scan with normals oriented like theirs."""
 
@@ -410,7 +463,7 @@ class ScanRegistration:
                 likelihood = self._likelihood(fitter, warm.pose, scan, start.up)
                 if likelihood > start.likelihood - _WARM_LOSS:
                     return [warm]
-            return fitter.run(target, again=again)
+            return fitter.run(target, again=again, quick=quick)
 
         candidates = search(scan)
         if not scan.estimated and scan.parts is None:
@@ -471,6 +524,13 @@ class ScanRegistration:
         trunk, feet = (each / np.linalg.norm(each) for each in (trunk, left + right))
         leans = max(feet @ up, trunk @ up) < _LEANING and left @ right > _FEET_AGREE
         return feet if leans else up
+
+    def _upright_plane(self, pose: Pose, scan: PreparedScan) -> np.ndarray:
+        """Return the normal of the plane on which the trunk is upright, or that with most rest."""
+        ups = [] if scan.up is None else [scan.up, *scan.other_ups]
+        root = pose_body(self._fitter.samples(1000), pose).motions.rotations[self._fitter.root]
+        best = max(ups, key=lambda up: float(root[:, 1] @ up))
+        return best if root[:, 1] @ best > _LEANING else ups[0]
 
     def _landmark_doubts(self, pose: Pose, scan: PreparedScan) -> list[str]:
         joints = pose_body(self._fitter.samples(1000), pose).points[-self.model.n_joints :]
@@ -621,7 +681,7 @@ class TemplateRegistration:
             points, matches = fit_elastic(
                 self._metric, points, reference, prepared, _STIFFNESSES, scale
             )
-        near = np.linalg.norm(matches.gaps, axis=1) < _NEAR_METRES
+        near = matches.distances < _NEAR_METRES
         matched = near & (matches.weights > 0.1)
         seen = find_seen(self._metric.space.template, points, matched, prepared)
         points = points / self._factor
@@ -646,6 +706,8 @@ class TemplateRegistration:
             up=np.array([0.0, 1.0, 0.0]),
             transform=np.eye(4),
             unit=whole.unit,
+            faces=faces,
+            scan=whole,
         )
 
 

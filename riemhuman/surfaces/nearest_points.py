@@ -70,14 +70,9 @@ def nearest_points(
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     reach = np.zeros(len(points))
     np.maximum.at(reach, corner, np.repeat(longest, 3) / math.sqrt(3.0))
-    order = np.argsort(corner, kind="stable")
-    starts = np.searchsorted(corner[order], np.arange(len(points) + 1))
-    surface = (points, faces, order // 3, starts)
-    found = (
-        np.zeros(len(queries), np.int64),
-        np.zeros((len(queries), 3)),
-        np.full(len(queries), np.inf),
-    )
+    surface = (points, faces, *_triangles_around(faces, len(points)))
+    starts = surface[-1]
+    found = _nothing_found(len(queries))
     used = np.flatnonzero(np.diff(starts))
     near = cKDTree(points[used]).query(queries, k=range(1, min(_N_VERTICES, len(used)) + 1))[1]
     ends = near.shape[1] * np.arange(len(queries) + 1)
@@ -95,6 +90,31 @@ def nearest_points(
             _try_vertices(of_one_kind(queries[part]), vertices, ends, *surface, *few)
     triangles, barycentric, squares = found
     return SurfacePoints(triangles, barycentric), np.sqrt(squares)
+
+
+def nearest_points_around(
+    queries: np.ndarray, vertices: np.ndarray, points: np.ndarray, faces: np.ndarray
+) -> tuple[SurfacePoints, np.ndarray]:
+    """Return the nearest places in the triangles at given vertices, (N, k), of each query."""
+    queries, points, faces = map(of_one_kind, (queries, points, faces))
+    found = _nothing_found(len(queries))
+    ends = vertices.shape[1] * np.arange(len(queries) + 1)
+    around = _triangles_around(faces, len(points))
+    _try_vertices(queries, vertices.ravel(), ends, points, faces, *around, *found)
+    triangles, barycentric, squares = found
+    return SurfacePoints(triangles, barycentric), np.sqrt(squares)
+
+
+def _triangles_around(faces: np.ndarray, n_points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the triangles at all vertices in one row, and where those of each vertex start."""
+    corner = faces.ravel()
+    order = np.argsort(corner, kind="stable")
+    return order // 3, np.searchsorted(corner[order], np.arange(n_points + 1))
+
+
+def _nothing_found(n_queries: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return triangles, barycentric coordinates and squared distances before a search."""
+    return np.zeros(n_queries, np.int64), np.zeros((n_queries, 3)), np.full(n_queries, np.inf)
 
 
 @compiled

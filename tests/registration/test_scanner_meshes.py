@@ -62,7 +62,7 @@ def test_bodies_stand_on_the_floor_that_hides_their_soles(bodies):
     scan = simulated_scan(bodies[0], bodies.template.faces, rng=0, floor=True, rotate=False)
     prepared, low = prepare_scan(as_scan(scan.points)), scan.body[:, 1].min()
     sunken = scan.body - [0.0, 0.01, 0.0]
-    gaps, normals, weights = prepared.match(sunken, np.zeros_like(sunken), 0.01)
+    gaps, normals, weights, _ = prepared.match(sunken, np.zeros_like(sunken), 0.01)
     below = sunken[:, 1] < low - 0.003
     np.testing.assert_allclose(sunken[below, 1] + gaps[below, 1], low, atol=0.002)
     np.testing.assert_allclose(normals[below] @ [0.0, 1.0, 0.0], 1.0, atol=1e-3)

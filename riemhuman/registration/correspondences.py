@@ -1,0 +1,189 @@
+"""Places of one scan's vertices on another scan, by way of the registered bodies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from riemhuman.checks import refuse_type
+from riemhuman.errors import ArgumentError
+from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration.scan_registration import RegisteredScan
+from riemhuman.registration.scans import Scan, find_inward_triangles
+from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points_around
+
+# Lengths are shares of the diagonal of a body's bounding box, about 2 m, because templates have any
+# unit. The first counts as much as a rotation of the normal by a radian: a palm and the thigh that
+# it touches look different ways.
+_NORMAL_LENGTH = 0.025
+# Vertices whose triangles are searched for the nearest place.
+_N_NEAR = 6
+# A vertex farther from its registered body is background or not explained; a place on the other
+# body that is farther from the other scan is in a hole of it.
+_FARTHEST = 0.015
+# A place on a body is seen if vertices with at least this share of it are trusted.
+_SEEN = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class ScanCorrespondence:
+    """For every vertex of one scan, its place on another scan.
+
+    Attributes
+    ----------
+    vertices : array of int, shape (N,)
+        The nearest vertex of the other scan; -1 if either scan does not show the place.
+    triangles : array of int, shape (N,), or None
+        The triangle of the other scan that holds the place, -1 as above; None if the other scan has
+        no triangles.
+    barycentric : array, shape (N, 3), or None
+        Barycentric coordinates of the place in its triangle; NaN as above.
+    points : array, shape (N, 3)
+        Position of the place on the other scan, in its axes, metres; NaN as above.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> registration = rh.registration.TemplateRegistration(bodies.template)
+    >>> surfaces = [(body, bodies.template.faces) for body in bodies[:2]]
+    >>> results = [registration.solve(each, start=each[0]) for each in surfaces]
+    >>> found = rh.registration.correspondence(*results)
+    >>> bool(np.mean(found.vertices == np.arange(1202)) > 0.9)
+    True
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray | None
+    barycentric: np.ndarray | None
+    points: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.vertices)
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Which vertices have a place on the other scan; shape (N,)."""
+        found: np.ndarray = self.vertices >= 0
+        return found
+
+
+def correspondence(result_a: RegisteredScan, result_b: RegisteredScan) -> ScanCorrespondence:
+    """Return for every vertex of one scan its place on another scan.
+
+    A vertex goes to the nearest place on its registered body, to the same place on the other body,
+    and from there to the nearest place on the other scan that faces the same way.
+
+    Parameters
+    ----------
+    result_a, result_b : RegisteredScan
+        Registrations of the two scans by the same model or template.
+
+    Returns
+    -------
+    ScanCorrespondence
+        Its places are missing for background and for what either scan does not show.
+
+    Raises
+    ------
+    ArgumentError
+        If the two bodies have different triangles, or if no part of one is trusted.
+
+    Examples
+    --------
+    >>> registration = rh.registration.ScanRegistration()
+    >>> results = [registration.solve(f"{name}.ply") for name in "ab"]  # doctest: +SKIP
+    >>> rh.registration.correspondence(*results).vertices  # doctest: +SKIP
+    """
+    for name, given in (("result_a", result_a), ("result_b", result_b)):
+        result: Any = given
+        if not isinstance(result, RegisteredScan):
+            refuse_type(result, name, "a RegisteredScan")
+        if not result.trusted_vertices.any():
+            raise ArgumentError(f"no part of {name} is trusted: {result.message}")
+    faces = result_a.faces
+    if not np.array_equal(faces, result_b.faces):
+        raise ArgumentError(
+            f"result_a and result_b must be registered by the same model; found bodies with "
+            f"{len(faces):,} and {len(result_b.faces):,} triangles, or others"
+        )
+    places, scan = result_a.correspondence, result_b.scan
+    corners = faces[places.triangles]
+    size = float(np.linalg.norm(np.ptp(result_b.points, axis=0)))
+    seen = _on_body(result_a)
+    for result in (result_a, result_b):
+        trusted = result.trusted_vertices[corners]
+        seen &= np.einsum("nk,nk->n", places.barycentric, trusted) > _SEEN
+
+    targets = np.einsum("nk,nkx->nx", places.barycentric, result_b.points[corners])
+    body_normals = vertex_normals(result_b.points, faces)
+    normals = np.einsum("nk,nkx->nx", places.barycentric, body_normals[corners])
+    near = _nearest_vertices(
+        np.concatenate([targets, _NORMAL_LENGTH * size * normals], axis=1),
+        np.concatenate([scan.points, _NORMAL_LENGTH * size * _scan_normals(result_b)], axis=1),
+        _on_body(result_b),
+    )
+    numbers = np.arange(len(targets))
+    if scan.faces is None:
+        vertices, surface = near[:, 0], None
+        points = scan.points[vertices]
+        distances = np.linalg.norm(points - targets, axis=1)
+    else:
+        surface, distances = nearest_points_around(targets, near, scan.points, scan.faces)
+        of_triangle = scan.faces[surface.triangles]
+        points = np.einsum("nk,nkx->nx", surface.barycentric, scan.points[of_triangle])
+        vertices = of_triangle[numbers, surface.barycentric.argmax(axis=1)]
+    seen &= distances < np.maximum(_FARTHEST * size, _local_spacing(scan, near[:, 0]))
+    return _only_seen(vertices, surface, points, seen)
+
+
+def _only_seen(
+    vertices: np.ndarray, surface: SurfacePoints | None, points: np.ndarray, seen: np.ndarray
+) -> ScanCorrespondence:
+    missing = seen[:, np.newaxis]
+    return ScanCorrespondence(
+        vertices=np.where(seen, vertices, -1),
+        triangles=None if surface is None else np.where(seen, surface.triangles, -1),
+        barycentric=None if surface is None else np.where(missing, surface.barycentric, np.nan),
+        points=np.where(missing, points, np.nan),
+    )
+
+
+def _on_body(result: RegisteredScan) -> np.ndarray:
+    """Return which vertices of a scan lie on its registered body."""
+    size = np.linalg.norm(np.ptp(result.points, axis=0))
+    near: np.ndarray = ~result.background & (result.distances < _FARTHEST * size)
+    if result.scan.faces is not None:
+        near &= np.isin(np.arange(len(near)), result.scan.faces)
+    return near
+
+
+def _nearest_vertices(queries: np.ndarray, known: np.ndarray, usable: np.ndarray) -> np.ndarray:
+    """Return the nearest usable vertices, (N, k), by place and normal, (n, 6)."""
+    chosen = np.flatnonzero(usable)
+    count = min(_N_NEAR, len(chosen))
+    near: np.ndarray = chosen[cKDTree(known[chosen]).query(queries, k=range(1, count + 1))[1]]
+    return near
+
+
+def _scan_normals(result: RegisteredScan) -> np.ndarray:
+    """Return outward normals of a scan's vertices; those of the body for loose points."""
+    scan = result.scan
+    if scan.faces is not None:
+        inward = find_inward_triangles(scan.points, scan.faces)
+        faces = np.where(inward[:, np.newaxis], scan.faces[:, ::-1], scan.faces)
+        return vertex_normals(scan.points, faces)
+    normals = vertex_normals(result.points, result.faces)
+    places = result.correspondence
+    own: np.ndarray = np.einsum(
+        "nk,nkx->nx", places.barycentric, normals[result.faces[places.triangles]]
+    )
+    return own
+
+
+def _local_spacing(scan: Scan, vertices: np.ndarray) -> np.ndarray:
+    """Return the distance of some of a scan's vertices to their neighbours, metres."""
+    distances: np.ndarray = cKDTree(scan.points).query(scan.points[vertices], k=[4])[0][:, 0]
+    return distances

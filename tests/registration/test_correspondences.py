@@ -1,0 +1,109 @@
+"""A vertex of one scan goes to its place on another, by way of the registered bodies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scanned_people import points_at
+
+import riemhuman as rh
+from riemhuman.registration import (
+    Scan,
+    TemplateRegistration,
+    correspondence,
+    simulated_scan,
+)
+from riemhuman.surfaces.nearest_points import nearest_points
+
+STANDING, ARMS_ON_HIPS = 0, 4
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return rh.datasets.load_open_bodies("coarse", variant="natural", people=909)
+
+
+@pytest.fixture(scope="module")
+def registration(bodies):
+    return TemplateRegistration(bodies.template)
+
+
+@pytest.fixture(scope="module")
+def pair(bodies, registration):
+    """Return the registrations of two remeshed scans of one person, and the bodies themselves."""
+    surfaces = bodies[[STANDING, ARMS_ON_HIPS]]
+    options = {"n_points": 4000, "mesh": True, "noise": 0.0, "rotate": False}
+    faces = bodies.template.faces
+    scans = [simulated_scan(each, faces, k, **options) for k, each in enumerate(surfaces)]
+    results = [
+        registration.solve(scan.surface, start=body)
+        for scan, body in zip(scans, surfaces, strict=True)
+    ]
+    return results, surfaces
+
+
+def errors(found, result, surfaces, faces):
+    """Return how far from its true place every vertex goes, metres."""
+    places, _ = nearest_points(result.scan.points, surfaces[0], faces)
+    return np.linalg.norm(found.points - points_at(places, surfaces[1], faces), axis=1)
+
+
+def test_vertices_go_to_their_places_on_other_triangles(pair, bodies):
+    (first, second), surfaces = pair
+    found = correspondence(first, second)
+    assert found.seen.mean() > 0.95
+    assert np.nanmean(errors(found, first, surfaces, bodies.template.faces)) < 0.01
+    corners = second.scan.faces[found.triangles[found.seen]]
+    places = np.einsum("nk,nkx->nx", found.barycentric[found.seen], second.scan.points[corners])
+    np.testing.assert_allclose(places, found.points[found.seen], atol=1e-12)
+    assert np.all((corners == found.vertices[found.seen, np.newaxis]).any(axis=1))
+
+
+def test_the_way_back_leads_home(pair):
+    (first, second), _ = pair
+    forth, back = correspondence(first, second), correspondence(second, first)
+    home = back.points[forth.vertices]
+    gaps = np.linalg.norm(home - first.scan.points, axis=1)[forth.seen]
+    assert np.nanmedian(gaps) < 0.02  # half of the spacing of the vertices between
+
+
+def test_loose_points_go_to_the_nearest_vertex(pair, registration, bodies):
+    (first, second), surfaces = pair
+    cloud = registration.solve(Scan(second.scan.points), start=surfaces[1])
+    found = correspondence(first, cloud)
+    assert found.triangles is None
+    assert found.barycentric is None
+    np.testing.assert_array_equal(
+        found.points[found.seen], second.scan.points[found.vertices[found.seen]]
+    )
+    assert np.nanmean(errors(found, first, surfaces, bodies.template.faces)) < 0.02
+
+
+def test_what_either_scan_lacks_has_no_place(pair, bodies):
+    (first, second), _ = pair
+    arm = [bodies.model.joint_names.index(f"left_{name}") for name in ("elbow", "wrist")]
+    on_arm = np.isin(bodies.model.weights.argmax(axis=1), arm)
+    unseen = replace(second, trusted_vertices=second.trusted_vertices & ~on_arm)
+    places = first.correspondence
+    of_arm = on_arm[first.faces[places.triangles]].all(axis=1)
+    for found in (
+        correspondence(first, unseen),
+        correspondence(replace(first, trusted_vertices=first.trusted_vertices & ~on_arm), second),
+    ):
+        assert not found.seen[of_arm].any()
+        assert np.isnan(found.points[of_arm]).all()
+        assert np.all(found.vertices[of_arm] == -1)
+        assert found.seen[~on_arm[first.faces[places.triangles]].any(axis=1)].mean() > 0.95
+    floor = replace(first, background=np.arange(len(first.scan)) < 50)
+    assert not correspondence(floor, second).seen[:50].any()
+
+
+def test_results_that_cannot_be_matched_are_refused(pair):
+    (first, second), _ = pair
+    with pytest.raises(rh.errors.ArgumentError, match="must be registered by the same model"):
+        correspondence(first, replace(second, faces=second.faces[:-1]))
+    nothing = replace(second, trusted_vertices=np.zeros(1202, dtype=bool), message="too far")
+    with pytest.raises(rh.errors.ArgumentError, match="no part of result_b is trusted: too far"):
+        correspondence(first, nothing)
+    with pytest.raises(rh.errors.ArgumentTypeError, match="result_a must be a RegisteredScan"):
+        correspondence(first.points, second)
