@@ -11,7 +11,7 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
-from riemhuman.errors import ArgumentError, FileError
+from riemhuman.errors import ArgumentError
 
 _COMPONENTS_METRIC = (1.0, 1.0, 0.0)  # with a much smaller λ, triangles have no logarithm
 _PARTS = ((1.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # metrics of shape and of pose
@@ -425,105 +425,3 @@ def _convert_model(options: argparse.Namespace) -> cli.Answer:
     record = {"vertices": model.n_vertices, "joints": model.n_joints}
     record |= {"shape_coefficients": model.n_betas}
     return cli.Answer({"used": str(contents), **record}, record)
-
-
-@cli.command(
-    "register",
-    "registered bodies from raw scans",
-    "Fits a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, STL, GLB, XYZ, NPY),\n"
-    "with or without landmarks, and writes the body in the model's triangulation.\n"
-    "For a folder, it registers every scan, and index.html shows the results, the\n"
-    "worst first. It does not write a body that it does not trust, and the exit code is 1;\n"
-    "for a folder, such bodies go to untrusted/, and those of scans that do not show all of the\n"
-    "body to partial/. After an interruption, the same command continues.",
-    "  riemhuman register scan.ply -o body.ply\n"
-    "  riemhuman register scans/ -o bodies/\n"
-    "  riemhuman register scans/ -o bodies/ --sequence --up z --unit millimetres\n"
-    "  riemhuman register scan.obj -o body.ply --model SMPL_NEUTRAL.npz\n"
-    "  riemhuman register scan.ply -o body.ply --landmarks joints.csv\n",
-    cli.path_option("scans", "SCAN", "a scan or a folder"),
-    cli.path_option("-o --output", "BODY", "mesh to write, or folder of meshes", required=True),
-    cli.FORCE,
-    cli.several(
-        cli.MODEL,
-        cli.flag("--coarse", "use the open model with 1,202 vertices (faster)"),
-        exclusive=True,
-    ),
-    cli.option("--unit", "unit of the scans (default: by their size)", choices=cli.UNITS),
-    cli.option(
-        "--up", "axis that points up in the scans (default: found by the fit)", choices=cli.AXES
-    ),
-    cli.path_option(
-        "--landmarks",
-        "CSV",
-        "places of joints in the scan, in its unit, where the fit alone goes wrong: lines such as"
-        " left_wrist,0.62,1.31,0.05",
-    ),
-    cli.flag("--sequence", "the scans show one person in motion; fits start from previous ones"),
-    cli.flag("--untrusted", "also write a body that is not trusted"),
-    cli.flag("--keep-axes", "leave bodies where the scans are (default: on the ground, facing z)"),
-)
-def _register(options: argparse.Namespace) -> cli.Answer:
-    from riemhuman.io.outputs import check_output_file
-
-    is_folder = options.scans.is_dir()
-    for name in ("untrusted", "landmarks") if is_folder else ("sequence",):
-        if getattr(options, name):
-            what = "one scan" if is_folder else "a folder"
-            raise ArgumentError(f"--{name} is for {what}; {options.scans} is not")
-    if not is_folder:
-        check_output_file(options.output, cli.MESH_ENDINGS, force=options.force)
-    elif options.output.resolve() == options.scans.resolve():
-        raise FileError(f"{options.output} holds the scans; name another folder for the bodies")
-    options.written.append(options.output)
-    if options.model is not None:
-        model = rh.BodyModel.from_file(options.model)
-    else:
-        model = rh.datasets.load_open_model("coarse" if options.coarse else "full")
-    registration = rh.registration.ScanRegistration(model, unit=options.unit, up=options.up)
-    return (_register_folder if is_folder else _register_file)(registration, options)
-
-
-def _register_file(registration: Any, options: argparse.Namespace) -> cli.Answer:
-    import numpy as np
-
-    landmarks = options.landmarks and rh.registration.load_landmarks(options.landmarks)
-    scan = rh.registration.load_scan(options.scans, options.unit)
-    with options.task(f"Registering {len(scan):,} points"):
-        result = registration.solve(scan, landmarks=landmarks)
-    median = float(np.median(result.distances[~result.background]))
-    share = float(result.matched.mean())
-    record = {name: getattr(result, name) for name in ("trusted", "message", "unit")}
-    record |= {"scan": options.scans, "median_distance": median, "matched_share": share}
-    _note_message(options.scans, result)
-    if not (result.trusted or options.untrusted):
-        text = "no body is written; --untrusted writes it nevertheless"
-        return cli.Answer(text, record, trusted=False, written=False)
-    points = result.points if options.keep_axes else result.upright_points
-    rh.save_mesh(options.output, points, registration.model.faces, result.trusted_vertices)
-    text = (
-        f"{1000 * median:.1f} mm from the scan in the median, {100 * share:.0f} % of the vertices "
-        f"matched; scan in {result.unit}, body in metres"
-    )
-    return cli.Answer(text, record, trusted=result.trusted)
-
-
-def _note_message(name: object, result: Any) -> None:
-    if result.message:
-        terminal.note(f"{name}{'' if result.trusted else ' is not trusted'}: {result.message}")
-
-
-def _register_folder(registration: Any, options: argparse.Namespace) -> cli.Answer:
-    how = {"sequence": options.sequence, "keep_axes": options.keep_axes, "progress": options.bars}
-    records = rh.registration.register_folder(registration, options.scans, options.output, **how)
-    with options.task("Page"):
-        page = rh.report.scan_page(options.output)
-    for record in records:
-        _note_message(record.name, record)
-    n_trusted = sum(record.trusted for record in records)
-    names = ("name", "trusted", "message", "median_distance", "matched_share")
-    return cli.Answer(
-        f"{n_trusted} of {len(records)} scans are registered and trusted; see {page}",
-        {"scans": [{name: getattr(record, name) for name in names} for record in records]},
-        trusted=n_trusted == len(records),
-    )

@@ -10,6 +10,7 @@ from riemhuman.plots.body_plots import (
 )
 from riemhuman.plots.figures import figure_style
 from riemhuman.plots.maps import embed, plot_embedding, stress
+from riemhuman.plots.match_plots import plot_match, position_colors
 from riemhuman.plots.rendering import View, render, surfaces_html
 from riemhuman.plots.result_plots import (
     plot_confusion,
@@ -39,10 +40,12 @@ __all__ = [
     "plot_confusion",
     "plot_embedding",
     "plot_energy",
+    "plot_match",
     "plot_measurement_lines",
     "plot_path",
     "plot_precision_recall",
     "plot_sweep",
+    "position_colors",
     "render",
     "save_picture",
     "stress",

@@ -236,10 +236,14 @@ def _light(normals: ndarray, shares: tuple[float, float, float]) -> float:
 
 
 def points_picture(
-    points: ndarray, window: Window, height: int, colors: ndarray | None = None
+    points: ndarray,
+    window: Window,
+    height: int,
+    colors: ndarray | None = None,
+    view: View | None = None,
 ) -> ndarray:
     """Draw points as small squares, shape (height, width, 4); far points are darker."""
-    view = View()
+    view = View() if view is None else view
     right, up, towards = view.rotate(np.eye(3)).T
     depth = points @ towards
     light = 1.0 - _DEPTH_SHADE * (depth.max() - depth) / max(float(np.ptp(depth)), 1e-9)

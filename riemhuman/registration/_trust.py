@@ -132,22 +132,18 @@ def find_doubts(
         )
     if likelihood < LEAST_LIKELIHOOD:
         reasons.append(
-            f"the scan does not look like a body (log-likelihood {likelihood:.2f}; bodies "
-            f"have {LEAST_LIKELIHOOD:g} and more)"
+            "the scan does not look like one person: check its unit and direction up, and that it "
+            "shows a single body"
         )
     if reasons:
         return reasons, of_limb  # the other checks make sense only for a body
     if margin < LEAST_MARGIN:
-        reasons.append(
-            "a body that faces or stands another way fits nearly as well (log-likelihood less by "
-            f"{margin:.2f}); {_REMEDY}"
-        )
+        reasons.append(f"a body that faces or stands another way fits nearly as well; {_REMEDY}")
     if near < LEAST_NEAR_OF_LIMB and limb_matched < LIMB_ELSEWHERE:
         of_limb.append(
             f"{100 * (1.0 - near):.1f} % of the scan lies more than "
-            f"{100 * NEAR_METRES:.0f} cm from the body, and {limb} matches hardly "
-            f"anything in the scan ({100 * limb_matched:.0f} % of its vertices): it may "
-            f"be elsewhere; {_REMEDY}"
+            f"{100 * NEAR_METRES:.0f} cm from the body, and its {limb} matches hardly anything "
+            f"in the scan: it may be elsewhere; {_REMEDY}"
         )
     if overlap > LARGEST_OVERLAP:
         reasons.append(
@@ -158,14 +154,13 @@ def find_doubts(
     if misfit > 0.0:
         reasons.append(
             f"the body fits badly: {100 * (1 - FAR_SHARE):.0f} % of the scan lies more than "
-            f"{100 * far:.1f} cm from the model's surface, and the log-likelihood is "
-            f"{likelihood:.2f}; it may face the wrong way, have limbs in wrong places or "
-            f"wear thick clothes; {_REMEDY}"
+            f"{100 * far:.1f} cm from the model's surface; it may face the wrong way, have "
+            f"limbs in wrong places or wear thick clothes; {_REMEDY}"
         )
     if betas > LARGEST_BETA:
         reasons.append(
-            f"the shape is far from all people the model knows ({betas:.1f} standard "
-            "deviations a coefficient)"
+            "the body shape is far from all people the model knows: check the unit, and for "
+            "clothes or other things in the scan"
         )
     return reasons, of_limb
 

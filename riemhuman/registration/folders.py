@@ -14,10 +14,11 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from riemhuman.checks import real_array
 from riemhuman.datasets.registered_meshes import existing_folder, is_visible, natural_key
-from riemhuman.errors import FileError, FileFormatError, RiemhumanError, warn
+from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import convert_errors, file_path, read_bytes
 from riemhuman.io.fingerprint import describe
@@ -29,12 +30,15 @@ from riemhuman.registration.scan_registration import (
     ScanRegistration,
     apply_transform,
 )
-from riemhuman.registration.scans import load_scan
+from riemhuman.registration.scans import Scan, load_scan
+from riemhuman.surfaces.nearest_points import nearest_points
 
 UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
 _VERSION = 7
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
+# Points of a scan and of its record are in single precision. Farther points are background.
+_SAME_METRES, _BACKGROUND_METRES = 1e-4, 0.05
 # Fields of a record with the kinds of their arrays: Boolean, text or floating point.
 _FIELDS = {
     "trusted": "b",
@@ -84,6 +88,48 @@ class ScanRecord:
     median_distance: float
     matched_share: float
     arrays: dict[str, np.ndarray]
+
+    def result(self, scan: Scan) -> RegisteredScan:
+        """Return the registration of the scan from which the record was made, without a model fit.
+
+        Parameters
+        ----------
+        scan : Scan
+            The scan, read by `load_scan` in the unit in which it was registered.
+
+        Raises
+        ------
+        ArgumentError
+            If the scan could not be registered, or is another one.
+        """
+        if not self.arrays:
+            raise ArgumentError(f"{self.name} was not registered: {self.message}")
+        faces, points = self.arrays["faces"], self.arrays["points"]
+        shown = np.asarray(self.arrays["shown"], dtype=np.float64)
+        gaps = cKDTree(scan.points).query(shown)[0]
+        if gaps.max(initial=0.0) > _SAME_METRES:
+            raise ArgumentError(
+                f"the scan is not that from which {self.name} was registered, or in another unit: "
+                f"{gaps.max():.3g} m lie between their points"
+            )
+        places, distances = nearest_points(scan.points, points, faces)
+        return RegisteredScan(
+            points=points,
+            trusted=self.trusted,
+            trusted_vertices=self.arrays["trusted_vertices"].astype(bool),
+            message=self.message,
+            likelihood=self.likelihood,
+            fit=None,
+            distances=distances,
+            matched=self.arrays["matched"].astype(bool),
+            correspondence=places,
+            background=distances > _BACKGROUND_METRES,
+            up=self.arrays["up"],
+            transform=self.arrays["transform"],
+            unit=scan.unit,
+            faces=faces,
+            scan=scan,
+        )
 
 
 def register_folder(
@@ -204,17 +250,27 @@ def _register_file(
         result = registration.solve(scan, start=before)
     except RiemhumanError as error:
         return ScanRecord(file.stem, False, str(error), np.nan, np.nan, 0.0, {}), None
+    return _record(file.stem, result, scan, _fit_arrays(result)), result if result.trusted else None
+
+
+def _fit_arrays(result: RegisteredScan) -> dict[str, np.ndarray]:
+    return {name: getattr(result.fit, name) for name in _OF_FIT}
+
+
+def _record(
+    name: str, result: RegisteredScan, scan: Scan, fit: dict[str, np.ndarray]
+) -> ScanRecord:
+    """Return the record of a result, with some points of its scan."""
     seen = np.flatnonzero(~result.background)
     shown = seen[thin_points(scan.points[seen], _N_SHOWN, np.random.default_rng(0))]
-    arrays = {name: getattr(result, name) for name in _OF_RESULT}
-    arrays |= {name: getattr(result.fit, name) for name in _OF_FIT}
+    arrays = {each: getattr(result, each) for each in _OF_RESULT} | fit
     arrays |= {
-        "faces": registration.model.faces,
+        "faces": result.faces,
         "shown": scan.points[shown].astype(np.float32),
         "shown_distances": result.distances[shown].astype(np.float32),
     }
-    record = ScanRecord(
-        name=file.stem,
+    return ScanRecord(
+        name=name,
         trusted=result.trusted,
         message=result.message,
         likelihood=result.likelihood,
@@ -222,7 +278,6 @@ def _register_file(
         matched_share=float(result.matched.mean()),
         arrays=arrays,
     )
-    return record, result if result.trusted else None
 
 
 def _identity(registration: ScanRegistration, sequence: bool, keep_axes: bool) -> bytes:

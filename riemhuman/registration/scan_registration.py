@@ -24,6 +24,7 @@ from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.progress import ProgressBar
 from riemhuman.registration._arms_and_hands import fit_body
 from riemhuman.registration._dense_fit import DenseFitter, fit_elastic
+from riemhuman.registration._messages import in_words, say_unseen
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._scan_preparation import PreparedScan, prepare_scan
 from riemhuman.registration._start_poses import BodyParts
@@ -404,7 +405,7 @@ class ScanRegistration:
             betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
             far=float(np.quantile(model_distances, FAR_SHARE)),
             overlap=float(overlaps.sum() / max(matched.sum(), 1)),
-            limb=parts.names[limb],
+            limb=in_words(parts.names[limb]),
             limb_matched=float(shares[limb]),
         )
         doubts += self._landmark_doubts(pose, scan)
@@ -507,11 +508,8 @@ class ScanRegistration:
             return []
         names = self._parts.names
         unseen = [names[k] for k in np.flatnonzero(self._parts.shares(seen) < 0.5)]
-        most = f", most of {', '.join(unseen)}," if unseen else ""
-        said = f"{100 * share:.0f} % of the body{most} is not in the scan and not trusted"
-        if share > _GUESSED_UP and scan.up is None:
-            said += "; which way is up was guessed from the rest: the argument up, or --up, decides"
-        return [said]
+        guessed_up = bool(share > _GUESSED_UP and scan.up is None)
+        return [say_unseen(unseen, share, guessed_up=guessed_up)]
 
     def _standing_up(self, pose: Pose, up: np.ndarray) -> np.ndarray:
         """Return an axis, or the direction up of the feet if they and the trunk lean from it."""
@@ -536,7 +534,7 @@ class ScanRegistration:
         joints = pose_body(self._fitter.samples(1000), pose).points[-self.model.n_joints :]
         misses = {k: np.linalg.norm(joints[k] - place) for k, place in scan.landmarks.items()}
         return [
-            f"{self._parts.names[k]} is {100 * miss:.0f} cm from its landmark"
+            f"the {in_words(self._parts.names[k])} is {100 * miss:.0f} cm from its landmark"
             for k, miss in misses.items()
             if miss > _FARTHEST_MISS
         ]

@@ -1,12 +1,15 @@
-"""The command ``register``."""
+"""The commands ``register`` and ``match``."""
 
+import csv
 import json
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import riemhuman as rh
+from riemhuman.registration.folders import _record, _write
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +31,7 @@ def fitted(bodies, monkeypatch):
         count = len(scan)
         return SimpleNamespace(
             trusted=given.get("trusted", True), message="no body", unit="millimetres",
-            points=bodies.points[3], upright_points=bodies.points[3] + 1.0,
+            likelihood=2.52, points=bodies.points[3], upright_points=bodies.points[3] + 1.0,
             distances=np.full(count, 0.002), background=np.zeros(count, dtype=bool),
             matched=np.ones(bodies.template.n_vertices, dtype=bool),
             trusted_vertices=bodies.points[3][:, 1] > 0.9,
@@ -90,3 +93,69 @@ def test_folders_are_registered_with_a_page_and_told_about(run, tmp_path, monkey
     assert "box is not trusted: no person" in finished.err
     page = tmp_path / "bodies" / "index.html"
     assert f"1 of 2 scans are registered and trusted; see {page}" in finished.out
+
+
+def test_a_partial_scan_is_told_about_in_one_line(run, scan, fitted, tmp_path):
+    finished = run("register", scan, "-o", tmp_path / "body.ply", "--coarse", "--verbose")
+    (line,) = [each for each in finished.err.splitlines() if "missing" in each]
+    assert re.search(r"scan\.npy: no body: \d+ measurements are missing$", line)
+    assert "log-likelihood 2.52" in finished.out
+    finished = run("register", scan, "-o", tmp_path / "body.ply", "--coarse", "-f", "--json")
+    record = json.loads(finished.out)
+    assert f": {len(record['missing_measurements'])} measurements" in line
+    assert "foot length" in " ".join(record["missing_measurements"])
+
+
+@pytest.fixture(scope="module")
+def matched(tmp_path_factory, bodies):
+    """Return files of two scans, and a folder in which they are registered."""
+    folder = tmp_path_factory.mktemp("matched")
+    faces, registration = bodies.template.faces, rh.registration.TemplateRegistration
+    (folder / "bodies" / "registrations").mkdir(parents=True)
+    for name, number in (("anna", 0), ("ben", 4)):
+        options = {"n_points": 3000, "mesh": name == "anna", "rotate": False}
+        seen = rh.registration.simulated_scan(bodies.points[number], faces, number, **options)
+        if seen.faces is None:
+            np.save(folder / f"{name}.npy", seen.points)
+        else:
+            rh.save_mesh(folder / f"{name}.ply", 100.0 * seen.points, seen.faces)
+        scan = rh.registration.load_scan(next(folder.glob(f"{name}.*")))
+        result = registration(bodies.template).solve(scan, start=bodies.points[number])
+        fit = {part: np.zeros(3) for part in ("betas", "pose", "trans", "hands")}
+        _write(folder / "bodies", _record(name, result, scan, fit), "key", None)
+    return folder
+
+
+def test_scans_are_matched(run, matched, tmp_path):
+    table, picture = tmp_path / "map.csv", tmp_path / "map.png"
+    files = matched / "ben.npy", matched / "anna.ply"
+    options = ("--registered", matched / "bodies", "--picture", picture)
+    finished = run("match", *files, "-o", table, *options)
+    assert finished.code == 0, finished.err
+    with table.open(encoding="utf-8") as lines:
+        header, *rows = csv.reader(lines)
+    weights = [f"weight_{k}" for k in (1, 2, 3)]
+    assert header == ["vertex", "nearest", "triangle", *weights, "x", "y", "z"]
+    scan = rh.registration.load_scan(matched / "anna.ply")
+    assert len(rows) == len(np.load(files[0]))
+    placed = np.array([row for row in rows if row[1]], dtype=float)
+    assert len(placed) > 0.9 * len(rows)
+    corners = 100.0 * scan.points[scan.faces[placed[:, 2].astype(int)]]
+    places = np.einsum("nk,nkx->nx", placed[:, 3:6], corners)
+    np.testing.assert_allclose(places, placed[:, 6:], atol=1e-6)  # in the unit of the scan
+    assert picture.stat().st_size > 10_000
+    back = run("match", *files[::-1], "-o", table, "-f", "--registered", matched / "bodies")
+    assert "of the" in back.out
+    with table.open(encoding="utf-8") as lines:
+        assert all(row[2:6] == [""] * 4 for row in [*csv.reader(lines)][1:])  # a cloud
+
+
+def test_registrations_of_other_scans_are_refused(run, matched, tmp_path):
+    np.save(tmp_path / "ben.npy", np.load(matched / "ben.npy") + 0.01)
+    np.save(tmp_path / "carl.npy", np.load(matched / "ben.npy"))
+    folder, output = matched / "bodies", ("-o", tmp_path / "map.csv")
+    for name, said in (("ben", "is not that from which ben"), ("carl", "no registration of carl")):
+        files = (tmp_path / f"{name}.npy", matched / "anna.ply")
+        finished = run("match", *files, *output, "--registered", folder)
+        assert finished.code == 2
+        assert said in finished.err

@@ -1,0 +1,238 @@
+"""The commands that take raw scans: registration, and the places of one scan on another."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import riemhuman as rh
+from riemhuman.cli import _commands as cli
+from riemhuman.cli import _terminal as terminal
+from riemhuman.errors import ArgumentError, FileError, RiemhumanError
+
+_MODEL = cli.several(
+    cli.MODEL,
+    cli.flag("--coarse", "use the open model with 1,202 vertices (faster)"),
+    exclusive=True,
+)
+_UNIT = cli.option("--unit", "unit of the scans (default: by their size)", choices=cli.UNITS)
+_UP = cli.option(
+    "--up", "axis that points up in the scans (default: found by the fit)", choices=cli.AXES
+)
+
+
+@cli.command(
+    "register",
+    "registered bodies from raw scans",
+    "Fits a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, STL, GLB, XYZ, NPY),\n"
+    "with or without landmarks, and writes the body in the model's triangulation.\n"
+    "For a folder, it registers every scan, and index.html shows the results, the\n"
+    "worst first. It does not write a body that it does not trust, and the exit code is 1;\n"
+    "for a folder, such bodies go to untrusted/, and those of scans that do not show all of the\n"
+    "body to partial/. After an interruption, the same command continues.",
+    "  riemhuman register scan.ply -o body.ply\n"
+    "  riemhuman register scans/ -o bodies/\n"
+    "  riemhuman register scans/ -o bodies/ --sequence --up z --unit millimetres\n"
+    "  riemhuman register scan.obj -o body.ply --model SMPL_NEUTRAL.npz\n"
+    "  riemhuman register scan.ply -o body.ply --landmarks joints.csv\n",
+    cli.path_option("scans", "SCAN", "a scan or a folder"),
+    cli.path_option("-o --output", "BODY", "mesh to write, or folder of meshes", required=True),
+    cli.FORCE,
+    _MODEL,
+    _UNIT,
+    _UP,
+    cli.path_option(
+        "--landmarks",
+        "CSV",
+        "places of joints in the scan, in its unit, where the fit alone goes wrong: lines such as"
+        " left_wrist,0.62,1.31,0.05",
+    ),
+    cli.flag("--sequence", "the scans show one person in motion; fits start from previous ones"),
+    cli.flag("--untrusted", "also write a body that is not trusted"),
+    cli.flag("--keep-axes", "leave bodies where the scans are (default: on the ground, facing z)"),
+    cli.flag("--verbose", "also print the log-likelihood of the scan for the body"),
+)
+def _register(options: argparse.Namespace) -> cli.Answer:
+    from riemhuman.io.outputs import check_output_file
+
+    is_folder = options.scans.is_dir()
+    for name in ("untrusted", "landmarks") if is_folder else ("sequence",):
+        if getattr(options, name):
+            what = "one scan" if is_folder else "a folder"
+            raise ArgumentError(f"--{name} is for {what}; {options.scans} is not")
+    if not is_folder:
+        check_output_file(options.output, cli.MESH_ENDINGS, force=options.force)
+    elif options.output.resolve() == options.scans.resolve():
+        raise FileError(f"{options.output} holds the scans; name another folder for the bodies")
+    options.written.append(options.output)
+    registration = _chosen_registration(options)
+    return (_register_folder if is_folder else _register_file)(registration, options)
+
+
+def _chosen_registration(options: argparse.Namespace) -> Any:
+    if options.model is not None:
+        model = rh.BodyModel.from_file(options.model)
+    else:
+        model = rh.datasets.load_open_model("coarse" if options.coarse else "full")
+    return rh.registration.ScanRegistration(model, unit=options.unit, up=options.up)
+
+
+def _register_file(registration: Any, options: argparse.Namespace) -> cli.Answer:
+    import numpy as np
+
+    landmarks = options.landmarks and rh.registration.load_landmarks(options.landmarks)
+    scan = rh.registration.load_scan(options.scans, options.unit)
+    with options.task(f"Registering {len(scan):,} points"):
+        result = registration.solve(scan, landmarks=landmarks)
+    median = float(np.median(result.distances[~result.background]))
+    share = float(result.matched.mean())
+    record = {name: getattr(result, name) for name in ("trusted", "message", "unit")}
+    record |= {"scan": options.scans, "median_distance": median, "matched_share": share}
+    record["likelihood"] = result.likelihood
+    missing = _missing_measurements(registration.model, result)
+    record["missing_measurements"] = missing
+    _note_message(options.scans, result, missing)
+    if not (result.trusted or options.untrusted):
+        text = "no body is written; --untrusted writes it nevertheless"
+        text += _details(options, [result])
+        return cli.Answer(text, record, trusted=False, written=False)
+    points = result.points if options.keep_axes else result.upright_points
+    rh.save_mesh(options.output, points, registration.model.faces, result.trusted_vertices)
+    text = (
+        f"{1000 * median:.1f} mm from the scan in the median, {100 * share:.0f} % of the vertices "
+        f"matched; scan in {result.unit}, body in metres{_details(options, [result])}"
+    )
+    return cli.Answer(text, record, trusted=result.trusted)
+
+
+def _details(options: argparse.Namespace, results: list[Any]) -> str:
+    """Return what --verbose adds to the answer: a line for each result."""
+    if not options.verbose:
+        return ""
+    return "".join(f"\nlog-likelihood {result.likelihood:.2f}" for result in results)
+
+
+def _missing_measurements(model: Any, result: Any) -> list[str]:
+    """Return the measurements that a scan does not show enough of the body for."""
+    if not result.trusted or result.trusted_vertices.all():
+        return []
+    try:
+        measurements = rh.measurements.Measurements(model)
+    except RiemhumanError:
+        return []  # nothing can be measured on this model
+    measured = measurements.measure(
+        result.points[None], missing="nan", trusted_vertices=result.trusted_vertices[None]
+    )
+    return [name for number, name in measured.why_missing if number == 0]
+
+
+def _note_message(name: object, result: Any, missing: list[str] | None = None) -> None:
+    """Say in one line what is wrong with a result, or what it lacks."""
+    said = result.message
+    if missing:
+        are = "measurement is" if len(missing) == 1 else "measurements are"
+        said = f"{said or 'some places were not seen'}: {len(missing)} {are} missing"
+    if said:
+        terminal.note(f"{name}{'' if result.trusted else ' is not trusted'}: {said}")
+
+
+def _register_folder(registration: Any, options: argparse.Namespace) -> cli.Answer:
+    how = {"sequence": options.sequence, "keep_axes": options.keep_axes, "progress": options.bars}
+    records = rh.registration.register_folder(registration, options.scans, options.output, **how)
+    with options.task("Page"):
+        page = rh.report.scan_page(options.output)
+    for record in records:
+        _note_message(record.name, record)
+    n_trusted = sum(record.trusted for record in records)
+    names = ("name", "trusted", "message", "median_distance", "matched_share")
+    return cli.Answer(
+        f"{n_trusted} of {len(records)} scans are registered and trusted; see {page}",
+        {"scans": [{name: getattr(record, name) for name in names} for record in records]},
+        trusted=n_trusted == len(records),
+    )
+
+
+@cli.command(
+    "match",
+    "where the vertices of one scan are on another",
+    "Registers two scans by a body model, without landmarks, and writes for every vertex of A its\n"
+    "place on B: a CSV file with a line for each vertex, numbered from 0, of the nearest vertex of\n"
+    "B, the triangle of B and the weights of its corners, and the place in the unit of B. Fields\n"
+    "are empty where either scan does not show the place; those of the triangle, if B is a point\n"
+    "cloud. Scans that `riemhuman register` has registered need not be registered again.",
+    "  riemhuman match a.ply b.ply -o map.csv\n"
+    "  riemhuman match a.ply b.ply -o map.csv --picture map.png\n"
+    "  riemhuman match scans/a.ply scans/b.ply -o map.csv --registered bodies/\n",
+    cli.path_option("scan_a", "A", "the scan whose vertices are placed"),
+    cli.path_option("scan_b", "B", "the scan on which they are placed"),
+    cli.output("CSV", ".csv"),
+    cli.output(
+        "PICTURE",
+        *cli.FIGURE_ENDINGS,
+        text="picture of both scans, in which places that correspond have one colour",
+        flags="--picture",
+        required=False,
+    ),
+    cli.path_option("--registered", "FOLDER", "output of `riemhuman register` for both scans"),
+    _MODEL,
+    _UNIT,
+    _UP,
+)
+def _match(options: argparse.Namespace) -> cli.Answer:
+    import numpy as np
+
+    from riemhuman.checks import UNITS
+    from riemhuman.io.files import write_text
+    from riemhuman.io.text_tables import csv_text
+
+    first, second = (_matched_result(path, options) for path in (options.scan_a, options.scan_b))
+    found = rh.registration.correspondence(first, second)
+    places = found.points * UNITS[second.scan.unit]
+    write_text(options.output, csv_text([_HEADER, *_rows(found, places)]))
+    if options.picture is not None:
+        names = options.scan_a.stem, options.scan_b.stem
+        with rh.plots.figure_style():
+            figure = rh.plots.plot_match(first, second, names)
+            rh.plots.figures.save_figure(figure, options.picture)
+    share = float(np.mean(found.seen))
+    record = {"a": options.scan_a, "b": options.scan_b, "n_vertices": len(found), "placed": share}
+    record["picture"] = options.picture
+    text = f"{100 * share:.0f} % of the {len(found):,} vertices of A have a place on B"
+    return cli.Answer(text, record, trusted=first.trusted and second.trusted)
+
+
+_HEADER = ("vertex", "nearest", "triangle", "weight_1", "weight_2", "weight_3", "x", "y", "z")
+
+
+def _matched_result(path: Path, options: argparse.Namespace) -> Any:
+    """Return the registration of a scan, from a folder of registered scans if there is one."""
+    scan = rh.registration.load_scan(path, options.unit)
+    if options.registered is not None:
+        records = rh.registration.read_records(options.registered)
+        names = [record.name for record in records]
+        if path.stem not in names:
+            raise FileError(
+                f"{options.registered} holds no registration of {path.name}; it has those of "
+                f"{', '.join(sorted(names)[:5])}"
+            )
+        result = records[names.index(path.stem)].result(scan)
+    else:
+        with options.task(f"Registering {path.name}, {len(scan):,} points"):
+            result = _chosen_registration(options).solve(scan)
+    _note_message(path, result)
+    return result
+
+
+def _rows(found: Any, places: Any) -> list[list[float | int | None]]:
+    """Return a row for every vertex, empty where it has no place."""
+    rows: list[list[float | int | None]] = []
+    for vertex, nearest in enumerate(found.vertices.tolist()):
+        row: list[float | int | None] = [vertex, *[None] * (len(_HEADER) - 1)]
+        if nearest >= 0:
+            row[1] = nearest
+            if found.triangles is not None:
+                row[2:6] = [int(found.triangles[vertex]), *found.barycentric[vertex].tolist()]
+            row[6:] = places[vertex].tolist()
+        rows.append(row)
+    return rows

@@ -1,0 +1,103 @@
+"""What registrations say to people: parts of bodies in words, and what a scan does not show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+# Each limb from its root outward: joints, the limb from there on, and the part of this joint alone.
+_LIMBS = (
+    (
+        ("hip", "leg", "thigh"),
+        ("knee", "leg below the knee", "shin"),
+        ("ankle", "foot", "foot"),
+        ("toes", "toes", "toes"),
+    ),
+    (
+        ("collar", "arm with the shoulder", "shoulder"),
+        ("shoulder", "arm", "upper arm"),
+        ("elbow", "arm below the elbow", "forearm"),
+        ("wrist", "hand", "hand"),
+    ),
+)
+_PLURALS = {
+    "leg": "legs",
+    "leg below the knee": "legs below the knee",
+    "thigh": "thighs",
+    "shin": "shins",
+    "foot": "feet",
+    "toes": "toes",
+    "arm with the shoulder": "arms with the shoulders",
+    "shoulder": "shoulders",
+    "arm": "arms",
+    "upper arm": "upper arms",
+    "arm below the elbow": "arms below the elbow",
+    "forearm": "forearms",
+    "hand": "hands",
+}
+_TRUNK = ("pelvis", "lower_spine", "middle_spine", "upper_spine", "chest")
+_SIDES = ("left", "right")
+
+
+def in_words(joint: str) -> str:
+    """Return the name of a joint as people say it: left knee."""
+    return joint.replace("_", " ")
+
+
+def join_words(words: Sequence[str]) -> str:
+    """Return words as in a sentence: a, b and c."""
+    return " and ".join([*([", ".join(words[:-1])] if len(words) > 1 else []), *words[-1:]])
+
+
+def parts_in_words(joints: Sequence[str]) -> list[str]:
+    """Return the parts of a body that these joints move, limbs from their first joint on."""
+    rest = set(joints)
+    parts = []
+    if rest.issuperset(_TRUNK):
+        parts.append("trunk")
+        rest -= {*_TRUNK}
+    for limb in _LIMBS:
+        by_side = {side: _parts_of_limb(limb, side, rest) for side in _SIDES}
+        both = [part for part in by_side["left"] if part in by_side["right"]]
+        parts += [_PLURALS[part] for part in both]
+        for side, own in by_side.items():
+            parts += [f"{side} {part}" for part in own if part not in both]
+        rest -= {f"{side}_{joint}" for side in _SIDES for joint, *_ in limb}
+    return parts + [in_words(joint) for joint in joints if joint in rest]
+
+
+def _parts_of_limb(limb: Sequence[tuple[str, str, str]], side: str, joints: set[str]) -> list[str]:
+    """Return the parts of one limb: from a joint to its end, or of single joints."""
+    unseen = [f"{side}_{joint}" in joints for joint, *_ in limb]
+    # Toes may be too small to be counted alone.
+    to_end = [joint == "toes" or missing for (joint, *_), missing in zip(limb, unseen, strict=True)]
+    starts = [k for k in range(len(limb)) if unseen[k] and all(to_end[k:])]
+    first = starts[0] if starts else len(limb)
+    alone = [
+        single for (_, _, single), missing in zip(limb[:first], unseen, strict=False) if missing
+    ]
+    return alone + [whole for _, whole, _ in limb[first : first + 1]]
+
+
+def say_unseen(joints: Sequence[str], share: float, *, guessed_up: bool) -> str:
+    """Return what to say about parts that a scan does not show, as these joints name them.
+
+    Parameters
+    ----------
+    joints : sequence of str
+        Joints of which most vertices are not seen.
+    share : float
+        Share of the body's area that is not seen.
+    guessed_up : bool
+        Whether the direction up was inferred from the rest.
+    """
+    parts = parts_in_words(joints)
+    percent = f"{100 * share:.0f} % of the body"
+    if parts:
+        subject = f"the {join_words(parts)}"
+        is_many = len(parts) > 1 or parts[0] in _PLURALS.values()
+        said = f"{subject} {'were' if is_many else 'was'} not seen ({percent})"
+    else:
+        said = f"{percent} was not seen"
+    if guessed_up:
+        said += "; the direction up was guessed from the rest; set it with up= or --up"
+    return said

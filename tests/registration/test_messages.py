@@ -1,0 +1,43 @@
+"""Messages name parts of a body as people do."""
+
+import pytest
+
+from riemhuman.registration._messages import in_words, join_words, parts_in_words, say_unseen
+
+
+@pytest.mark.parametrize(
+    ("joints", "parts"),
+    [
+        (["left_knee", "left_ankle", "left_toes"], ["left leg below the knee"]),
+        (["left_knee", "left_ankle", "right_knee", "right_ankle"], ["legs below the knee"]),
+        (["left_ankle", "right_ankle", "right_toes"], ["feet"]),
+        (["left_hip", "left_knee", "left_ankle", "right_ankle"], ["left leg", "right foot"]),
+        (["left_shoulder", "left_elbow", "left_wrist"], ["left arm"]),
+        (["left_wrist", "right_elbow"], ["left hand", "right forearm"]),
+        (["right_hip"], ["right thigh"]),
+        (["pelvis", "lower_spine", "middle_spine", "upper_spine", "chest"], ["trunk"]),
+        (["chest", "head"], ["chest", "head"]),
+        (["bone_7"], ["bone 7"]),
+        ([], []),
+    ],
+)
+def test_parts_are_limbs_from_their_first_joint_on(joints, parts):
+    assert parts_in_words(joints) == parts
+
+
+def test_one_line_says_what_was_not_seen():
+    legs = [f"{side}_{joint}" for side in ("left", "right") for joint in ("knee", "ankle", "toes")]
+    assert (
+        say_unseen(legs, 0.21, guessed_up=False)
+        == "the legs below the knee were not seen (21 % of the body)"
+    )
+    assert say_unseen(["left_wrist"], 0.03, guessed_up=False).startswith("the left hand was not")
+    assert say_unseen([], 0.31, guessed_up=False) == "31 % of the body was not seen"
+    assert say_unseen([], 0.31, guessed_up=True).endswith("set it with up= or --up")
+
+
+def test_words():
+    assert in_words("left_knee") == "left knee"
+    assert [join_words(list(some)) for some in ("", "a", "ab", "abc")] == [
+        "", "a", "a and b", "a, b and c",
+    ]  # fmt: skip
