@@ -156,11 +156,12 @@ def _register_folder(registration: Any, options: argparse.Namespace) -> cli.Answ
 @cli.command(
     "match",
     "where the vertices of one scan are on another",
-    "Registers two scans by a body model, without landmarks, and writes for every vertex of A its\n"
-    "place on B: a CSV file with a line for each vertex, numbered from 0, of the nearest vertex of\n"
-    "B, the triangle of B and the weights of its corners, and the place in the unit of B. Fields\n"
-    "are empty where either scan does not show the place; those of the triangle, if B is a point\n"
-    "cloud. Scans that `riemhuman register` has registered need not be registered again.",
+    "Registers two scans by a body model, without landmarks, and writes for every vertex of A\n"
+    "its place on B: a CSV file with a line for each vertex, numbered from 0, of the nearest\n"
+    "vertex of B, the triangle of B and the weights of its corners, and the place in the unit of\n"
+    "B. Fields are empty where either scan does not show the place; those of the triangle, if B\n"
+    "is a point cloud. With --registered, scans that `riemhuman register` has registered are not\n"
+    "registered again.",
     "  riemhuman match a.ply b.ply -o map.csv\n"
     "  riemhuman match a.ply b.ply -o map.csv --picture map.png\n"
     "  riemhuman match scans/a.ply scans/b.ply -o map.csv --registered bodies/\n",

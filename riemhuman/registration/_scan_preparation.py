@@ -155,6 +155,7 @@ class PreparedScan:
         heights = np.abs(np.einsum("nx,nx->n", gaps, mean_normals))
         along = np.sqrt(np.maximum(np.sum(gaps**2, axis=1) - heights**2, 0.0))
         allowed = np.clip(self.spacing[near[:, 0]] - _DENSE_METRES, 0.0, _WIDEST_SPACING)
+        allowed *= np.clip(2.0 * cosines - 1.0, 0.0, 1.0)  # on the same side of the body
         distances = np.hypot(heights, np.maximum(along - allowed, 0.0))
         weights = (scale**2 / (distances**2 + scale**2)) ** 2
         weights *= np.clip(cosines, 0.0, 1.0)
@@ -273,30 +274,42 @@ def find_planes(points: np.ndarray, normals: np.ndarray, rng: np.random.Generato
 
 
 def _find_plane(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> Plane | None:
-    """Return the plane that holds the most points, if it is a floor or a wall."""
-    best, support = None, _FLOOR_SHARE * len(points)
-    for start in rng.choice(len(points), min(_N_PLANES, len(points)), replace=False):
-        across = normals[start]
-        heights = points @ across
-        near = np.abs(heights - heights[start]) < _FLOOR_METRES
-        near &= np.abs(normals @ across) > 0.9
-        if near.sum() > support:
-            best, support = start, near.sum()
-    if best is None:
-        return None
-    near = np.abs((points - points[best]) @ normals[best]) < _FLOOR_METRES
+    """Return the floor or wall that holds the most points."""
+    starts = rng.choice(len(points), min(_N_PLANES, len(points)), replace=False)
+    for _ in range(_MOST_PLANES):
+        best, support = None, _FLOOR_SHARE * len(points)
+        for start in starts:
+            near = _near_plane(points, normals, start) & (np.abs(normals @ normals[start]) > 0.9)
+            if near.sum() > support:
+                best, support = start, near.sum()
+        if best is None:
+            return None
+        near = _near_plane(points, normals, best)
+        plane = _as_plane(points, near)
+        if plane is not None:
+            return plane
+        starts = starts[~near[starts]]  # such as a wall, behind which the floor goes on
+    return None
+
+
+def _near_plane(points: np.ndarray, normals: np.ndarray, start: int) -> np.ndarray:
+    """Return which points are in the plane across the normal of one of them."""
+    near: np.ndarray = np.abs((points - points[start]) @ normals[start]) < _FLOOR_METRES
+    return near
+
+
+def _as_plane(points: np.ndarray, near: np.ndarray) -> Plane | None:
+    """Return the plane of the points near to it, if it is a floor or a wall."""
     centre = points[near].mean(axis=0)
     axes = np.linalg.svd(points[near] - centre, full_matrices=False)[2]
     heights = (points - centre) @ axes[2]
     sign = -1.0 if np.median(heights[~near]) < 0 else 1.0
-    others = sign * heights[~near]
-    above = others > -_NEAR_FLOOR_METRES
-    spread = points[near].std(axis=0)
-    is_wide = np.sort(spread)[1] > 0.2
-    flat = (points - centre) @ axes[:2].T
+    above = sign * heights[~near] > -_NEAR_FLOOR_METRES
+    is_wide = np.sort(points[near].std(axis=0))[1] > 0.2
     higher = sign * heights > _NEAR_FLOOR_METRES
     if above.mean() < _ABOVE_FLOOR or not is_wide or higher.sum() < FEWEST_POINTS:
         return None
+    flat = (points - centre) @ axes[:2].T
     if _share_outside(flat[near], flat[higher]) < _LEAST_OUTSIDE:
         return None
     resting = float(np.mean(sign * heights[higher] < _RESTING_METRES))
