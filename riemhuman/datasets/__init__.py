@@ -20,12 +20,15 @@ from riemhuman.datasets.registered_meshes import (
 )
 from riemhuman.datasets.retargeting import RetargetedMotion, RetargetingErrors, retarget
 from riemhuman.datasets.shrec import LabelledMeshes, load_shrec14
+from riemhuman.datasets.shrec19 import MatchedMesh, MatchedMeshes, load_shrec19
 
 __all__ = [
     "RECORDING_ENDINGS",
     "ArrayMotion",
     "Bodies",
     "LabelledMeshes",
+    "MatchedMesh",
+    "MatchedMeshes",
     "Motion",
     "Motions",
     "RegisteredMeshes",
@@ -46,6 +49,7 @@ __all__ = [
     "load_open_motions",
     "load_recording",
     "load_shrec14",
+    "load_shrec19",
     "motion_from_arrays",
     "pose_vectors",
     "read_labels",

@@ -1,6 +1,10 @@
 """Registration of raw scans by a body model, without landmarks, or by a template."""
 
-from riemhuman.registration.correspondences import ScanCorrespondence, correspondence
+from riemhuman.registration.correspondences import (
+    ScanCorrespondence,
+    correspondence,
+    geodesic_errors,
+)
 from riemhuman.registration.folders import ScanRecord, read_records, register_folder
 from riemhuman.registration.scan_registration import (
     RegisteredScan,
@@ -21,6 +25,7 @@ __all__ = [
     "TemplateRegistration",
     "correspondence",
     "find_inward_triangles",
+    "geodesic_errors",
     "load_landmarks",
     "load_scan",
     "read_records",

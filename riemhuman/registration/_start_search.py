@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,8 +56,10 @@ class Round:
     n_best: int  # candidates to keep
 
 
+# The first two are one schedule, in which unlikely starts are dropped early.
 _ROUNDS = (
-    Round(250, 400, (0.20, 0.09), 5, 24),
+    Round(250, 400, (0.20, 0.164), 2, 96),
+    Round(250, 400, (0.134, 0.09), 3, 24),
     Round(500, 800, (0.09, 0.04), 6, 6),
     Round(1000, 1500, (0.04, 0.015), 9, 3),
 )
@@ -118,23 +121,30 @@ class StartSearch:
         # A search that is done again starts from the headings between, and follows more starts. A
         # quick one follows fewer, and tries no arms.
         offset, more = (0.5, 2.0) if again else (0.0, 0.5 if quick else 1.0)
-        first, *others = [replace(each, n_best=int(more * each.n_best)) for each in _ROUNDS]
+        rounds = [replace(each, n_best=int(more * each.n_best)) for each in _ROUNDS]
+        rounds[0] = replace(rounds[0], n_best=int(max(more, 1.0) * _ROUNDS[0].n_best))
         ups = _AXES if scan.up is None else np.stack([scan.up, *scan.other_ups])
         if scan.up is None:
             few = [name for name in UP_POSES if name in self.poses] or list(self.poses)
-            starts = [each for axis in ups for each in self._starts(few, axis, scan, offset)]
+            starts = [start for up in ups for start in self._starts(few, up, scan, offset)]
             best: dict[tuple[float, ...], float] = {}
-            for candidate in self._advance(starts, first, scan):
+            for candidate in self._follow(starts, rounds[:2], scan):
                 best.setdefault(tuple(candidate.up), candidate.likelihood)
             likeliest = max(best.values())
             axes = sorted(best, key=lambda axis: -best[axis])[:2]
             ups = np.array([axis for axis in axes if best[axis] > likeliest - _UP_MARGIN])
         names = list(self.poses)
-        starts = [each for axis in ups for each in self._starts(names, axis, scan, offset)]
-        candidates = self._advance(starts, first, scan)
-        for each in others:
-            candidates = self._advance(candidates, each, scan)
+        starts = [start for up in ups for start in self._starts(names, up, scan, offset)]
+        candidates = self._follow(starts, rounds, scan)
         return candidates if quick else self.with_likeliest_arms(candidates, scan)
+
+    def _follow(
+        self, candidates: list[Candidate], rounds: Sequence[Round], scan: PreparedScan
+    ) -> list[Candidate]:
+        """Return the likeliest candidates after some rounds, the best first."""
+        for each in rounds:
+            candidates = self._advance(candidates, each, scan)
+        return candidates
 
     def with_likeliest_arms(
         self, candidates: list[Candidate], scan: PreparedScan
@@ -150,10 +160,8 @@ class StartSearch:
         """Return the body from one known start, the body a moment before."""
         warm = _WARM_BETAS_PRECISION * self.betas_precisions
         prior = self._prior(pose)._replace(betas_precisions=warm)
-        candidates = [Candidate(pose, prior, -np.inf, up, known=True)]
-        for each in _WARM_ROUNDS:
-            candidates = self._advance(candidates, each, scan)
-        return candidates[0]
+        start = Candidate(pose, prior, -np.inf, up, known=True)
+        return self._follow([start], _WARM_ROUNDS, scan)[0]
 
     def _prior(self, pose: Pose) -> Prior:
         return Prior(pose.local, self.precisions, pose.betas, self.betas_precisions)

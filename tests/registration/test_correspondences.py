@@ -11,6 +11,7 @@ from riemhuman.registration import (
     Scan,
     TemplateRegistration,
     correspondence,
+    geodesic_errors,
     simulated_scan,
 )
 from riemhuman.surfaces.nearest_points import nearest_points
@@ -107,3 +108,25 @@ def test_results_that_cannot_be_matched_are_refused(pair):
         correspondence(first, nothing)
     with pytest.raises(rh.errors.ArgumentTypeError, match="result_a must be a RegisteredScan"):
         correspondence(first.points, second)
+
+
+def test_geodesic_errors_are_shares_of_the_root_of_the_area():
+    """On a flat square of unit area, and round a fold, over which the straight line is shorter."""
+    places = np.linspace(0.0, 1.0, 21)
+    x, y = np.meshgrid(places, places, indexing="ij")
+    folded = [np.minimum(x, 0.5), y, np.maximum(x - 0.5, 0.0)]
+    corner = np.arange(21 * 21).reshape(21, 21)
+    a, b, c, d = corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
+    ends = corner[0, 0], corner[20, 7]
+    truth = np.hypot(1.0, 0.35)
+    for points in ([x, y, 0.0 * x], folded):
+        surface = 3.0 * np.stack(points, axis=-1).reshape(-1, 3)
+        (error, near, none) = geodesic_errors(
+            surface, faces, [ends[1], ends[0], -1], [ends[0], ends[0], 0]
+        )
+        assert 0.97 < error / truth < 1.06
+        assert near == 0.0
+        assert np.isnan(none)
+    with pytest.raises(rh.errors.ArgumentError, match="must be vertices of the mesh, below 441"):
+        geodesic_errors(surface, faces, [441], [0])

@@ -1,0 +1,114 @@
+"""Floors and walls are planes beside a body, never a part of it; a body rests on its floor."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import riemhuman as rh
+from riemhuman.registration import simulated_scan
+from riemhuman.registration._scan_preparation import prepare_scan
+from riemhuman.registration.scans import as_scan
+
+AXES = Rotation.from_euler("yx", [33.0, 70.0], degrees=True).as_matrix()
+UP = AXES[:, 1]
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return rh.datasets.load_open_bodies("coarse", variant="natural", people=909)
+
+
+@pytest.fixture(scope="module")
+def scan(bodies):
+    faces = bodies.template.faces
+    return simulated_scan(bodies[3], faces, rng=3, n_points=8000, rotate=False)
+
+
+def plane(rng, corner, first, second, n_points=5000):
+    """Return points of a rectangle with 2 mm of noise."""
+    places = rng.random((n_points, 2)) @ np.array([first, second])
+    return corner + places + rng.normal(0.0, 0.002, places.shape)
+
+
+def floor_below(points, rng):
+    corner = [points[:, 0].mean() - 0.9, points[:, 1].min(), points[:, 2].mean() - 0.9]
+    return plane(rng, corner, [1.8, 0.0, 0.0], [0.0, 0.0, 1.8])
+
+
+def wall_behind(points, rng, gap):
+    corner = [points[:, 0].mean() - 0.9, points[:, 1].min(), points[:, 2].min() - gap]
+    return plane(rng, corner, [1.8, 0.0, 0.0], [0.0, 2.2, 0.0])
+
+
+def prepared(*parts):
+    """Return prepared points in leaning axes, and the share of each part that is background."""
+    found = prepare_scan(as_scan(np.concatenate(parts) @ AXES.T))
+    ends = np.cumsum([len(part) for part in parts])
+    return found, [share.mean() for share in np.split(found.background, ends[:-1])]
+
+
+def test_a_floor_says_where_up_is(scan):
+    found, shares = prepared(scan.points, floor_below(scan.points, np.random.default_rng(0)))
+    np.testing.assert_allclose(found.up, UP, atol=0.01)
+    assert shares[0] < 0.05  # soles
+    assert shares[1] > 0.99
+
+
+def test_a_wall_is_background_but_no_floor(scan):
+    found, shares = prepared(scan.points, wall_behind(scan.points, np.random.default_rng(0), 0.15))
+    assert found.up is None
+    assert found.floor is None
+    assert shares[0] < 0.01
+    assert shares[1] > 0.99
+
+
+@pytest.mark.parametrize("gap", [0.15, 0.003])
+def test_of_wall_and_floor_both_are_background(scan, gap):
+    rng = np.random.default_rng(0)
+    planes = wall_behind(scan.points, rng, gap), floor_below(scan.points, rng)
+    found, shares = prepared(scan.points, *planes)
+    ups = [found.up, *found.other_ups]
+    assert max(up @ UP for up in ups) > 0.999
+    assert len(ups) == (2 if gap < 0.05 else 1)  # a body that leans may rest on both
+    assert shares[0] < 0.15
+    assert min(shares[1:]) > 0.99
+
+
+@pytest.mark.parametrize(("axis", "share"), [(2, 0.12), (0, 0.15)])
+def test_a_flat_back_or_side_is_a_part_of_the_body(scan, axis, share):
+    points = scan.points.copy()
+    points[:, axis] = np.maximum(points[:, axis], np.quantile(points[:, axis], share))
+    found, (background,) = prepared(points)
+    assert found.up is None
+    assert background < 0.01
+
+
+def test_who_lies_on_a_floor_rests_on_it(scan):
+    lying = scan.points @ Rotation.from_euler("x", -90.0, degrees=True).as_matrix().T
+    found, shares = prepared(lying, floor_below(lying, np.random.default_rng(0)))
+    np.testing.assert_allclose(found.up, UP, atol=0.01)
+    assert shares[0] < 0.3  # the back
+    assert shares[1] > 0.99
+
+
+def test_a_wall_is_no_floor_where_up_is_known(scan, registration):
+    points = np.concatenate(
+        [scan.points, wall_behind(scan.points, np.random.default_rng(0), 0.003)]
+    )
+    assert prepare_scan(as_scan(points)).floor is not None  # on which the back would rest
+    found = registration._prepare(points, {})
+    assert found.floor is None
+    np.testing.assert_array_equal(found.up, [0.0, 1.0, 0.0])
+
+
+@pytest.mark.slow
+def test_who_leans_against_a_wall_stands_on_the_floor(scan, registration):
+    """Without the floor, a body that leans is one that lies on the wall, and up= decides."""
+    rng = np.random.default_rng(0)
+    planes = [wall_behind(scan.points, rng, 0.003), floor_below(scan.points, rng)]
+    result = rh.registration.ScanRegistration(registration.model).solve(
+        np.concatenate([scan.points, *planes])
+    )
+    assert result.trusted, result.message
+    np.testing.assert_allclose(result.up, [0.0, 1.0, 0.0], atol=0.02)
+    assert np.linalg.norm(result.points - scan.body, axis=1).mean() < 0.015
