@@ -82,27 +82,23 @@ def joint_axes(source: RecordedSkeleton, figure: Figure) -> dict[str, ndarray]:
         "pelvis": _axes_of_trunk(source, figure, "pelvis", "hip", upright),
         "chest": _axes_of_trunk(source, figure, "chest", "shoulder", upright),
     }
-    pelvis, chest = (_rotations(source, name) @ axes[name] for name in ("pelvis", "chest"))
+    pelvis, chest = (source.rotation(name) @ axes[name] for name in ("pelvis", "chest"))
     if "head" in source.joints:
-        axes["head"] = mean_axes(_rotations(source, "head"), chest, upright)
+        axes["head"] = mean_axes(source.rotation("head"), chest, upright)
     for side in SIDES:
         collar = f"{side}_collar"
         if collar in source.joints and collar in figure.joints:
             lowered = upright * _lowered_arms(source, side)
-            axes[collar] = mean_axes(_rotations(source, collar), chest, lowered)
+            axes[collar] = mean_axes(source.rotation(collar), chest, lowered)
     for limb in LIMBS:
         is_leg = limb[0].endswith("hip")
         axes |= _axes_of_limb(source, figure, limb, pelvis if is_leg else chest)
         if is_leg:
             axes |= _axes_of_foot(source, figure, limb[0].split("_")[0], axes)
         else:
-            forearm = _rotations(source, limb[1]) @ axes[limb[1]]
-            axes[limb[2]] = mean_axes(_rotations(source, limb[2]), forearm, source.kept)
+            forearm = source.rotation(limb[1]) @ axes[limb[1]]
+            axes[limb[2]] = mean_axes(source.rotation(limb[2]), forearm, source.kept)
     return axes
-
-
-def _rotations(source: RecordedSkeleton, name: str) -> ndarray:
-    return source.rotations[:, source.joints[name]]
 
 
 def mean_axes(rotations: ndarray, wanted: ndarray, weights: ndarray) -> ndarray:
@@ -141,7 +137,7 @@ def _axes_of_trunk(
     """Return the axes of pelvis or chest."""
     seen = body_frame(source.positions, source.joints, line)
     wanted = seen @ body_frame(figure.rest, figure.joints, line).T
-    return mean_axes(_rotations(source, name), wanted, weights)
+    return mean_axes(source.rotation(name), wanted, weights)
 
 
 def _axes_of_limb(
@@ -152,7 +148,7 @@ def _axes_of_limb(
     upper, lower = (
         unit(bone(source.positions, source.joints, *pair)) for pair in (limb[:2], limb[1:])
     )
-    rotations = [_rotations(source, name) for name in limb[:2]]
+    rotations = [source.rotation(name) for name in limb[:2]]
     bends = np.cross(upper, lower)
     upper_hinge, lower_hinge = (_bending_axis(each, bends, source.kept) for each in rotations)
     if upper_hinge is None or lower_hinge is None:
@@ -198,11 +194,11 @@ def _axes_of_foot(
 ) -> dict[str, ndarray]:
     """Return the axes of a foot and its toes."""
     knee, ankle, toes = (f"{side}_{part}" for part in ("knee", "ankle", "toes"))
-    rotations = _rotations(source, ankle)
+    rotations = source.rotation(ankle)
     flat = source.flat[:, SIDES.index(side)]
     vertical = np.array([0.0, 1.0, 0.0])
     up = figure.frame[:, 0]
-    shank = _rotations(source, knee) @ axes[knee]
+    shank = source.rotation(knee) @ axes[knee]
     if toes not in source.joints or not has_bone(figure.rest, figure.joints, ankle, toes):
         weights = flat if flat.any() else source.kept
         level = turned_towards(shank, up, vertical) if flat.any() else shank
@@ -211,7 +207,7 @@ def _axes_of_foot(
     if flat.any():
         # Soles are level in the mean over frames in which the foot stands still.
         sole = frame(vertical, directions) @ frame(up, figure.bone(ankle, toes)).T
-        parts = {name: _rotations(source, name) for name in (ankle, toes)}
+        parts = {name: source.rotation(name) for name in (ankle, toes)}
         return {name: mean_axes(part, sole, flat) for name, part in parts.items()}
     foot = turned_towards(shank, figure.bone(ankle, toes), directions)
     # The feet of someone upright are level across, more so the less their toes point down.
@@ -222,5 +218,5 @@ def _axes_of_foot(
         foot_axes = mean_axes(rotations, level, across)
     else:
         foot_axes = mean_axes(rotations, foot, source.kept)
-    toe_axes = mean_axes(_rotations(source, toes), rotations @ foot_axes, source.kept)
+    toe_axes = mean_axes(source.rotation(toes), rotations @ foot_axes, source.kept)
     return {ankle: foot_axes, toes: toe_axes}

@@ -128,12 +128,12 @@ def _named_joints(
             # Of a collar in two parts, the lower one carries the rotations of both.
             order = -1 if part == "collar" else 1
             candidates = [
-                (spellings.index(name), order * depths[joint], joint)
-                for joint, (own_side, name) in enumerate(read)
+                (spellings.index(name), is_shortened, order * depths[joint], joint)
+                for joint, (own_side, name, is_shortened) in enumerate(read)
                 if own_side == side and name in spellings and joint not in found.values()
             ]
             if candidates and prefix + part not in found:
-                found[prefix + part] = min(candidates)[2]
+                found[prefix + part] = min(candidates)[3]
     for side in SIDES:
         # Hands and toes may have other names, or be end sites.
         for role, above in ((f"{side}_wrist", f"{side}_elbow"), (f"{side}_toes", f"{side}_ankle")):
@@ -184,20 +184,23 @@ def _branchings(parents: ndarray, joints: Mapping[str, int]) -> dict[str, int]:
     return found
 
 
-def _read_name(name: str) -> tuple[str, str]:
-    """Return the side and the part that the name of a joint says, or empty texts."""
+def _read_name(name: str) -> tuple[str, str, bool]:
+    """Return the side and the part that the name of a joint says, and whether it was shortened.
+
+    Texts are empty where it says none.
+    """
     name = name.rpartition(":")[2]  # before the colon is the name of the person
     words = [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)]
     side = next((_SIDE_WORDS[word] for word in words if word in _SIDE_WORDS), "")
     words = [word for word in words if word not in _SIDE_WORDS]
     kept = [word for word in words if word not in _ADDED_WORDS]
     # Other words before, such as the name of the person, do not matter; words after do.
-    for chosen in (words, kept):
+    for chosen, is_shortened in ((words, False), (kept, True)):
         for text in ("".join(chosen[first:]) for first in range(len(chosen))):
             if text in _PARTS:
-                return side, text
+                return side, text, is_shortened
             for word, own in _SIDE_WORDS.items():
                 for shorter in (text.removeprefix(word), text.removesuffix(word)):
                     if not side and shorter != text and shorter in _PARTS:
-                        return own, shorter
-    return side, ""
+                        return own, shorter, is_shortened
+    return side, "", False

@@ -102,8 +102,10 @@ def _pairs_of_branches(parents: ndarray, reaches: ndarray) -> list[tuple[int, in
 
     # A pair of hands within a pair of arms is part of it.
     outer = [p for p in long if not any(q != p and is_inside(p, q) for q in long)]
-    outer.sort(key=lambda pair: (len(joints_to_root(parents, pair[0])), -size[pair]))
-    return outer[:2] if len(outer) == 2 else []
+    # Skirts and wings are shorter than limbs.
+    limbs = sorted(outer, key=lambda pair: -size[pair])[:2]
+    limbs.sort(key=lambda pair: (len(joints_to_root(parents, pair[0])), -size[pair]))
+    return limbs
 
 
 def _limb(path: list[int], lengths: ndarray) -> list[int]:

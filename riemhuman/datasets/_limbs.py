@@ -91,7 +91,7 @@ def _direction(source: RecordedSkeleton, first: str, second: str) -> ndarray:
 def _known_rotations(source: RecordedSkeleton, figure: Figure) -> dict[int, ndarray]:
     """Return the rotations in space of joints that are recorded; others follow their parents."""
     axes = joint_axes(source, figure)
-    parts = {name: source.rotations[:, source.joints[name]] @ axis for name, axis in axes.items()}
+    parts = {name: source.rotation(name) @ axis for name, axis in axes.items()}
     for limb in LIMBS:
         for pair in (limb[:2], limb[1:]):
             directions = _direction(source, *pair)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.ndimage import uniform_filter1d
 
-from riemhuman.datasets._joint_names import SIDES, find_joints
+from riemhuman.datasets._joint_names import BONES, SIDES, find_joints
 from riemhuman.datasets._skeletons import check_bones, has_bone, leg_length, middle
 from riemhuman.datasets._upward import rest_directions, upward_axis, warn_of_doubt
 from riemhuman.datasets.bvh import SkeletonMotion
@@ -30,19 +30,29 @@ _LONG_PART = 0.05
 # After an interruption, a part whose lowest joints differ by so much from those of the longest part
 # is not on its floor, in lengths of the leg.
 _OTHER_FLOOR = 0.4
+# Joints nearer than this are in one place, lengths of the leg.
+_ONE_PLACE = 1e-3
+# Bones besides those of the limbs.
+_OTHER_BONES = tuple(
+    (f"{side}_{upper}", f"{side}_{lower}")
+    for side in SIDES
+    for upper, lower in (("collar", "shoulder"), ("ankle", "toes"))
+)
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedSkeleton:
     """A recorded skeleton in space, y up, in the unit of the recording.
 
-    `joints` are numbers of joints by names of the open model; `rotations` (n_frames, J, 3, 3) are
-    those in space; `kept` (n_frames,) are frames in which the recording was not interrupted; the
-    ball of each foot is `still`, is `grounded` on the floor, and the whole foot `flat` on it
-    (n_frames, 2).
+    `joints` are numbers of joints by names of the open model, and `carriers` those of the joints
+    that carry their bones: there may be others in between, for a twist. `rotations`
+    (n_frames, J, 3, 3) are those in space; `kept` (n_frames,) are frames in which the recording was
+    not interrupted; the ball of each foot is `still`, is `grounded` on the floor, and the whole
+    foot `flat` on it (n_frames, 2).
     """
 
     joints: dict[str, int]
+    carriers: dict[str, int]
     rotations: ndarray
     positions: ndarray
     frames_per_second: float
@@ -51,6 +61,10 @@ class RecordedSkeleton:
     still: ndarray
     grounded: ndarray
     flat: ndarray
+
+    def rotation(self, name: str) -> ndarray:
+        """Return the rotations in space of the bone that begins at a joint, (n_frames, 3, 3)."""
+        return self.rotations[:, self.carriers[name]]
 
     @property
     def ankles(self) -> list[int]:
@@ -94,9 +108,22 @@ def read_skeleton(
     )
     grounded = ball_still & _is_near_floor(positions, balls, ball_still, kept, leg)
     flat = grounded & ankle_still
+    carriers = joints | {
+        upper: _carrier(positions, parents, joints[lower], leg)
+        for upper, lower in (*BONES, *_OTHER_BONES)
+        if {upper, lower} <= joints.keys()
+    }
     return RecordedSkeleton(
-        joints, rotations, positions, rate, leg, kept, ball_still, grounded, flat
+        joints, carriers, rotations, positions, rate, leg, kept, ball_still, grounded, flat
     )
+
+
+def _carrier(positions: ndarray, parents: ndarray, end: int, leg: float) -> int:
+    """Return the joint that carries a bone to its end: the last one in another place."""
+    above = int(parents[end])
+    while np.linalg.norm(positions[:, above] - positions[:, end], axis=1).max() < _ONE_PLACE * leg:
+        above = int(parents[above])
+    return above
 
 
 def _uninterrupted_parts(

@@ -400,7 +400,7 @@ def _part_errors(
     if not all("head" in joints for joints in (source.joints, figure.joints)):
         return _PARTS[:2], np.stack(angles, axis=1)
     made = performance.rotations[:, figure.joints["head"]]
-    shown = source.rotations[:, source.joints["head"]]
+    shown = source.rotation("head")
     axes = mean_axes(shown, made, source.kept)
     return _PARTS, np.stack([*angles, _angles(made, shown @ axes)], axis=1)
 

@@ -184,6 +184,38 @@ def test_collars_in_two_parts(model, person):
     assert motion.errors.directions.mean(axis=0).max() < 4.0
 
 
+@pytest.mark.parametrize("part", ["hip", "knee", "shoulder", "elbow", "collar"])
+@pytest.mark.parametrize("is_below", [True, False])
+def test_joints_in_two_parts(model, person, frames, part, is_below):
+    # A joint is followed by another in the same place, and the two share its rotation.
+    betas, recording = person
+    joint = model.joint_names.index(f"left_{part}")
+    n_frames, n_joints = recording.rotations.shape[:2]
+    share = Rotation.from_rotvec(np.linspace(0, 1, n_frames)[:, None] * [0.3, 0.5, 0.2])
+    rotations = np.concatenate([recording.rotations, np.zeros((n_frames, 1, 3, 3))], axis=1)
+    rotations[:, joint] = share.as_matrix()
+    rotations[:, -1] = share.inv().as_matrix() @ recording.rotations[:, joint]
+    parents = np.append(recording.parents, joint)
+    parents[np.flatnonzero(recording.parents == joint)] = n_joints
+    names = [*renamed(model.joint_names, "MVN, 100STYLE, MHAD"), ""]
+    own = names[joint]
+    names[joint], names[-1] = (own, f"{own}Twist") if is_below else (f"{own}Joint", own)
+    order = [*range(joint + 1), n_joints, *range(joint + 1, n_joints)]
+    place = np.argsort(order)
+    split = replace(
+        recording,
+        joint_names=tuple(names[number] for number in order),
+        parents=np.where(parents < 0, -1, place[parents])[order],
+        offsets=np.concatenate([recording.offsets, np.zeros((1, 3))])[order],
+        translations=np.concatenate([recording.translations, np.zeros((n_frames, 1, 3))], axis=1)[
+            :, order
+        ],
+        rotations=rotations[:, order],
+    )
+    motion = retarget(split, model, betas=betas)
+    np.testing.assert_allclose(motion[:], frames, atol=1e-6)
+
+
 def test_joints_have_the_last_word(model, person, frames):
     betas, recording = person
     names = tuple(f"joint {number}" for number in range(model.n_joints))
