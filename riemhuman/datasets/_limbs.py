@@ -9,7 +9,15 @@ from riemhuman.bodies import joints_between
 from riemhuman.datasets._joint_axes import Figure, figure_hinge, joint_axes
 from riemhuman.datasets._joint_names import LIMBS
 from riemhuman.datasets._recorded_skeletons import RecordedSkeleton
-from riemhuman.datasets._skeletons import bone, has_bone, middle, shortest, trunk, turned_towards
+from riemhuman.datasets._skeletons import (
+    body_frame,
+    bone,
+    has_bone,
+    middle,
+    shortest,
+    trunk,
+    turned_towards,
+)
 from riemhuman.kernels.rotations import exp, log
 from riemhuman.kernels.surface import unit_vectors as unit
 
@@ -21,6 +29,8 @@ _TRUNK_STEPS = 3
 _STRETCHED = 0.9995
 # Weight of the axis of a knee beside the sine of its angle: a straight knee bends about it.
 _HINGE_SHARE = 0.1
+# Rotations of the trunk that differ by more in the mean from what positions show are not used.
+_UNLIKE = np.radians(30.0)
 
 
 def follow(source: RecordedSkeleton, figure: Figure, scale: float) -> ndarray:
@@ -92,6 +102,12 @@ def _known_rotations(source: RecordedSkeleton, figure: Figure) -> dict[int, ndar
     """Return the rotations in space of joints that are recorded; others follow their parents."""
     axes = joint_axes(source, figure)
     parts = {name: source.rotation(name) @ axis for name, axis in axes.items()}
+    for name, line in (("pelvis", "hip"), ("chest", "shoulder")):
+        seen = body_frame(source.positions, source.joints, line)
+        shown = seen @ body_frame(figure.rest, figure.joints, line).T
+        if np.linalg.norm(log(parts[name], shown), axis=-1).mean() > _UNLIKE:
+            # Some files place joints without rotating what they hang from.
+            parts[name] = shown
     for limb in LIMBS:
         for pair in (limb[:2], limb[1:]):
             directions = _direction(source, *pair)

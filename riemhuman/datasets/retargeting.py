@@ -59,6 +59,8 @@ _NECK = ("neck", "head")
 _PARTS = ("pelvis", "chest", "head")
 # Means over the frames that are warned of, degrees and metres.
 _MOST_DEGREES, _MOST_METRES = 15.0, 0.07
+# Mean cosine of feet to the front of the body that says that they point backward.
+_BACKWARD = 0.3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -433,6 +435,17 @@ def _misplaced(source: RecordedSkeleton, figure: Figure, performance: Performanc
     return np.stack(distances, axis=1)
 
 
+def _feet_point_backward(source: RecordedSkeleton) -> bool:
+    """Return whether the toes are behind the ankles of a body with these sides."""
+    forward = body_frame(source.positions, source.joints, "hip")[..., 2]
+    feet = [
+        np.sum(unit(bone(source.positions, source.joints, ankle, toes)) * forward, axis=1).mean()
+        for ankle, toes in (("left_ankle", "left_toes"), ("right_ankle", "right_toes"))
+        if toes in source.joints
+    ]
+    return bool(feet) and max(feet) < -_BACKWARD
+
+
 def _warn_of_errors(
     name: str, source: RecordedSkeleton, errors: RetargetingErrors, misplaced: ndarray
 ) -> None:
@@ -456,6 +469,8 @@ def _warn_of_errors(
     hips, shoulders = (unit(bone(source.positions, source.joints, *line)) for line in _LINES)
     if np.sum(hips * shoulders, axis=1).mean() < 0.0:
         found.append("the hips face away from the shoulders: their sides may have been swapped")
+    elif _feet_point_backward(source):
+        found.append("feet point backward: left and right may have been swapped")
     if found:
         warnings.warn(
             f"{name or 'recording'}: the body differs from the recording in the mean, "

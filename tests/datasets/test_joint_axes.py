@@ -1,5 +1,7 @@
 """Bodies follow the positions of joints, whatever the axes in which files rotate them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from recorded_people import RECORDING, recording_of, with_axes
@@ -83,3 +85,25 @@ def test_errors_tell_of_joints_taken_for_others(recording):
     motion = retarget(recording, joints=sides, frames_per_second=5)
     with pytest.warns(UserWarning, match="hips face away from the shoulders.*pass joints="):
         motion.errors  # noqa: B018
+
+
+def test_feet_tell_of_swapped_sides(recording):
+    names = [name.replace("Left", "Port") for name in recording.joint_names]
+    names = [name.replace("Right", "Left").replace("Port", "Right") for name in names]
+    motion = retarget(replace(recording, joint_names=tuple(names)), frames_per_second=5)
+    with pytest.warns(UserWarning, match="feet point backward: left and right.*pass joints="):
+        motion.errors  # noqa: B018
+
+
+def test_files_that_place_joints_without_rotating_any(recording):
+    n_joints = len(recording.parents)
+    translations = recording.positions.copy()
+    rotations = np.tile(np.eye(3), (len(recording), n_joints, 1, 1))
+    for joint in range(1, n_joints):
+        parent = recording.parents[joint]
+        translations[:, joint] = recording.positions[:, joint] - recording.positions[:, parent]
+    placed = replace(recording, rotations=rotations, translations=translations)
+    np.testing.assert_allclose(placed.positions, recording.positions, atol=1e-9)
+    errors = retarget(placed, frames_per_second=5).errors
+    assert errors.directions.mean(axis=0).max() < 4.0
+    assert errors.rotations.mean(axis=0).max() < 4.0
