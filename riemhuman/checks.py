@@ -38,6 +38,21 @@ TAKE_ANY_SCALE = "scale=None, on the command line --any-scale, takes them as the
 
 # Largest extents of human bodies, from infants to men with their arms raised.
 _BODY_METRES = (0.45, 2.8)
+# Feet are suspected in messages, but never inferred.
+SUSPECTED_UNITS = UNITS | {"feet": 3.2808}
+
+HUMAN_EXTENTS = (0.4, 4.0)
+"""Smallest and largest extent of a body with its surroundings, metres.
+
+Their ratio is 10, as between centimetres and millimetres, so that one unit fits at most.
+"""
+
+HUMAN_VOLUMES = (0.002, 0.65)
+"""Volumes of the smallest and of the heaviest people who have lived, cubic metres.
+
+Newborns have 3 litres and more. A volume is the same in every pose, which an extent is not.
+"""
+
 # An infant and a tall man with raised arms differ by less than this, and units by more, but for
 # centimetres and inches, which differ by 2.54.
 _LARGEST_RATIO = 8.0
@@ -372,6 +387,33 @@ def likely_units(extent: float) -> list[str]:
     """Return the units in which this extent is the size of a human body."""
     low, high = _BODY_METRES
     return [name for name, size in UNITS.items() if low * size <= extent <= high * size]
+
+
+def is_human_size(extent: float, volume: float = math.nan, unit: float = 1.0) -> bool:
+    """Return whether a body of people, from newborns to giants, has this extent and volume.
+
+    `unit` is the number of units in a metre; NaN is the volume of an open surface.
+    """
+    low, high = HUMAN_EXTENTS
+    least, most = HUMAN_VOLUMES
+    if not low * unit <= extent < high * unit:
+        return False
+    return math.isnan(volume) or least * unit**3 <= abs(volume) <= most * unit**3
+
+
+def check_human_size(extent: float, volume: float, name: str) -> None:
+    """Raise an error that suspects a unit if no human body, in metres, has this size."""
+    if is_human_size(extent, volume):
+        return
+    units = [unit for unit, size in SUSPECTED_UNITS.items() if is_human_size(extent, volume, size)]
+    least, most = (1000 * litres for litres in HUMAN_VOLUMES)
+    encloses = "" if math.isnan(volume) else f" and encloses {1000 * abs(volume):.4g} litres"
+    raise ArgumentError(
+        f"{name} is {extent:.4g} m long{encloses}, the size of no human body"
+        + (f", but of a body in {' or '.join(units)}" if units else "")
+        + f"; bodies must be in metres, {HUMAN_EXTENTS[0]:g} to {HUMAN_EXTENTS[1]:g} m long and of "
+        f"{least:g} to {most:g} litres"
+    )
 
 
 def check_same_scale(

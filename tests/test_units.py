@@ -109,3 +109,80 @@ def test_other_objects_are_taken_as_they_are_once_that_is_said(bodies):
         ways[name]()
     far = rh.procrustes(100.0 * bodies[2], to=bodies[0], scale=None)
     assert np.ptp(far[:, 1]) > 50
+
+
+# Sizes that no human body has.
+
+
+def sized(bodies, factor):
+    return factor * bodies.points[20]
+
+
+DOORS = {
+    "measure": lambda b, f: rh.measurements.Measurements(b.model).measure(f),
+    "a stack": lambda b, f: rh.measurements.Measurements(b.model).measure(f[None], missing="nan"),
+    "lines": lambda b, f: rh.measurements.Measurements(b.model).lines(f),
+    "standard pose": lambda b, f: rh.measurements.in_standard_pose(
+        rh.measurements.open_measurements("coarse"), f
+    ),
+    "fit": lambda b, f: b.model.fit(f),
+}
+
+
+@pytest.mark.parametrize("door", DOORS)
+@pytest.mark.parametrize(
+    ("factor", "message"),
+    [
+        (3.2808, r"5\.\d+ m long and encloses \d+ litres, .* but of a body in feet; .*in metres"),
+        (0.3, r"0\.\d+ m long and encloses 1\.\d+ litres, the size of no human body; "),
+        (0.2, "size of no human body"),
+        (2.5, "size of no human body"),
+    ],
+)
+def test_sizes_that_no_human_has_are_refused(door, factor, message, bodies):
+    with pytest.raises(ArgumentError, match=rf"(points|surface).* is .*{message}"):
+        DOORS[door](bodies, sized(bodies, factor))
+
+
+@pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "metres"])
+def test_the_unit_of_an_impossible_body_is_suspected(unit, bodies):
+    own = rh.measurements.Measurements(bodies.model)
+    for number in range(0, 100, 9):
+        with pytest.raises(ArgumentError, match=f"but of a body in .*{unit}"):
+            own.measure(UNITS[unit] * bodies.points[number])
+
+
+def test_children_and_giants_are_measured(bodies):
+    own = rh.measurements.Measurements(bodies.model, ["stature", "volume"])
+    for factor in (0.35, 0.45, 0.6, 1.0, 1.6):  # newborn to the tallest of men
+        for number in range(0, 100, 7):
+            values = own.measure(factor * bodies.points[number]).values
+            assert np.isfinite(values).all()
+
+
+def test_what_is_no_body_has_any_size():
+    """A template that is no body in metres, such as a hand, does not say how large others are."""
+    bodies = rh.datasets.load_open_bodies("coarse")
+    template = rh.Template(0.1 * bodies.template.vertices, bodies.template.faces)
+    girth = rh.measurements.Volume(name="all")
+    own = rh.measurements.MeasurementSet(template, [girth], {})
+    measured = rh.measurements.Measurements(own).measure(0.05 * bodies[0])
+    assert 0 < measured["all"] < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"stature": 5.74}, "stature must be in m.* found 5.74, which nobody has: is it in feet"),
+        ({"stature": 174}, "is it in centimetres"),
+        ({"stature": 2.9}, "stature .* is it in feet"),
+        ({"stature": 0.3}, "stature .* nobody has$"),
+        ({"waist girth": 2.8}, "waist girth must be in m.* is it in feet"),
+        ({"hip girth": 1020}, "is it in millimetres"),
+        ({"body mass": 2268.5}, "body mass must be in kg.* nobody has$"),
+        ({"body mass": 1.7}, "body mass must be in kg"),
+    ],
+)
+def test_values_that_nobody_has_are_refused(values, message):
+    with pytest.raises(ArgumentError, match=message):
+        rh.measurements.model_from_measurements(values, resolution="coarse")

@@ -32,6 +32,7 @@ from riemhuman.checks import (
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.representation import Record
+from riemhuman.surfaces.measures import check_body_sizes
 
 _LOSSES = ("squared", "huber")
 
@@ -113,7 +114,8 @@ def fit_model(
     ----------
     model : BodyModel
     points : array_like, shape (..., n_points, 3)
-        Surfaces, metres.
+        Surfaces, metres. Whole surfaces of a size that no human body has, newborn or giant, are an
+        error, unless the model itself is no body in metres.
     correspondence : array_like of int, pair, or sparse matrix, optional
         Place of each point on the model, as for `correspondence_matrix`.
     weights : array_like, shape (n_points,), optional
@@ -151,6 +153,8 @@ def fit_model(
     remedy, rest = "a fit is in the unit of the model", combine @ model.template.vertices
     check_resolution(surfaces, "points")
     check_same_scale(surfaces, rest, "points", "the model", remedy=remedy)
+    if correspondence is None:
+        check_body_sizes(surfaces, model.template.vertices, model.faces, "points")
     in_pose = np.where(model.parents >= 0, real_number(pose_prior, "pose_prior", minimum=0.0), 0.0)
     in_betas = np.full(model.n_betas, real_number(betas_prior, "betas_prior", minimum=0.0))
     in_hands = np.zeros(0)

@@ -314,13 +314,18 @@ def _fit(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     from riemhuman.progress import ProgressBar
+    from riemhuman.surfaces.measures import check_body_sizes
 
     surfaces = inputs.read_surfaces(options, options.meshes)
     files = surfaces.files
     model = _fitted_model(options, surfaces.template.n_vertices, files[0])
     with options.task(f"Fit of {len(files)} meshes"):
         numbers = ProgressBar(range(len(files)), disable=not options.bars, unit="mesh")
-        fits = [model.fit(surfaces[number]) for number in numbers]
+        fits = []
+        for number in numbers:
+            surface, file = surfaces[number], files[number]
+            check_body_sizes(surface, model.template.vertices, model.faces, str(file))
+            fits.append(model.fit(surface))
     names = [file.name for file in files]
     fields = ("betas", "pose", "trans", "distances")
     arrays = {field: np.stack([getattr(fit, field) for fit in fits]) for field in fields}

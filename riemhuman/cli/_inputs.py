@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import riemhuman as rh
+from riemhuman.checks import is_human_size
 from riemhuman.cli import _commands as cli
 from riemhuman.cli._terminal import as_json, note
 from riemhuman.errors import ArgumentError
@@ -25,8 +26,6 @@ PATH_METRIC = (1.0, 1.0, 0.1)  # limbs would shrink along paths of the shape met
 _N_HARMONICS = 60
 # Frames a second of recordings: enough to play smoothly, and for movements of a body.
 _RECORDED_RATE = 30.0
-# Smallest and largest lengths of bodies, metres.
-_SIZES = (0.3, 4.0)
 _SUMMARY = "summary.json"
 _PATH_ENDINGS = (".glb", ".png", ".html", ".npz")
 _MOST_IN_STRIP = 12
@@ -83,7 +82,7 @@ def read_surfaces(options: argparse.Namespace, paths: Sequence[Path]) -> Surface
         up=options.up,
     )
     size = (meshes.reference.max(axis=0) - meshes.reference.min(axis=0)).max()
-    if options.unit and not (options.any_scale or _SIZES[0] < size < _SIZES[1]):
+    if options.unit and not (options.any_scale or is_human_size(size)):
         raise ArgumentError(
             f"{options.template or files[0]} would be {size:.3g} m long; --unit {options.unit} is "
             "wrong, or --any-scale is missing"

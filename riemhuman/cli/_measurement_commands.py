@@ -176,17 +176,22 @@ def _read(
     """Return the measurements, meshes, and which vertices their files say to trust, or all."""
     import numpy as np
 
+    from riemhuman.surfaces.measures import check_body_sizes
+
     cli.check_needs(options, "--definitions", "--model NPZ")
     meshes = rh.datasets.RegisteredMeshes(files, scale=None, unit=options.unit, up=options.up)
     template = rh.Template(meshes[0], meshes.faces)
     measurements = inputs.measurements_of(options, template, files[0], pose)
     if options.only:
         measurements = rh.measurements.Measurements(measurements.definitions, options.only)
+    points, body = meshes[:], measurements.definitions
+    for file, surface in zip(files, points, strict=True):
+        check_body_sizes(surface, body.vertices, body.faces, str(file))
     trusted = np.ones((len(files), template.n_vertices), dtype=bool)
     for row, file in zip(trusted, files, strict=True):
         known = rh.io.load_trusted(file)
         row[:] = True if known is None else known
-    return measurements, meshes[:], trusted
+    return measurements, points, trusted
 
 
 def _write_table(file: Path, rows: Sequence[Sequence[object]]) -> None:

@@ -35,7 +35,7 @@ from scipy import stats
 from scipy.optimize import least_squares
 from scipy.special import softmax
 
-from riemhuman.checks import one_of, real_array, real_number, whole_number
+from riemhuman.checks import SUSPECTED_UNITS, one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.measurements.measurement_set import load_json, open_measurements
 from riemhuman.measurements.measuring import Measurements, as_mapping
@@ -55,8 +55,12 @@ _LEAST_STEP, _LEAST_GAIN = 1e-6, 1e-5
 _LENGTH_TOLERANCE, _SHARE_TOLERANCE = 1e-4, 5e-4
 # The body meets predicted values to this share of their standard deviations.
 _OF_PREDICTED = 0.3
-# Values that differ by more than this factor from those of adults are in other units.
-_MOST_TIMES = 10.0
+# Smallest and largest values of people, as shares of the mean woman's: from the shortest adults,
+# 0.55 m tall, to the tallest, and to the heaviest; other values are in other units.
+_SHARES = {"m": (0.33, 2.0), "m²": (0.1, 4.0), "m³": (0.03, 10.0), "kg": (0.03, 10.0)}
+_SHARES_AROUND = (0.25, 3.0)  # of girths, breadths and depths, which grow with weight
+# The tallest person was 2.72 m tall, and nobody's arm span was longer than 2.9 m.
+_LARGEST_LENGTH = 2.9
 # Given values that the body misses by more standard deviations than this are named.
 _MOST_MISSED = 3.0
 _WAIST, _OMPHALION = "waist girth", "waist girth (omphalion)"
@@ -127,7 +131,8 @@ def model_from_measurements(
     ----------
     values : mapping of str to float
         Measurements of the open body by name, in metres, square metres, cubic metres or kilograms.
-        Seated ones count through the others that they predict.
+        Values that nobody has are an error that suspects another unit. Seated ones count through
+        the others that they predict.
     sex : {"adult", "woman", "man"}
         Population among which the body is the most probable; for "adult", both count by their
         probability given the values.
@@ -159,11 +164,7 @@ def model_from_measurements(
     for name, value in given.items():
         real_number(value, name, minimum=0.0, strict=True)
         unit, usual = units.get(name, "m"), typical.get(name, value)
-        if not usual / _MOST_TIMES < value < usual * _MOST_TIMES:
-            raise ArgumentError(
-                f"{name} must be in {unit}, where women have {usual:.3g} in the mean; found "
-                f"{value:g}"
-            )
+        _check_value(name, value, usual, unit)
         is_length = unit == "m"
         errors[name] = _LENGTH_TOLERANCE if is_length else _SHARE_TOLERANCE * value
     for name, error in as_mapping(tolerances, list(given)).items() if tolerances else ():
@@ -203,6 +204,29 @@ def model_from_measurements(
         converged=converged,
         message="; ".join(remarks),
     )
+
+
+def _check_value(name: str, value: float, usual: float, unit: str) -> None:
+    """Raise an error that suspects a unit if nobody has a value, given the mean woman's."""
+    if _is_human(name, value, usual, unit):
+        return
+    units = []
+    if unit == "m":
+        for suspected, size in SUSPECTED_UNITS.items():
+            if _is_human(name, value / size, usual, unit):
+                units.append(suspected)
+    question = f": is it in {' or '.join(units)}?" if units else ""
+    raise ArgumentError(
+        f"{name} must be in {unit}, where women have {usual:.3g} in the mean; found {value:g}, "
+        f"which nobody has{question}"
+    )
+
+
+def _is_human(name: str, value: float, usual: float, unit: str) -> bool:
+    """Return whether a person may have a value, given the mean woman's."""
+    is_around = any(word in name for word in ("girth", "breadth", "depth", "clearance"))
+    low, high = _SHARES_AROUND if unit == "m" and is_around else _SHARES[unit]
+    return low * usual < value < high * usual and not (unit == "m" and value >= _LARGEST_LENGTH)
 
 
 @dataclass(frozen=True)

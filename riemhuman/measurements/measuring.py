@@ -13,14 +13,7 @@ from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, joints_between
-from riemhuman.checks import (
-    check_resolution,
-    likely_units,
-    one_of,
-    real_array,
-    real_number,
-    refuse_type,
-)
+from riemhuman.checks import check_resolution, one_of, real_array, real_number, refuse_type
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
@@ -30,6 +23,7 @@ from riemhuman.measurements._landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.definitions import nearest_name
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.solvers import ShapeTransfer
+from riemhuman.surfaces.measures import check_body_sizes
 from riemhuman.surfaces.template import Template
 
 _POSES = ("as is", "standard")
@@ -165,7 +159,7 @@ class Measurements:
         Parameters
         ----------
         points : array_like, shape (..., V, 3)
-            Bodies, metres.
+            Bodies, metres. A size that no human body has, newborn or giant, is an error.
         pose : {"as is", "standard"}
             Whether bodies are measured as they stand, or after `in_standard_pose`, which needs a
             body model.
@@ -189,6 +183,7 @@ class Measurements:
         check_resolution(points, "points", dtype)
         lead = points.shape[:-2]
         surfaces = points.reshape(-1, *points.shape[-2:])
+        check_body_sizes(points, self.definitions.vertices, self.definitions.faces, "points")
         for number, surface in enumerate(surfaces):
             self._check_surface(surface, f"points[{number}]")
         if pose == "standard":
@@ -241,6 +236,7 @@ class Measurements:
         shape = (self.definitions.n_vertices, 3)
         surface = real_array(surface, "surface", shape, batched=False)
         axes = one_of(axes, "axes", _AXES) if self.definitions.frame else "space"
+        check_body_sizes(surface, self.definitions.vertices, self.definitions.faces, "surface")
         bodies = LandmarkedBodies(self.definitions, surface[np.newaxis], axes)
         lines = {}
         for measurement in self.definitions.measurements:
@@ -250,14 +246,7 @@ class Measurements:
         return lines
 
     def _check_surface(self, surface: ndarray, name: str) -> None:
-        """Raise an error if a body is in other units or inside out; any other size is accepted."""
-        extent = float(np.ptp(surface, axis=0).max())
-        units = likely_units(extent)
-        if units and "metres" not in units:
-            raise ArgumentError(
-                f"{name} is {extent:.4g} long, as a body in {' or '.join(units)} is; measurements "
-                "need bodies in metres"
-            )
+        """Raise an error if a body is inside out."""
         if self.definitions.is_closed:
             both = np.stack([surface, self.definitions.vertices])
             volume, own = LandmarkedBodies(self.definitions, both, "space").volumes
@@ -389,6 +378,8 @@ def _checked_trust(trusted_vertices: Any, shape: tuple[int, ...]) -> ndarray:
 
 def as_mapping(values: Any, names: Sequence[str]) -> dict[str, float]:
     """Return values of measurements by name; raise an error if there are none or unknown ones."""
+    if hasattr(values, "to_dict"):  # a series of pandas, or measured bodies
+        values = values.to_dict()
     if not isinstance(values, Mapping) or not values:
         raise ArgumentError(f"values must map names of measurements to numbers; found {values!r}")
     named = {nearest_name(str(name), "measurement", names): v for name, v in values.items()}

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from riemhuman.checks import UNITS, check_resolution, one_of, real_array
+from riemhuman.checks import UNITS, check_resolution, is_human_size, one_of, real_array
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path
 from riemhuman.io.meshes import as_arrays, load_points
@@ -20,9 +20,6 @@ from riemhuman.surfaces.measures import adjacent_triangles
 
 FEWEST_POINTS = 200
 
-# Smallest and largest extent of a body with its surroundings, metres. Their ratio is 10, as between
-# centimetres and millimetres, so that one unit fits at most.
-_EXTENTS = (0.4, 4.0)
 _INFERRED_UNITS = ("metres", "centimetres", "millimetres")
 # Coordinates beyond this multiple of the scan's size are mistakes in a file, not strays.
 _LARGEST_OUTLIER = 1e6
@@ -208,11 +205,7 @@ def _in_metres(
             f"size {extent:.3g}"
         )
     if unit is None:
-        fitting = [
-            each
-            for each in _INFERRED_UNITS
-            if _EXTENTS[0] * UNITS[each] <= extent < _EXTENTS[1] * UNITS[each]
-        ]
+        fitting = [each for each in _INFERRED_UNITS if is_human_size(extent, unit=UNITS[each])]
         if not fitting:
             raise ArgumentError(
                 f"{name} is {extent:.3g} long, which is the size of a body neither in metres nor "

@@ -7,7 +7,10 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from riemhuman.checks import real_array
+from riemhuman.checks import check_human_size, is_human_size, real_array
+
+# Share of the cube of its extent below which the volume of a surface is that of a flat one.
+_FLAT = 1e-4
 
 
 def triangle_areas(points: ndarray, faces: ndarray) -> ndarray:
@@ -67,10 +70,37 @@ def signed_volume(points: ndarray, faces: ndarray) -> ndarray:
     points = real_array(points, "points", ("n_vertices", 3))
     if not is_closed(faces):
         return np.full(points.shape[:-2], np.nan)
+    return _enclosed(points, faces)
+
+
+def _enclosed(points: ndarray, faces: ndarray) -> ndarray:
     # Relative to the first vertex, to keep precision for bodies far from the origin.
     points = points - points[..., :1, :]
     first, second, third = (points[..., corner, :] for corner in faces.T)
-    return np.sum(first * np.cross(second, third), axis=(-2, -1)) / 6.0
+    volumes: ndarray = np.sum(first * np.cross(second, third), axis=(-2, -1)) / 6.0
+    return volumes
+
+
+def check_body_sizes(points: ndarray, reference: ndarray, faces: ndarray, name: str) -> None:
+    """Raise an error if surfaces, shape (..., V, 3), have sizes that no human body has.
+
+    If the reference surface, shape (V, 3), has no such size either, it is no body in metres: a
+    hand, or a template in another unit. All sizes are then accepted.
+    """
+    has_volume = is_closed(faces)
+
+    def size(surface: ndarray) -> tuple[float, float]:
+        extent = float(np.ptp(surface, axis=0).max())
+        volume = float(_enclosed(surface, faces)) if has_volume else np.nan
+        return extent, volume if abs(volume) > _FLAT * extent**3 else np.nan
+
+    if not is_human_size(*size(reference)):
+        return
+    for index in np.ndindex(points.shape[:-2]):
+        place = f"{name}[{', '.join(map(str, index))}]" if index else name
+        extent, volume = size(points[index])
+        if extent > 0.0:  # else it is collapsed
+            check_human_size(extent, volume, place)
 
 
 def is_closed(faces: ndarray) -> bool:
