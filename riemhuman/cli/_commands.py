@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
 from riemhuman.errors import ArgumentError
-from riemhuman.optional import import_optional
+from riemhuman.optional import import_matplotlib
 
 _WRONG_WORD = re.compile(r"(?:unrecognized arguments: .*(?=--)|invalid choice: ')([^\s'=]+)")
 
@@ -159,7 +159,7 @@ def output(
             check_output_file(place, known, force=options.force)
             options.files[dest] = place
         if options.ending in FIGURE_ENDINGS or (not options.ending and options.has_figure):
-            import_optional("matplotlib", "plot")  # before the work, not after it
+            import_matplotlib()  # before the work, not after it
         setattr(options, dest, place)
         options.written.append(place)
 

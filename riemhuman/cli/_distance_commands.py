@@ -392,6 +392,7 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
             f"as well as a plane allows (stress {stress:.2f}; 0 would preserve all distances)."
         )
     with rh.plots.figure_style():
+        settings["ax"] = rh.plots.figures.new_figure(6.0, 5.0).subplots()
         ax = rh.plots.plot_embedding(positions, items, classes, **settings)
         ax.set_xlabel(scale)
         rh.plots.figures.save_figure(ax.figure, options.output)

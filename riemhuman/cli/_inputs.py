@@ -269,8 +269,10 @@ def write_path(
         if ending == ".glb":
             rh.save_glb(file, path, faces, name=title)
         elif ending == ".png":
-            figure = rh.plots.plot_path(path, faces, n_shown=_MOST_IN_STRIP).figure
-            rh.plots.figures.save_figure(figure, file)
+            figures = rh.plots.figures
+            axes = figures.new_figure(12.0, 2.4).subplots()
+            strip = rh.plots.plot_path(path, faces, n_shown=_MOST_IN_STRIP, ax=axes)
+            figures.save_figure(figures.strip_figure(strip), file)
         elif ending == ".html":
             rh.plots.view_path(path, faces, title=title, description=description).save(file)
         else:

@@ -17,8 +17,14 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import ElasticMetric
 from riemhuman.kernels import surface
-from riemhuman.optional import import_optional
-from riemhuman.plots.figures import SKIN, colour_limit, new_axes, new_figure, value_colors
+from riemhuman.optional import import_matplotlib
+from riemhuman.plots.figures import (
+    SKIN,
+    colour_limit,
+    new_axes,
+    new_figure,
+    value_colors,
+)
 from riemhuman.plots.rendering import View, as_surfaces, render, window_around
 from riemhuman.representation import Record
 from riemhuman.surfaces.measures import triangle_areas
@@ -85,7 +91,7 @@ def plot_body(
     ax.imshow(picture, extent=(0.0, window.width, 0.0, window.height), interpolation="antialiased")
     ax.set_axis_off()
     if values is not None and label is not None:
-        colors, cm = (import_optional(f"matplotlib.{name}", "plot") for name in ("colors", "cm"))
+        colors, cm = (import_matplotlib(name) for name in ("colors", "cm"))
         table = colors.ListedColormap(value_colors(np.linspace(0.0, 1.0, 256)))
         scale = cm.ScalarMappable(colors.Normalize(0.0, limit or 1.0), table)
         ax.figure.colorbar(scale, ax=ax, label=label, shrink=0.6, pad=0.02)
@@ -282,7 +288,7 @@ def plot_measurement_lines(
     >>> figure = rh.plots.plot_measurement_lines(bodies[0], bodies.template.faces, lines)
     """
     surface, faces = as_surfaces(surface, faces)
-    collections = import_optional("matplotlib.collections", "plot")
+    collections = import_matplotlib("collections")
     curves = {name: parts for name, parts in lines.items() if len(parts)}
     n_rows = -(-len(curves) // _LEGEND_COLUMNS)
     figure = new_figure(9.6, _BODY_INCHES + _LEGEND_ROW_INCHES * n_rows)

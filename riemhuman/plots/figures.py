@@ -14,7 +14,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.io.files import atomic_file, file_path
-from riemhuman.optional import import_optional
+from riemhuman.optional import import_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,6 +25,8 @@ _THEME = (
     "<style>:root{color:#1d2025}@media(prefers-color-scheme:dark){:root{color:#e7e8ea}}</style>"
 )
 _DPI = 150
+# Backends that write files.
+_CANVASES = {"png": "agg", "svg": "svg", "pdf": "pdf"}
 
 # Ten hues of similar lightness; successive hues differ strongly.
 _CLASSES = (
@@ -52,31 +54,47 @@ def figure_style() -> Iterator[None]:
     >>> with rh.plots.figure_style():
     ...     ax = rh.plots.plot_energy([3.0, 2.0, 1.9])
     """
-    style = import_optional("matplotlib.style", "plot")
+    style = import_matplotlib("style")
     with style.context(str(files("riemhuman.plots") / "web" / "report.mplstyle")):
         yield
 
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of a size in inches that opens no window."""
-    module: Any = import_optional("matplotlib.figure", "plot")
+    module: Any = import_matplotlib("figure")
     return module.Figure(figsize=(width, height), layout="constrained")
 
 
 def new_axes(ax: Axes | None, width: float, height: float) -> Axes:
-    """Return the given axes, or the axes of a new figure of a size in inches."""
+    """Return the given axes, or the axes of a new figure of a size in inches.
+
+    Notebooks and windows show the figure, unless the backend that would do so is not installed.
+    """
     if ax is not None:
         return ax
-    pyplot = import_optional("matplotlib.pyplot", "plot")
-    return pyplot.subplots(figsize=(width, height), layout="constrained")[1]
+    try:
+        pyplot: Any = import_matplotlib("pyplot")
+        return pyplot.subplots(figsize=(width, height), layout="constrained")[1]
+    except ImportError:
+        return new_figure(width, height).subplots()
+
+
+def strip_figure(ax: Axes) -> Figure:
+    """Return the figure of a film strip's axes, cut to the width of the strip."""
+    figure: Any = ax.figure
+    (_, right), (_, top) = ax.get_xlim(), ax.get_ylim()
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(min(width, height * right / top), height)
+    return figure
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure on white to a file, in the format of its ending."""
+    """Write a figure on white to a file, in the format of its ending, by a canvas for files."""
     file = file_path(path)
     with atomic_file(file) as temporary:
         ending = file.suffix[1:].lower()
-        figure.savefig(temporary, dpi=200, facecolor="white", format=ending)
+        canvas = _CANVASES.get(ending)
+        figure.savefig(temporary, dpi=200, facecolor="white", format=ending, backend=canvas)
 
 
 def figure_files(figure: Figure) -> tuple[str, bytes]:

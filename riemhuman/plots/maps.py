@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import Rng, class_indices, distance_matrix, generator, one_of, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.optional import import_optional
+from riemhuman.optional import import_matplotlib, import_optional
 from riemhuman.plots.figures import class_colors, new_axes
 from riemhuman.plots.rendering import render
 
@@ -232,7 +232,7 @@ def _add_bodies(
     faces: ArrayLike,
 ) -> None:
     """Draw the middle body of the largest classes beside the map, with a line to its points."""
-    offsetbox = import_optional("matplotlib.offsetbox", "plot")
+    offsetbox = import_matplotlib("offsetbox")
     classes, counts = np.unique(labels, return_counts=True)
     classes = classes[np.argsort(-counts, kind="stable")][: 2 * _MOST_IN_COLUMN]
     centres = np.stack([np.median(positions[labels == k], axis=0) for k in classes])

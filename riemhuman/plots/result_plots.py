@@ -10,7 +10,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import class_indices, length_of, real_array
-from riemhuman.optional import import_optional
+from riemhuman.optional import import_matplotlib
 from riemhuman.plots.figures import class_colors, new_axes
 from riemhuman.retrieval import confusion, precision_recall
 
@@ -172,7 +172,7 @@ def _heat_map(
     digits: int = 0,
 ) -> None:
     """Draw a matrix in shades of blue, on which its values are legible."""
-    colors = import_optional("matplotlib.colors", "plot")
+    colors = import_matplotlib("colors")
     shades = colors.LinearSegmentedColormap.from_list("shades", [_LIGHTEST, _DEEPEST])
     ax.imshow(values, cmap=shades, vmin=0, vmax=largest, aspect="auto", interpolation="nearest")
     for spine in ax.spines.values():

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_text
-from riemhuman.optional import import_optional
+from riemhuman.optional import import_matplotlib, import_optional
 from riemhuman.plots import figure_style
 from riemhuman.registration import read_records
 from riemhuman.report._body_sections import (
@@ -103,7 +103,7 @@ def make_report(
     >>> page = rh.report.make_report("report", quick=True)  # doctest: +SKIP
     """
     check_folder(output)
-    import_optional("matplotlib", "report")
+    import_matplotlib(extra="report")
     import_optional("sklearn.manifold", "report")
     started = _now()
     if bodies is None:
