@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import riemhuman as rh
-from riemhuman.checks import is_human_size
 from riemhuman.cli import _commands as cli
 from riemhuman.cli._terminal import as_json, note
 from riemhuman.errors import ArgumentError
@@ -73,6 +72,8 @@ class Surfaces:
 
 def read_surfaces(options: argparse.Namespace, paths: Sequence[Path]) -> Surfaces:
     """Return the surfaces in mesh files and folders; by default, the first is the template."""
+    from riemhuman.checks import is_human_size
+
     files = list_meshes(paths)
     meshes = rh.datasets.RegisteredMeshes(
         files,

@@ -105,4 +105,4 @@ def test_people_are_permuted_as_a_whole(people):
     with pytest.raises(ArgumentError, match="people must hold a label"):
         regress_shape(space, np.arange(12.0), points, people=who[1:], max_iter=0)
     with pytest.raises(ArgumentError, match="same for all bodies of a person"):
-        regress_shape(space, np.arange(12.0), points, people=["a", None] * 6, max_iter=0)
+        regress_shape(space, np.arange(12.0), points, people=["a", ("b",)] * 6, max_iter=0)
