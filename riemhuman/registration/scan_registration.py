@@ -130,6 +130,8 @@ class RegisteredScan:
 
 
 _SIDES = ("left", "right")
+# Fits are in single precision; a scanner's stage is nearer to the origin than this.
+_FAR_METRES_AWAY = 100.0
 _UP = dict(zip(AXES, (*np.eye(3), *-np.eye(3)), strict=True))
 
 _N_DENSE = 3000
@@ -224,7 +226,18 @@ class ScanRegistration:
             If fewer than 200 points are left without the background, or the size is not that of a
             body.
         """
-        prepared = self._prepare(scan, {} if landmarks is None else landmarks)
+        whole = as_scan(scan, self.unit)
+        known = self._landmark_positions({} if landmarks is None else landmarks, whole)
+        offset = _offset(whole.points)
+        if offset.any():
+            known = {number: position - offset for number, position in known.items()}
+            start = None if start is None else _moved(start, -offset)
+            whole = replace(whole, points=whole.points - offset)
+        prepared = self._prepare(whole, known)
+        return _moved(self._best(prepared, start), offset)
+
+    def _best(self, prepared: PreparedScan, start: RegisteredScan | None) -> RegisteredScan:
+        """Return the likeliest of the registrations of a whole and of half a body."""
         with single_threaded_libraries():
 
             @cache
@@ -274,9 +287,7 @@ class ScanRegistration:
     def _parts(self) -> BodyParts:
         return self._fitter.parts
 
-    def _prepare(self, scan: Any, landmarks: Any) -> PreparedScan:
-        whole = as_scan(scan, self.unit)
-        known = self._landmark_positions(landmarks, whole)
+    def _prepare(self, whole: Scan, known: dict[int, np.ndarray]) -> PreparedScan:
         prepared = prepare_scan(whole)
         if self.up is not None:
             up = _UP[self.up]
@@ -570,6 +581,27 @@ def _other_units(scan: Scan, background: np.ndarray) -> list[str]:
         "from this size; the argument unit, or --unit, decides"
         for unit in others[:1]
     ]
+
+
+def _offset(points: np.ndarray) -> np.ndarray:
+    """Return the place of a scan so far away that single precision would not do, else zeros."""
+    middle = np.median(points, axis=0)
+    return np.round(middle) if np.abs(middle).max() > _FAR_METRES_AWAY else np.zeros(3)
+
+
+def _moved(result: RegisteredScan, offset: np.ndarray) -> RegisteredScan:
+    """Return the registration of a scan that is translated."""
+    if not offset.any():
+        return result
+    fit = result.fit
+    transform = result.transform.copy()
+    transform[:3, 3] -= transform[:3, :3] @ offset
+    return replace(
+        result,
+        points=result.points + offset,
+        fit=None if fit is None else replace(fit, trans=fit.trans + offset),
+        transform=transform,
+    )
 
 
 def apply_transform(transform: np.ndarray, points: np.ndarray) -> np.ndarray:

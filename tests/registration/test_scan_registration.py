@@ -113,3 +113,14 @@ def test_a_landmark_needs_a_joint(registration, scan):
 def test_wrong_choices_are_refused(registration, arguments, error, message):
     with pytest.raises(error, match=message):
         ScanRegistration(**({"model": registration.model} | arguments))
+
+
+def test_offsets_are_removed_in_double_precision(registration, scan, result):
+    vertices, faces = scan.surface
+    offset = np.array([5e5, 3e3, 5e6])  # as in coordinates of a map
+    far = registration.solve((vertices + offset, faces))
+    assert far.trusted == result.trusted
+    np.testing.assert_allclose(far.points - offset, result.points, atol=1e-6)
+    np.testing.assert_allclose(far.fit.trans - offset, result.fit.trans, atol=1e-6)
+    np.testing.assert_allclose(far.upright_points, result.upright_points, atol=1e-6)
+    np.testing.assert_allclose(far.distances, result.distances, atol=1e-6)
