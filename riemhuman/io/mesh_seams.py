@@ -21,7 +21,9 @@ SEAMS = ("join", "keep")
 # Two borders are one seam if their corners are closer than this share of the usual border edge and
 # that share of their own: rounding in files is less, and the lips of a closed mouth are farther
 # apart in some body.
-_TOLERANCE, _LARGEST_GAP = 0.05, 0.3
+_TOLERANCE, _LARGEST_GAP = 0.03, 0.15
+# What most pairs of a seam keep in the first surface, all keep in all surfaces by this factor.
+_SLACK = 3.0
 # More sheets than these do not meet in one edge.
 _MOST_SHEETS = 6
 
@@ -106,8 +108,9 @@ def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANC
         One surface or several of the same triangles; corners must coincide in all of them.
     faces : array_like, shape (F, 3)
     tolerance : float
-        Largest distance between two corners that coincide, as a share of the median length of the
-        border edges.
+        Largest distance between corners that coincide, as a share of the median length of the
+        border edges. Most corners of a seam must be as near in the first surface, and all three
+        times as near in all of them.
 
     Examples
     --------
@@ -122,12 +125,20 @@ def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANC
         raise ArgumentError(f"points holds no surface; found shape {points.shape}")
     _, triangles = check_mesh(surfaces[0], faces)
     pairs = _opposite_borders(surfaces[0], _border_edges(triangles), tolerance)
-    return _joined(triangles, points.shape[-2], _coincident(surfaces, pairs, tolerance))
+    pairs = pairs[_is_coincident(surfaces[0], pairs, tolerance)]
+    if len(pairs):
+        gaps = _relative_gaps(surfaces[0], pairs, tolerance)
+        pairs = pairs[_medians(gaps, _chains(pairs, points.shape[-2])) <= 1.0]
+    for surface in surfaces[1:]:
+        pairs = pairs[_is_coincident(surface, pairs, tolerance)]
+    return _joined(triangles, points.shape[-2], pairs)
 
 
 def common_seams(seams: Seams, points: np.ndarray, faces: np.ndarray) -> Seams:
     """Return the seams that coincide in other surfaces, too, shape (..., V, 3)."""
-    pairs = _coincident(points.reshape(-1, *points.shape[-2:]), seams.edge_pairs, _TOLERANCE)
+    pairs = seams.edge_pairs
+    for surface in points.reshape(-1, *points.shape[-2:]):
+        pairs = pairs[_is_coincident(surface, pairs, _TOLERANCE)]
     if len(pairs) == len(seams.edge_pairs):
         return seams
     return _joined(faces, points.shape[-2], pairs)
@@ -154,7 +165,7 @@ def _opposite_borders(points: np.ndarray, edges: np.ndarray, tolerance: float) -
         return np.zeros((0, 2, 2), dtype=np.int64)
     along = points[edges].reshape(-1, 6)
     back = points[edges[:, ::-1]].reshape(-1, 6)
-    limit = 2.0 * tolerance * _usual_length(points, edges) + np.finfo(float).tiny
+    limit = 2.0 * _SLACK * tolerance * _usual_length(points, edges) + np.finfo(float).tiny
     count = min(_MOST_SHEETS, len(edges))
     gaps, partners = cKDTree(back).query(along, k=count, distance_upper_bound=limit)
     first = np.repeat(np.arange(len(edges)), count)
@@ -168,17 +179,45 @@ def _opposite_borders(points: np.ndarray, edges: np.ndarray, tolerance: float) -
     return np.stack([edges[first], edges[second, ::-1]], axis=1)
 
 
-def _coincident(surfaces: np.ndarray, pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return the pairs of edges that coincide in all surfaces, shape (n, V, 3)."""
-    for points in surfaces:
-        if not len(pairs):
-            break
-        one, other = points[pairs[:, 0]], points[pairs[:, 1]]
-        gaps = np.linalg.norm(one - other, axis=2).max(axis=1)
-        shorter = np.minimum(*(np.linalg.norm(e[:, 1] - e[:, 0], axis=1) for e in (one, other)))
-        usual = _usual_length(points, pairs.reshape(-1, 2))
-        pairs = pairs[(gaps <= tolerance * usual) & (gaps <= _LARGEST_GAP * shorter)]
-    return pairs
+def _is_coincident(points: np.ndarray, pairs: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return which pairs of edges coincide in a surface, but for the slack."""
+    return _relative_gaps(points, pairs, tolerance) <= _SLACK
+
+
+def _relative_gaps(points: np.ndarray, pairs: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return the distances between the corners of pairs of edges, in units of the largest ones."""
+    if not len(pairs):
+        return np.zeros(0)
+    one, other = points[pairs[:, 0]], points[pairs[:, 1]]
+    gaps = np.linalg.norm(one - other, axis=2).max(axis=1)
+    shorter = np.minimum(*(np.linalg.norm(e[:, 1] - e[:, 0], axis=1) for e in (one, other)))
+    usual = _usual_length(points, pairs.reshape(-1, 2))
+    largest = np.minimum(tolerance * usual, _LARGEST_GAP * shorter)
+    return gaps / np.maximum(largest, np.finfo(float).tiny)
+
+
+def _chains(edge_pairs: np.ndarray, n_vertices: int) -> np.ndarray:
+    """Return the number of the chain of connected pairs that each pair belongs to, shape (P,)."""
+    corners = edge_pairs.reshape(-1, 4)
+    links = np.stack([corners[:, :3], corners[:, 1:]], axis=2).reshape(-1, 2)
+    return _components(links, n_vertices)[corners[:, 0]]
+
+
+def _medians(values: np.ndarray, groups: np.ndarray) -> np.ndarray:
+    """Return the median of the group that each value belongs to."""
+    from scipy import ndimage
+
+    _, numbers = np.unique(groups, return_inverse=True)
+    return np.asarray(ndimage.median(values, numbers, np.arange(numbers.max() + 1)))[numbers]
+
+
+def _components(links: np.ndarray, n_vertices: int) -> np.ndarray:
+    """Return the connected component of every vertex."""
+    from scipy import sparse
+    from scipy.sparse.csgraph import connected_components
+
+    matrix = sparse.coo_array((np.ones(len(links)), tuple(links.T)), shape=(n_vertices,) * 2)
+    return np.asarray(connected_components(matrix, directed=False)[1])
 
 
 def _usual_length(points: np.ndarray, edges: np.ndarray) -> float:
@@ -187,12 +226,8 @@ def _usual_length(points: np.ndarray, edges: np.ndarray) -> float:
 
 def _joined(faces: np.ndarray, n_vertices: int, edge_pairs: np.ndarray) -> Seams:
     """Return seams that make one vertex of the corners of edges that coincide."""
-    from scipy import sparse
-    from scipy.sparse.csgraph import connected_components
-
     links = np.swapaxes(edge_pairs, 1, 2).reshape(-1, 2)
-    matrix = sparse.coo_array((np.ones(len(links)), tuple(links.T)), shape=(n_vertices,) * 2)
-    _, groups = connected_components(matrix, directed=False)
+    groups = _components(links, n_vertices)
     _, originals, numbers = np.unique(groups, return_index=True, return_inverse=True)
     order = np.argsort(originals)
     vertices = np.argsort(order)[numbers]

@@ -665,6 +665,11 @@ class TemplateRegistration:
         template: Any = self.template
         if not isinstance(template, Template):
             refuse_type(template, "template", "a Template")
+        if template.seams:
+            raise ArgumentError(
+                f"template has {template.seams.n_copies} doubled vertices along seams, which would "
+                "tear; template.join_seams() joins them"
+            )
 
     def solve(self, scan: Any, *, start: Any = None) -> RegisteredScan:
         """Register a scan, without a likelihood and a fit in the result.

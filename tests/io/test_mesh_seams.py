@@ -58,7 +58,7 @@ def test_every_triangle_on_its_own_is_joined():
 
 def test_rounding_below_a_millimetre_is_no_gap(bodies, waist):
     source, faces = waist
-    noise = np.random.default_rng(0).uniform(-4e-4, 4e-4, (3, len(source), 3))
+    noise = np.random.default_rng(0).uniform(-5e-4, 5e-4, (3, len(source), 3))
     assert find_seams(bodies.points[:3, source] + noise, faces).n_copies == 22
     assert not find_seams(bodies.points[:3, source] + 10 * noise, faces)
 
@@ -107,6 +107,14 @@ def test_what_touches_is_not_joined(bodies):
     vertices, triangles = sheet(4, 4, 1.0, 1.0)
     both = np.concatenate([triangles, triangles + len(vertices)])
     assert not find_seams(np.concatenate([vertices, vertices]), both)
+
+
+def test_triangles_with_gaps_between_them_are_parts():
+    vertices, faces = sphere(2)
+    corners = vertices[faces]
+    centres = corners.mean(axis=1, keepdims=True)
+    apart = (centres + 0.8 * (corners - centres)).reshape(-1, 3)
+    assert not find_seams(apart, np.arange(len(apart)).reshape(-1, 3))
 
 
 def test_template_and_readers_join(bodies, waist, tmp_path):
@@ -248,8 +256,10 @@ def test_harmonics_of_a_seam_warn_of_nothing(bodies, waist, spaces):
     np.testing.assert_allclose(path.path[:, first], path.path, atol=1e-12)
 
 
-def test_terms_at_vertices_refuse_seams(spaces):
+def test_registration_and_terms_at_vertices_refuse_seams(spaces):
     with pytest.raises(ArgumentError, match=r"second derivatives .*template\.join_seams"):
         rh.SobolevMetric(spaces[0], a2=1.0)
+    with pytest.raises(ArgumentError, match=r"which would tear; template\.join_seams"):
+        rh.registration.TemplateRegistration(spaces[0].template)
     with pytest.raises(ArgumentError, match=r"normals of vertices .*template\.join_seams"):
         rh.GaugeInvariantMetric(rh.ElasticMetric(spaces[0]))
