@@ -22,12 +22,19 @@ _LENGTHS = (*BONES, ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip
 # Bones of the model itself are so near to those of one of its people, metres, in one of the units
 # that writers use.
 _OWN_BONES, _OWN_UNITS = 2e-5, (1.0, 0.01, 0.001)
+_SMALLEST, _LARGEST = 0.2, 5.0
+# Sizes nearer to 1 are 1, rounded.
+_SAME_SIZE = 1e-6
 
 
 class OwnPerson(NamedTuple):
-    """A person of the model whose skeleton a file holds, and the metres in the file's unit."""
+    """A person of the model whose skeleton a file holds.
+
+    Metres are those in the file's unit; the person may be larger than the model's by `size`.
+    """
 
     betas: ndarray
+    size: float
     metres: float
     joints: list[int]  # numbers of the model's joints in the file
 
@@ -90,10 +97,36 @@ def own_person(recording: SkeletonMotion, model: BodyModel) -> OwnPerson | None:
         (values[limbs] - values[model.parents[limbs]]).reshape(3 * len(limbs), -1)
         for values in (mean, changes)
     )
-    for metres in _OWN_UNITS:
-        apart = metres * offsets.ravel() - mean_bones[:, 0]
-        betas = np.linalg.lstsq(bone_changes, apart, rcond=None)[0]
-        left = np.abs(apart - bone_changes @ betas).max()
-        if max(left, metres * np.abs(moved).max()) < _OWN_BONES:
-            return OwnPerson(betas, metres, joints)
+    for fit in (_fitted_bones, _fitted_scaled_bones):
+        for metres in _OWN_UNITS:
+            wanted = metres * offsets.ravel()
+            size, betas = fit(wanted, mean_bones, bone_changes)
+            left = np.abs(size * (mean_bones[:, 0] + bone_changes @ betas) - wanted).max()
+            is_own = max(left, metres * np.abs(moved).max()) < _OWN_BONES
+            if is_own and _SMALLEST < size < _LARGEST:
+                return OwnPerson(betas, size, metres, joints)
     return None
+
+
+def model_of_size(model: BodyModel, betas: ndarray, rest: ndarray) -> BodyModel:
+    """Return a model scaled so that a person of it has these joints in the rest pose."""
+    joints = model.joints(betas)
+    size = float(np.sum(rest * joints) / np.sum(joints**2))
+    is_larger = size > 0.0 and abs(size - 1.0) > _SAME_SIZE
+    return scaled_model(model, size) if is_larger else model
+
+
+def _fitted_bones(
+    wanted: ndarray, mean_bones: ndarray, bone_changes: ndarray
+) -> tuple[float, ndarray]:
+    """Return size 1, and the coefficients with bones nearest to wanted ones."""
+    return 1.0, np.linalg.lstsq(bone_changes, wanted - mean_bones[:, 0], rcond=None)[0]
+
+
+def _fitted_scaled_bones(
+    wanted: ndarray, mean_bones: ndarray, bone_changes: ndarray
+) -> tuple[float, ndarray]:
+    """Return the size, and the coefficients, with bones nearest to wanted ones."""
+    products = np.linalg.lstsq(np.hstack([mean_bones, bone_changes]), wanted, rcond=None)[0]
+    size = float(products[0]) or 1.0
+    return size, products[1:] / size

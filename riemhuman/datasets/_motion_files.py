@@ -28,6 +28,8 @@ _EULER = "ZXY"
 _N_BETAS = 16
 SAVED_FIELDS = ("riemhuman_joints", "riemhuman_poses", "riemhuman_trans", "riemhuman_betas")
 """Fields for a motion of another model than SMPL's, beside those of AMASS."""
+SAVED_REST = "riemhuman_rest_joints"
+"""Field with the joints of the person in the rest pose, who may be larger than the model's."""
 # The bone that says how SMPL's rest pose differs from another at a joint: to the joint named here.
 _NEXT_JOINTS = {
     f"{side}_{joint}": f"{side}_{following}"
@@ -148,7 +150,7 @@ def write_amass(file: Path, person: PosedPerson) -> None:
     }
     if not smpl:
         own = (np.array(person.model.joint_names), person.poses, person.translations, person.betas)
-        fields |= dict(zip(SAVED_FIELDS, own, strict=True))
+        fields |= dict(zip(SAVED_FIELDS, own, strict=True)) | {SAVED_REST: person.joints}
     save_arrays(file, fields)
 
 

@@ -14,8 +14,9 @@ import numpy as np
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import SMPL_JOINTS
 from riemhuman.checks import one_of, real_array, real_number, refuse_type
+from riemhuman.datasets._body_size import model_of_size
 from riemhuman.datasets._joint_names import model_joints
-from riemhuman.datasets._motion_files import SAVED_FIELDS
+from riemhuman.datasets._motion_files import SAVED_FIELDS, SAVED_REST
 from riemhuman.datasets._skeletons import leg_length, middle
 from riemhuman.datasets._smpl_layout import (
     LAYOUTS,
@@ -186,8 +187,8 @@ def _saved_motion(
     file: Path, model: BodyModel, frames: np.ndarray, rate: float
 ) -> ArrayMotion | None:
     """Return the motion of this very model that `Motion.save` wrote beside poses of SMPL."""
-    fields = load_arrays(file, (), SAVED_FIELDS)
-    if len(fields) < len(SAVED_FIELDS):
+    fields = load_arrays(file, (), (*SAVED_FIELDS, SAVED_REST))
+    if not set(SAVED_FIELDS) <= fields.keys():
         return None
     joints, poses, translations, betas = (fields[name] for name in SAVED_FIELDS)
     if tuple(joints.tolist()) != model.joint_names or betas.shape != (model.n_betas,):
@@ -199,6 +200,9 @@ def _saved_motion(
         if len(poses) < shape[0]:
             raise ArgumentError(f"{SAVED_FIELDS[1]} has {len(poses)} frames; poses has {shape[0]}")
         betas = real_array(betas, SAVED_FIELDS[3])
+        if SAVED_REST in fields:
+            rest = real_array(fields[SAVED_REST], SAVED_REST, (model.n_joints, 3), batched=False)
+            model = model_of_size(model, betas, rest)
     return ArrayMotion(_names(file), rate, model, betas, poses[frames], translations[frames])
 
 

@@ -59,6 +59,8 @@ _NECK = ("neck", "head")
 _PARTS = ("pelvis", "chest", "head")
 # Means over the frames that are warned of, degrees and metres.
 _MOST_DEGREES, _MOST_METRES = 15.0, 0.07
+# Coefficients of the same person, found twice, differ by less.
+_SAME_BETAS = 1e-5
 # Mean cosine of feet to the front of the body that says that they point backward.
 _BACKWARD = 0.3
 
@@ -217,7 +219,7 @@ class RetargetedMotion(ModelMotion):
         figure = make_figure(self.model, self.betas)
         up = self._up() if callable(self._up) else self._up
         own = own_person(recording, self.model) if up in (None, "y") else None
-        if own is not None and np.array_equal(own.betas, self.betas):
+        if own is not None and np.allclose(own.betas, self.betas, rtol=0.0, atol=_SAME_BETAS):
             source = read_skeleton(recording, self._joints, "y")
             chosen = recording.global_rotations[:, own.joints]
             positions = own.metres * recording.positions[:, own.joints]
@@ -252,7 +254,7 @@ def retarget(
     nothing sinks by more than 5 mm. A warning says if pelvis, chest, head, a bone or a line is off
     by more than 15 degrees, or a joint by more than 7 cm, in the mean.
 
-    A recording of the model's own skeleton, as `ModelMotion` writes it, is played as it is, by the
+    A recording of the model's own skeleton, as `Motion.save` writes it, is played as it is, by the
     person whose bones it has.
 
     Parameters
@@ -310,13 +312,12 @@ def retarget(
     found = find_joints(recording.joint_names, recording.parents, joints, recording.positions)
     check_bones(recording.positions, found, recording.joint_names)
     is_recorded = scale == _RECORDED or (scale is None and metres is not None)
-    own = own_person(recording, model)
+    own, size = own_person(recording, model), 1.0
     if own is not None and (betas is None or isinstance(betas, str)):
-        betas = own.betas
+        betas, size, is_recorded = own.betas, own.size, False
     elif isinstance(betas, str):
         betas = recorded_person(recording.positions, found, model)
-    size = 1.0
-    if is_recorded and own is None:
+    if is_recorded:
         leg = leg_length(recording.positions, found)
         if metres is None:
             metres = _guessed_metres(leg, recording)

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from recorded_people import RECORDING, recording_of, scaled
 
-from riemhuman.datasets import load_bvh, load_open_model, load_open_motions, retarget
+from riemhuman.datasets import (
+    load_bvh,
+    load_open_model,
+    load_open_motions,
+    load_recording,
+    retarget,
+)
 from riemhuman.errors import ArgumentError
 
 CMU = 0.0254 / 0.45
@@ -95,3 +101,12 @@ def test_the_own_skeleton_of_the_model_is_played():
         played = retarget(scaled(recording, 1.0 / unit), motion.model)
         np.testing.assert_allclose(played[:], motion[:], atol=1e-6)
         assert played.errors.positions.max() < 1e-6
+
+
+@pytest.mark.parametrize("ending", ["bvh", "npz"])
+def test_people_of_recorded_size_are_saved_and_read(recording, tmp_path, ending):
+    child = retarget(scaled(recording, 0.6), unit=CMU, betas="recorded", frames_per_second=5)
+    child.save(tmp_path / f"child.{ending}")
+    read = load_recording(tmp_path / f"child.{ending}")
+    np.testing.assert_allclose(read[:], child[:], atol=1e-4)
+    assert stature(read) == pytest.approx(stature(child), rel=1e-4)
