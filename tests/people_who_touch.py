@@ -14,7 +14,7 @@ from riemhuman.kernels.surface import unit_vectors, vertex_normals
 
 # Degrees from the T-pose, as for `rh.datasets.joint_rotations`, and pairs of places that touch.
 # A place with a side is that of the hand or arm of this side.
-_HANGING = {"shoulder": ("xz", 10, -66), "hip": ("z", 4)}
+_HANGING = {"shoulder": ("xz", 10, -58), "hip": ("z", 4)}
 _ACROSS = {"shoulder": ("xyz", -20, -35, -62), "elbow": ("y", -95), "hip": ("z", 4)}
 POSTURES = {
     "hands clasped": (

@@ -20,7 +20,7 @@ from riemhuman.registration._dense_fit import (
     fit_elastic,
     leave_model,
 )
-from riemhuman.registration._posed_body import Pose, Prior, pose_body
+from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body
 from riemhuman.registration._scan_preparation import N_THREADS, PreparedScan
 from riemhuman.registration._start_search import Candidate
 
@@ -45,35 +45,62 @@ class ArmFit:
         return self.strain * float(self.distances.mean())
 
 
-def fit_body(
-    fitter: DenseFitter, best: Candidate, scan: PreparedScan
-) -> tuple[DenseTask, DenseFit]:
-    """Return a body fitted to all points of a scan from its likeliest start, and the task."""
+@dataclass(frozen=True)
+class HandFit:
+    """One pose of a hand, fitted to the points of a scan on it."""
+
+    pose: Pose
+    prior: Prior
+    surface: np.ndarray  # (n, 3) vertices of the arm on the model
+    distances: np.ndarray  # (m,) of points of the scan from the arm, metres
+
+    @property
+    def cost(self) -> float:
+        """The mean distance, metres."""
+        return float(self.distances.mean())
+
+
+@dataclass(frozen=True)
+class BodyFit:
+    """A body fitted to a scan, and what else its arms and hands might be."""
+
+    task: DenseTask
+    fit: DenseFit
+    doubtful_arms: list[ArmSurface]  # which came near to the scan in several ways
+    hand_fits: dict[ArmSurface, list[HandFit]]  # in all poses of the hand
+
+
+def fit_body(fitter: DenseFitter, best: Candidate, scan: PreparedScan) -> BodyFit:
+    """Return a body fitted to all points of a scan from its likeliest start."""
     task, pose = fit_densely(fitter, best, scan)
+    doubtful: list[ArmSurface] = []
+    hand_fits: dict[ArmSurface, list[HandFit]] = {}
     if not best.known:  # its arms are as a moment before
-        pose = rotate_forearms(task, pose)
-        task, pose = pose_hands(task, pose)
-    return task, leave_model(task, pose)
+        pose, doubtful = rotate_forearms(task, pose)
+        task, pose, hand_fits = pose_hands(task, pose)
+    return BodyFit(task, leave_model(task, pose), doubtful, hand_fits)
 
 
-def rotate_forearms(task: DenseTask, pose: Pose) -> Pose:
-    """Return a body whose forearms are rotated so that they come nearest to the scan."""
+def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, list[ArmSurface]]:
+    """Return a body whose forearms are turned to come nearest to the scan, and doubtful arms."""
+    doubtful = []
     for arm in task.fitter.arm_surfaces:
         points = points_on(task, pose, arm.vertices)
         if not len(points):
             continue
-        fits = arm_fits(task, pose, arm, points)
-        if not fits:
+        near = near_arms(task, pose, arm, points)
+        if not near:
             continue
-        current, *others = fits
+        doubtful.append(arm)
+        current, *others = elastic_arms(task, arm, points, [pose, *near])
         nearest = min(others, key=lambda fit: fit.cost)
         if _are_less(arm, nearest.strain * nearest.distances, current.strain * current.distances):
             pose = fit_closest(task.samples, nearest.pose, task.prior, task.scan)
-    return pose
+    return pose, doubtful
 
 
-def arm_fits(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) -> list[ArmFit]:
-    """Return fits of one arm to points of a scan, first that of the pose; none without rivals."""
+def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) -> list[Pose]:
+    """Return other fits of one arm that are almost as near to points of a scan, or nearer."""
     settings = arm.settings
     starts = [
         pose._replace(local=arm.rotated(pose.local, forearm, wrist))
@@ -95,9 +122,14 @@ def arm_fits(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) -
     few = points[:: max(len(points) // settings.n_compared, 1)]
     costs = [_cost(arm, few, other) for other in (pose, *likely)]
     most = settings.most_farther * min(costs)
-    near = [other for other, cost in zip(likely, costs[1:], strict=True) if cost < most]
-    compared = [pose, *near] if near else []
-    return list(mapped(partial(_elastic_arm, task, arm, points), compared, N_THREADS))
+    return [other for other, cost in zip(likely, costs[1:], strict=True) if cost < most]
+
+
+def elastic_arms(
+    task: DenseTask, arm: ArmSurface, points: np.ndarray, poses: list[Pose]
+) -> list[ArmFit]:
+    """Return how near arms come to points of the scan after an elastic step."""
+    return list(mapped(partial(_elastic_arm, task, arm, points), poses, N_THREADS))
 
 
 def _cost(arm: ArmSurface, points: np.ndarray, pose: Pose) -> float:
@@ -121,20 +153,22 @@ def _different(arm: ArmSurface, poses: list[Pose], known: list[Pose]) -> list[Po
 
 
 def _elastic_arm(task: DenseTask, arm: ArmSurface, points: np.ndarray, pose: Pose) -> ArmFit:
-    """Return how near an arm comes to points of the scan after an elastic step."""
     surface = pose_body(arm.skin, pose).points
     fitted, _ = fit_elastic(arm.metric, surface, surface, task.scan, arm.settings.stiffnesses)
     distances = arm.distances(fitted, points, arm.settings.arm_metres)
     return ArmFit(pose, surface, distances, arm.strain(pose.local))
 
 
-def pose_hands(task: DenseTask, pose: Pose) -> tuple[DenseTask, Pose]:
-    """Return a body whose hands have the poses that come nearest to the scan, and its prior."""
+def pose_hands(
+    task: DenseTask, pose: Pose
+) -> tuple[DenseTask, Pose, dict[ArmSurface, list[HandFit]]]:
+    """Return a body whose hands come nearest to the scan, with its prior, and all fits of hands."""
     # The elastic step would hide a wrong one: it presses fingers into a fist. Only points on
     # the hand count, because those on the forearm lie as near in all poses.
     n_betas = task.fitter.model.n_betas
     # Twice, because the wrist moves with the first change, if there is one.
     tried: dict[ArmSurface, Pose] = {}
+    found: dict[ArmSurface, list[HandFit]] = {}
     for arm in (*task.fitter.arm_surfaces, *task.fitter.arm_surfaces):
         if tried.get(arm) is pose:
             continue
@@ -144,24 +178,26 @@ def pose_hands(task: DenseTask, pose: Pose) -> tuple[DenseTask, Pose]:
             continue
         now = task.prior.betas[n_betas:]
         others = [now, *(np.where(np.isnan(hands), now, hands) for hands in arm.hands)]
-        first, *fits = mapped(partial(_fit_hand, task, pose, arm, points), others, N_THREADS)
-        distances, other, prior = min(fits, key=lambda fit: fit[0].mean())
-        if _are_less(arm, distances, first[0]):
-            task = replace(task, prior=prior)
-            pose = fit_closest(task.samples, other, prior, task.scan)
-    return task, pose
+        current, *fits = mapped(partial(_fit_hand, task, pose, arm, points), others, N_THREADS)
+        found[arm] = [current, *fits]
+        nearest = min(fits, key=lambda fit: fit.cost)
+        if _are_less(arm, nearest.distances, current.distances):
+            task = replace(task, prior=nearest.prior)
+            pose = fit_closest(task.samples, nearest.pose, nearest.prior, task.scan)
+    return task, pose, found
 
 
 def _fit_hand(
     task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray, hands: np.ndarray
-) -> tuple[np.ndarray, Pose, Prior]:
-    """Return distances of points from an arm with other hands, its pose and prior."""
+) -> HandFit:
+    """Return an arm whose hands have some coefficients, fitted to points of the scan."""
     n_betas = task.fitter.model.n_betas
     prior = task.prior._replace(betas=np.append(task.prior.betas[:n_betas], hands))
     start = pose._replace(betas=np.append(pose.betas[:n_betas], hands))
     fitted = fit_arm(task, arm, prior, start)
     surface = pose_body(arm.skin, fitted).points
-    return arm.distances(surface, points, arm.settings.hand_metres), fitted, prior
+    distances = arm.distances(surface, points, arm.settings.hand_metres)
+    return HandFit(fitted, prior, surface, distances)
 
 
 def points_on(task: DenseTask, pose: Pose, vertices: np.ndarray) -> np.ndarray:
@@ -180,18 +216,29 @@ def fit_arm(
     scales: tuple[float, ...] = MODEL_SCALES,
 ) -> Pose:
     """Fit one arm and its hand; all else stays as it starts."""
+    return fit_joints(task, arm.joints[1:], arm.samples, prior, start, scales)
+
+
+def fit_joints(
+    task: DenseTask,
+    joints: np.ndarray,
+    samples: ModelSamples,
+    prior: Prior,
+    start: Pose,
+    scales: tuple[float, ...] = MODEL_SCALES,
+) -> Pose:
+    """Fit some joints and the hands to the scan by points on them; all else stays as it starts."""
     model = task.fitter.model
-    moving = np.isin(np.arange(model.n_joints), arm.joints[1:])
+    moving = np.isin(np.arange(model.n_joints), joints)
     of_hands = np.arange(len(start.betas)) >= model.n_betas
-    of_arm = Prior(
+    of_limb = Prior(
         np.where(moving[:, np.newaxis, np.newaxis], prior.local, start.local),
         np.where(moving, prior.precisions, _FIXED),
         np.where(of_hands, prior.betas, start.betas),
         np.where(of_hands, prior.betas_precisions, _FIXED),
     )
-    samples = arm.samples
     samples = samples._replace(areas=samples.areas * task.visible[samples.numbers])
-    return fit_closest(samples, start, of_arm, task.scan, scales)
+    return fit_closest(samples, start, of_limb, task.scan, scales)
 
 
 def _are_less(arm: ArmSurface, some: np.ndarray, others: np.ndarray) -> bool:

@@ -37,6 +37,9 @@ _WORTH = 300.0
 _LONGEST = 0.6
 # A scan shows at least this share of the body.
 _LEAST_SHOWN = 0.1
+# Exponents that are larger count for nothing in the soft assignment: e⁻³⁰ is far below the share of
+# outliers, and still smaller ones become denormal numbers, which are slow.
+_NEGLIGIBLE = 30.0
 # Weight of a landmark, as a share of all scan points.
 _LANDMARK = 0.03
 # Standard deviation of landmarks, and the distance beyond which none counts more, metres.
@@ -228,6 +231,7 @@ def assign(
     scale = np.float32(0.5 / (sigma * sigma) / 1024.0)
     angular = np.float32(KAPPA / 1024.0)
     one, zero = np.float32(1.0), np.float32(0.0)
+    least = np.float32(1.0 - _NEGLIGIBLE / 1024.0)
     # The mean of exp(κ (n·m − 1)) over all directions.
     mean_angular = (1.0 - math.exp(-2.0 * KAPPA)) / (2.0 * KAPPA)
     volume = (2.0 * math.pi * sigma * sigma) ** 1.5 * mean_angular / (1.0 - OUTLIERS)
@@ -247,7 +251,7 @@ def assign(
             cosine = normal_x[i] * p + normal_y[i] * q + normal_z[i] * r
             cosine = cosine if signed else abs(cosine)
             t = one - (dx * dx + dy * dy + dz * dz) * scale - (one - cosine) * angular
-            t = t if t > zero else zero
+            t = t if t > least else zero
             for _ in range(10):
                 t *= t
             t *= areas[i]

@@ -24,6 +24,7 @@ from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.progress import ProgressBar
 from riemhuman.registration._arms_and_hands import fit_body
 from riemhuman.registration._dense_fit import DenseFitter, fit_elastic
+from riemhuman.registration._limb_rivals import find_limb_doubts
 from riemhuman.registration._messages import in_words, say_unseen
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._scan_preparation import PreparedScan, prepare_scan
@@ -57,13 +58,16 @@ class RegisteredScan:
     points : array, shape (V, 3)
         The registered surface at the place of the scan, metres.
     trusted : bool
-        Whether the result passed all checks.
+        Whether the body passed all checks. Hands that something else explains almost as well
+        leave it trusted: `trusted_vertices` lacks them, and the message names them.
     trusted_vertices : array of bool, shape (V,)
         Vertices that the scan shows, or that are within 6 cm of these along the surface and not
-        more than 1.5 cm outside what it shows, as straight fingers of a fist are. All False if
-        the body is not trusted, but for a limb alone in doubt.
+        more than 1.5 cm outside what it shows, as straight fingers of a fist are. False for limbs
+        in doubt: another turn of a forearm, another pose of a hand, or both arms exchanged, is
+        almost as near to the scan, or hands hide each other's fingers. All False if the body is
+        not trusted, but for a limb alone in doubt.
     message : str
-        The checks that the result failed, and parts that the scan does not show.
+        The checks that the result failed, limbs in doubt, and parts that the scan does not show.
     likelihood : float
         Mean log-likelihood of the scan points for a body of 1.8 square metres; NaN without a model.
     fit : ModelFit or None
@@ -388,7 +392,8 @@ class ScanRegistration:
         """Return the result of the dense fit to the best candidate of a search."""
         parts, whole, template = self._parts, scan.whole, self.model.template
         up = candidates[0].up
-        _, fit = fit_body(fitter, candidates[0], scan)
+        body = fit_body(fitter, candidates[0], scan)
+        fit, rivals = body.fit, find_limb_doubts(body)
         pose, points, model_points = fit.pose, fit.points, fit.model_points
         betas, hands = np.split(pose.betas, [self.model.n_betas])
         places, distances = nearest_points(whole.points, points, self.model.faces)
@@ -425,6 +430,9 @@ class ScanRegistration:
         trusted_vertices = seen & (not doubts)
         if limb_doubts:
             trusted_vertices &= ~parts.limb_vertices(limb)
+        rivals = [doubt for doubt in rivals if (doubt.vertices & trusted_vertices).any()]
+        for doubt in rivals:
+            trusted_vertices = trusted_vertices & ~doubt.vertices
         if scan.up is None:
             up = self._standing_up(pose, up)
         elif scan.other_ups:
@@ -433,7 +441,14 @@ class ScanRegistration:
             points=points,
             trusted=not doubts and not limb_doubts,
             trusted_vertices=trusted_vertices,
-            message=join_reasons([*doubts, *limb_doubts, *self._unseen_parts(seen, lost, scan)]),
+            message=join_reasons(
+                [
+                    *doubts,
+                    *limb_doubts,
+                    *(f"{doubt.reason} (not trusted)" for doubt in rivals),
+                    *self._unseen_parts(seen, lost, scan),
+                ]
+            ),
             likelihood=likelihood,
             fit=ModelFit(
                 betas=betas,

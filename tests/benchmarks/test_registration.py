@@ -6,13 +6,15 @@ prints, for the open model at full resolution, the errors of a hundred scans (re
 10 % in holes, any heading), how many were refused, retrieval after registration beside that of the
 exact bodies, and seconds a scan; what landmarks, half of the surface, 5 mm noise, 2,000 points and
 more cost; errors of natural bodies, whose hands lie on hips and head; how many right and wrong
-bodies are trusted; and how well the model fits others once it is transferred to their mesh.
+bodies are trusted, and which vertices of people whose hands, arms or feet touch; and how well the
+model fits others once it is transferred to their mesh.
 """
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from people_who_touch import people_who_touch, scan_of_touching
 from performances import clocked
 from scanned_people import (
     N_PEOPLE,
@@ -204,6 +206,53 @@ def test_trust(benchmark, seed):
     print(f"{len(trusted)} of {len(wrong)} wrong bodies trusted", *trusted, sep="\n")
     assert len(refused) <= max(1, len(right) / 50)
     assert len(trusted) <= len(wrong) / 200
+
+
+TOUCHING_SEEDS = {CALIBRATION_SEED: 501, CHECK_SEED: 601}
+# Of no body more than this share of the trusted vertices may be beyond 5 cm.
+MOST_FAR, LEAST_TRUSTED = 0.02, 0.9
+TOUCHING_PEOPLE = 2
+
+
+@pytest.mark.parametrize("seed", [CALIBRATION_SEED, CHECK_SEED], ids=["calibration", "check"])
+def test_trust_of_limbs(benchmark, registration, seed):
+    """Which vertices are trusted of people whose hands, arms or feet touch, and of others.
+
+    The margins of rivals were chosen on the people of one seed; those of the other check them.
+    """
+    model, own = registration.model, TOUCHING_SEEDS[seed]
+
+    def run():
+        scans = [
+            (posture, surface, scan_of_touching(model, surface, np.random.default_rng([own, n])))
+            for n, (posture, surface) in enumerate(people_who_touch(model, own, TOUCHING_PEOPLE))
+        ]
+        bodies = rh.datasets.load_open_bodies("full", variant="natural", people=own)
+        for k in range(0, 100, 9):
+            scan = simulated_scan(bodies[k], model.faces, k, noise=0.001)
+            scans.append((f"natural, {bodies.pose_names[k % 10]}", scan.body, scan.points))
+        return [
+            (posture, registration.solve(points), surface) for posture, surface, points in scans
+        ]
+
+    found = []
+    for posture, result, surface in benchmark.pedantic(run, rounds=1):
+        far = np.linalg.norm(result.points - surface, axis=1) > FAR
+        trusted = result.trusted_vertices
+        found.append((result.trusted, trusted.mean(), far[trusted].mean() if trusted.any() else 0))
+        print(
+            f"| {posture} | {100 * trusted.mean():.0f} % | {100 * found[-1][2]:.1f} % "
+            f"(of all {100 * far.mean():.1f} %) | {result.message} |"
+        )
+    accepted, trusted, far = np.transpose(found)
+    natural = slice(-12, None)
+    print(
+        f"{np.sum(accepted == 0)} of {len(found)} refused; {100 * trusted.mean():.0f} % of the "
+        f"vertices trusted in the mean, {100 * trusted[natural].mean():.0f} % of natural bodies; "
+        f"{np.sum(far > MOST_FAR)} bodies with more than 2 % of these beyond 5 cm"
+    )
+    assert trusted[natural].mean() > LEAST_TRUSTED
+    assert far.max() <= MOST_FAR
 
 
 def test_transferred_models(benchmark, registration):

@@ -47,7 +47,7 @@ def test_turned_hands_come_back(model):
     local = rh.bodies.rotation_matrix(known.pose)
     local[elbow] = local[elbow] @ rh.bodies.rotation_matrix(np.radians(120.0) * forearm)
     turned = start_from(fitter, local, np.append(known.betas, known.hands), known.trans)
-    _, fit = fit_body(fitter, turned, prepare_scan(rh.registration.Scan(scan.points)))
+    fit = fit_body(fitter, turned, prepare_scan(rh.registration.Scan(scan.points))).fit
     found = points_at(places, fit.points, model.faces)
     hand = model.weights.argmax(axis=1) == wrist
     there = hand[model.faces[places.triangles]].any(axis=1)
@@ -62,7 +62,7 @@ def test_hands_come_out_as_they_are(model):
     body = model(pose=Rotation.from_matrix(local).as_rotvec(), hands=hands)
     scan = simulated_scan(body, model.faces, 0, n_points=8000, rotate=False)
     start = start_from(fitter, local, np.zeros(model.n_betas + len(hands)))
-    _, fit = fit_body(fitter, start, prepare_scan(rh.registration.Scan(scan.points)))
+    fit = fit_body(fitter, start, prepare_scan(rh.registration.Scan(scan.points))).fit
     np.testing.assert_allclose(fit.pose.betas[model.n_betas :], hands, atol=0.1)
     on_hand = np.abs(model.hand_directions).max(axis=(1, 2)) > 0.01
     assert np.linalg.norm(fit.points - scan.body, axis=1)[on_hand].mean() < 0.01
