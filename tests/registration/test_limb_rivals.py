@@ -1,16 +1,19 @@
 """Limbs that something else explains almost as well are not trusted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from people_who_touch import any_person, scan_of_touching, touching_pose
 from scipy.spatial import cKDTree
 
 import riemhuman as rh
-from riemhuman.registration import Scan
-from riemhuman.registration._arms_and_hands import fit_body
-from riemhuman.registration._dense_fit import DenseFitter
-from riemhuman.registration._limb_rivals import RivalSettings, _exchange, find_limb_doubts
-from riemhuman.registration._posed_body import Pose
+from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration import Scan, _limb_rivals
+from riemhuman.registration._arms_and_hands import ArmFit, BodyFit, HandFit, fit_body
+from riemhuman.registration._dense_fit import DenseFitter, fit_densely, leave_model
+from riemhuman.registration._limb_rivals import _exchange, find_limb_doubts
+from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._start_search import Candidate
 
@@ -22,20 +25,22 @@ def fitter(model):
     return DenseFitter(model)
 
 
-def fitted(model, fitter, posture, seed=3, without=()):
-    """Return a fit from the true pose to a scan without the points on some joints, and the body."""
+def fitted(model, fitter, posture, seed=3):
+    """Return a fit to a scan from the true pose, and the body."""
     rng = np.random.default_rng(seed)
     person = any_person(model, rng)
     own = person.body(model)
     pose = touching_pose(model, own, posture, rng)
     surface = own(pose=pose)
     points = scan_of_touching(model, surface, rng, n_points=6000)
-    owners = model.weights.argmax(axis=1)[cKDTree(surface).query(points)[1]]
-    points = points[~np.isin(owners, [model.joint_names.index(name) for name in without])]
     betas = np.append(person.betas, np.zeros(model.hand_directions.shape[2]))
     start = Pose(rh.bodies.rotation_matrix(pose), betas, np.zeros(3))
     best = Candidate(start, fitter._prior(start), 0.0, UP)
-    return fit_body(fitter, best, prepare_scan(Scan(points))), surface
+    prepared = prepare_scan(Scan(points))
+    outward = vertex_normals(surface, model.faces)[cKDTree(surface).query(prepared.points)[1]]
+    inward = np.einsum("nx,nx->n", prepared.normals, outward) < 0.0
+    normals = np.where(inward[:, np.newaxis], -prepared.normals, prepared.normals)
+    return fit_body(fitter, best, replace(prepared, normals=normals)), surface
 
 
 def test_hanging_arms_leave_no_doubt(model, fitter):
@@ -51,30 +56,66 @@ def test_clasped_hands_hide_each_others_fingers(model, fitter):
     np.testing.assert_array_equal(doubt.vertices, fitter.parts.on_hands)
 
 
-def test_a_rival_within_the_margin_leaves_its_limb_in_doubt(model, fitter):
-    """Without its hand, a turned forearm fits less well, but not by much."""
-    body, _ = fitted(model, fitter, "arms hanging", without=["left_wrist"])
-    assert "left" in [arm.side for arm in body.doubtful_arms]
-    (doubt,) = [
-        doubt
-        for doubt in find_limb_doubts(body, RivalSettings(least_margin=1.0, hand_margin=0.0))
-        if "left" in doubt.reason
+@pytest.fixture(scope="module")
+def upright(model, fitter):
+    """Return the fit to a scan without noise of a start pose, in which the left arm is in doubt."""
+    pose = Pose(fitter.poses["a"], np.zeros(len(fitter.betas_precisions)), np.zeros(3))
+    scan = prepare_scan(Scan(fitter.surface(pose), model.faces))
+    task, pose = fit_densely(fitter, Candidate(pose, fitter._prior(pose), 0.0, UP), scan)
+    return BodyFit(task, leave_model(task, pose), [fitter.arm_surfaces[0]], {})
+
+
+@pytest.mark.parametrize(
+    ("farther", "displaced", "trusted"),
+    [(0.9, 0.06, False), (1.2, 0.06, False), (1.6, 0.06, True), (1.2, 0.01, True)],
+)
+def test_a_rival_nearly_as_near_and_elsewhere_leaves_its_limb_in_doubt(
+    fitter, upright, monkeypatch, farther, displaced, trusted
+):
+    (arm,) = upright.doubtful_arms
+    aside = upright.fit.pose._replace(trans=upright.fit.pose.trans + [displaced, 0.0, 0.0])
+    surfaces = [pose_body(arm.skin, pose).points for pose in (upright.fit.pose, aside)]
+    rivals = [
+        ArmFit(pose, surface, np.full(50, distance), 1.0)
+        for pose, surface, distance in zip(
+            (upright.fit.pose, aside), surfaces, (0.002, 0.002 * farther), strict=True
+        )
     ]
-    assert doubt.reason.startswith("left hand: two explanations fit almost equally")
-    hand = model.weights.argmax(axis=1) == model.joint_names.index("left_wrist")
-    assert doubt.vertices[hand].mean() > 0.5
-    arm = fitter.parts.vertices([model.joint_names.index("left_elbow")])
-    assert not doubt.vertices[~arm].any()
+    monkeypatch.setattr(_limb_rivals, "near_arms", lambda *given: [aside])
+    monkeypatch.setattr(_limb_rivals, "elastic_arms", lambda *given: rivals)
+    doubts = find_limb_doubts(upright)
+    reason = (
+        "left hand: two explanations fit almost equally, in which the forearm is turned differently"
+    )
+    assert [doubt.reason for doubt in doubts] == [reason] * (not trusted)
+    for doubt in doubts:
+        np.testing.assert_array_equal(np.flatnonzero(doubt.vertices), arm.vertices)
+
+
+@pytest.mark.parametrize(("farther", "trusted"), [(1.05, False), (1.3, True)])
+def test_another_pose_of_a_hand_leaves_its_fingers_in_doubt(
+    model, fitter, upright, farther, trusted
+):
+    (arm,) = upright.doubtful_arms
+    fits = [
+        HandFit(
+            upright.fit.pose,
+            upright.task.prior,
+            model(hands=model.hand_pose(name))[arm.vertices],
+            np.full(50, distance),
+        )
+        for name, distance in (("open", 0.004), ("fist", 0.004 * farther))
+    ]
+    doubts = find_limb_doubts(replace(upright, doubtful_arms=[], hand_fits={arm: fits}))
+    assert len(doubts) == (0 if trusted else 1)
+    for doubt in doubts:
+        assert "left hand" in doubt.reason
+        assert "fingers are open or bent" in doubt.reason
+        assert np.isin(np.flatnonzero(doubt.vertices), arm.on_hand).all()
 
 
 @pytest.mark.parametrize("joint", ["elbow", "knee"])
-def test_exchanged_limbs_fit_the_scan(model, fitter, joint):
+def test_exchanged_limbs_fit_the_scan(fitter, upright, joint):
     """Of a body that is the same on both sides, exchanging its limbs changes nothing."""
-    rest = fitter.poses["a"]
-    pose = Pose(rest, np.zeros(len(fitter.betas_precisions)), np.zeros(3))
-    scan = prepare_scan(Scan(fitter.surface(pose), model.faces))
-    best = Candidate(pose, fitter._prior(pose), 0.0, UP)
-    body = fit_body(fitter, best, scan)
-    exchanged = fitter.surface(_exchange(body.task, body.fit.pose, joint))
-    gaps = np.linalg.norm(exchanged - body.fit.model_points, axis=1)
-    assert gaps.mean() < 0.005
+    exchanged = fitter.surface(_exchange(upright.task, upright.fit.pose, joint))
+    assert np.linalg.norm(exchanged - upright.fit.model_points, axis=1).mean() < 0.005
