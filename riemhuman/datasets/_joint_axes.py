@@ -37,6 +37,8 @@ from riemhuman.kernels.surface import unit_vectors as unit
 
 # A knee or elbow shows its axis where it bends by more than this, degrees.
 BENT = 15.0
+# Bends, degrees, whose axis counts as much as that of a limb that is not rotated about itself.
+_TRUSTED_LEG, _TRUSTED_ARM = 35.0, 20.0
 # Feet that point forward below someone upright, as a share of frames, tell which way is across.
 _LEVEL_FEET = 0.1
 # Share of frames in which nobody stands upright, beside those in which someone does.
@@ -149,13 +151,19 @@ def _axes_of_limb(
         unit(bone(source.positions, source.joints, *pair)) for pair in (limb[:2], limb[1:])
     )
     rotations = [source.rotation(name) for name in limb[:2]]
+    # As if the limb had been raised without being rotated about itself.
+    raised = turned_towards(above, figure.bone(*limb[:2]), upper) @ hinge
+    upper_hinge = unit(_mean_vector(rotations[0], raised, source.kept))
+    lower_hinge = unit(_mean_vector(rotations[1], rotations[0] @ upper_hinge, source.kept))
     bends = np.cross(upper, lower)
-    upper_hinge, lower_hinge = (_bending_axis(each, bends, source.kept) for each in rotations)
-    if upper_hinge is None or lower_hinge is None:
-        # As if the limb had been raised without being rotated about itself.
-        raised = turned_towards(above, figure.bone(*limb[:2]), upper) @ hinge
-        upper_hinge = _mean_vector(rotations[0], raised, source.kept)
-        lower_hinge = _mean_vector(rotations[1], rotations[0] @ upper_hinge, source.kept)
+    seen = [_bending_axis(each, bends, source.kept) for each in rotations]
+    if seen[0] is not None and seen[1] is not None:
+        # Where a limb bends little, the axis is that of a crooked limb rather than of its joint.
+        trusted = _TRUSTED_LEG if limb[0].endswith("hip") else _TRUSTED_ARM
+        largest = np.linalg.norm(source.kept[:, None] * bends, axis=1).max() ** 4
+        share = largest / (largest + np.sin(np.radians(trusted)) ** 4)
+        upper_hinge = unit(share * seen[0] + (1.0 - share) * upper_hinge)
+        lower_hinge = unit(share * seen[1] + (1.0 - share) * lower_hinge)
     axes = {}
     for pair, rotation, direction, axis in zip(
         (limb[:2], limb[1:]), rotations, (upper, lower), (upper_hinge, lower_hinge), strict=True

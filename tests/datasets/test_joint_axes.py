@@ -61,7 +61,13 @@ def test_parts_are_rotated_as_those_of_the_person(model, sequence):
     )
     angles = np.degrees(np.linalg.norm(log(made, true), axis=-1)).mean(axis=0)
     by_name = dict(zip(model.joint_names, angles, strict=True))
-    for part in ("pelvis", "chest", "head", "left_collar", "left_elbow", "right_elbow"):
+    parts = ("collar", "shoulder", "elbow", "hip", "knee")
+    for part in (
+        "pelvis",
+        "chest",
+        "head",
+        *(f"{s}_{p}" for s in ("left", "right") for p in parts),
+    ):
         assert by_name[part] < 8.0, part
     errors = found.errors
     lines = errors.directions[:, errors.bones.index(("left_hip", "right_hip"))]
