@@ -94,7 +94,10 @@ class _Reader:
         self._binary = binary
         self._parents = self._parents_of_nodes()
         self._matrices: dict[int, np.ndarray] = {}
+        self._joints: dict[int, np.ndarray | None] = {}
+        self._n_rows = 0
         buffers = document.get("buffers", ())
+        # Nothing that is read is larger than a small multiple of these.
         self._n_bytes = len(binary or b"") + sum(len(str(b.get("uri", ""))) for b in buffers)
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
@@ -190,10 +193,17 @@ class _Reader:
 
     def _joint_matrices(self, number: int) -> np.ndarray | None:
         """Return the matrices of the joints of a skinned node, shape (J, 4, 4)."""
+        if number not in self._joints:
+            self._joints[number] = self._matrices_of_skin(number)
+        return self._joints[number]
+
+    def _matrices_of_skin(self, number: int) -> np.ndarray | None:
         node = self._item("nodes", number)
         if "skin" not in node:
             return None
         skin = self._item("skins", node["skin"])
+        if len(skin["joints"]) > len(self._document["nodes"]):
+            raise FileFormatError(f"skin {node['skin']} has more joints than there are nodes")
         matrices = np.stack([self._matrix(joint) for joint in skin["joints"]])
         if "inverseBindMatrices" in skin:
             where = f"skin {node['skin']}"
@@ -307,6 +317,9 @@ class _Reader:
         dtype, count = np.dtype(_COMPONENTS[component]), accessor["count"]
         if not isinstance(count, int) or not 0 <= count <= self._n_bytes:
             raise FileFormatError(f"{where}: {str(count)[:40]} rows are more than the file holds")
+        self._n_rows += count
+        if self._n_rows > _MOST_CORNERS * self._n_bytes:
+            raise FileFormatError(f"{where}: its accessors are read too often")
         width = _WIDTHS[kind]
         if "bufferView" in accessor:
             offset = accessor.get("byteOffset", 0)

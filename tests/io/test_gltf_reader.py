@@ -252,6 +252,17 @@ def test_morph_targets_at_the_weights_of_mesh_or_node(read):
         read(document)
 
 
+def test_targets_and_joints_without_end(read):
+    document = Document(nodes=[{"mesh": 0, "skin": 0}], skins=[{"joints": [0] * 1000}])
+    with pytest.raises(FileFormatError, match="skin 0 has more joints than there are nodes"):
+        read(document)
+    document = Document()
+    document.primitive["targets"] = [{"POSITION": 0}] * 2000
+    document.json["meshes"][0]["weights"] = [1.0] * 2000
+    with pytest.raises(FileFormatError, match="its accessors are read too often"):
+        read(document)
+
+
 def test_scenes(read, read_by_trimesh):
     nodes = [{"mesh": 0}, {"mesh": 0, "translation": [5, 0, 0]}, {"children": [1, 0]}]
     document = Document(nodes=nodes, scenes=[{"nodes": [0]}, {"nodes": [2]}], scene=1)
