@@ -11,6 +11,7 @@ import riemhuman as rh
 from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS, usual_joint_names
 from riemhuman.datasets.open_bodies import surface_noise
 from riemhuman.registration._start_poses import rename_joints
+from riemhuman.registration.scans import as_scan
 from riemhuman.registration.simulated_scans import remesh
 from riemhuman.surfaces.nearest_points import nearest_points
 
@@ -224,7 +225,7 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
     error is that of the trusted vertices, of all if none is trusted; that of a limb is of what the
     scan shows, trusted or not.
     """
-    prepared, fitters = registration._prepare(points, {}), registration._partial_fitters
+    prepared, fitters = registration._prepare(as_scan(points), {}), registration._partial_fitters
     half = cache(lambda number: registration._solve(fitters[number], prepared))
     model = registration.model
     faces, owners = model.faces, model.weights.argmax(axis=1)

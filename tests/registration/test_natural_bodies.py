@@ -6,6 +6,7 @@ import pytest
 import riemhuman as rh
 from riemhuman.registration import simulated_scan
 from riemhuman.registration._trust import LARGEST_OVERLAP, find_overlaps
+from riemhuman.registration.scans import as_scan
 
 HANDS_ON_HIPS, HAND_ON_EAR = 4, 6
 FAR = 0.03
@@ -63,7 +64,7 @@ def test_a_wrong_arm_is_not_trusted(registration, bodies, monkeypatch):
     monkeypatch.setattr(search, "arms", [])
     monkeypatch.setattr(search, "poses", {"hips": search.poses["hips"]})
     scan = scan_of(bodies, HAND_ON_EAR)
-    prepared = registration._prepare(scan.points, {})
+    prepared = registration._prepare(as_scan(scan.points), {})
     result = registration._solve(registration._fitter, prepared)
     assert error(result, scan) > FAR
     assert not result.trusted

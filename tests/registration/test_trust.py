@@ -7,6 +7,7 @@ import riemhuman as rh
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._trust import find_doubts, find_seen, join_reasons
+from riemhuman.registration.scans import as_scan
 
 GOOD = {
     "likelihood": 3.2,
@@ -88,7 +89,7 @@ def test_a_body_the_wrong_way_round_is_refused():
         return [start for start, way in zip(starts, facing, strict=True) if way[2] < -0.9]
 
     search._starts = backwards
-    prepared = registration._prepare(scan.points, {})
+    prepared = registration._prepare(as_scan(scan.points), {})
     result = registration._solve(registration._fitter, prepared)
     assert np.linalg.norm(result.points - scan.body, axis=1).mean() > 0.2
     assert not result.trusted
