@@ -228,11 +228,7 @@ class AreaMetric(SmoothedMetric):
             averages = np.empty((len(surfaces), template.n_vertices))
             for one, ratios in zip(averages, area_ratios(surfaces, template), strict=True):
                 one[:] = self._averages(ratios)
-            # One by one: results would depend on which surfaces are solved for together.
-            _refuse_lost(averages)
-            for one in averages:
-                one[:] = self._smoothed(one)
-            return averages
+            return self._smoothed(averages)
 
         return SumOfFactors([(fields, 1.0, self.target_metric.bulk)])
 

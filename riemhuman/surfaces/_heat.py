@@ -8,8 +8,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
-from riemhuman.kernels.elimination import symmetric_factor
-from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.kernels.elimination import SymmetricSolver
 from riemhuman.surfaces.measures import adjacent_triangles
 
 
@@ -34,17 +33,13 @@ class HeatFlow:
         """Return (M + time L)⁻¹ M, which keeps constants and ∫ X dx, with its transpose."""
         masses = self.masses
         diagonal = np.where(masses > 0.0, masses, 1.0)
-        factor = symmetric_factor(sparse.diags_array(diagonal) + time * laplacian)
-
-        def solve(values: np.ndarray) -> np.ndarray:
-            with single_threaded_libraries():
-                return factor.solve(np.ascontiguousarray(values))
+        solver = SymmetricSolver(sparse.diags_array(diagonal) + time * laplacian)
 
         def flow(values: np.ndarray) -> np.ndarray:
-            return solve((masses * values.T).T)
+            return solver.solve((masses * values.T).T)
 
         def transposed(values: np.ndarray) -> np.ndarray:
-            return (masses * solve(values).T).T
+            return (masses * solver.solve(values).T).T
 
         size = (len(masses), len(masses))
         return LinearOperator(size, flow, transposed, flow, np.float64, transposed)

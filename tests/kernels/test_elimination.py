@@ -7,6 +7,7 @@ from scipy import linalg, sparse
 
 from riemhuman.kernels.elimination import (
     WIDTH,
+    SymmetricSolver,
     eliminate,
     elimination_of,
     solve_lower,
@@ -94,3 +95,14 @@ def test_right_sides(kind, n_sides):
     solve_upper(found.ends, found.rows, lower, sides, lanes)
     solution = np.linalg.solve(ordered(dense, found), x)
     np.testing.assert_allclose(sides.reshape(x.shape), solution, rtol=1e-9, atol=1e-12)
+
+
+def test_symmetric_systems():
+    rng = np.random.default_rng(8)
+    matrix = sparse.random_array((30, 30), density=0.1, rng=rng)
+    matrix = matrix @ matrix.T + sparse.diags_array(rng.uniform(0.5, 2.0, 30))
+    solver = SymmetricSolver(matrix)
+    for shape in ((30,), (30, 1), (30, 8), (30, 9), (30, 21), (30, 0)):
+        values = rng.standard_normal(shape)
+        expected = np.linalg.solve(matrix.toarray(), values)
+        np.testing.assert_allclose(solver.solve(values), expected, rtol=1e-11, atol=1e-12)

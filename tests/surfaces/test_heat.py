@@ -75,3 +75,28 @@ def test_heat_stays_on_its_side_of_triangles_that_hardly_conduct():
 def test_what_is_known_of_a_time_is_computed_once_and_is_not_pickled(template):
     assert template.heat.step(0.1) is template.heat.step(0.1)
     assert "heat" not in template.__getstate__()
+
+
+@pytest.mark.parametrize("between", ["heat", "vertex_heat"])
+def test_columns_do_not_depend_on_their_neighbours(template, between):
+    flow = getattr(template, between)
+    step = flow.step(0.1)
+    values = np.random.default_rng(5).standard_normal((len(flow.masses), 19))
+    together = step @ values
+    order = np.random.default_rng(6).permutation(19)
+    np.testing.assert_array_equal(step @ values[:, order], together[:, order])
+    for k in (0, 7, 8, 18):
+        np.testing.assert_array_equal(step @ values[:, k], together[:, k])
+    matrix = np.diag(flow.masses) + 0.1 * flow.laplacian.toarray()
+    expected = np.linalg.solve(matrix, flow.masses[:, None] * values)
+    np.testing.assert_allclose(together, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_vertices_conserve_heat_and_constants(template):
+    flow = template.vertex_heat
+    values = np.random.default_rng(7).standard_normal((template.n_vertices, 2))
+    kept = flow.masses @ (flow.step(0.1) @ values)
+    np.testing.assert_allclose(kept, flow.masses @ values, atol=1e-12)
+    np.testing.assert_allclose(flow.step(0.1) @ np.ones(template.n_vertices), 1.0, rtol=1e-12)
+    averages = template.averaging_operator
+    np.testing.assert_allclose(averages @ np.ones(template.n_faces), 1.0, rtol=1e-12)
