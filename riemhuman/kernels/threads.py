@@ -69,15 +69,43 @@ def thread_count(n_jobs: int | None) -> int:
 def mapped(
     task: Callable[[Item], Result], items: Iterable[Item], n_threads: int
 ) -> Iterator[Result]:
-    """Yield the results of a task in the order of its items; after a failure no task begins."""
+    """Yield the results of a task in the order of its items; after a failure no task begins.
+
+    An interrupt from the keyboard reaches the main thread alone: tasks of other threads, whose
+    results nobody will see, then end at their next `check_interrupt`, as after a failure.
+    """
     if n_threads == 1:
         yield from map(task, items)
         return
+    stopped = threading.Event()
+
+    def run(item: Item) -> Result:
+        _in_thread.stopped = stopped
+        return task(item)
+
     pool = ThreadPoolExecutor(n_threads)
     try:
-        yield from pool.map(task, items)
+        yield from pool.map(run, items)
+    except BaseException:
+        stopped.set()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+_in_thread = threading.local()
+
+
+def is_abandoned() -> bool:
+    """Return whether this is a task of `mapped` whose results nobody will see."""
+    stopped = getattr(_in_thread, "stopped", None)
+    return stopped is not None and stopped.is_set()
+
+
+def check_interrupt() -> None:
+    """Raise a KeyboardInterrupt in a task of `mapped` whose results nobody will see."""
+    if is_abandoned():
+        raise KeyboardInterrupt
 
 
 _lock = threading.Lock()

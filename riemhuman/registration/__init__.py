@@ -5,7 +5,12 @@ from riemhuman.registration.correspondences import (
     correspondence,
     geodesic_errors,
 )
-from riemhuman.registration.folders import ScanRecord, read_records, register_folder
+from riemhuman.registration.folders import (
+    FolderResult,
+    ScanRecord,
+    read_records,
+    register_folder,
+)
 from riemhuman.registration.scan_registration import (
     RegisteredScan,
     ScanRegistration,
@@ -16,6 +21,7 @@ from riemhuman.registration.scans import Scan, find_inward_triangles, load_landm
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
 
 __all__ = [
+    "FolderResult",
     "RegisteredScan",
     "Scan",
     "ScanCorrespondence",

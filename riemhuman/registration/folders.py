@@ -31,6 +31,7 @@ from riemhuman.registration.scan_registration import (
     apply_transform,
 )
 from riemhuman.registration.scans import Scan, load_scan
+from riemhuman.solvers.results import Result, interruptible
 from riemhuman.surfaces.nearest_points import nearest_points
 
 UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
@@ -132,6 +133,27 @@ class ScanRecord:
         )
 
 
+@dataclass(frozen=True, kw_only=True, repr=False)
+class FolderResult(Result):
+    """What the registration of a folder had finished when it was stopped from the keyboard.
+
+    Attributes
+    ----------
+    n_iterations, n_evaluations, status, message
+        See `Result`; counts are 0.
+    records : tuple of ScanRecord
+        Records of the finished scans, in order; the output folder holds them as well.
+
+    Examples
+    --------
+    >>> stopped = rh.solvers.Status.INTERRUPTED
+    >>> rh.registration.FolderResult(records=(), status=stopped).converged
+    False
+    """
+
+    records: tuple[ScanRecord, ...]
+
+
 def register_folder(
     registration: ScanRegistration,
     scans: str | os.PathLike[str],
@@ -166,6 +188,9 @@ def register_folder(
     ------
     FileError
         If two scans have the same name, or a body was changed after it was registered.
+    Interrupted
+        If it is stopped from the keyboard; its `result` is a `FolderResult`. The same call goes on
+        where this one stopped.
 
     Examples
     --------
@@ -182,19 +207,20 @@ def register_folder(
     records: list[ScanRecord] = []
     before: RegisteredScan | None = None
     transform = np.eye(4) if keep_axes else None
-    for file in ProgressBar(files, desc="Scans", unit="scan", disable=not progress):
-        key = hashlib.sha256(identity + read_bytes(file)).hexdigest()
-        record = complete.get((file.stem, key))
-        is_new = record is None
-        if record is None:
-            record, before = _register_file(registration, file, before if sequence else None)
-        else:
-            before = None
-        if sequence and transform is None:
-            transform = record.arrays.get("transform")
-        if is_new:
-            _write(folder, record, key, transform)
-        records.append(record)
+    with interruptible(lambda inner: FolderResult(records=tuple(records))):
+        for file in ProgressBar(files, desc="Scans", unit="scan", disable=not progress):
+            key = hashlib.sha256(identity + read_bytes(file)).hexdigest()
+            record = complete.get((file.stem, key))
+            is_new = record is None
+            if record is None:
+                record, before = _register_file(registration, file, before if sequence else None)
+            else:
+                before = None
+            if sequence and transform is None:
+                transform = record.arrays.get("transform")
+            if is_new:
+                _write(folder, record, key, transform)
+            records.append(record)
     return records
 
 

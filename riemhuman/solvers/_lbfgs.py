@@ -12,9 +12,15 @@ from autograd.core import make_vjp
 from numpy import ndarray
 
 from riemhuman.geometry import Manifold
-from riemhuman.kernels.threads import combine_rows, pair_with_rows, single_threaded_libraries
+from riemhuman.kernels.threads import (
+    check_interrupt,
+    combine_rows,
+    is_abandoned,
+    pair_with_rows,
+    single_threaded_libraries,
+)
 from riemhuman.progress import ProgressBar
-from riemhuman.solvers.results import Result, Status
+from riemhuman.solvers.results import INTERRUPTED_MESSAGE, Result, Status
 
 Objective = Callable[[ndarray], tuple[float, ndarray]]
 """Returns value and gradient at x, shape (n,); the value is infinite outside the domain."""
@@ -78,11 +84,16 @@ class Descent:
 
     def minimize(self) -> Minimum:
         """Return the minimum; if interrupted from the keyboard, the best point so far."""
-        self._begin()
+        self._status: Status | None = None
+        self._message, self._newton, self._newton_was_small = "", np.inf, False
+        self._operator: Operator | None = None
+        self._values: list[float] = []
+        self._value, self._n_evaluations = np.inf, 0
         bar = ProgressBar(
             total=None, desc=self.progress, disable=not self.progress, unit=" iterations"
         )
         try:
+            self._begin()
             with bar:
                 while self._status is None:
                     if self._advance():
@@ -91,7 +102,12 @@ class Descent:
                         if self.callback is not None:
                             self.callback(len(self._values) - 1, self._value, self.x)
         except KeyboardInterrupt:
-            self._end(Status.INTERRUPTED, "interrupted from the keyboard")
+            if is_abandoned():
+                raise
+            if not self._values:  # of the start
+                self._value, _ = self.objective(self.x)
+                self._values = [self._value]
+            self._end(Status.INTERRUPTED, INTERRUPTED_MESSAGE)
         gap = 0.0
         if self._value > self.floor:
             # A Newton step's gain is nan where slopes do not show it, as at a kink.
@@ -110,9 +126,6 @@ class Descent:
     def _begin(self) -> None:
         self._value, self._gradient = self.objective(self.x)
         self._values, self._n_evaluations = [self._value], 1
-        self._status: Status | None = None
-        self._message, self._newton, self._newton_was_small = "", np.inf, False
-        self._operator: Operator | None = None
         if not np.isfinite(self._value):
             self._newton = np.nan
             self._end(Status.OUTSIDE_MANIFOLD, "the start has no finite value")
@@ -207,6 +220,7 @@ def _search(
     low, high, step = 0.0, np.inf, 1.0
     best = _Trial(0.0, value, x, 0)
     for count in range(1, _MOST_TRIALS + 1):
+        check_interrupt()
         new_value, gradient = objective(x + step * direction)
         best = best._replace(n_evaluations=count)
         new_slope = float(gradient @ direction) if np.isfinite(new_value) else np.inf

@@ -17,6 +17,7 @@ from riemhuman.errors import ConvergenceWarning, NotDefinedError, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import ExpSolver
+from riemhuman.kernels.threads import check_interrupt
 from riemhuman.solvers._geodesic_equation import (
     GeodesicEquation,
     degeneration,
@@ -24,7 +25,7 @@ from riemhuman.solvers._geodesic_equation import (
     vanishing_triangle,
 )
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
-from riemhuman.solvers.results import Result, Solver, Status, finish
+from riemhuman.solvers.results import Result, Solver, Status, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # A step whose equation is off by more than this share of its length has lost the geodesic.
@@ -77,7 +78,7 @@ class ExponentialResult(Result):
     @property
     def energy(self) -> float:
         """The energy of the path per unit time, the mean of the squared speeds."""
-        return float(self.energies.mean())
+        return float(self.energies.mean()) if len(self.energies) else 0.0
 
 
 @dataclass(frozen=True)
@@ -123,19 +124,30 @@ class DiscreteExponential(Solver, ExpSolver):
         check_metric(metric)
         base_point = metric.check_points(values_of(base_point, "base_point")[None], "base_point")[0]
         velocity = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
-        return finish(self, self._follow(metric, velocity, base_point))
+        walks = [_Walk([base_point], self.n_steps)]
+        with interruptible(lambda inner: walks[-1].result(metric)):
+            result = self._follow(metric, velocity, base_point, walks)
+        return finish(self, result)
 
     def _follow(
-        self, metric: RiemannianMetric, velocity: ndarray, base_point: ndarray
+        self,
+        metric: RiemannianMetric,
+        velocity: ndarray,
+        base_point: ndarray,
+        walks: list[_Walk] | None = None,
     ) -> ExponentialResult:
-        """Return the geodesic with the fewest steps that serve, without a warning."""
+        """Return the geodesic with the fewest steps that serve, without a warning.
+
+        What is walked on the way is added to `walks`.
+        """
         n_iterations = n_evaluations = 0
         for doubling in range(self.n_doublings + 1):
             n_steps = self.n_steps * 2**doubling
             may_double = doubling < self.n_doublings
-            result, is_fine = self._walk(
-                metric, [base_point], n_steps, n_steps, velocity, may_double
-            )
+            walk = _Walk([base_point], n_steps)
+            if walks is not None:
+                walks.append(walk)
+            result, is_fine = self._walk(metric, walk, n_steps, velocity, may_double)
             n_iterations += result.n_iterations
             n_evaluations += result.n_evaluations
             if is_fine:
@@ -155,7 +167,9 @@ class DiscreteExponential(Solver, ExpSolver):
         """
         path = path_array(path, metric.space, batched=False)
         n_steps = whole_number(n_steps, "n_steps", minimum=1)
-        result, _ = self._walk(metric, list(path), len(path) - 1, n_steps)
+        walk = _Walk(list(path), len(path) - 1)
+        with interruptible(lambda inner: walk.result(metric)):
+            result, _ = self._walk(metric, walk, n_steps)
         return finish(self, result)
 
     def derivatives(
@@ -202,20 +216,21 @@ class DiscreteExponential(Solver, ExpSolver):
     def _walk(
         self,
         metric: RiemannianMetric,
-        points: list[ndarray],
-        steps_per_unit: int,
+        walk: _Walk,
         n_steps: int,
         velocity: ndarray | None = None,
         stop_early: bool = False,
     ) -> tuple[ExponentialResult, bool]:
         """Add points, the first of them by a velocity if there is one."""
-        displacement = None if velocity is None else velocity / steps_per_unit
+        points = walk.points
+        displacement = None if velocity is None else velocity / walk.steps_per_unit
         direction = points[-1] - points[-2] if displacement is None else displacement
         basis = None if self.basis is None else self.basis.extend(direction[None])
         equation = GeodesicEquation(metric, basis, self.tolerance, self.max_iter)
         n_iterations = n_evaluations = 0
         stop, unsolved, is_fine = "", "", True
         for step in range(1, n_steps + 1):
+            check_interrupt()
             if step == 1 and displacement is not None:
                 triple = equation.both_sides(points[0], displacement)
             else:
@@ -236,15 +251,11 @@ class DiscreteExponential(Solver, ExpSolver):
             if stop_early and has_long_step(metric, triple.points[1:], self.basis is None):
                 is_fine = False
                 break
-        path = np.stack(points)
-        squared = [float(metric.energy(np.stack(pair))) for pair in pairwise(path)]
         status = Status.STALLED if unsolved else Status.CONVERGED
         if stop:
             status = Status.OUTSIDE_MANIFOLD
-        result = ExponentialResult(
-            path,
-            steps_per_unit**2 * np.array(squared),
-            steps_per_unit,
+        result = replace(
+            walk.result(metric),
             complete=not stop,
             n_iterations=n_iterations,
             n_evaluations=n_evaluations,
@@ -252,6 +263,20 @@ class DiscreteExponential(Solver, ExpSolver):
             message=stop or unsolved or "all steps were made",
         )
         return result, is_fine and not stop
+
+
+@dataclass(frozen=True)
+class _Walk:
+    """Points of a geodesic as far as it is known, and the number of steps per unit time."""
+
+    points: list[ndarray]
+    steps_per_unit: int
+
+    def result(self, metric: RiemannianMetric) -> ExponentialResult:
+        path = np.stack(self.points)
+        squared = [float(metric.energy(np.stack(pair))) for pair in pairwise(path)]
+        energies = self.steps_per_unit**2 * np.array(squared)
+        return ExponentialResult(path, energies, self.steps_per_unit, complete=False)
 
 
 def _without_shift(

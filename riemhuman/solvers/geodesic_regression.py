@@ -15,8 +15,8 @@ from riemhuman.geometry import Manifold, ProductMetric, RiemannianMetric
 from riemhuman.solvers._lbfgs import Descent, Minimum
 from riemhuman.solvers._preconditioners import metric_factor
 from riemhuman.solvers.nearest_surface import NearestSurface
-from riemhuman.solvers.results import MeanResult, finish
-from riemhuman.solvers.tangent_pca import ImageEstimator
+from riemhuman.solvers.results import MeanResult, finish, interruptible
+from riemhuman.solvers.tangent_pca import ImageEstimator, known_mean
 
 # Points whose misfits are differentiated together, for the sake of memory.
 _BLOCK = 8
@@ -121,12 +121,15 @@ class GeodesicRegression(ImageEstimator):
                 "refinement needs its derivative"
             )
         self.mean_ = self._mean_point(self.mean, points)
-        images, base = self._embed(points), self._embed(self.mean_[None])[0]
-        line = _tangent_regression(metric, base, times, images)
-        spread = float(np.mean(metric.squared_dist(base, images))) if self.max_iter else 0.0
-        minimum = None
-        if spread > 0:
-            line, minimum = self._refine(metric, times, images, spread, *line)
+        known = [self.mean_]
+        with interruptible(lambda inner: known_mean(known[-1])):
+            images, base = self._embed(points), self._embed(self.mean_[None])[0]
+            line = _tangent_regression(metric, base, times, images)
+            known.append(line[0])
+            spread = float(np.mean(metric.squared_dist(base, images))) if self.max_iter else 0.0
+            minimum = None
+            if spread > 0:
+                line, minimum = self._refine(metric, times, images, spread, *line)
         self.intercept_, self.velocity_ = line[0], line[1] / unit
         self.n_iter_ = minimum.n_iterations if minimum else 0
         if minimum:

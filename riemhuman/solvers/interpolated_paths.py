@@ -14,6 +14,7 @@ from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import PathEnergy
+from riemhuman.kernels.threads import check_interrupt
 from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers.paths import (
     PathSolver,
@@ -67,9 +68,17 @@ class PoissonPath(PathSolver):
 
 
 def rotating_paths(
-    metric: RiemannianMetric, energy: PathEnergy, start: ndarray, end: ndarray, n_nodes: int
+    metric: RiemannianMetric,
+    energy: PathEnergy,
+    start: ndarray,
+    end: ndarray,
+    n_nodes: int,
+    found: list[ndarray] | None = None,
 ) -> list[tuple[ndarray, float]]:
-    """Return paths whose triangles rotate, with their energies: the best, then alternatives."""
+    """Return paths whose triangles rotate, with their energies: the best, then alternatives.
+
+    All paths that are tried are added to `found`.
+    """
     # In these a whole limb rotates the other way, and their energy is only a little higher.
     space = metric.space
     space.check_immersed(start, "start")
@@ -92,6 +101,9 @@ def rotating_paths(
         path = linear_path(start, end, n_nodes)
         times = np.linspace(0.0, 1.0, n_nodes)[1:-1]
         path[1:-1] = interpolator.interpolate(start, end, times, rotations)
+        if found is not None:
+            found.append(path)
+        check_interrupt()
         return energy.value(metric, path), path
 
     def cost(ways: tuple[bool, ...]) -> float:

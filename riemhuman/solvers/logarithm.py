@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 from warnings import catch_warnings, simplefilter
@@ -23,7 +24,15 @@ from riemhuman.solvers._geodesic_equation import (
 from riemhuman.solvers.exponential import DiscreteExponential
 from riemhuman.solvers.path_search import BasisPath, PathSearch, PathStraightening, refine_path
 from riemhuman.solvers.paths import check_end_points, linear_path
-from riemhuman.solvers.results import PathResult, Result, Solver, Status, complete, finish
+from riemhuman.solvers.results import (
+    PathResult,
+    Result,
+    Solver,
+    Status,
+    complete,
+    finish,
+    interruptible,
+)
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.procrustes import procrustes
 
@@ -70,6 +79,24 @@ class LogarithmResult(Result):
     path: ndarray
     energy: float
     end_error: float = np.nan
+
+
+def best_logarithm(
+    metric: RiemannianMetric, start: ndarray, end: ndarray, known: Sequence[Result | None]
+) -> LogarithmResult:
+    """Return what an interrupted search for a logarithm knows, at worst by the straight path."""
+    logarithms = [result for result in known if isinstance(result, LogarithmResult)]
+    if logarithms:
+        return logarithms[-1]
+    paths = [result for result in known if isinstance(result, PathResult)]
+    if paths:
+        best = min(paths, key=lambda result: result.energy)
+        path, energy = best.path, best.energy
+    else:
+        path = linear_path(start, end, 2)
+        energy = float(metric.energy(path))
+    # Of first order in the time step, where the logarithm is of second.
+    return LogarithmResult((len(path) - 1) * (path[1] - path[0]), path, energy)
 
 
 @dataclass(frozen=True)
@@ -119,15 +146,18 @@ class DiscreteLogarithm(Solver, LogSolver):
         self, metric: RiemannianMetric, point: ndarray, base_point: ndarray
     ) -> LogarithmResult:
         start, end = check_end_points(metric, base_point, point)
-        end = end_of_logarithm(metric, start, end)
-        if self.geodesic_solver is not None:
-            path = complete(self.geodesic_solver.solve(metric, start, end), PathResult)
-            result = self._logarithm(metric, path, end)
-        else:
-            with catch_warnings():
-                # Whether a path is good enough is for the exponential to say.
-                simplefilter("ignore", ConvergenceWarning)
-                result = self._by_doubling(metric, start, end)
+        known: list[PathResult | LogarithmResult] = []
+        with interruptible(lambda inner: best_logarithm(metric, start, end, [*known, inner])):
+            end = end_of_logarithm(metric, start, end)
+            if self.geodesic_solver is not None:
+                path = complete(self.geodesic_solver.solve(metric, start, end), PathResult)
+                known.append(path)
+                result = self._logarithm(metric, path, end)
+            else:
+                with catch_warnings():
+                    # Whether a path is good enough is for the exponential to say.
+                    simplefilter("ignore", ConvergenceWarning)
+                    result = self._by_doubling(metric, start, end, known)
         return finish(self, result)
 
     def inverse(self, result: LogarithmResult) -> DiscreteExponential:
@@ -153,18 +183,25 @@ class DiscreteLogarithm(Solver, LogSolver):
         return equation.next_point(path[1], path[0])
 
     def _by_doubling(
-        self, metric: RiemannianMetric, start: ndarray, end: ndarray
+        self,
+        metric: RiemannianMetric,
+        start: ndarray,
+        end: ndarray,
+        known: list[PathResult | LogarithmResult],
     ) -> LogarithmResult:
-        """Return the logarithm with the fewest steps that serve."""
+        """Return the logarithm with the fewest steps that serve; add what is found to `known`."""
         n_evaluations, initial_path = 0, None
         for doubling in range(self.n_doublings + 1):
             n_steps = self.n_steps * 2**doubling
             is_last = doubling == self.n_doublings
             path, exact = self._search(metric, start, end, n_steps, initial_path)
+            known.append(path)
             n_evaluations += path.n_evaluations
             if is_last or not self._has_long_steps(metric, path.path):
                 path = exact._between(metric, ends_as_given(start, end), path.path)
+                known.append(path)
                 result = self._logarithm(metric, path, end)
+                known.append(result)
                 n_evaluations += result.n_evaluations
                 if is_last or result.converged:
                     break

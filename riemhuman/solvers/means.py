@@ -19,7 +19,15 @@ from riemhuman.solvers._alignment import AlignedMembers, align_members
 from riemhuman.solvers._dispersion import Dispersion, area_check, metric_of_search, with_weight
 from riemhuman.solvers._lbfgs import Minimum, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
-from riemhuman.solvers.results import MeanResult, Solver, Status, complete, finish
+from riemhuman.solvers.results import (
+    MeanResult,
+    Result,
+    Solver,
+    Status,
+    complete,
+    finish,
+    interruptible,
+)
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # Default tolerances: over a basis each iteration gains much, in all coordinates the last ones gain
@@ -135,18 +143,42 @@ class BasisMean(Solver, MeanSolver):
         of_search = metric_of_search(metric, self.companion_weight)
         dispersion = Dispersion(of_search, points, weights, self.sample_size)
         model = with_weight(dispersion.points, dispersion.weights)[0][0]
-        if initial_point is not None:
+        is_given = initial_point is not None
+        if is_given:
             model = metric.check_points(values_of(initial_point, "initial_point")[None])[0]
+        known = [model]
+
+        def best(inner: Result | None) -> MeanResult:
+            return _best_known(dispersion.changed(metric), known)
+
+        with interruptible(best):
+            result = self._find(metric, dispersion, known, is_given, exponent)
+        return finish(self, result)
+
+    def _find(
+        self,
+        metric: RiemannianMetric,
+        dispersion: Dispersion,
+        known: list[ndarray],
+        is_given: bool,
+        exponent: int,
+    ) -> MeanResult:
+        """Return the mean; points that are found on the way are added to those known."""
+        of_search, model = dispersion.metric, known[0]
         members = align_members(of_search, dispersion.points, dispersion.weights, model)
         dispersion = dispersion.with_points(members.points)
-        is_given = initial_point is not None
         point = members.aligned(model) if is_given else self._origin(dispersion.sample)
-        minimum, dispersion = self._reporting(members)._minimum(dispersion, point, exponent)
+
+        def keep(point: ndarray) -> None:
+            known.append(members.turned_back(point))
+
+        keep(point)
+        minimum, dispersion = self._reporting(members)._minimum(dispersion, point, exponent, keep)
+        keep(minimum.x)
         variance = minimum.value
         if of_search is not metric or dispersion.smoothing is not None:
             variance = dispersion.changed(metric).value(minimum.x)
-        point = members.turned_back(minimum.x)
-        return finish(self, MeanResult(point, variance, minimum.values, **minimum.outcome))
+        return MeanResult(known[-1], variance, minimum.values, **minimum.outcome)
 
     def _reporting(self, members: AlignedMembers) -> Self:
         """Return the solver whose callback is given points that stand as the mean should."""
@@ -160,13 +192,18 @@ class BasisMean(Solver, MeanSolver):
         return replace(self, callback=report)
 
     def _minimum(
-        self, dispersion: Dispersion, point: ndarray, exponent: int
+        self,
+        dispersion: Dispersion,
+        point: ndarray,
+        exponent: int,
+        keep: Callable[[ndarray], None],
     ) -> tuple[Minimum, Dispersion]:
         """Return the best point, after rough searches where they pay, and of which functional."""
         if dispersion.in_batches or exponent == 1:
             tolerance = max(self.tolerance or 0.0, _ROUGH_TOLERANCE)
             rough = replace(self, tolerance=tolerance, callback=None, progress=False)
             start = rough._search(dispersion.sample, point)
+            keep(start.x)
             if exponent == 1 and start.value > 0.0 and start.status is not Status.INTERRUPTED:
                 dispersion = dispersion.changed(smoothing=_SMOOTHING * np.sqrt(start.value))
                 if dispersion.in_batches:
@@ -296,10 +333,13 @@ class GradientDescentMean(Solver, MeanSolver):
             point = next(dispersion.of_batches(with_weight))[0][0]
         else:
             point = metric.space.check_point(initial_point)
-        result = self._descend(dispersion, point)
-        if exponent == 1 and result.status is not Status.INTERRUPTED:
-            smoothing = _LEAST_DISTANCE * np.sqrt(result.variance)
-            result = self._descend(dispersion.changed(smoothing=smoothing), result.point)
+        known = [point]
+        with interruptible(lambda inner: _best_known(dispersion, known)):
+            result = self._descend(dispersion, point)
+            known.append(result.point)
+            if exponent == 1 and result.status is not Status.INTERRUPTED:
+                smoothing = _LEAST_DISTANCE * np.sqrt(result.variance)
+                result = self._descend(dispersion.changed(smoothing=smoothing), result.point)
         return finish(self, result)
 
     def _descend(self, dispersion: Dispersion, point: ndarray) -> MeanResult:
@@ -346,6 +386,13 @@ class GradientDescentMean(Solver, MeanSolver):
             status=status,
             message=message,
         )
+
+
+def _best_known(dispersion: Dispersion, known: list[ndarray]) -> MeanResult:
+    """Return the best of some points for a search that is interrupted."""
+    variances = [dispersion.value(point) for point in known]
+    best = min(variances)
+    return MeanResult(known[variances.index(best)], best, np.array([best]))
 
 
 def _mean_of_logarithms(dispersion: Dispersion, point: ndarray) -> ndarray:

@@ -19,7 +19,7 @@ from riemhuman.kernels.surface import apply_operator, stacked_derivatives, trian
 from riemhuman.solvers._lbfgs import minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
 from riemhuman.solvers.paths import rounding_energy
-from riemhuman.solvers.results import MeanResult, Solver, finish
+from riemhuman.solvers.results import MeanResult, Result, Solver, finish, interruptible
 from riemhuman.surfaces import Template
 from riemhuman.terms._sum import SumOfTerms
 
@@ -121,24 +121,36 @@ class NearestSurface(Solver):
             unseen = self.companion_weight * companion.metric_matrix(f)
             return SparseCholeskyFactor(2.0 * (metric.metric_matrix(f) + unseen))
 
-        first_value, _ = function(start)
-        if not np.isfinite(first_value):
-            raise DegenerateSurfaceError("every triangle of start must have an area")
-        guess = distances.nearby(start)
-        is_near = function(guess)[0] < _NEARBY * first_value
-        minimum = minimize_from(
-            guess if is_near else start,
-            metric.space,
-            None,
-            function,
-            half_inverse_hessian_at,
-            tolerance=self.tolerance,
-            max_iter=self.max_iter,
-            refresh=_REFRESH,
-            floor=max(min(_ROUNDING, self.tolerance) * first_value, rounding_energy(metric, start)),
-            progress="surface" if self.progress else "",
-        )
-        variance, _ = distances.value_and_gradient(minimum.x)
+        known = [start]
+
+        def best(inner: Result | None) -> MeanResult:
+            value, _ = distances.value_and_gradient(known[-1])
+            return MeanResult(known[-1], value, np.array([value]))
+
+        with interruptible(best):
+            first_value, _ = function(start)
+            if not np.isfinite(first_value):
+                raise DegenerateSurfaceError("every triangle of start must have an area")
+            guess = distances.nearby(start)
+            if function(guess)[0] < _NEARBY * first_value:
+                known.append(guess)
+            rounding = max(
+                min(_ROUNDING, self.tolerance) * first_value, rounding_energy(metric, start)
+            )
+            minimum = minimize_from(
+                known[-1],
+                metric.space,
+                None,
+                function,
+                half_inverse_hessian_at,
+                tolerance=self.tolerance,
+                max_iter=self.max_iter,
+                refresh=_REFRESH,
+                floor=rounding,
+                progress="surface" if self.progress else "",
+            )
+            known.append(minimum.x)
+            variance, _ = distances.value_and_gradient(minimum.x)
         return finish(self, MeanResult(minimum.x, variance, minimum.values, **minimum.outcome))
 
 

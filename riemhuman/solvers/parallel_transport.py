@@ -17,7 +17,7 @@ from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
 from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, Triple
 from riemhuman.solvers.paths import check_end_points, rounding_energy
-from riemhuman.solvers.results import Result, Solver, Status, finish
+from riemhuman.solvers.results import Result, Solver, Status, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
@@ -130,8 +130,10 @@ class PoleLadder(Solver, TransportSolver):
             return TransportResult(vectors[-1], vectors, ends, message="closed form")
         if path is not None:
             return self._climb(metric, vector, path)
-        aligned = align_ends(metric, start, end)
-        result = self._climb(metric, vector, self._geodesic(metric, start, aligned.end))
+        with interruptible(lambda inner: TransportResult(vector, vector[None], start[None])):
+            aligned = align_ends(metric, start, end)
+            path = self._geodesic(metric, start, aligned.end)
+        result = self._climb(metric, vector, path)
         vectors = aligned.vectors_turned_back(result.tangent_vecs)
         path = aligned.turned_back(result.path)
         return replace(result, tangent_vec=vectors[-1], tangent_vecs=vectors, path=path)
@@ -148,13 +150,27 @@ class PoleLadder(Solver, TransportSolver):
         return np.asarray(solver.solve(metric, start, end).path)
 
     def _climb(self, metric: RiemannianMetric, vector: ndarray, path: ndarray) -> TransportResult:
+        vectors = [vector]
+
+        def so_far(inner: Result | None) -> TransportResult:
+            return TransportResult(vectors[-1], np.stack(vectors), path[: len(vectors)])
+
+        with interruptible(so_far):
+            result = self._transported(metric, vectors, path)
+        return finish(self, result)
+
+    def _transported(
+        self, metric: RiemannianMetric, vectors: list[ndarray], path: ndarray
+    ) -> TransportResult:
+        """Return a vector transported along a path; vectors on the way are added to the first."""
+        vector = vectors[0]
         equation: _ClosedForms | GeodesicEquation = _ClosedForms(metric)
         if not metric.has_closed_form_geodesic:
             basis = self.basis
             if basis is not None:
                 basis = basis.extend(np.stack([path[-1] - path[0], vector]))
             equation = GeodesicEquation(metric, basis, self.tolerance, self.max_iter)
-        vectors, floor = [vector], np.sqrt(rounding_energy(metric, path[0]))
+        floor = np.sqrt(rounding_energy(metric, path[0]))
         solved: list[Triple] = []
         for start, end in pairwise(path):
             length = float(metric.norm(vectors[-1], start))
@@ -169,7 +185,7 @@ class PoleLadder(Solver, TransportSolver):
         error = max((triple.error for triple in solved), default=0.0)
         converged = error <= self.tolerance
         unsolved = "" if converged else f"; an equation is solved to {error:.1e} only"
-        result = TransportResult(
+        return TransportResult(
             vectors[-1],
             np.stack(vectors),
             path,
@@ -178,7 +194,6 @@ class PoleLadder(Solver, TransportSolver):
             status=Status.CONVERGED if converged else Status.MAX_ITER,
             message=f"{len(path) - 1} rungs{unsolved}",
         )
-        return finish(self, result)
 
     def _rung(self, equation: Any, start: ndarray, end: ndarray, vector: ndarray) -> list[Triple]:
         """Return the equations of a rung, the last two of which end at exp_q(∓w')."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self, cast
 
@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, 
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.solvers._alignment import AlignedEnds, align_ends
+from riemhuman.solvers._alignment import AlignedEnds, align_ends, ends_as_given
 from riemhuman.solvers._lbfgs import Operator, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, PathPreconditioner, metric_factor
 from riemhuman.solvers.interpolated_paths import rotating_paths
@@ -29,7 +29,7 @@ from riemhuman.solvers.paths import (
     lower_bound,
     rounding_energy,
 )
-from riemhuman.solvers.results import PathResult, Status, finish
+from riemhuman.solvers.results import PathResult, Result, Status, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # Tolerance of the first runs from several starts, of which the best goes on to the end.
@@ -84,7 +84,9 @@ class PathSearch(PathSolver):
             Path to start from, between the same ends.
         """
         start, end = check_end_points(metric, start, end)
-        return self._between(metric, align_ends(metric, start, end), initial_path)
+        with interruptible(lambda inner: self._best_known(metric, ends_as_given(start, end), [])):
+            ends = align_ends(metric, start, end)
+        return self._between(metric, ends, initial_path)
 
     def _between(
         self, metric: RiemannianMetric, ends: AlignedEnds, initial_path: ndarray | None = None
@@ -92,18 +94,48 @@ class PathSearch(PathSolver):
         """Find a path between ends that are aligned, or that count as they are."""
         start, end = ends.start, ends.given_end
         self._check_search(metric, start, end)
-        if self.n_nodes == 2:
-            path = linear_path(start, end, 2)
-            return known_path(metric, path, "a single segment", 0.0, self.energy)
-        with single_threaded_libraries():
+        tried: list[ndarray] = []
+        results: list[PathResult] = []
+
+        def best(inner: Result | None) -> PathResult:
+            if isinstance(inner, PathResult) and len(inner.path) == self.n_nodes:
+                tried.append(inner.path)
+            return self._best_known(metric, ends, tried, results)
+
+        with interruptible(best), single_threaded_libraries():
+            if self.n_nodes == 2:
+                path = linear_path(start, end, 2)
+                return known_path(metric, path, "a single segment", 0.0, self.energy)
             if initial_path is None:
-                paths = self._starts(metric, start, ends.end)
+                paths = self._starts(metric, start, ends.end, tried)
             else:
                 path = check_initial_path(metric, start, end, self.n_nodes, initial_path)
                 paths = [ends.aligned(path)]
-            result = self._reporting(ends)._best_of(metric, paths)
+                tried += paths
+            result = self._reporting(ends)._best_of(metric, paths, results)
             path = ends.turned_back(result.path)
-            return finish(self, replace(result, path=path, lower_bound=lower_bound(metric, path)))
+            result = replace(result, path=path, lower_bound=lower_bound(metric, path))
+        return finish(self, result)
+
+    def _best_known(
+        self,
+        metric: RiemannianMetric,
+        ends: AlignedEnds,
+        tried: list[ndarray],
+        results: Sequence[PathResult] = (),
+    ) -> PathResult:
+        """Return the best path of a search that is interrupted, at worst the straight one."""
+        if results:
+            best = min(results, key=lambda result: result.energy)
+        else:
+            paths = [linear_path(ends.start, ends.end, self.n_nodes), *tried]
+            paths = [_on_manifold(metric, path) for path in paths]
+            energies = [_energy(metric, self.energy, path) for path in paths]
+            energy = min(energies)
+            path = paths[energies.index(energy)]
+            best = PathResult(path, energy, np.array([energy]), n_evaluations=len(paths))
+        path = ends.turned_back(best.path)
+        return replace(best, path=path, lower_bound=lower_bound(metric, path))
 
     def _reporting(self, ends: AlignedEnds) -> Self:
         """Return the search whose callback is given paths between the ends as they were given."""
@@ -124,15 +156,18 @@ class PathSearch(PathSolver):
     def _factor(self, metric: RiemannianMetric, path: ndarray) -> CholeskyFactor:
         """Return a factor of the metric's matrix in the coordinates of the interior points."""
 
-    def _starts(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> list[ndarray]:
+    def _starts(
+        self, metric: RiemannianMetric, start: ndarray, end: ndarray, tried: list[ndarray]
+    ) -> list[ndarray]:
         """Return the start of least energy, and those with a limb that rotates the other way."""
         starts, alternatives = [linear_path(start, end, self.n_nodes)], []
         if metric.space.is_surface_space and np.all(metric.space.belongs(np.stack([start, end]))):
-            rotating = rotating_paths(metric, self.energy, start, end, self.n_nodes)
+            rotating = rotating_paths(metric, self.energy, start, end, self.n_nodes, tried)
             starts.append(rotating[0][0])
             alternatives = [path for path, _ in rotating[1:]]
         if self.initial is not None:
             starts.append(self._initial_path(metric, start, end))
+            tried.append(starts[-1])
             alternatives = []
         starts = [_on_manifold(metric, path) for path in starts]
         best = min(starts, key=lambda path: _energy(metric, self.energy, path))
@@ -142,13 +177,17 @@ class PathSearch(PathSolver):
         path = cast("GeodesicSolver", self.initial).solve(metric, start, end).path
         return check_initial_path(metric, start, end, self.n_nodes, path)
 
-    def _best_of(self, metric: RiemannianMetric, paths: list[ndarray]) -> PathResult:
-        """Descend from the start that leads to the least energy, as far as a short run tells."""
+    def _best_of(
+        self, metric: RiemannianMetric, paths: list[ndarray], results: list[PathResult]
+    ) -> PathResult:
+        """Descend from the start that leads to the least energy, as far as a short run tells.
+
+        The results of short runs are added to `results`.
+        """
         if len(paths) == 1:
             return self._descend(metric, paths[0])
         tolerance = max(_FIRST_TOLERANCE, self.tolerance)
         short = replace(self, tolerance=tolerance, callback=None)
-        results: list[PathResult] = []
         for path in paths:
             results.append(short._descend(metric, path))
             if results[-1].status is Status.INTERRUPTED:
@@ -271,10 +310,12 @@ class BasisPath(PathSearch):
     def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
         self.basis.check_fits(start.shape[0])
 
-    def _starts(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> list[ndarray]:
+    def _starts(
+        self, metric: RiemannianMetric, start: ndarray, end: ndarray, tried: list[ndarray]
+    ) -> list[ndarray]:
         if self.initial is not None:
             return [self._initial_path(metric, start, end)]
-        return super()._starts(metric, start, end)
+        return super()._starts(metric, start, end, tried)
 
     def _factor(self, metric: RiemannianMetric, path: ndarray) -> CholeskyFactor:
         nodes = path[[1, -2]]

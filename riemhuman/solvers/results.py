@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from html import escape
 from importlib import import_module
@@ -17,7 +19,10 @@ from riemhuman.checks import check_methods, real_number, whole_number
 from riemhuman.errors import ConvergenceWarning, FileFormatError, warn
 from riemhuman.geometry.strategies import check_strategy
 from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.kernels.threads import is_abandoned
 from riemhuman.representation import Record, field_texts
+
+INTERRUPTED_MESSAGE = "interrupted from the keyboard"
 
 _CLASS = "result_class"
 # Kinds of arrays that the single values of a result may be in a file; all others are numbers.
@@ -255,6 +260,22 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, result: Result) -> None:
         super().__init__(f"{result.message}; the best so far is the `result` of this exception")
         self.result = result
+
+
+@contextmanager
+def interruptible(best: Callable[[Result | None], Result]) -> Iterator[None]:
+    """Raise `Interrupted` where the block is stopped from the keyboard, with the best so far.
+
+    `best` is given the result of a solver that the block called, if that was what was stopped.
+    """
+    try:
+        yield
+    except KeyboardInterrupt as stopped:
+        if is_abandoned():
+            raise
+        inner = stopped.result if isinstance(stopped, Interrupted) else None
+        result = replace(best(inner), status=Status.INTERRUPTED, message=INTERRUPTED_MESSAGE)
+        raise Interrupted(result) from None
 
 
 def finish(solver: object, result: ResultType) -> ResultType:

@@ -18,6 +18,7 @@ from riemhuman.geometry.strategies import check_strategy
 from riemhuman.solvers._mixed_poses import warn_of_mixed_poses
 from riemhuman.solvers.means import BasisMean, GradientDescentMean
 from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
+from riemhuman.solvers.results import MeanResult, interruptible
 
 # Squared singular values below this share of the first are rounding errors.
 _ROUNDING = 1e-13
@@ -78,6 +79,10 @@ class ImageEstimator(Estimator):
 
     def _mean_point(self, mean: Any, points: ndarray) -> ndarray:
         """Return the point of tangency: a point, what a solver finds, or the Karcher mean."""
+        with interruptible(lambda inner: inner or known_mean(points[0])):
+            return self._point_of_tangency(mean, points)
+
+    def _point_of_tangency(self, mean: Any, points: ndarray) -> ndarray:
         metric, nearest = self._metric, self._nearest
         if mean is None and self._takes_fields:
             mean = BasisMean(companion_weight=nearest.companion_weight, progress=nearest.progress)
@@ -88,6 +93,11 @@ class ImageEstimator(Estimator):
             return mean.solve(metric, points).point
         mean = real_array(mean, "mean", metric.space.shape, batched=False)
         return metric.space.check_point(mean, "mean")
+
+
+def known_mean(point: ndarray) -> MeanResult:
+    """Return the mean of an estimator that is interrupted later, whose variance is not known."""
+    return MeanResult(point, np.nan, np.array([np.nan]))
 
 
 class TangentPCA(ImageEstimator, Transformer):
@@ -197,8 +207,12 @@ class TangentPCA(ImageEstimator, Transformer):
             raise ArgumentError(f"X must hold at least two points; found {len(points)}")
         if self.n_components is not None:
             whole_number(self.n_components, "n_components", minimum=1)
-        metric = self._image_metric
         self.mean_ = self._mean_point(self.mean if base_point is None else base_point, points)
+        with interruptible(lambda inner: known_mean(self.mean_)):
+            return self._fit_at_mean(points)
+
+    def _fit_at_mean(self, points: ndarray) -> Self:
+        metric = self._image_metric
         self._base = self._embed(self.mean_[None])[0]
         logs = metric.log(self._embed(points), self._base)
         warn_of_mixed_poses(self._metric, points, self.mean_)

@@ -32,7 +32,7 @@ from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives
 from riemhuman.solvers._lbfgs import minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
 from riemhuman.solvers.paths import rounding_energy
-from riemhuman.solvers.results import Result, Solver, finish
+from riemhuman.solvers.results import Result, Solver, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.measures import triangle_areas
 
@@ -295,7 +295,29 @@ class Disentangling(Solver):
         pose = _one_surface(space, pose, "pose")
         if self.basis is not None:
             self.basis.check_fits(len(shape))
-        posed = PoseTransfer(space, self.bone_smoothing).solve(shape, pose)
+        known: list[ndarray] = []
+
+        def best(inner: Result | None) -> DisentanglingResult:
+            # At worst A as it is.
+            surface = known[-1] if known else shape
+            return _disentangled(shape_metric, pose_metric, shape, pose, surface)
+
+        with interruptible(best):
+            posed = PoseTransfer(space, self.bone_smoothing).solve(shape, pose)
+            known.append(posed)
+            result = self._search(shape_metric, pose_metric, shape, pose, posed)
+        return finish(self, result)
+
+    def _search(
+        self,
+        shape_metric: SurfaceMetric,
+        pose_metric: SurfaceMetric,
+        shape: ndarray,
+        pose: ndarray,
+        posed: ndarray,
+    ) -> DisentanglingResult:
+        """Return the surface that is found from A in the pose of B."""
+        space: Any = shape_metric.space
         terms = [(shape_metric, 1.0, shape), (pose_metric, self.pose_weight, posed)]
         faces = space.template.faces
         least_areas = np.minimum(*(triangle_areas(body, faces) for body in (shape, posed)))
@@ -336,7 +358,7 @@ class Disentangling(Solver):
             surface = shape + self.basis.project(difference)
             value, _ = weighted_sum(surface)
         surface = surface + np.mean(pose - surface, axis=0)
-        result = DisentanglingResult(
+        return DisentanglingResult(
             surface,
             posed,
             value,
@@ -345,7 +367,20 @@ class Disentangling(Solver):
             float(pose_metric.dist(pose, surface)),
             **minimum.outcome,
         )
-        return finish(self, result)
+
+
+def _disentangled(
+    shape_metric: SurfaceMetric,
+    pose_metric: SurfaceMetric,
+    shape: ndarray,
+    pose: ndarray,
+    surface: ndarray,
+) -> DisentanglingResult:
+    """Return the start of a search that was interrupted before it began."""
+    distances = float(shape_metric.dist(shape, surface)), float(pose_metric.dist(pose, surface))
+    value = distances[0] ** 2  # the other distance is from the surface itself
+    placed = surface + np.mean(pose - surface, axis=0)
+    return DisentanglingResult(placed, surface, value, np.array([value]), *distances)
 
 
 class _ChangeTransfer:

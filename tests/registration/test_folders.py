@@ -69,6 +69,25 @@ def test_bodies_are_apart_by_trust(registered, registration, folders):
     np.testing.assert_array_equal(trusted, registered[1].arrays["trusted_vertices"])
 
 
+def test_an_interrupt_keeps_what_is_finished(registration, folders, solved, monkeypatch):
+    solve = ScanRegistration.solve
+
+    def stopped(self, scan, *, start=None):
+        if len(scan) == BOX:
+            raise KeyboardInterrupt
+        return solve(self, scan, start=start)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ScanRegistration, "solve", stopped)
+        with pytest.raises(rh.solvers.Interrupted) as caught:
+            register_folder(registration, *folders)
+    assert [record.name for record in caught.value.result.records] == ["anna", "ben"]
+    assert caught.value.result.status is rh.solvers.Status.INTERRUPTED
+    solved.clear()
+    assert len(register_folder(registration, *folders)) == 4
+    assert solved == [BOX]
+
+
 def test_bodies_may_keep_the_axes_of_the_scans(registration, folders, solved, result):
     register_folder(registration, *folders, keep_axes=True)
     points, _ = rh.load_mesh(folders[1] / "anna.ply")

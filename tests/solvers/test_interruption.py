@@ -1,12 +1,33 @@
 """An interrupt ends the whole call with KeyboardInterrupt, which carries the best so far."""
 
+import threading
+from contextlib import contextmanager
 from dataclasses import replace
+from itertools import count
 
+import bodies_in_motion as bodies
 import numpy as np
 import pytest
+from cases import sphere_template, surfaces
 
-from riemhuman.geometry import FlatMetric, VectorSpace
-from riemhuman.solvers import BasisMean, GradientDescentMean, Interrupted, Status
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, FlatMetric, VectorSpace
+from riemhuman.kernels.threads import check_interrupt, mapped
+from riemhuman.solvers import (
+    BasisMean,
+    BasisPath,
+    DiscreteExponential,
+    DiscreteLogarithm,
+    Disentangling,
+    GeodesicRegression,
+    GradientDescentMean,
+    Interrupted,
+    LinearPath,
+    NearestSurface,
+    PathStraightening,
+    PoleLadder,
+    Status,
+    TangentPCA,
+)
 from riemhuman.solvers._lbfgs import Descent
 
 
@@ -56,3 +77,155 @@ def test_no_search_of_a_median_in_batches_swallows_an_interrupt():
             except Interrupted:
                 interrupts += 1
     assert interrupts == 3
+
+
+# On surfaces: an interrupt in any evaluation of the metric.
+
+EVALUATIONS = (
+    *("energy", "energy_and_gradient", "squared_dist", "squared_dists_and_gradient"),
+    *("metric_matrix", "dist_pairwise", "features", "map"),
+)
+
+
+@contextmanager
+def interrupt_at(number):
+    """Raise a KeyboardInterrupt in an evaluation of elastic metrics, the first of which is 1."""
+    numbers = count(1)
+    with pytest.MonkeyPatch.context() as patch:
+        for name in EVALUATIONS:
+            method = getattr(ElasticMetric, name)
+
+            def evaluated(metric, *arguments, method=method, **options):
+                if next(numbers) == number:
+                    raise KeyboardInterrupt
+                return method(metric, *arguments, **options)
+
+            patch.setattr(ElasticMetric, name, evaluated)
+        yield numbers
+
+
+def elastic(a, lam, c):
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    return space.equip_with_metric(ElasticMetric, a=a, lam=lam, c=c).metric
+
+
+SURFACES = surfaces(sphere_template(), 5, rng=3, size=0.05)
+IMAGES = elastic(1.0, 1.0, 1.0).map(SURFACES[1:2])
+LIMBS = (bodies.body("resting"), bodies.body("arm raised"))
+
+
+def path_of_bodies():
+    metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
+    solver = BasisPath(bodies.basis(5), 4)
+    return solver.solve(metric, *bodies.swung_arms(1))
+
+
+def path_from_path():
+    metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.1)
+    solver = BasisPath(bodies.basis(5), 4, initial=BasisPath(bodies.basis(3), 4))
+    return solver.solve(metric, *LIMBS)
+
+
+SOLVED = {
+    "path": lambda: PathStraightening(4).solve(elastic(1.0, 1.0, 0.1), *SURFACES[:2]),
+    "path of bodies": path_of_bodies,
+    "path from a path": path_from_path,
+    "mean": lambda: BasisMean().solve(elastic(1.0, 1.0, 0.1), SURFACES),
+    "median": lambda: BasisMean().solve(elastic(1.0, 1.0, 0.0), SURFACES, exponent=1),
+    "means of batches": lambda: BasisMean().solve(elastic(1, 1, 0), [SURFACES[:2], SURFACES[2:]]),
+    "logarithm": lambda: DiscreteLogarithm(None, 3).solve(elastic(1.0, 1.0, 1.0), *SURFACES[:2]),
+    "exponential": lambda: DiscreteExponential(None, 3).solve(
+        elastic(1.0, 1.0, 1.0), SURFACES[1] - SURFACES[0], SURFACES[0]
+    ),
+    "transport": lambda: PoleLadder(geodesic_solver=PathStraightening(4)).solve(
+        elastic(1.0, 1.0, 1.0), SURFACES[2] - SURFACES[0], SURFACES[0], end_point=SURFACES[1]
+    ),
+    "disentangling": lambda: Disentangling().solve(
+        elastic(1.0, 1.0, 0.0), elastic(0.0, 0.0, 1.0), *SURFACES[:2]
+    ),
+    "components": lambda: TangentPCA(elastic(1.0, 1.0, 1.0).space, 2).fit(SURFACES),
+    "regression": lambda: GeodesicRegression(elastic(1.0, 1.0, 1.0).space).fit(
+        np.arange(5.0), SURFACES
+    ),
+    "nearest surface": lambda: NearestSurface().solve(elastic(1.0, 1.0, 1.0), IMAGES, SURFACES[0]),
+}
+
+
+@pytest.mark.parametrize("name", SOLVED)
+def test_an_interrupt_at_any_time_keeps_the_best(name):
+    """From the first evaluation on; at worst the straight path, or a point as it was given."""
+    solve = SOLVED[name]
+    with interrupt_at(0) as numbers:
+        solve()
+    n_evaluations = next(numbers) - 1
+    assert n_evaluations > 0
+    numbers = {1, 2, 3, n_evaluations, *np.geomspace(1, n_evaluations, 8).astype(int)}
+    for number in sorted(numbers & set(range(1, n_evaluations + 1))):
+        with interrupt_at(number), pytest.raises(Interrupted) as caught:
+            solve()
+        result = caught.value.result
+        assert result.status is Status.INTERRUPTED
+        check_result(name, result)
+
+
+def check_result(name, result):
+    if name.startswith("path"):
+        assert np.all(np.isfinite(result.path))
+        assert len(result.path) == 4
+        assert result.energies[-1] == pytest.approx(result.energy)
+        space = bodies.space() if len(result.path[0]) > 1000 else elastic(1.0, 1.0, 0.1).space
+        c = 0.0 if name == "path of bodies" else 0.1
+        metric = ElasticMetric(space, 1.0, 1.0, c)
+        assert metric.energy(result.path) == pytest.approx(result.energy)
+        straight = LinearPath(4).solve(metric, result.path[0], result.path[-1])
+        assert result.energy <= straight.energy * (1 + 1e-9)
+        return
+    solution = {
+        "logarithm": "tangent_vec",
+        "transport": "tangent_vec",
+        "exponential": "path",
+        "disentangling": "surface",
+    }.get(name, "point")
+    assert np.all(np.isfinite(getattr(result, solution)))
+
+
+def test_finished_starts_are_kept():
+    """The result is that of the best start so far, not of the last."""
+    metric, ends = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0), bodies.swung_arms(4)
+    solver = BasisPath(bodies.basis(5), 4)
+    energies = []
+    descend = BasisPath._descend
+
+    def counted(search, *arguments):
+        if len(energies) == 1:
+            raise KeyboardInterrupt
+        energies.append(descend(search, *arguments).energy)
+        return descend(search, *arguments)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(BasisPath, "_descend", counted)
+        patch.setattr(BasisPath, "_starts", lambda *given: [np.linspace(*ends, 4)] * 2)
+        with pytest.raises(Interrupted) as caught:
+            solver.solve(metric, *ends)
+    assert caught.value.result.energy == pytest.approx(energies[0])
+
+
+def test_threads_end_with_the_main_one():
+    """Tasks that run for long stop at their next check."""
+    started, ended = threading.Event(), threading.Event()
+
+    def task(number):
+        if number == 0:
+            started.wait(10)
+            raise KeyboardInterrupt
+        started.set()
+        try:
+            while True:
+                check_interrupt()
+        except KeyboardInterrupt:
+            ended.set()
+            raise
+
+    with pytest.raises(KeyboardInterrupt):
+        list(mapped(task, range(2), 2))
+    assert ended.is_set()

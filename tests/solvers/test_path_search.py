@@ -500,7 +500,7 @@ def test_starts_off_the_manifold_are_refused():
 def test_no_search_starts_on_a_surface_without_area(n_nodes):
     """Square-root normals of flat surfaces are zero: the straight path costs less than the turn."""
     metric, start = SRNFMetric(bodies.space()), bodies.body("resting")
-    for path in over_basis(n_nodes)._starts(metric, start, start * [-1.0, 1.0, -1.0]):
+    for path in over_basis(n_nodes)._starts(metric, start, start * [-1.0, 1.0, -1.0], []):
         assert np.all(metric.space.belongs(path))
 
 
