@@ -73,11 +73,7 @@ def values_of(array: Any, name: str = "array") -> np.ndarray:
     """Return the plain NumPy values of an array, traced by autograd or not."""
     while array is not (value := getval(array)):
         array = value
-    masked = 0
-    for part in array if isinstance(array, (list, tuple)) else [array]:
-        if isinstance(part, np.ma.MaskedArray):
-            masked += np.ma.count_masked(part)
-    if masked:
+    if masked := _count_masked(array):
         raise ArgumentTypeError(
             f"{name} has {masked} masked entries; fill them, or leave their surfaces out"
         )
@@ -87,6 +83,21 @@ def values_of(array: Any, name: str = "array") -> np.ndarray:
         raise ArgumentTypeError(
             f"{name} must be an array; found a {type(array).__name__} of parts of different shapes"
         ) from error
+    except (TypeError, RuntimeError, BufferError) as error:
+        # Tensors that require gradients, of precisions that NumPy lacks, or on another device.
+        raise ArgumentTypeError(
+            f"{name} cannot be read as an array: {error}; pass a NumPy array, such as "
+            "tensor.detach().cpu().double().numpy()"
+        ) from error
+
+
+def _count_masked(array: Any) -> int:
+    """Return the number of masked entries of an array, or of arrays in nested lists."""
+    if isinstance(array, np.ma.MaskedArray):
+        return int(np.ma.count_masked(array))
+    if isinstance(array, (list, tuple)):
+        return sum(map(_count_masked, array))
+    return 0
 
 
 def real_array(
@@ -201,7 +212,8 @@ def distance_matrix(distances: Any, name: str, *, symmetric: bool = True) -> np.
 
 def length_of(points: Any, name: str) -> int:
     """Return the number of points of an array, or of an object that has a length and slices."""
-    if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
+    has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
+    if not has_slices or isinstance(points, (Mapping, str, bytes, memoryview)):
         raise ArgumentTypeError(
             f"{name} must be an array, or have a length and slices; found {type(points).__name__}"
         )
@@ -446,6 +458,16 @@ def check_same_scale(
     )
 
 
+def _numpy_dtype(dtype: Any) -> np.dtype | None:
+    """Return NumPy's type of the same name as a type of an array, of NumPy or not, if any."""
+    if dtype is None or isinstance(dtype, np.dtype):
+        return dtype
+    try:
+        return np.dtype(str(dtype).rpartition(".")[2].lower())
+    except TypeError:
+        return None
+
+
 def check_resolution(
     points: Any, name: str, dtype: Any = None, error: type[Exception] = ArgumentError
 ) -> None:
@@ -456,7 +478,7 @@ def check_resolution(
     that were once in single precision or written with few decimals.
     """
     values = values_of(points, name)
-    dtype = np.dtype(values.dtype if dtype is None else dtype)
+    dtype = _numpy_dtype(dtype) or values.dtype
     if values.size == 0 or values.shape[-2] < _FEWEST_VERTICES or dtype.kind not in "fiu":
         return
     first = values[..., 0, :]

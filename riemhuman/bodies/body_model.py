@@ -15,7 +15,7 @@ from numpy.typing import DTypeLike
 from riemhuman.bodies.fitting import fit_model
 from riemhuman.bodies.model_files import read_model_fields
 from riemhuman.bodies.skinning import joint_motions, joint_parents, parents_first, skin_surface
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import joint_shape, one_of, real_array, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
@@ -214,6 +214,7 @@ class BodyModel(Unchanging):
         Leading axes of the arguments broadcast, and autograd can differentiate with respect to all
         four. See Loper et al. 2015, equations 2 to 10; hands are relaxed by default.
         """
+        self._check_batches(betas, pose, trans, hands)
         surface = self._shaped(betas)
         joints = np.matmul(self._regressor, surface)
         if hands is not None:
@@ -238,6 +239,7 @@ class BodyModel(Unchanging):
         trans : array_like, shape (..., 3), optional
             Translation, metres.
         """
+        self._check_batches(betas, pose, trans)
         joints = np.matmul(self._regressor, self._shaped(betas))
         if pose is not None:
             rotations = self._rotations(pose)
@@ -280,6 +282,17 @@ class BodyModel(Unchanging):
     def _check_hands(self) -> None:
         if not self.hand_poses:
             raise ArgumentError("hands must be relaxed: the model has no hand poses")
+
+    def _check_batches(self, betas: Any, pose: Any, trans: Any, hands: Any = None) -> None:
+        """Raise an error that names the parameters if their leading axes do not fit together."""
+        leads = {}
+        for name, array in {"betas": betas, "pose": pose, "trans": trans, "hands": hands}.items():
+            if array is None:
+                continue
+            shape = np.shape(values_of(array, name))
+            axes = 2 if name == "pose" and shape[-2:] == (self.n_joints, 3) else 1
+            leads[name] = onp.broadcast_to(0.0, shape[:-axes])
+        joint_shape(**leads)
 
     def _rounded(self, array: Any) -> Any:
         return array.astype(self.dtype, copy=False)

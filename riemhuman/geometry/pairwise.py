@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, Protocol
 
@@ -180,7 +180,8 @@ def table_of_distances(
     sets = sets or {"points_a": points_a, "points_b": points_b}
     for name, points in sets.items():
         # Other sequences are sliced, and their parts checked, as they are needed.
-        if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
+        has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
+        if not has_slices or isinstance(points, (Mapping, memoryview)):
             sets[name] = metric.check_points(points, name)
         elif isinstance(points, ndarray):
             sets[name] = unflatten(points, metric.space.shape)

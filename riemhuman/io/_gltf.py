@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array, real_number
+from riemhuman.checks import real_array, real_number, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes
 from riemhuman.io.mesh_arrays import check_mesh
@@ -65,9 +65,10 @@ def save_glb(
     suffix_of(file, (".glb",))
     seconds = real_number(seconds, "seconds", minimum=0, strict=True)
     shape = ("n_times", "n_vertices", 3)
-    if np.ndim(surfaces) == 2:
-        surfaces = np.asarray(surfaces)[np.newaxis]
-    points = np.asarray(real_array(surfaces, "surfaces", shape, batched=False))
+    surfaces = values_of(surfaces, "surfaces")
+    if surfaces.ndim == 2:
+        surfaces = surfaces[np.newaxis]
+    points = real_array(surfaces, "surfaces", shape, batched=False)
     if len(points) == 0:
         raise ArgumentError(f"surfaces holds no surface; found shape {points.shape}")
     _, triangles = check_mesh(points[0], faces)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.checks import refuse_type
 from riemhuman.kernels.projections import Projection
 from riemhuman.motions._frames import Motion, frame_count, frame_runs, sampled_rows
 from riemhuman.motions._velocity_curves import TransportedVelocities, best_matching, even_segments
@@ -82,6 +83,8 @@ class RateInvariantMetric(MotionDistance):
         n_components: int | None = None,
         n_jobs: int | None = None,
     ) -> None:
+        if not isinstance(space, MotionSpace):
+            refuse_type(space, "space", "a MotionSpace(...), whose frames have the metric")
         metric = space.frames.metric if metric is None else metric
         super().__init__(metric, heading=heading, n_components=n_components, n_jobs=n_jobs)
         self.space = space

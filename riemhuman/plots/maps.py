@@ -102,6 +102,8 @@ def stress(distances: ndarray, positions: ndarray) -> float:
     >>> rh.plots.stress(np.array([[0.0, 2.0], [2.0, 0.0]]), np.array([[0.0, 0.0], [1.0, 0.0]]))
     0.5
     """
+    distances = distance_matrix(distances, "distances")
+    positions = real_array(positions, "positions", (len(distances), "n_axes"), batched=False)
     on_map = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
     return float(np.sqrt(((distances - on_map) ** 2).sum() / (distances**2).sum()))
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import weight_shares
+from riemhuman.checks import values_of, weight_shares
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, StretchInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.solvers.paths import rounding_energy
@@ -159,7 +159,9 @@ def with_weight(points: ndarray, weights: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def _are_batches(metric: RiemannianMetric, points: Any) -> bool:
-    if hasattr(points, "__array__") or not hasattr(points, "__iter__"):
+    if hasattr(points, "__array__") or isinstance(points, memoryview):
+        return False
+    if not hasattr(points, "__iter__"):
         return False
     if iter(points) is points:
         raise ArgumentError(
@@ -167,7 +169,7 @@ def _are_batches(metric: RiemannianMetric, points: Any) -> bool:
             f"again, such as a list of arrays; found {type(points).__name__}"
         )
     first: Any = next(iter(points), None)
-    return np.ndim(first) == len(metric.space.shape) + 1
+    return values_of(first, "points").ndim == len(metric.space.shape) + 1
 
 
 def metric_of_search(metric: Any, companion_weight: float) -> Any:
