@@ -159,10 +159,38 @@ def _border_edges(faces: np.ndarray) -> np.ndarray:
 
 def _opposite_borders(points: np.ndarray, edges: np.ndarray, tolerance: float) -> np.ndarray:
     """Return pairs of border edges that about coincide in opposite directions, shape (P, 2, 2)."""
+    exact = _exactly_opposite(points, edges)
+    # Most seams coincide to the last digit, and a search among neighbours takes longer.
+    rest = np.setdiff1d(np.arange(len(edges)), exact)
+    near = rest[_nearly_opposite(points, edges[rest], tolerance)]
+    first, second = np.concatenate([exact, near]).T
+    return np.stack([edges[first], edges[second, ::-1]], axis=1)
+
+
+def _exactly_opposite(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Return the numbers of edges whose ends are at the same places, swapped, shape (P, 2)."""
+    used, corners = np.unique(edges, return_inverse=True)
+    order = np.lexsort(points[used].T)
+    is_new = np.any(np.diff(points[used[order]], axis=0) != 0.0, axis=1)
+    places = np.empty(len(used), dtype=np.int64)
+    places[order] = np.concatenate([[0], np.cumsum(is_new)])
+    start, end = places[corners.reshape(edges.shape)].T
+    keys, opposite = start * len(used) + end, end * len(used) + start
+    order = np.argsort(keys, kind="stable")
+    low, high = (np.searchsorted(keys[order], opposite, side) for side in ("left", "right"))
+    counts = np.where(start == end, 0, np.minimum(high - low, _MOST_SHEETS))
+    first = np.repeat(np.arange(len(edges)), counts)
+    within = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
+    second = order[np.repeat(low, counts) + within]
+    return np.stack([first, second], axis=1)[first < second]
+
+
+def _nearly_opposite(points: np.ndarray, edges: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return the numbers of edges whose ends are near each other, swapped, shape (P, 2)."""
     from scipy.spatial import cKDTree  # takes long
 
     if len(edges) < 2:
-        return np.zeros((0, 2, 2), dtype=np.int64)
+        return np.zeros((0, 2), dtype=np.int64)
     along = points[edges].reshape(-1, 6)
     back = points[edges[:, ::-1]].reshape(-1, 6)
     limit = 2.0 * _SLACK * tolerance * _usual_length(points, edges) + np.finfo(float).tiny
@@ -175,8 +203,7 @@ def _opposite_borders(points: np.ndarray, edges: np.ndarray, tolerance: float) -
     # Of several candidates, as on thin triangles, only the nearest; more sheets may be as near.
     least = 1.5 * gaps[:, 0] + 1e-9 * limit
     is_nearest = gaps_of_pairs <= np.minimum(least[first], least[second])
-    first, second = first[is_nearest], second[is_nearest]
-    return np.stack([edges[first], edges[second, ::-1]], axis=1)
+    return np.stack([first[is_nearest], second[is_nearest]], axis=1)
 
 
 def _is_coincident(points: np.ndarray, pairs: np.ndarray, tolerance: float) -> np.ndarray:
