@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.plots.figures import new_figure
-from riemhuman.plots.rendering import View, points_picture, render, window_around
+from riemhuman.plots.rendering import View, Window, points_picture, render, window_around
 from riemhuman.registration import RegisteredScan, correspondence
 from riemhuman.registration.scan_registration import apply_transform
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# From right to left, colours go from blue to yellow, which all common kinds of colour vision tell
-# apart; they get lighter from the feet to the head, and dark lines mark equal heights.
-_RIGHT, _LEFT = np.array([0.10, 0.36, 0.80]), np.array([0.98, 0.80, 0.16])
-_DARKEST, _N_LINES, _LINE_SHARE, _LINE_SHADE = 0.45, 16, 0.14, 0.55
-_UNSEEN = np.array([0.72, 0.72, 0.72])
+# From right to left, colours go from blue over white to orange, which all common kinds of colour
+# vision tell apart; they get lighter from the feet to the head, and dark bands mark equal heights.
+_ACROSS = np.array([[0.05, 0.30, 0.75], [0.96, 0.96, 0.92], [0.93, 0.53, 0.02]])
+_DARKEST, _N_BANDS, _BAND_SHARE, _BAND_SHADE = 0.6, 12, 0.25, 0.72
+_UNSEEN = np.array([0.45, 0.45, 0.45])
 _VIEWS = (("front", View(0.0, 4.0)), ("back", View(180.0, 4.0)))
 _HEIGHT = 640  # pixels
 
@@ -40,11 +41,12 @@ def position_colors(points: ndarray) -> ndarray:
     low, high = np.percentile(known, [1.0, 99.0], axis=0)
     across, _, _ = ((known - low) / np.maximum(high - low, 1e-12)).T
     height = (known[:, 1] - low[1]) / max(high[1] - low[1], 1e-12)
-    share = np.clip(across, 0.0, 1.0)[:, np.newaxis]
+    stops = np.linspace(0.0, 1.0, len(_ACROSS))
+    hues = np.stack([np.interp(across, stops, channel) for channel in _ACROSS.T], axis=1)
     light = _DARKEST + (1.0 - _DARKEST) * np.clip(height, 0.0, 1.0)
-    on_line = np.mod(_N_LINES * height, 1.0) < _LINE_SHARE
-    shade = np.where(on_line, _LINE_SHADE * light, light)
-    colors[seen] = shade[:, np.newaxis] * ((1.0 - share) * _RIGHT + share * _LEFT)
+    on_band = np.mod(_N_BANDS * height, 1.0) < _BAND_SHARE
+    shade = np.where(on_band, _BAND_SHADE * light, light)
+    colors[seen] = shade[:, np.newaxis] * hues
     return colors
 
 
@@ -82,21 +84,24 @@ def plot_match(
     tints = np.split(colors, [len(upright_a)])
     figure = new_figure(11.0, 5.6)
     axes = figure.subplots(1, 4)
+    bodies = [apply_transform(each.transform, each.points) for each in (result_a, result_b)]
     for row, (side, view) in enumerate(_VIEWS):
+        windows = [window_around(body, view) for body in bodies]
+        width, height = max(w.width for w in windows), max(w.height for w in windows)
         for column, (result, points, _) in enumerate(scans):
             ax = axes[2 * row + column]
-            body = apply_transform(result.transform, result.points)
-            ax.imshow(_picture(result, points, tints[column], body, view))
+            window = replace(windows[column], width=width, height=height)
+            ax.imshow(_picture(result, points, tints[column], window, view))
             ax.set_axis_off()
             ax.set_title(f"{names[column]}, {side}", fontsize=9)
     return figure
 
 
 def _picture(
-    result: RegisteredScan, points: ndarray, colors: ndarray, body: ndarray, view: View
+    result: RegisteredScan, points: ndarray, colors: ndarray, window: Window, view: View
 ) -> ndarray:
     """Return a picture of one scan, cut to its body."""
-    window, faces = window_around(body, view), result.scan.faces
+    faces = result.scan.faces
     if faces is None:
         shown = ~result.background
         return points_picture(points[shown], window, _HEIGHT, colors[shown], view)
