@@ -58,7 +58,7 @@ _MOST_PLANES = 3
 _LEAST_OUTSIDE, _OUTLINE_METRES = 0.1, 0.03
 # A body rests on a plane if at least this share of its points is nearer to it, metres; no body
 # rests on a wall beside it.
-_LEAST_RESTING, _RESTING_METRES = 0.01, 0.07
+_LEAST_RESTING, _RESTING_METRES = 0.004, 0.07
 
 _N_NEIGHBOURS = 14
 # More neighbours are used where these are so nearly on a line, as along the rings of a scanner:
