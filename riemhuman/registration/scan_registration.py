@@ -616,6 +616,7 @@ def _moved(result: RegisteredScan, offset: np.ndarray) -> RegisteredScan:
         points=result.points + offset,
         fit=None if fit is None else replace(fit, trans=fit.trans + offset),
         transform=transform,
+        scan=replace(result.scan, points=result.scan.points + offset),
     )
 
 

@@ -68,7 +68,7 @@ def test_a_wrong_arm_is_not_trusted(registration, bodies, monkeypatch):
     result = registration._solve(registration._fitter, prepared)
     assert error(result, scan) > FAR
     assert not result.trusted
-    assert "and right_elbow matches hardly anything in the scan" in result.message
+    assert "its right elbow matches hardly anything in the scan" in result.message
 
 
 @pytest.mark.sampled(3, "scans that are trusted")

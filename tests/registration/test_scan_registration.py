@@ -121,6 +121,7 @@ def test_offsets_are_removed_in_double_precision(registration, scan, result):
     far = registration.solve((vertices + offset, faces))
     assert far.trusted == result.trusted
     np.testing.assert_allclose(far.points - offset, result.points, atol=1e-6)
+    np.testing.assert_allclose(far.scan.points - offset, vertices, atol=1e-6)
     np.testing.assert_allclose(far.fit.trans - offset, result.fit.trans, atol=1e-6)
     np.testing.assert_allclose(far.upright_points, result.upright_points, atol=1e-6)
     np.testing.assert_allclose(far.distances, result.distances, atol=1e-6)
