@@ -109,9 +109,14 @@ def atomic_file(file: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+def shortened(path: Path) -> str:
+    """Return the part of a name with which the names of its neighbours begin."""
+    return path.stem[:40]
+
+
 def neighbour(path: Path) -> Path:
     """Return an unused hidden name in the folder of a path, with the same suffix."""
-    return path.with_name(f".{path.stem[:40]}.{secrets.token_hex(4)}.part{path.suffix}")
+    return path.with_name(f".{shortened(path)}.{secrets.token_hex(4)}.part{path.suffix}")
 
 
 @contextmanager

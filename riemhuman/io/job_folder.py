@@ -64,6 +64,10 @@ class JobFolder:
     def claim(self, described: Mapping[str, Any], layout: Mapping[str, Any]) -> dict[str, Any]:
         """Write the manifest of a new job, or check that of an earlier run; return its layout."""
         file = self.path / MANIFEST
+        with convert_errors(self.path):
+            # Nobody else writes in a locked folder: these are of processes that were killed.
+            for left in self.path.glob(f".manifest.*{_UNFINISHED}.json"):
+                left.unlink(missing_ok=True)
         if not file.exists():
             write_text(file, json.dumps({**described, "layout": dict(layout)}, indent=1))
         manifest = self._manifest()

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from riemhuman.errors import FileError
-from riemhuman.io.files import convert_errors, neighbour, suffix_of
+from riemhuman.errors import FileError, warn
+from riemhuman.io.files import convert_errors, lock_file, neighbour, shortened, suffix_of
+from riemhuman.representation import join_names
+
+_REPLACED, _LOCK = ".replaced", ".lock"
+_ATTEMPTS = 3
+_LOCK_NAME = re.compile(r"\..+\.[0-9a-f]{8}\.part(\.[^.]*)?\.lock")
 
 
 def check_output_file(path: Path, endings: Sequence[str], *, force: bool) -> None:
@@ -61,26 +67,72 @@ def files_together(places: Mapping[str, Path]) -> Iterator[dict[str, Path]]:
 
 @contextmanager
 def atomic_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
-    """Yield a temporary folder, which then replaces a folder that holds only our files."""
+    """Yield a temporary folder, which then replaces a folder that holds only our files.
+
+    What killed processes have left beside the folder is removed, and a folder that one of them was
+    about to replace is put back.
+    """
     path = Path(os.path.abspath(path))
-    temporary, replaced = neighbour(path), neighbour(path)
     with convert_errors(path):
-        try:
-            temporary.mkdir()
-            yield temporary
-            if path.exists():
-                _check_content(path, is_ours)
-                shutil.copymode(path, temporary)
-                os.rename(path, replaced)
+        _clean_up(path)
+        with _locked_neighbour(path) as temporary:
+            replaced = temporary.with_name(temporary.name + _REPLACED)
             try:
-                os.rename(temporary, path)
-            except BaseException:
-                if replaced.exists():
+                temporary.mkdir()
+                yield temporary
+                if path.exists():
+                    _check_content(path, is_ours)
+                    shutil.copymode(path, temporary)
+                    os.rename(path, replaced)
+                try:
+                    os.rename(temporary, path)
+                except BaseException:
+                    if replaced.exists():
+                        os.rename(replaced, path)
+                    raise
+            finally:
+                for folder in (temporary, replaced):
+                    shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _locked_neighbour(path: Path) -> Iterator[Path]:
+    """Yield a hidden name that others leave alone as long as this process lives."""
+    with ExitStack() as stack:
+        for attempt in range(_ATTEMPTS):
+            temporary = neighbour(path)
+            lock = temporary.with_name(temporary.name + _LOCK)
+            try:
+                stack.enter_context(lock_file(lock, f"{path} cannot be written: {lock} is in use"))
+                break
+            except FileError:  # a process that cleans up was faster
+                if attempt + 1 == _ATTEMPTS:
+                    raise
+        yield temporary
+
+
+def _clean_up(path: Path) -> None:
+    """Remove what writers of a folder, or of others beside it, left when they were killed."""
+    for lock in sorted(path.parent.glob(f".*{_LOCK}")):
+        if not _LOCK_NAME.fullmatch(lock.name):
+            continue
+        temporary = lock.with_name(lock.name.removesuffix(_LOCK))
+        replaced = temporary.with_name(temporary.name + _REPLACED)
+        is_ours = temporary.name.startswith(f".{shortened(path)}.")
+        if replaced.exists() and not is_ours:
+            continue  # the next writer of that folder puts it back
+        try:
+            with lock_file(lock, "in use"):
+                if replaced.exists() and not path.exists():
                     os.rename(replaced, path)
-                raise
-        finally:
-            for folder in (temporary, replaced):
-                shutil.rmtree(folder, ignore_errors=True)
+                left = [folder for folder in (temporary, replaced) if folder.exists()]
+                for folder in left:
+                    shutil.rmtree(folder, ignore_errors=True)
+        except FileError:
+            continue  # its writer is at work
+        if left:
+            names = join_names([folder.name for folder in left])
+            warn(f"removed from {path.parent} what a killed process had left: {names}", UserWarning)
 
 
 def _check_content(path: Path, is_ours: Callable[[str], bool]) -> bool:

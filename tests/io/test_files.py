@@ -1,6 +1,7 @@
 """Files and folders are written atomically; outputs are checked before the work begins."""
 
 import os
+import re
 import stat
 import subprocess
 import sys
@@ -231,6 +232,57 @@ def test_a_folder_is_replaced_as_a_whole(tmp_path):
         (path / "thesis.tex").touch()  # by somebody else, meanwhile
     assert sorted(os.listdir(path)) == ["thesis.tex", "time_1"]
     assert stat.S_IMODE(path.stat().st_mode) == 0o700
+
+
+WRITE = """
+import sys
+from pathlib import Path
+from riemhuman.io.outputs import atomic_folder
+with atomic_folder(Path(sys.argv[1]), lambda name: True) as temporary:
+    (temporary / "time_0").touch()
+    print("begun", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize("other", ["path", "other"])
+def test_what_a_killed_writer_left_is_removed(tmp_path, other):
+    """By the next writer of this folder or of one beside it, and not while the writer lives."""
+    command = [sys.executable, "-c", WRITE, str(tmp_path / "path")]
+    writer = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert writer.stdout.readline() == "begun\n"
+    (hidden,) = (place for place in tmp_path.iterdir() if place.is_dir())
+    with atomic_folder(tmp_path / "first", is_ours) as temporary:
+        (temporary / "time_0").touch()
+    assert (hidden / "time_0").exists()
+    writer.kill()
+    writer.communicate()
+    assert hidden.exists()
+    with (
+        pytest.warns(UserWarning, match=f"killed process had left: {re.escape(hidden.name)}"),
+        atomic_folder(tmp_path / other, is_ours) as temporary,
+    ):
+        (temporary / "time_0").touch()
+    assert {place.name for place in tmp_path.iterdir()} == {"first", other}
+
+
+def test_a_folder_that_was_to_be_replaced_is_put_back(tmp_path):
+    """Where the writer was killed between two renames."""
+    path, hidden = tmp_path / "path", tmp_path / ".path.0123abcd.part"
+    for place in (hidden, tmp_path / f"{hidden.name}.replaced"):
+        place.mkdir()
+        (place / "time_0").write_text(place.suffix)
+    (tmp_path / f"{hidden.name}.lock").touch()
+    thesis = tmp_path / ".thesis.part.lock"
+    thesis.touch()
+    with (
+        pytest.raises(KeyboardInterrupt),
+        pytest.warns(UserWarning, match="killed"),
+        atomic_folder(path, is_ours),
+    ):
+        raise KeyboardInterrupt
+    assert {place.name for place in tmp_path.iterdir()} == {"path", thesis.name}
+    assert (path / "time_0").read_text() == ".replaced"
 
 
 def test_a_folder_that_cannot_be_renamed_leaves_the_old_one(tmp_path, monkeypatch):

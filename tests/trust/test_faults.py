@@ -94,6 +94,7 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, tm
         code, said, _ = server.run(operation, outputs)
         assert code == 0, said
         assert content(outputs) == new
+        assert not [place for place in outputs.glob(".*") if place.is_dir()]
         shutil.rmtree(outputs)
 
 
