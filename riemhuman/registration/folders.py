@@ -35,7 +35,7 @@ from riemhuman.solvers.results import Result, interruptible
 from riemhuman.surfaces.nearest_points import nearest_points
 
 UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
-_VERSION = 7
+_VERSION = 8
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
 # Points of a scan and of its record are in single precision. Farther points are background.
