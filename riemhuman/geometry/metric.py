@@ -435,6 +435,20 @@ class RiemannianMetric(Unchanging):
         """
         raise self._not_defined("lower_bound_coordinates")
 
+    def closest_neighbor_index(self, point: ndarray, neighbors: ndarray) -> Any:
+        r"""Return the index of the neighbour that is nearest to each point, shape (...).
+
+        Parameters
+        ----------
+        point : array, shape (..., \*shape)
+        neighbors : array, shape (n, \*shape)
+        """
+        neighbors = self.check_points(neighbors, "neighbors")
+        point = self.space.check_point(point, "point")
+        lead = point.shape[: point.ndim - self.space.point_ndim]
+        apart = self.dist(point.reshape(*lead, 1, *self.space.shape), neighbors)
+        return np.argmin(apart, axis=-1)
+
     def check_points(self, points: Points, name: str = "points") -> ndarray:
         r"""Return a set of points as a float64 array after checking it, shape (n, \*shape).
 

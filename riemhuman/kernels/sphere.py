@@ -43,7 +43,9 @@ def log(n1: ndarray, n2: ndarray) -> ndarray:
 def exp(v: ndarray, n: ndarray) -> ndarray:
     """Return the end point of the great circle from n with velocity v, cos‖v‖ n + sin‖v‖ v/‖v‖."""
     length = np.expand_dims(square_root(dot(v, v)), -1)
-    return np.cos(length) * n + sine_cardinal(length) * v
+    end = np.cos(length) * n + sine_cardinal(length) * v
+    # Rounding errors along n would otherwise grow from step to step of an iteration.
+    return end / np.expand_dims(square_root(dot(end, end)), -1)
 
 
 def parallel_transport(w: ndarray, n: ndarray, v: ndarray) -> ndarray:

@@ -605,3 +605,12 @@ def test_bad_points_are_refused(case, spoil, found):
     for call in (lambda: metric.norm(spoil(v), x), lambda: metric.inner_product(v, spoil(v), x)):
         with pytest.raises((ArgumentError, ArgumentTypeError), match=found):
             call()
+
+
+def test_the_closest_neighbour_as_geomstats_has_it():
+    space = NormalFields(triangle_template())
+    neighbors, points = space.random_point(6, rng=1), space.random_point(4, rng=2)
+    expected = space.metric.cdist(points, neighbors).argmin(axis=1)
+    found = space.metric.closest_neighbor_index(points, neighbors)
+    np.testing.assert_array_equal(found, expected)
+    assert space.metric.closest_neighbor_index(points[0], neighbors) == expected[0]

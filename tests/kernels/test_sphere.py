@@ -130,3 +130,14 @@ def test_slopes_of_the_squared_arc_at_its_ends():
         p, q = 4 * np.sin(0.5 * theta) ** 2, 4 * np.cos(0.5 * theta) ** 2
         slope = grad(squared_arc, 0)(p, q) - grad(squared_arc, 1)(p, q)
         assert slope == pytest.approx(theta / np.sin(theta), rel=1e-10)
+
+
+def test_unit_vectors_stay_so_over_many_steps():
+    """Rounding errors along the vectors do not grow, as in a hundred steps of a median."""
+    rng = np.random.default_rng(4)
+    points = rng.standard_normal((9, 50, 3))
+    points /= np.linalg.norm(points, axis=-1, keepdims=True)
+    current = points[-1]
+    for _ in range(100):
+        current = sphere.exp(sphere.log(current, points[:-1]).mean(axis=0), current)
+    np.testing.assert_allclose(np.linalg.norm(current, axis=-1), 1.0, rtol=1e-14)

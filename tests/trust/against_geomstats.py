@@ -21,6 +21,7 @@ from geomstats.learning.geodesic_regression import GeodesicRegression
 from geomstats.learning.geometric_median import GeometricMedian
 from geomstats.learning.kmeans import RiemannianKMeans
 from geomstats.learning.kmedoids import RiemannianKMedoids
+from geomstats.learning.mdm import RiemannianMinimumDistanceToMean
 from geomstats.learning.pca import TangentPCA
 from geomstats.numerics.geodesic import PathStraightening
 
@@ -279,3 +280,16 @@ def test_geodesic_regression(method):
     found.fit(times, points)
     assert found.training_score_ > 0.97
     assert metric.dist(found.predict(times[2:])[0], points[2]) < 0.3 * metric.norm(velocity, start)
+
+
+@pytest.mark.parametrize("fields", [rh.NormalFields, rh.MetricFields])
+def test_their_learning_runs_on_fields_far_apart(fields):
+    space = fields(TEMPLATES["sphere"]())
+    points = space.random_point(9, rng=3)
+    classes = np.arange(9) % 2
+    assert space.belongs(GeometricMedian(space).fit(points).estimate_)
+    found = RiemannianMinimumDistanceToMean(space).fit(points, classes).predict(points)
+    assert set(found) <= {0, 1}
+    if fields is rh.MetricFields:
+        with pytest.raises(ValueError, match="too many values to unpack"):
+            TangentPCA(space, n_components=2).fit(points)
