@@ -7,6 +7,9 @@ from numpy import ndarray
 
 from riemhuman.kernels.surface import dot, square_root
 
+# Rounding errors of the squared length of a unit vector.
+_UNIT = 8 * np.finfo(float).eps
+
 
 def sine_cardinal(x: ndarray) -> ndarray:
     """Return sin(x)/x, 1 at 0."""
@@ -45,7 +48,9 @@ def exp(v: ndarray, n: ndarray) -> ndarray:
     length = np.expand_dims(square_root(dot(v, v)), -1)
     end = np.cos(length) * n + sine_cardinal(length) * v
     # Rounding errors along n would otherwise grow from step to step of an iteration.
-    return end / np.expand_dims(square_root(dot(end, end)), -1)
+    squared = np.expand_dims(dot(end, end), -1)
+    is_unit = np.abs(squared - 1.0) <= _UNIT
+    return end / np.where(is_unit, 1.0, square_root(np.where(is_unit, 1.0, squared)))
 
 
 def parallel_transport(w: ndarray, n: ndarray, v: ndarray) -> ndarray:
