@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS
+from riemhuman.datasets._skeletons import leg_length, middle
+from riemhuman.datasets._upward import Convention, upward_axis
 from riemhuman.datasets.bvh import SkeletonMotion
 from riemhuman.surfaces.procrustes import make_upright
 
@@ -117,3 +119,14 @@ def _leg_scale(motion: SkeletonMotion, up: str) -> float:
             return 1.0
         scale = float(np.clip(-np.sum(standing * steps * moved) / squares, 0.75, 1.3))
     return scale
+
+
+def smpl_upward_axes(
+    poses: np.ndarray, translations: np.ndarray, convention: Convention
+) -> tuple[str, str]:
+    """Return the axis that points up, and another one if it may be that as well, or ""."""
+    motion = smpl_skeleton(poses, translations + smpl_root(), 1.0, "", convention.axis)
+    joints = dict(zip(SMPL_JOINTS, range(len(SMPL_JOINTS)), strict=True))
+    shoulders, ankles = (middle(motion.positions, joints, part) for part in ("shoulder", "ankle"))
+    leg = leg_length(motion.positions, joints)
+    return upward_axis(motion.positions, shoulders - ankles, leg, convention=convention)

@@ -38,20 +38,23 @@ _SUPPORTED = 0.05
 
 @dataclass(frozen=True)
 class Convention:
-    """What is known before a recording is seen: its usual axis, and the evidence against others.
+    """What is known before a recording is seen: its usual axis, and the evidence `against` others.
 
-    Where bodies `move`, standing and a floor, at any height, count by the share of frames in which
-    a body is near the floor: the file holds no rest pose to tell more.
+    Axes that it does not name are rare. Where bodies `move`, standing and a floor, at any height,
+    count by the share of frames in which a body is near the floor: the file holds no rest pose to
+    tell more.
     """
 
     axis: str
-    against_other: float
+    against: Mapping[str, float]
     move: bool = False
 
 
-BVH = Convention("y", against_other=2.5)
+BVH = Convention("y", {"z": 2.5})
 # Files of others are in this layout, too, and in them y is usual.
-AMASS = Convention("z", against_other=1.5, move=True)
+AMASS = Convention("z", {"y": 1.5}, move=True)
+# In the axes of cameras, y points down.
+VIDEO = Convention("y", {"-y": 0.5, "z": 1.5}, move=True)
 
 
 def upward_axis(
@@ -89,9 +92,7 @@ def upward_axis(
             sign * unit(rest_direction)[number] > _UPRIGHT
         )
         seen[axis] = _STANDS * stands + floors[axis]
-        against = convention.against_other if axis in ("y", "z") else _RARE
-        if axis == usual:
-            against = 0.0
+        against = 0.0 if axis == usual else convention.against.get(axis, _RARE)
         evidence[axis] = seen[axis] + _AT_REST * rests[axis] - against
     chosen = max(evidence, key=lambda axis: evidence[axis])
     likely = max(seen, key=lambda axis: seen[axis])

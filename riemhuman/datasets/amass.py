@@ -12,21 +12,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from riemhuman.bodies import BodyModel
-from riemhuman.bodies.skinning import SMPL_JOINTS
 from riemhuman.checks import one_of, real_array, real_number, refuse_type
 from riemhuman.datasets._body_size import model_of_size
 from riemhuman.datasets._joint_names import model_joints
 from riemhuman.datasets._motion_files import SAVED_FIELDS, SAVED_REST
-from riemhuman.datasets._skeletons import leg_length, middle
 from riemhuman.datasets._smpl_layout import (
     LAYOUTS,
     is_smpl,
     poses_of_model,
-    smpl_root,
     smpl_skeleton,
+    smpl_upward_axes,
     upright_parameters,
 )
-from riemhuman.datasets._upward import AMASS, upward_axis, warn_of_doubt
+from riemhuman.datasets._upward import AMASS, warn_of_doubt
 from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ArrayMotion, ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model
@@ -220,12 +218,7 @@ def _upward_axis(path: Path, last: int) -> str:
     """Return the axis that points up in a file until a frame, with a warning if in doubt."""
     recording = _read(path, last)
     frames = np.unique(np.linspace(0, last, _FRAMES_OF_FLOOR).astype(np.int64))
-    places = recording.translations[frames] + smpl_root()
-    motion = smpl_skeleton(recording.poses[frames], places, 1.0, path.name, AMASS.axis)
-    joints = dict(zip(SMPL_JOINTS, range(len(SMPL_JOINTS)), strict=True))
-    shoulders, ankles = (middle(motion.positions, joints, part) for part in ("shoulder", "ankle"))
-    leg = leg_length(motion.positions, joints)
-    axes = upward_axis(motion.positions, shoulders - ankles, leg, convention=AMASS)
+    axes = smpl_upward_axes(recording.poses[frames], recording.translations[frames], AMASS)
     warn_of_doubt(path.name, axes)
     return axes[0]
 

@@ -8,7 +8,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
-from riemhuman.bodies.skinning import SMPL_JOINTS
 from riemhuman.checks import one_of, real_array, real_number, refuse_type, values_of, weight_shares
 from riemhuman.datasets._joint_names import model_joints
 from riemhuman.datasets._smpl_layout import (
@@ -16,8 +15,10 @@ from riemhuman.datasets._smpl_layout import (
     is_smpl,
     poses_of_model,
     smpl_skeleton,
+    smpl_upward_axes,
     upright_parameters,
 )
+from riemhuman.datasets._upward import VIDEO, warn_of_doubt
 from riemhuman.datasets.motions import ArrayMotion
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.retargeting import RetargetedMotion
@@ -28,10 +29,6 @@ from riemhuman.surfaces.procrustes import AXES
 _NOT_ORTHOGONAL = 0.05
 # Coefficients of frames that differ by less than this are those of one person, rounded.
 _SAME_PERSON = 1e-4
-# The body is upright along an axis by this share of the length from ankles to shoulders.
-_UPRIGHT = 0.8
-_SHOULDERS = (SMPL_JOINTS.index("left_shoulder"), SMPL_JOINTS.index("right_shoulder"))
-_ANKLES = (SMPL_JOINTS.index("left_ankle"), SMPL_JOINTS.index("right_ankle"))
 
 
 def motion_from_arrays(
@@ -61,8 +58,8 @@ def motion_from_arrays(
         Translation of the body, ``trans`` or ``transl``, metres.
     frames_per_second : float
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Axis that points up; "-y" in the axes of most cameras. By default the one along which the
-        person stands, with a warning if that is in doubt.
+        Axis that points up; "-y" in the axes of most cameras. By default it is found by where the
+        person stands and where the floor is, with a warning if that is in doubt.
     betas : array_like, shape (B,) or (n_frames, B), optional
         Shape coefficients of the person; by default zeros.
     weights : array_like, shape (n_frames,), optional
@@ -92,7 +89,9 @@ def motion_from_arrays(
     rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
     places = real_array(translations, "translations", (len(vectors), 3), batched=False)
     if up is None:
-        up = _likely_up(vectors, name)
+        axes = smpl_upward_axes(vectors, places, VIDEO)
+        warn_of_doubt(name, axes)
+        up = axes[0]
     one_of(up, "up", AXES)
     person, spread = _one_person(betas, weights, len(vectors))
     model = load_open_model("coarse") if model is None else model
@@ -170,23 +169,6 @@ def _one_person(betas: Any, weights: Any, n_frames: int) -> tuple[np.ndarray, np
     shares = weight_shares(weights, n_frames)
     mean = shares @ array
     return mean, np.sqrt(shares @ (array - mean) ** 2)
-
-
-def _likely_up(vectors: np.ndarray, name: str) -> str:
-    """Return the axis along which the person stands, and say if that is in doubt."""
-    motion = smpl_skeleton(vectors, np.zeros((len(vectors), 3)), 1.0, name, "y")
-    upper = motion.positions[:, _SHOULDERS].mean(axis=1)
-    directions = upper - motion.positions[:, _ANKLES].mean(axis=1)
-    mean = np.mean(directions / np.linalg.norm(directions, axis=-1, keepdims=True), axis=0)
-    number = int(np.abs(mean).argmax())
-    up = "-" * bool(mean[number] < 0.0) + "xyz"[number]
-    if abs(mean[number]) < _UPRIGHT:
-        _say(
-            f"which axis points up is in doubt: the person seldom stands; {up} was taken. The "
-            "argument up decides",
-            name,
-        )
-    return up
 
 
 def _say(message: str, name: str) -> None:

@@ -49,27 +49,49 @@ def test_bodies_stand_upright(smpl, poses, translations, up):
     np.testing.assert_allclose(given[:], expected, atol=1e-12)
 
 
-def turned_to(poses, translations, up):
-    """Return poses and translations of a standing person in axes in which `up` points up."""
-    rotation = Rotation.from_matrix(make_upright(np.eye(3), up=up))
+def person_at_home(n_frames=40):
+    """Return poses and places of a person who sways on the spot, y up, feet near height 0."""
+    rng = np.random.default_rng(5)
+    poses = 0.05 * rng.normal(size=(1, 24, 3)) + 0.003 * rng.normal(size=(n_frames, 24, 3))
+    poses[:, 0] = 0.0
+    places = np.tile([0.4, 1.15, -0.3], (n_frames, 1)) + 0.01 * rng.normal(size=(n_frames, 3))
+    return poses, places
+
+
+def turned(poses, places, rotation):
+    """Return the same person in other axes."""
     poses = poses.copy()
     poses[:, 0] = (rotation * Rotation.from_rotvec(poses[:, 0])).as_rotvec()
-    return poses, translations
+    return poses, rotation.apply(places)
 
 
-@pytest.mark.parametrize("up", ["x", "y", "z", "-x", "-y", "-z"])
-def test_up_is_where_people_stand(smpl, poses, translations, up):
-    turned = turned_to(poses, translations, up)
-    guessed = motion_from_arrays(*turned, 30.0, model=smpl)
-    told = motion_from_arrays(*turned, 30.0, up=up, model=smpl)
+@pytest.mark.parametrize("up", ["y", "z", "-y"])
+def test_up_is_where_people_stand(smpl, up):
+    rotation = Rotation.from_matrix(make_upright(np.eye(3), up=up))
+    arrays = turned(*person_at_home(), rotation)
+    guessed = motion_from_arrays(*arrays, 30.0, model=smpl)
+    told = motion_from_arrays(*arrays, 30.0, up=up, model=smpl)
     np.testing.assert_array_equal(guessed.pose_vectors, told.pose_vectors)
 
 
-def test_up_in_doubt_is_said(smpl, poses, translations):
-    leaning = poses.copy()
-    leaning[:, 0] = [np.radians(45.0), 0.0, 0.0]
-    with pytest.warns(UserWarning, match=r"bow: which axis points up is in doubt.*argument up"):
-        motion_from_arrays(leaning, translations, 30.0, model=smpl, name="bow")
+@pytest.mark.parametrize("axis", ["x", "z"])
+@pytest.mark.filterwarnings("ignore:sleep:UserWarning")
+def test_a_person_who_lies_on_the_floor_stays_there(smpl, axis):
+    poses, places = person_at_home()
+    lying = turned(poses, places, Rotation.from_euler(axis, 90.0, degrees=True))
+    lying[1][:, 1] = 0.32  # the pelvis of the rest pose is 0.22 below
+    motion = motion_from_arrays(*lying, 30.0, model=smpl, name="sleep")
+    told = motion_from_arrays(*lying, 30.0, up="y", model=smpl)
+    np.testing.assert_array_equal(motion.pose_vectors, told.pose_vectors)
+
+
+def test_up_in_doubt_is_said(smpl):
+    """Someone who lies along z looks like someone who stands, z up."""
+    poses, places = person_at_home()
+    lying = turned(poses, places, Rotation.from_euler("x", 90.0, degrees=True))
+    lying[1][:, 1] = 0.32  # the pelvis of the rest pose is 0.22 below
+    with pytest.warns(UserWarning, match=r"sleep: y was taken to point up, but z .*Pass up='y' or"):
+        motion_from_arrays(*lying, 30.0, model=smpl, name="sleep")
 
 
 def test_one_person(smpl, poses, translations):
