@@ -214,7 +214,7 @@ def geodesic_errors(vertices: Any, faces: Any, found: Any, truth: Any) -> np.nda
     Returns
     -------
     array, shape (n,)
-        NaN where none was found, infinite between parts that are not connected.
+        NaN where none was found; straight distances between parts that are not connected.
 
     Examples
     --------
@@ -241,6 +241,7 @@ def geodesic_errors(vertices: Any, faces: Any, found: Any, truth: Any) -> np.nda
         rest = np.concatenate(farther)
         if not len(rest):
             break
+    errors[rest] = np.linalg.norm(points[reached[rest]] - points[expected[rest]], axis=1)
     scaled: np.ndarray = errors / np.sqrt(triangle_areas(points, triangles).sum())
     return scaled
 

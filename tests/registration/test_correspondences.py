@@ -128,5 +128,9 @@ def test_geodesic_errors_are_shares_of_the_root_of_the_area():
         assert 0.97 < error / truth < 1.06
         assert near == 0.0
         assert np.isnan(none)
+    apart = np.concatenate([surface, surface + [0.0, 0.0, 2.0]])
+    both = np.concatenate([faces, faces + len(surface)])
+    (error,) = geodesic_errors(apart, both, [441], [0])
+    np.testing.assert_allclose(error, 2.0 / np.sqrt(18.0))  # straight, of twice the area
     with pytest.raises(rh.errors.ArgumentError, match="must be vertices of the mesh, below 441"):
         geodesic_errors(surface, faces, [441], [0])
