@@ -101,7 +101,8 @@ def upward_axis(
         is_sure = rests[chosen] and floors[chosen] >= _FLOOR_AT_ZERO and supported[chosen] > 0.5
         is_sure |= convention.move and floors[likely] < _SOME_FLOOR
         return chosen, "" if is_sure else likely
-    is_doubtful = chosen != usual and floors[usual] > _DOUBTFUL_FLOOR
+    # Who stands along the opposite axis has the head, not a floor, at the lowest place.
+    is_doubtful = chosen not in (usual, f"-{usual}") and floors[usual] > _DOUBTFUL_FLOOR
     return chosen, usual if is_doubtful else ""
 
 
