@@ -23,15 +23,26 @@ _POINT_CLOUDS = {
 }
 # Some errors quote a whole file.
 _LONGEST_MESSAGE = 300
+# Bytes of the name of a file or folder.
+_LONGEST_NAME = 255
 
 
 def file_path(path: str | os.PathLike[str], name: str = "path", kind: str = "file") -> Path:
     """Return a path; ``~`` is the user's home, and `name` and `kind` are for messages."""
     try:
         # `Path.expanduser` would refuse a file ~anna.ply where there is no user anna.ply.
-        return Path(os.path.expanduser(path))
+        place = Path(os.path.expanduser(path))
     except TypeError as error:
         raise ArgumentTypeError(f"{name} must be the path of a {kind}; found {path!r}") from error
+    if "\0" in str(place):
+        raise FileError(f"{name} must be the path of a {kind}; found a null character in {path!r}")
+    longest = max(map(len, map(os.fsencode, place.parts)), default=0)
+    if longest > _LONGEST_NAME:
+        raise FileError(
+            f"{name} must be the path of a {kind}; found a name of {longest} bytes, file "
+            f"systems take at most {_LONGEST_NAME}: {short_message(ValueError(place))}"
+        )
+    return place
 
 
 def suffix_of(file: Path, suffixes: Collection[str]) -> str:

@@ -337,7 +337,7 @@ class MeasurementSet:
             parts = {name: _from_runs(runs, count) for name, runs in record["parts"].items()}
             others = (record[name] for name in ("frame", "axes", "standard_pose"))
             return cls(template, definitions, landmarks, parts, *others)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
             reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
             raise FileFormatError(f"{file} does not hold measurements: {reason}") from error
 

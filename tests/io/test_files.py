@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import riemhuman as rh
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.files import (
     atomic_file,
@@ -334,3 +335,32 @@ def test_named_rows(tmp_path):
         file.write_text(text)
         with pytest.raises(FileFormatError, match=message):
             read_named_rows(file, "name")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"), [("a" * 300, "300 bytes"), ("ä" * 150, "300 bytes"), ("a\0b", "null char")]
+)
+def test_names_that_no_file_has_are_refused(tmp_path, name, message):
+    place = str(tmp_path / name)
+    bodies = rh.datasets.load_open_bodies("coarse")
+    for function in (
+        lambda: rh.load_mesh(f"{place}.ply"),
+        lambda: rh.save_mesh(f"{place}.ply", bodies[0], bodies.template.faces),
+        lambda: rh.save_glb(f"{place}.glb", bodies.points[:1], bodies.template.faces),
+        lambda: rh.datasets.load_bodies(place),
+        lambda: rh.datasets.load_faust(place),
+        lambda: rh.datasets.read_labels(place, ["a"]),
+        lambda: rh.datasets.load_amass(place),
+        lambda: rh.datasets.load_mesh_motions(place),
+        lambda: bodies.save(f"{place}.npz"),
+    ):
+        with pytest.raises(FileError, match=message.replace("300", r"\d+")):
+            function()
+
+
+def test_nested_brackets_in_measurements_are_refused(tmp_path):
+    file = tmp_path / "set.json"
+    file.write_text("[" * 50_000 + "]" * 50_000, encoding="utf-8")
+    model = rh.datasets.load_open_model("coarse")
+    with pytest.raises(FileFormatError, match=r"set\.json does not hold measurements"):
+        rh.measurements.MeasurementSet.load(file, model)
