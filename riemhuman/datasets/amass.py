@@ -265,6 +265,8 @@ def _read_header(file: Path) -> tuple[str, float, int]:
         found = fields[rate_name]
         found = found.item() if found.size == 1 else found
         rate = real_number(found, rate_name, minimum=0.0, strict=True)
+        if not 1.0 / _LARGEST < rate < _LARGEST:
+            raise ArgumentError(f"{rate_name} must be frames a second; found {rate:g}")
     return _gender(fields.get("gender", np.array("neutral")), file), rate, n_frames
 
 

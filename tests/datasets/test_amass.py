@@ -270,6 +270,7 @@ WRONG = {
     ),
     "flat": (smpl_h(trans=np.zeros(150)), r"trans must have shape \(150, 3\); found \(150,\)"),
     "no frames": (smpl_h(0), r"trans must have shape \(n_frames, 3\); found \(0, 3\)"),
+    "frame rate of no camera": (smpl_h(rate=1e300), "must be frames a second; found 1e\\+300"),
     "frame rate a word": (smpl_h(rate="fast"), "mocap_framerate must be a real number"),
     "gender a number": (smpl_h(gender=np.array(3)), "gender must be a word; found int64"),
     "pickled": (smpl_h(gender=np.array([{}], dtype=object)), "objects of Python"),
