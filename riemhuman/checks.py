@@ -73,7 +73,7 @@ def values_of(array: Any, name: str = "array") -> np.ndarray:
     """Return the plain NumPy values of an array, traced by autograd or not."""
     while array is not (value := getval(array)):
         array = value
-    if masked := _count_masked(array):
+    if type(array) is not np.ndarray and (masked := _count_masked(array)):
         raise ArgumentTypeError(
             f"{name} has {masked} masked entries; fill them, or leave their surfaces out"
         )
@@ -459,9 +459,9 @@ def check_same_scale(
 
 
 def _numpy_dtype(dtype: Any) -> np.dtype | None:
-    """Return NumPy's type of the same name as a type of an array, of NumPy or not, if any."""
-    if dtype is None or isinstance(dtype, np.dtype):
-        return dtype
+    """Return NumPy's type of the same name as a type of another library, if any."""
+    if dtype is None:
+        return None
     try:
         return np.dtype(str(dtype).rpartition(".")[2].lower())
     except TypeError:
@@ -478,7 +478,8 @@ def check_resolution(
     that were once in single precision or written with few decimals.
     """
     values = values_of(points, name)
-    dtype = _numpy_dtype(dtype) or values.dtype
+    if not isinstance(dtype, np.dtype):
+        dtype = _numpy_dtype(dtype) or values.dtype
     if values.size == 0 or values.shape[-2] < _FEWEST_VERTICES or dtype.kind not in "fiu":
         return
     first = values[..., 0, :]

@@ -76,15 +76,33 @@ class ReparametrizationInvarianceWarning(UserWarning):
 
 
 class SeamWarning(UserWarning):
-    """Vertices that a seam doubles are moved without each other: the surface will tear."""
+    """Vertices that a seam doubles are moved without each other: the surface will tear.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> warnings.simplefilter("error", rh.SeamWarning)  # torn surfaces become an error
+    """
 
 
 class MixedPosesWarning(UserWarning):
-    """Principal components are computed of surfaces in several poses."""
+    """Principal components are computed of surfaces in several poses.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> warnings.simplefilter("ignore", rh.MixedPosesWarning)  # poses are meant to vary
+    """
 
 
 class PrecisionWarning(UserWarning):
-    """Coordinates hold few digits of the shape, as far from the origin in single precision."""
+    """Coordinates hold few digits of the shape, as far from the origin in single precision.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> warnings.simplefilter("error", rh.PrecisionWarning)  # few digits become an error
+    """
 
 
 class ClusterError(RiemhumanError, RuntimeError):

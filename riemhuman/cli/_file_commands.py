@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
+from riemhuman.datasets.recordings import RECORDING_ENDINGS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def _view(options: argparse.Namespace) -> cli.Answer:
     first = options.meshes[0]
     with options.task("Page"):
         ending = first.suffix.lower()
-        if ending in rh.datasets.RECORDING_ENDINGS:
+        if ending in RECORDING_ENDINGS:
             if len(options.meshes) > 1:
                 raise ArgumentError(f"give either one {ending} file with a path, or meshes")
             motion, faces, duration = inputs.read_motion(first)

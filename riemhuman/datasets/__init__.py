@@ -10,7 +10,7 @@ from riemhuman.datasets.motions import ArrayMotion, Motion, Motions, load_mesh_m
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
 from riemhuman.datasets.open_motions import load_open_motions
 from riemhuman.datasets.open_poses import joint_rotations, pose_vectors
-from riemhuman.datasets.recordings import RECORDING_ENDINGS, load_recording
+from riemhuman.datasets.recordings import load_recording
 from riemhuman.datasets.registered_meshes import (
     RegisteredMeshes,
     find_meshes,
@@ -23,7 +23,6 @@ from riemhuman.datasets.shrec import LabelledMeshes, load_shrec14
 from riemhuman.datasets.shrec19 import MatchedMesh, MatchedMeshes, load_shrec19
 
 __all__ = [
-    "RECORDING_ENDINGS",
     "ArrayMotion",
     "Bodies",
     "LabelledMeshes",

@@ -32,6 +32,12 @@ def position_colors(points: ndarray) -> ndarray:
     ----------
     points : array, shape (N, 3)
         Places in upright axes, x to the left and y up; NaN for grey.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.plots.position_colors(bodies[0]).shape
+    (1202, 3)
     """
     seen = np.isfinite(points).all(axis=1)
     colors = np.tile(_UNSEEN, (len(points), 1))
