@@ -97,7 +97,30 @@ def _dist(options: argparse.Namespace) -> cli.Answer:
     measure = _measure(options, _space(read, options.metric), travel=options.travel)
     dist = float(measure.dist(*read.motions))
     record = {"a": read.names[0], "b": read.names[1], "by": options.by, "distance": dist}
+    if not (options.quiet or options.json):
+        _note_usual_distances(options)
     return cli.Answer(f"{dist:.8g}", record)
+
+
+def _note_usual_distances(options: argparse.Namespace) -> None:
+    """Say how far some open motions are from each other by the same measure."""
+    import numpy as np
+
+    people = ("lean runner", "average woman", "older heavy man")
+    recorded = rh.datasets.load_open_motions("coarse", people, ("knees", "punching", "shake_arms"))
+    template = recorded[0].template
+    read = inputs.Motions([motion.sequence for motion in recorded], recorded, template)
+    # Two seconds of each, as many frames as of most recordings.
+    frames = [motion[:120:4] for motion in recorded]
+    measure = _measure(options, _space(read, options.metric))
+    distances = measure.dist_pairwise(frames)
+    same = np.equal.outer(read.names, read.names)
+    np.fill_diagonal(same, False)
+    others = ~np.equal.outer(read.names, read.names)
+    terminal.note(
+        "for comparison, among simulated people: the same motion of another person "
+        f"≈ {np.median(distances[same]):.2g}, another motion ≈ {np.median(distances[others]):.2g}"
+    )
 
 
 @cli.command(

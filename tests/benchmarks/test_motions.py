@@ -88,6 +88,23 @@ def test_all_pairs(name, seconds):
         assert scores.first_tier >= 92.0
 
 
+def test_many_recordings():
+    """All 41,041 pairs of 287 recordings of 24 frames, exact: two cores share the time."""
+    parts = [(m, half * (len(m) // 2), len(m) // 2) for m in open_motions() for half in (0, 1)]
+    parts += [(m, 0, len(m)) for m in open_motions()[:7]]
+    motions = [
+        m[first : first + length][np.linspace(0, length - 1, 24).round().astype(int)]
+        for m, first, length in parts
+    ]
+    assert len(motions) == 287
+    surfaces = rh.AlignedSurfaces(open_motions()[0].template)
+    measure = rh.motions.DynamicTimeWarping(rh.RotationMetric(surfaces), n_jobs=2)
+    timed_pairs(measure, motions[:3])
+    _, wall, processor = timed_pairs(measure, motions)
+    print(f"\n287 recordings, rotation metric: {wall:.1f} s, {processor:.1f} s of processor time")
+    assert processor <= 2 * 60
+
+
 def at_places(motion, places):
     """Return an open motion between its frames too: its curves are known at all times."""
     rotations = motion.joint_rotations(places / motion.frames_per_second)

@@ -2,6 +2,7 @@
 
 import functools
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,14 @@ def test_distance(run, people):
     pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
     expected = rh.motions.DynamicTimeWarping(pose, between_frames=True).dist(m1, m2)
     assert json.loads(finished.out)["distance"] == pytest.approx(expected, rel=1e-9)
+
+
+def test_usual_distances_are_said(run, people):
+    finished = run("motions", "dist", *people[:2])
+    same, other = map(float, re.findall(r"≈ ([0-9.]+)", finished.err))
+    assert 0.0 < same < other
+    assert float(finished.out) < other
+    assert "≈" not in run("motions", "dist", *people[:2], "-q").err
 
 
 def test_rotations_and_travel(run, refused, people, tmp_path):
