@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,14 +16,21 @@ from riemhuman.errors import ArgumentError, FileError, FileFormatError
 if TYPE_CHECKING:
     from numpy import ndarray
 
+_SKELETONS: dict[str, Callable[[Path], rh.datasets.SkeletonMotion]] = {
+    ".bvh": rh.datasets.load_bvh,
+    ".amc": rh.datasets.load_amc,
+    ".trc": rh.datasets.load_trc,
+    ".c3d": rh.datasets.load_c3d,
+}
+
 
 @cli.command(
     "view",
     "an interactive page of bodies or of a path",
     "Writes a page for any browser, without a network connection: registered meshes side by\n"
     "side, or one after the other with --motion; the path in an .npz file; or a motion capture\n"
-    "recording (.bvh, .amc, .npz of AMASS, or .npz, .pkl and .pt of methods that watch videos),\n"
-    "performed by a body of its proportions.",
+    "recording (.bvh, .amc, .trc, .c3d, .npz of AMASS, or .npz, .pkl and .pt of methods that\n"
+    "watch videos), performed by a body of its proportions.",
     "  riemhuman view anna.ply ben.ply -o both.html\n"
     "  riemhuman view walk/ --motion -o walk.html\n"
     "  riemhuman view path.npz -o path.html --open\n"
@@ -65,7 +73,8 @@ def _view(options: argparse.Namespace) -> cli.Answer:
     "Describes what other commands read: a mesh (PLY, OBJ, OFF, STL, GLB), a scan (also XYZ,\n"
     "NPY), a folder of meshes or of motions, an .npz file (basis, body model, distances, path\n"
     "or other arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle\n"
-    "(without running it), an HDF5 file of Dynamic FAUST or a recording (BVH).",
+    "(without running it), an HDF5 file of Dynamic FAUST or a recording (BVH,\n"
+    "Acclaim, TRC, C3D, or of methods that watch videos).",
     "  riemhuman info scan.ply            # closed? degenerate triangles? which unit?\n"
     "  riemhuman info scans/              # do they share one triangulation?\n"
     "  riemhuman info basis.npz --json\n",
@@ -91,7 +100,7 @@ def _facts(file: Path) -> dict[str, Any]:
         ".json": _measurement_facts,
         ".csv": _table_facts,
         **dict.fromkeys((".hdf5", ".h5"), _hdf5_facts),
-        **dict.fromkeys((".bvh", ".amc"), _skeleton_facts),
+        **dict.fromkeys(tuple(_SKELETONS), _skeleton_facts),
         **dict.fromkeys((".pkl", ".pickle"), _pickle_facts),
         **dict.fromkeys((".joblib", ".pt", ".pth"), _recording_facts),
     }
@@ -285,8 +294,7 @@ def _recording_facts(file: Path) -> dict[str, Any]:
 
 
 def _skeleton_facts(file: Path) -> dict[str, Any]:
-    load = rh.datasets.load_amc if file.suffix.lower() == ".amc" else rh.datasets.load_bvh
-    motion = load(file)
+    motion = _SKELETONS[file.suffix.lower()](file)
     return {
         "kind": "motion capture recording",
         "joints": len(motion.joint_names),

@@ -217,8 +217,8 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     "occurrences of a short motion in a long one",
     "Prints the parts of a motion that are most similar to a query, at any speed, nearest\n"
     "first: distance, first and last frame, and their seconds where the motion is a recording\n"
-    "(.bvh, .amc, AMASS, videos): of these, at most 30 frames a second are read and counted. The\n"
-    "motion is read once, frame by frame.",
+    "(.bvh, .amc, .trc, .c3d, AMASS, videos): of these, at most 30 frames a second are read and\n"
+    "counted. The motion is read once, frame by frame.",
     "  riemhuman motions find lifted_knee/ hour/\n  riemhuman motions find jump.bvh day.bvh\n"
     "  riemhuman motions find lifted_knee/ hour/ -k 20 --json\n",
     cli.path_option("a_motion", "QUERY", "motion to find"),

@@ -5,6 +5,7 @@ from riemhuman.datasets.amc import load_amc
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.bvh import SkeletonMotion, load_bvh
 from riemhuman.datasets.dfaust import load_dfaust
+from riemhuman.datasets.markers import load_c3d, load_trc
 from riemhuman.datasets.motion_arrays import motion_from_arrays
 from riemhuman.datasets.motions import ArrayMotion, Motion, Motions, load_mesh_motions
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
@@ -40,6 +41,7 @@ __all__ = [
     "load_amc",
     "load_bodies",
     "load_bvh",
+    "load_c3d",
     "load_dfaust",
     "load_faust",
     "load_mesh_motions",
@@ -49,6 +51,7 @@ __all__ = [
     "load_recording",
     "load_shrec14",
     "load_shrec19",
+    "load_trc",
     "motion_from_arrays",
     "pose_vectors",
     "read_labels",

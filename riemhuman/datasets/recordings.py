@@ -7,7 +7,7 @@ field is known by its name, wherever it stands in a file; rates and axes are tho
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from riemhuman.bodies import BodyModel
 from riemhuman.datasets.amass import load_amass
 from riemhuman.datasets.amc import load_amc
 from riemhuman.datasets.bvh import load_bvh, nearest_frames
+from riemhuman.datasets.markers import load_c3d, load_trc
 from riemhuman.datasets.motion_arrays import motion_from_arrays
 from riemhuman.datasets.motions import ModelMotion
 from riemhuman.datasets.retargeting import retarget
@@ -28,7 +29,10 @@ from riemhuman.io.files import file_path, suffix_of
 from riemhuman.io.pickles import load_pickled_tree
 from riemhuman.io.torch_files import load_torch_tree
 
-RECORDING_ENDINGS = (".bvh", ".amc", ".npz", ".pkl", ".pickle", ".joblib", ".pt", ".pth")
+RECORDING_ENDINGS = (
+    *(".bvh", ".amc", ".trc", ".c3d"),
+    *(".npz", ".pkl", ".pickle", ".joblib", ".pt", ".pth"),
+)
 """Endings of the files that `load_recording` reads."""
 
 # Names of whole poses, those in space before those before a camera, and of parts that make one.
@@ -52,6 +56,7 @@ _IN_SPACE, _BEFORE_CAMERA = ("global", "world"), ("incam", "cam")
 _RATE_OF_AIST, _RATE_OF_VIDEOS = 60.0, 30.0
 _AMASS = ("mocap_framerate", "mocap_frame_rate")
 _MOST_FIELDS = 24
+_SKELETONS = "skeletons and markers, in .bvh, .amc, .trc and .c3d"
 _DEEPEST = 4
 
 
@@ -73,13 +78,14 @@ def load_recording(
     frames_per_second: float | None = None,
     up: str | None = None,
     betas: Any = None,
-    joints: Mapping[str, str] | None = None,
+    joints: Mapping[str, str | Sequence[str]] | None = None,
     person: str | None = None,
     unit: str | float | None = None,
 ) -> ModelMotion:
     """Read a recording of a person's motion, in any format that the library knows.
 
     - ``.bvh`` and ``.amc`` (Acclaim, with its ``.asf`` beside it), see `load_bvh`, `load_amc`;
+    - ``.trc`` and ``.c3d``, markers that tell the centres of joints, see `load_trc`, `load_c3d`;
     - ``.npz`` in AMASS's layout, see `load_amass`;
     - ``.npz``, ``.pkl`` and ``.pt`` of methods that watch videos, see `motion_from_arrays`: those
       of AIST++, WHAM, GVHMR, 4D-Humans, TRAM and ROMP, and others whose fields have the same
@@ -99,13 +105,13 @@ def load_recording(
         Coefficients of the person, of `model`; by default those of the file if they are of this
         model, else as for `retarget`, which finds a person with recorded bones for "recorded".
     joints : mapping of str to str, optional
-        Names of joints of a skeleton, see `retarget`.
+        Names of joints of a skeleton, see `retarget`, or of markers, see `load_trc`.
     person : str, optional
         Which person, in files of several; by default the one seen in the most frames, which a
         warning says.
     unit : str or number, optional
         Unit of the lengths of a skeleton, which are kept then, see `retarget`; .amc files are read
-        in metres.
+        in metres, and .trc and .c3d files name their unit.
 
     Raises
     ------
@@ -123,10 +129,14 @@ def load_recording(
         recording = load_bvh(file) if suffix == ".bvh" else load_amc(file)
         options = {"betas": betas, "joints": joints, "up": up, "unit": unit}
         return retarget(recording, model, frames_per_second=frames_per_second, **options)
+    if suffix in (".trc", ".c3d"):
+        load = load_trc if suffix == ".trc" else load_c3d
+        recording = load(file, unit=unit, joints=joints)
+        return retarget(recording, model, frames_per_second=frames_per_second, betas=betas, up=up)
     if unit is not None:
-        raise ArgumentError(f"unit is of skeletons, in .bvh and .amc; found {file.name}")
+        raise ArgumentError(f"unit is of {_SKELETONS}; found {file.name}")
     if joints is not None:
-        raise ArgumentError(f"joints are of skeletons, in .bvh and .amc; found {file.name}")
+        raise ArgumentError(f"joints are of {_SKELETONS}; found {file.name}")
     motion: ModelMotion
     if suffix == ".npz" and set(_AMASS) & set(array_shapes(file, ())[0]):
         (amass,) = load_amass(file, model, frames_per_second=frames_per_second, up=up)

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 import trimesh
+from marker_files import write_trc
 
 from riemhuman.cli._file_commands import mesh_facts
 from riemhuman.datasets import load_open_model
@@ -136,6 +137,19 @@ def test_recordings_of_every_kind(run, tmp_path):
     folder = Path(__file__).parents[1] / "datasets" / "recordings"
     found = run("info", folder / "cmu_01_01.amc", "--json")
     assert json.loads(found.out)["frames"] == 40
+    joints = {
+        f"{side}{name}": np.tile([sign * across, height, 0.0], (4, 1))
+        for side, sign in (("L", 1.0), ("R", -1.0))
+        for name, across, height in (
+            *(("HJC", 0.1, 0.9), ("KJC", 0.1, 0.5), ("AJC", 0.1, 0.1)),
+            *(("SJC", 0.2, 1.4), ("EJC", 0.5, 1.4), ("WJC", 0.8, 1.4)),
+        )
+    }
+    file = write_trc(tmp_path / "stand.trc", joints)
+    facts = json.loads(run("info", file, "--json").out)
+    assert (facts["kind"], facts["frames"]) == ("motion capture recording", 4)
+    assert "left_knee" in facts["joint_names"]
+    assert run("view", file, "-o", tmp_path / "stand.html").code == 0
     video = {"smpl_poses": np.zeros((5, 72)), "smpl_trans": np.zeros((5, 3))}
     (tmp_path / "dance.pkl").write_bytes(pickle.dumps(video))
     facts = json.loads(run("info", tmp_path / "dance.pkl", "--json").out)

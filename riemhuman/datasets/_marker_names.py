@@ -1,0 +1,203 @@
+"""Which markers of a laboratory or of a video method tell where a joint's centre is.
+
+A joint has several recipes, the most accurate first: a centre that some program computed, the
+middle between two markers on the skin, a centre that a video method saw, and one marker on the
+skin.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from riemhuman.datasets._joint_names import LIMBS, SIDES
+
+NEEDED = tuple(role for limb in LIMBS for role in limb)
+# Words for the two sides of a joint that markers on the skin have.
+_LATERAL = ("l", "lat", "lateral", "outer", "ext")
+_MEDIAL = ("m", "med", "medial", "inner", "int")
+# Words for the centre of a joint.
+_CENTRE = ("jc", "jointcentre", "jointcenter", "centre", "center", "joint", "jcs")
+# OpenCap ends names of markers on the skin by this.
+_SKIN_WORD, _ON_SKIN = "study", " on skin"
+
+# Abbreviations in names of markers on the skin.
+_SHORT = {"knee": ("kne",), "ankle": ("ank",), "elbow": ("elb",), "wrist": ("wri", "wr")}
+# Centres under other names: initials, and the origins of segments in Plug-in Gait.
+_CENTRES = {
+    "hip": ("hjc", "fep"),
+    "knee": ("kjc", "feo"),
+    "ankle": ("ajc", "tio"),
+    "shoulder": ("sjc", "ghjc", "gh", "clo"),
+    "elbow": ("ejc", "huo"),
+    "wrist": ("wjc", "rao"),
+}
+# Pairs of markers under names of bones: epicondyles, malleoli, styloid processes.
+_PAIRS = {
+    "knee": (
+        (
+            ("lfe", "lfc", "lek", "lateralepicondyle", "lateralcondyle"),
+            ("mfe", "mfc", "mek", "medialepicondyle", "medialcondyle"),
+        ),
+    ),
+    "ankle": (
+        (
+            ("lm", "lmal", "latmal", "lateralmalleolus"),
+            ("mm", "mmal", "medmal", "medialmalleolus"),
+        ),
+    ),
+    "elbow": ((("lhe", "lel", "lee"), ("mhe", "mel", "mee")),),
+    "wrist": (
+        (
+            ("wra", "wristradius", "wristradial", "radius"),
+            ("wrb", "wristulna", "wristulnar", "ulna"),
+        ),
+    ),
+    "toes": (
+        (("bigtoe", "mt1", "1meta", "1mth", "d1m"), ("smalltoe", "mt5", "5meta", "5mth", "d5m")),
+    ),
+}
+# Single markers on the skin: of a shoulder on its acromion.
+_SKIN = {"shoulder": ("acromion", "acromium", "acr", "sho", "shld", "ac", "acro")}
+# Of the toes, markers in the middle of the foot, and at its end.
+_TOES = ("toes", "toe", "mt2", "2meta", "2mth", "mtp2")
+_TIPS = ("tiptoe", "toetip", "bigtoe", "hallux")
+_HEAD = {
+    "ear": ("ear",),
+    "head_front": ("fhd", "headfront", "fronthead"),
+    "head_back": ("bhd", "headback", "backhead"),
+}
+_UNSIDED = {"head": ("head", "headcentre", "headcenter"), "nose": ("nose",)}
+# Corners of the pelvis, from which the centres of hips are estimated.
+_PELVIS = {
+    "asis": ("asis", "asi"),
+    "psis": ("psis", "psi"),
+}
+_SACRUM = ("sacr", "sacrum", "sacral", "vsacral", "sac")
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Numbers of the markers whose mean is a joint's centre, or one marker `on_skin` near it."""
+
+    markers: tuple[int, ...]
+    on_skin: bool = False
+
+
+class MarkerNames:
+    """The markers of one person, by what their names say."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._numbers: dict[tuple[str, str], int] = {}
+        for number, name in enumerate(names):
+            for side, text, is_skin in _readings(name):
+                # As in files of OpenCap, where RShoulder is a centre and r_shoulder_study is skin.
+                self._numbers.setdefault((side, text + _ON_SKIN * is_skin), number)
+
+    def first(self, side: str, spellings: Sequence[str]) -> int | None:
+        """Return the number of the first marker with one of some spellings."""
+        for text in spellings:
+            for end in ("", _ON_SKIN):
+                if (side, text + end) in self._numbers:
+                    return self._numbers[side, text + end]
+        return None
+
+    def recipes(self, role: str) -> list[Recipe]:
+        """Return the recipes of a joint by its name in the open model, the best one first."""
+        side, part = role.split("_", 1)
+        if part == "toes":
+            middle, end = (self._single(side, spellings) for spellings in (_TOES, _TIPS))
+            return middle + self._pairs(side, part) + end
+        found = self._single(side, _centre_names(part)) + self._pairs(side, part)
+        seen = self._numbers.get((side, part))
+        if seen is not None:
+            found.append(Recipe((seen,)))
+        skin = (*_SHORT.get(part, ()), *_SKIN.get(part, ()), part)
+        return found + self._single(side, skin, on_skin=True)
+
+    def _single(self, side: str, spellings: Sequence[str], on_skin: bool = False) -> list[Recipe]:
+        number = self.first(side, spellings)
+        return [] if number is None else [Recipe((number,), on_skin)]
+
+    def _pairs(self, side: str, part: str) -> list[Recipe]:
+        """Return the pairs of markers beside a joint, both from one source."""
+        found = []
+        for pair in _pairs_of(part):
+            for end in (_ON_SKIN, ""):
+                lateral, medial = (
+                    next(
+                        (
+                            self._numbers[side, text + end]
+                            for text in spellings
+                            if (side, text + end) in self._numbers
+                        ),
+                        None,
+                    )
+                    for spellings in pair
+                )
+                if lateral is not None and medial is not None:
+                    found.append(Recipe((lateral, medial)))
+        return found
+
+    def pelvis(self) -> tuple[int, int, tuple[int, ...]] | None:
+        """Return the left and right front corners of the pelvis, and the markers at its back."""
+        left, right = (self.first(side, _PELVIS["asis"]) for side in SIDES)
+        back = tuple(self.first(side, _PELVIS["psis"]) for side in SIDES)
+        if None in back:
+            back = (self.first("", _SACRUM),)
+        if left is None or right is None or None in back:
+            return None
+        return left, right, _known(back)
+
+    def head(self) -> dict[str, int]:
+        """Return the markers of the head: "head", "nose", and "left_ear" and others on sides."""
+        found = {name: self.first("", spellings) for name, spellings in _UNSIDED.items()}
+        found |= {
+            f"{side}_{name}": self.first(side, spellings)
+            for name, spellings in _HEAD.items()
+            for side in SIDES
+        }
+        return {name: number for name, number in found.items() if number is not None}
+
+
+def _known(numbers: Sequence[int | None]) -> tuple[int, ...]:
+    return tuple(number for number in numbers if number is not None)
+
+
+def _centre_names(part: str) -> tuple[str, ...]:
+    return (*_CENTRES[part], *(part + end for end in _CENTRE))
+
+
+def _pairs_of(part: str) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Return spellings of the lateral and the medial marker of a joint."""
+    pairs = list(_PAIRS.get(part, ()))
+    if part in _SHORT:
+        stems = (part, *_SHORT[part])
+        lateral, medial = (
+            tuple(text for stem in stems for word in words for text in (word + stem, stem + word))
+            for words in (_LATERAL, _MEDIAL)
+        )
+        # The marker without a word is the lateral one.
+        pairs.insert(0, ((*lateral, *stems), medial))
+    return pairs
+
+
+def _readings(name: str) -> list[tuple[str, str, bool]]:
+    """Return what the name of a marker may say: a side or "", the rest, and whether it is skin."""
+    words = re.findall(r"[A-Za-z]+|\d+", name.rpartition(":")[2].lower())
+    if words[:1] == ["v"]:  # computed by Cortex
+        words = words[1:]
+    is_skin = bool(words) and words[-1] == _SKIN_WORD
+    if is_skin:
+        words = words[:-1]
+    text = "".join(words)
+    readings = [("", text, is_skin)]
+    for side in SIDES:
+        for letters in (side, side[0]):
+            if text.startswith(letters):
+                readings.append((side, text.removeprefix(letters), is_skin))
+            # Behind the joint, a single letter is a word of its own: "ankle_r", not "shoulder".
+            if words[-1:] == [letters] or (letters == side and text.endswith(letters)):
+                readings.append((side, text.removesuffix(letters), is_skin))
+    return readings

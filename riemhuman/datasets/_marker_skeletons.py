@@ -1,0 +1,431 @@
+"""Skeletons whose joints are at centres that markers tell: gaps, the tree, and rotations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy import ndarray
+from scipy.interpolate import CubicSpline
+
+from riemhuman.datasets._joint_names import LIMBS, SIDES
+from riemhuman.datasets._marker_names import NEEDED, MarkerNames, Recipe
+from riemhuman.datasets._skeletons import (
+    body_frame,
+    bone,
+    frame,
+    leg_length,
+    middle,
+    turned_towards,
+)
+from riemhuman.datasets.bvh import SkeletonMotion
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, warn
+from riemhuman.kernels.rotations import transpose
+from riemhuman.kernels.surface import unit_vectors as unit
+from riemhuman.representation import join_names
+
+# Longest gaps that are filled: seconds, and frames where those are fewer.
+_LONGEST_GAP, _FRAMES_OF_GAP = 0.2, 3
+# A recipe is taken if it covers this share of the frames that another one does.
+_COVERED = 0.95
+# Centres of hips behind, beside and below the front corners of the pelvis, as shares of the
+# distance between those (Bell, Pedersen and Brand 1990).
+_HIP_BEHIND, _HIP_INSIDE, _HIP_BELOW = 0.22, 0.14, 0.30
+# Weight of the axis of an unbent knee or elbow beside the sine of its angle.
+_UNBENT = 0.1
+# Legs of people, metres.
+_SHORTEST_LEG, _LONGEST_LEG = 0.2, 1.5
+# Cosine to the trunk of an arm that is lowered, and how far the inner ends of collars are from the
+# middle of the chest, as a share of the way to the shoulder.
+_LOWERED, _COLLAR = 0.0, 0.13
+_MOST_NAMES = 80
+_OPTIONAL = ("left_toes", "right_toes", "head")
+
+
+@dataclass(frozen=True, eq=False)
+class Markers:
+    """Markers over time: positions (n_frames, M, 3), NaN where one was not seen.
+
+    `unit` is that of the positions, "metres" or None where it is not known; `file` is for messages.
+    """
+
+    file: str
+    names: tuple[str, ...]
+    positions: ndarray
+    frames_per_second: float
+    name: str
+    unit: str | None
+
+
+def skeleton_of(
+    markers: Markers, joints: Mapping[str, str | Sequence[str]] | None = None
+) -> SkeletonMotion:
+    """Return the skeleton whose joints are where markers tell, with rotations that show bends."""
+    told = _told_markers(markers, joints or {})
+    own = _markers_of_one_person(markers, told)
+    centres, on_skin = _centres(markers, own, told)
+    missing = [role for role in NEEDED if role not in centres]
+    if missing:
+        raise FileFormatError(
+            f"{markers.file} tells no centre of {', '.join(missing)}; it has the markers "
+            f"{join_names(markers.names, _MOST_NAMES)}. Name one, or two whose middle it is: "
+            f"joints={{{missing[0]!r}: ...}}"
+        )
+    head_frames = centres.pop("head frame", None)
+    centres, kept = _without_gaps(markers, centres)
+    if on_skin:
+        warn(
+            f"{markers.name}: {', '.join(on_skin)} are at single markers on the skin, some "
+            "centimetres from the centres of joints",
+            UserWarning,
+        )
+    positions = centres | _trunk_places(centres)
+    head = None if head_frames is None else head_frames[kept]
+    return _skeleton(markers, positions, head)
+
+
+def _told_markers(
+    markers: Markers, joints: Mapping[str, str | Sequence[str]]
+) -> dict[str, tuple[int, ...]]:
+    """Return the numbers of the markers that are told of joints."""
+    told = {}
+    for role, chosen in joints.items():
+        if role not in (*NEEDED, *_OPTIONAL):
+            known = ", ".join((*NEEDED, *_OPTIONAL))
+            raise ArgumentError(f"joints must name some of {known}; found {role!r}")
+        names = (chosen,) if isinstance(chosen, str) else tuple(chosen)
+        for name in names:
+            if not isinstance(name, str):
+                raise ArgumentTypeError(f"joints[{role!r}] must name markers; found {name!r}")
+            if name not in markers.names:
+                known = join_names(markers.names, _MOST_NAMES)
+                raise ArgumentError(f"joints[{role!r}] must be one of {known}; found {name!r}")
+        if not names:
+            raise ArgumentError(f"joints[{role!r}] must name markers; found none")
+        told[role] = tuple(markers.names.index(name) for name in names)
+    return told
+
+
+def _markers_of_one_person(markers: Markers, told: Mapping[str, tuple[int, ...]]) -> list[int]:
+    """Return the numbers of the markers of one person: names may begin with "Anna:"."""
+    people = [name.rpartition(":")[0] for name in markers.names]
+    groups: dict[str, list[int]] = {}
+    for number, person in enumerate(people):
+        groups.setdefault(person, []).append(number)
+    whole = [
+        person
+        for person, numbers in groups.items()
+        if set(NEEDED) <= _centres(markers, numbers, told)[0].keys()
+    ]
+    if not whole:
+        return list(range(len(people)))
+    chosen = {people[number] for numbers in told.values() for number in numbers}
+    wanted = [person for person in whole if person in chosen]
+    if len(whole) > 1 and not wanted:
+        warn(
+            f"{markers.name} holds {len(whole)} people ({join_names(whole)}); {whole[0]!r} was "
+            "taken. A marker of another one in joints= chooses that one",
+            UserWarning,
+        )
+    return groups[(wanted or whole)[0]]
+
+
+def _centres(
+    markers: Markers, own: Sequence[int], told: Mapping[str, tuple[int, ...]]
+) -> tuple[dict[str, ndarray], list[str]]:
+    """Return the centres of joints over time, and those that are at one marker on the skin.
+
+    "head frame" are the axes of the head, (n_frames, 3, 3), where its markers tell them.
+    """
+    names = MarkerNames([markers.names[number] for number in own])
+    positions = markers.positions[:, own]
+    centres, on_skin = {}, []
+    for role in (*NEEDED, "left_toes", "right_toes"):
+        if role in told:
+            continue
+        recipe = _best(positions, names.recipes(role))
+        if recipe is not None:
+            centres[role] = _mean(positions, recipe.markers)
+            if recipe.on_skin:
+                on_skin.append(role)
+    hips = _hips_of_pelvis(positions, names)
+    if hips and not {"left_hip", "right_hip"} <= centres.keys() - set(on_skin):
+        centres |= hips
+        on_skin = [role for role in on_skin if role not in hips]
+    centres |= _head(positions, names.head(), markers)
+    for role, numbers in told.items():
+        centres[role] = _mean(markers.positions, numbers)
+        if np.isnan(centres[role]).any(axis=-1).all():
+            del centres[role]
+    return centres, on_skin
+
+
+def _mean(positions: ndarray, numbers: Sequence[int]) -> ndarray:
+    return np.asarray(positions[:, list(numbers)].mean(axis=1))
+
+
+def _best(positions: ndarray, recipes: Sequence[Recipe]) -> Recipe | None:
+    """Return the first recipe whose markers were seen about as often as those of any other."""
+    seen = [
+        float(np.isfinite(_mean(positions, recipe.markers)).all(axis=-1).mean())
+        for recipe in recipes
+    ]
+    for recipe, share in zip(recipes, seen, strict=True):
+        if share > 0.0 and share >= _COVERED * max(seen):
+            return recipe
+    return None
+
+
+def _hips_of_pelvis(positions: ndarray, names: MarkerNames) -> dict[str, ndarray]:
+    """Return the centres of hips as the corners of the pelvis tell them."""
+    corners = names.pelvis()
+    if corners is None:
+        return {}
+    left, right, back = positions[:, corners[0]], positions[:, corners[1]], corners[2]
+    width = np.linalg.norm(left - right, axis=1, keepdims=True)
+    axes = frame(left - right, 0.5 * (left + right) - _mean(positions, back))
+    across, ahead, down = np.moveaxis(axes, -1, 0)
+    found = {}
+    for role, corner, sign in (("left_hip", left, 1.0), ("right_hip", right, -1.0)):
+        step = _HIP_BELOW * down - _HIP_BEHIND * ahead - sign * _HIP_INSIDE * across
+        found[role] = corner + width * step
+    if any(np.isnan(path).any(axis=-1).all() for path in found.values()):
+        return {}
+    return found
+
+
+def _head(positions: ndarray, found: Mapping[str, int], markers: Markers) -> dict[str, ndarray]:
+    """Return the centre of the head, and its axes where at least three markers tell them."""
+    seen = {}
+    for name, number in found.items():
+        path = _filled(positions[:, number], markers.frames_per_second)
+        if path is not None:
+            seen[name] = path
+    ears, front, back = (
+        [f"{side}_{part}" for side in SIDES] for part in ("ear", "head_front", "head_back")
+    )
+    if {*ears, "nose"} <= seen.keys():
+        centre = 0.5 * (seen[ears[0]] + seen[ears[1]])
+        axes = frame(seen[ears[0]] - seen[ears[1]], seen["nose"] - centre)
+    elif {*front, *back} <= seen.keys():
+        foremost, hindmost = (0.5 * (seen[pair[0]] + seen[pair[1]]) for pair in (front, back))
+        centre = 0.5 * (foremost + hindmost)
+        axes = frame(seen[front[0]] - seen[front[1]], foremost - hindmost)
+    elif "head" in seen:
+        return {"head": seen["head"]}
+    else:
+        return {}
+    return {"head": centre, "head frame": axes}
+
+
+def _filled(path: ndarray, rate: float) -> ndarray | None:
+    """Return a path (n_frames, 3) without gaps between frames, or None if one is too long.
+
+    Frames before the first and after the last that were seen repeat those.
+    """
+    known = np.flatnonzero(np.isfinite(path).all(axis=-1))
+    if not len(known) or _longest_gap(path) > _most_frames(rate):
+        return None
+    frames = np.clip(np.arange(len(path)), known[0], known[-1])
+    if len(known) == 1:
+        return np.asarray(path[frames])
+    return np.asarray(CubicSpline(known, path[known])(frames))
+
+
+def _most_frames(rate: float) -> int:
+    return max(_FRAMES_OF_GAP, round(_LONGEST_GAP * rate))
+
+
+def _longest_gap(path: ndarray) -> int:
+    """Return how many frames without values follow each other, between frames that have some."""
+    known = np.flatnonzero(np.isfinite(path).all(axis=-1))
+    return int(np.diff(known).max(initial=1)) - 1
+
+
+def _without_gaps(
+    markers: Markers, centres: Mapping[str, ndarray]
+) -> tuple[dict[str, ndarray], slice]:
+    """Return centres without gaps, and the frames from the first to the last with all joints."""
+    rate = markers.frames_per_second
+    seen = np.all([np.isfinite(centres[role]).all(axis=-1) for role in NEEDED], axis=0)
+    if not seen.any():
+        raise FileFormatError(f"{markers.file}: no frame has the centres of all needed joints")
+    first, last = np.flatnonzero(seen)[[0, -1]]
+    kept = slice(int(first), int(last) + 1)
+    said, long, filled = [], [], {}
+    for role, whole in centres.items():
+        path = whole[kept]
+        gap = _longest_gap(path)
+        without = _filled(path, rate)
+        if without is not None:
+            filled[role] = without
+            if gap:
+                said.append(f"{role} up to {gap}")
+        elif role in NEEDED:
+            long.append(f"{role} in {gap}")
+        else:
+            said.append(f"{role} was left out")
+    if long:
+        raise FileFormatError(
+            f"{markers.file}: {', '.join(long)} frames one after the other without markers; at "
+            f"most {_most_frames(rate)} are interpolated. Cut the recording there, or name other "
+            "markers: joints="
+        )
+    if len(seen) > last + 1 - first:
+        said.insert(0, f"only frames {first + 1} to {last + 1} of {len(seen)} have all joints")
+    if said:
+        warn(
+            f"{markers.name}: markers are missing, gaps were interpolated (frames): "
+            f"{', '.join(said)}",
+            UserWarning,
+        )
+    return filled, kept
+
+
+def _trunk_places(centres: Mapping[str, ndarray]) -> dict[str, ndarray]:
+    """Return the places of pelvis and chest, and of collars, which raised arms lift.
+
+    With raised arms, the shoulders are farther from the hips than with lowered ones.
+    """
+    roles = {role: number for number, role in enumerate(NEEDED)}
+    positions = np.stack([centres[role] for role in NEEDED], axis=1)
+    hips, shoulders = (middle(positions, roles, part) for part in ("hip", "shoulder"))
+    lengths = np.linalg.norm(shoulders - hips, axis=1)
+    back = unit(shoulders - hips)
+    lowered = np.ones(len(positions), dtype=bool)
+    for side in SIDES:
+        arm = unit(bone(positions, roles, f"{side}_shoulder", f"{side}_elbow"))
+        lowered &= np.sum(arm * back, axis=1) < _LOWERED
+    usual = np.median(lengths[lowered] if lowered.any() else lengths)
+    chest = shoulders - np.maximum(lengths - usual, 0.0)[:, None] * back
+    places = {"pelvis": hips, "chest": chest}
+    for side in SIDES:
+        outward = centres[f"{side}_shoulder"] - shoulders
+        places[f"{side}_collar"] = chest + _COLLAR * outward
+    return places
+
+
+def _skeleton(
+    markers: Markers, places: Mapping[str, ndarray], head_axes: ndarray | None
+) -> SkeletonMotion:
+    """Return a skeleton with these joints, rotated so that bones and knees are as they are seen."""
+    parents = _parents(places)
+    names = tuple(parents)
+    numbers = {name: number for number, name in enumerate(names)}
+    positions = np.stack([places[name] for name in names], axis=1)
+    if markers.unit is not None:
+        _check_size(markers, leg_length(positions, numbers))
+    rotations = _rotations(positions, numbers, head_axes)
+    local, steps = rotations.copy(), positions.copy()
+    above = np.array([numbers.get(parent, -1) for parent in parents.values()])
+    for joint, parent in enumerate(above):
+        if parent >= 0:
+            back = transpose(rotations[:, parent])
+            local[:, joint] = back @ rotations[:, joint]
+            apart = positions[:, joint] - positions[:, parent]
+            steps[:, joint] = (back @ apart[..., None])[..., 0]
+    offsets = np.median(steps, axis=0)
+    offsets[0] = 0.0
+    return SkeletonMotion(
+        names,
+        above,
+        offsets,
+        local,
+        steps,
+        markers.frames_per_second,
+        markers.name,
+        markers.unit,
+    )
+
+
+def _check_size(markers: Markers, leg: float) -> None:
+    if not _SHORTEST_LEG < leg < _LONGEST_LEG:
+        warn(
+            f"{markers.name}: legs are {leg:.3g} m long in the unit of the file; pass unit= if "
+            "that is wrong",
+            UserWarning,
+        )
+
+
+def _parents(places: Mapping[str, ndarray]) -> dict[str, str]:
+    """Return the parents of joints, parents first."""
+    parents = {"pelvis": "", "chest": "pelvis"}
+    for limb in LIMBS:
+        side, part = limb[0].split("_")
+        chain = ("pelvis", *limb) if part == "hip" else ("chest", f"{side}_collar", *limb)
+        parents |= {lower: upper for upper, lower in pairwise(chain)}
+    optional = {f"{side}_toes": f"{side}_ankle" for side in SIDES} | {"head": "chest"}
+    return parents | {name: above for name, above in optional.items() if name in places}
+
+
+def _rotations(positions: ndarray, joints: Mapping[str, int], head_axes: ndarray | None) -> ndarray:
+    """Return rotations in space, (n_frames, J, 3, 3), from a T-pose along the axes of the file."""
+    rest = _rest_axes(positions, joints)
+    left, up, ahead = rest.T
+    rotations = np.empty((*positions.shape, 3))
+    for name, line in (("pelvis", "hip"), ("chest", "shoulder")):
+        rotations[:, joints[name]] = body_frame(positions, joints, line) @ rest.T
+    for limb in LIMBS:
+        is_leg = limb[0].endswith("hip")
+        outward = left if limb[0].startswith("left") else -left
+        # Straight arms to the sides bend forward in their elbows.
+        direction, hinge = (-up, left) if is_leg else (outward, np.cross(outward, ahead))
+        above = rotations[:, joints["pelvis" if is_leg else "chest"]]
+        if not is_leg:
+            collar = limb[0].split("_")[0] + "_collar"
+            raised = unit(bone(positions, joints, collar, limb[0]))
+            above = turned_towards(above, outward, raised)
+            rotations[:, joints[collar]] = above
+        rotations = _rotate_limb(rotations, positions, joints, limb, (direction, hinge), above)
+    for side in SIDES:
+        ankle, toes = f"{side}_ankle", f"{side}_toes"
+        shank = rotations[:, joints[f"{side}_knee"]]
+        rotations[:, joints[ankle]] = shank
+        if toes in joints:
+            foot = unit(bone(positions, joints, ankle, toes))
+            turned = frame(foot, shank @ left) @ frame(ahead, left).T
+            rotations[:, [joints[ankle], joints[toes]]] = turned[:, None]
+    if "head" in joints:
+        chest = rotations[:, joints["chest"]]
+        raised = unit(positions[:, joints["head"]] - middle(positions, joints, "shoulder"))
+        own = turned_towards(chest, up, raised)
+        if head_axes is not None:
+            own = head_axes @ frame(left, ahead).T
+        rotations[:, joints["head"]] = own
+    return rotations
+
+
+def _rest_axes(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
+    """Return the directions to the left, up and ahead of the rest pose, columns of a matrix.
+
+    The rest pose stands along the axis that people stand along, and so tells nothing else.
+    """
+    standing = np.mean(
+        unit(middle(positions, joints, "shoulder") - middle(positions, joints, "ankle")), axis=0
+    )
+    axis = int(np.argmax(np.abs(standing)))
+    up = np.eye(3)[axis] * (1.0 if standing[axis] >= 0.0 else -1.0)
+    left = np.eye(3)[(axis + 2) % 3]
+    return np.stack([left, up, np.cross(left, up)], axis=-1)
+
+
+def _rotate_limb(
+    rotations: ndarray,
+    positions: ndarray,
+    joints: Mapping[str, int],
+    limb: Sequence[str],
+    rest: tuple[ndarray, ndarray],
+    above: ndarray,
+) -> ndarray:
+    """Return rotations in which both bones of a limb turn about the axis in which it bends."""
+    direction, hinge = rest
+    upper, lower = (unit(bone(positions, joints, *pair)) for pair in (limb[:2], limb[1:]))
+    # As if the limb had been raised without being rotated about itself.
+    unbent = turned_towards(above, direction, upper) @ hinge
+    axis = np.cross(upper, lower) + _UNBENT * unbent
+    for joint, seen in zip(limb[:2], (upper, lower), strict=True):
+        rotations[:, joints[joint]] = frame(seen, axis) @ frame(direction, hinge).T
+    rotations[:, joints[limb[2]]] = rotations[:, joints[limb[1]]]
+    return rotations

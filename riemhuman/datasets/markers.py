@@ -1,0 +1,294 @@
+"""Recordings of markers: TRC files of OpenSim and of video methods, and C3D files of laboratories.
+
+Such files hold points that move, and no skeleton. Joints are where names of markers tell the
+centres of joints (`_marker_names`); their rotations follow from these positions
+(`_marker_skeletons`).
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from riemhuman.datasets._marker_skeletons import Markers, skeleton_of
+from riemhuman.datasets._units import metres_in
+from riemhuman.datasets.bvh import SkeletonMotion
+from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.io.files import (
+    file_path,
+    format_errors,
+    read_bytes,
+    short_message,
+    suffix_of,
+)
+from riemhuman.optional import import_optional
+
+# Larger numbers, and higher rates, are damage.
+_LARGEST, _HIGHEST_RATE = 1e9, 1e5
+# Columns before those of markers: the number of the frame, and its time.
+_COLUMNS_BEFORE = 2
+# Of C3D files: the second byte, the length of the header, and the processors with the highest byte
+# first.
+_C3D_SIGN, _C3D_BLOCK, _C3D_BIG_ENDIAN = 0x50, 512, 86
+
+
+def load_trc(
+    path: str | os.PathLike[str],
+    *,
+    unit: str | float | None = None,
+    joints: Mapping[str, str | Sequence[str]] | None = None,
+) -> SkeletonMotion:
+    """Read a recording of markers in a TRC file, as OpenSim, OpenCap and others write it.
+
+    The joints are at the centres that names of markers tell, of these the first that is there:
+    a centre (RHJC, RKJC, V_R.Knee_JC), the middle of two markers on the skin (r_knee and r_mknee,
+    RKNE and RKNEM, RWRA and RWRB), a joint of a video method (RKnee), or one marker on the skin
+    (RSHO), with a warning. Hips may also follow from the corners of the pelvis (RASI, LASI, RPSI,
+    LPSI), as in Bell, Pedersen and Brand (1990). Gaps of up to 0.2 seconds are interpolated, and
+    frames at the beginning and the end in which a needed joint is missing are left out, both with
+    a warning.
+
+    Parameters
+    ----------
+    path : path_like
+        The recording, ``.trc``.
+    unit : str or number, optional
+        Unit of the file's lengths, as for `load_bvh`; by default the one that the file names.
+        Lengths are returned in metres, or unchanged if neither names one.
+    joints : mapping of str to str or to sequence of str, optional
+        Names of markers by those of joints in the open model, where they are not recognised, such
+        as ``{"left_hip": "LHJC", "left_knee": ("LK1", "LK2")}``: the mean of several.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is damaged, a needed joint has no marker or a long gap; the error lists the
+        markers of the file. Needed are hips, knees, ankles, shoulders, elbows and wrists.
+
+    Examples
+    --------
+    >>> recording = rh.datasets.load_trc("walk.trc")  # doctest: +SKIP
+    >>> walk = rh.datasets.retarget(recording)  # doctest: +SKIP
+    """
+    metres = None if unit is None else metres_in(unit)
+    file = file_path(path)
+    suffix_of(file, (".trc",))
+    found = _TextReader(file).read()
+    return skeleton_of(_in_metres(*found, metres), joints)
+
+
+def load_c3d(
+    path: str | os.PathLike[str],
+    *,
+    unit: str | float | None = None,
+    joints: Mapping[str, str | Sequence[str]] | None = None,
+) -> SkeletonMotion:
+    """Read a recording of markers in a C3D file, as motion capture laboratories write it.
+
+    Needs ezc3d: ``pip install '.[recordings]'``. Which joints are found, and what is done about
+    gaps, is as for `load_trc`.
+
+    Parameters
+    ----------
+    path : path_like
+        The recording, ``.c3d``.
+    unit : str or number, optional
+        See `load_trc`.
+    joints : mapping of str to str or to sequence of str, optional
+        See `load_trc`.
+
+    Raises
+    ------
+    FileFormatError
+        See `load_trc`.
+    MissingDependencyError
+        If ezc3d is not installed.
+
+    Examples
+    --------
+    >>> recording = rh.datasets.load_c3d("walk.c3d")  # doctest: +SKIP
+    """
+    metres = None if unit is None else metres_in(unit)
+    file = file_path(path)
+    suffix_of(file, (".c3d",))
+    content = read_bytes(file)
+    if len(content) < _C3D_BLOCK or content[1] != _C3D_SIGN:
+        raise FileFormatError(f"{file}: damaged, or not a C3D file")
+    n_frames = _declared_frames(content)
+    ezc3d = import_optional("ezc3d", "recordings")
+    with format_errors(file, "a C3D file"):
+        tree = ezc3d.c3d(str(file))
+        points = tree["parameters"]["POINT"]
+        positions = np.moveaxis(np.asarray(tree["data"]["points"], dtype=float)[:3], 0, -1)
+        positions = np.ascontiguousarray(positions.swapaxes(0, 1))
+        names = _labels(points)[: positions.shape[1]]
+        rate = float(points["RATE"]["value"][0])
+        units = points.get("UNITS", {}).get("value", [])
+    if len(positions) < n_frames:
+        raise FileFormatError(
+            f"{file}: cut off, its header says {n_frames} frames, but {len(positions)} follow"
+        )
+    if not positions.size or len(names) < positions.shape[1]:
+        raise FileFormatError(
+            f"{file}: {positions.shape[1]} markers in {len(positions)} frames, and {len(names)} "
+            "names of markers"
+        )
+    return skeleton_of(
+        _in_metres(file, names, positions, rate, units[0] if units else "", metres), joints
+    )
+
+
+def _declared_frames(content: bytes) -> int:
+    """Return how many frames the header of a C3D file says, at least: it counts to 65535."""
+    processor = _C3D_BLOCK * (content[0] - 1) + 3
+    is_big = len(content) > processor > 0 and content[processor] == _C3D_BIG_ENDIAN
+    first, last = struct.unpack_from(">HH" if is_big else "<HH", content, 6)
+    return int(last - first + 1) if last >= first else 0
+
+
+def _labels(points: Mapping[str, Any]) -> list[str]:
+    """Return the names of points; those after the 255th are in LABELS2 and so on."""
+    names: list[str] = []
+    number = 1
+    while (key := f"LABELS{number if number > 1 else ''}") in points:
+        names += [str(name).strip() for name in points[key]["value"]]
+        number += 1
+    return names
+
+
+def _in_metres(
+    file: Path,
+    names: Sequence[str],
+    positions: np.ndarray,
+    rate: float,
+    written_unit: str,
+    metres: float | None,
+) -> Markers:
+    """Return markers in metres where their unit is known, without those that were not seen."""
+    if not 0.0 < rate < _HIGHEST_RATE:
+        raise FileFormatError(
+            f"{file}: the frame rate must be positive, and below {_HIGHEST_RATE:g}; found {rate:g}"
+        )
+    if (np.abs(positions) > _LARGEST).any():
+        raise FileFormatError(f"{file}: coordinates must be below {_LARGEST:g}")
+    if metres is None:
+        try:
+            metres = metres_in(str(written_unit))
+        except ArgumentError:  # a word that names no unit
+            metres = None
+    # Programs write zeros, or nothing, where they did not see a marker.
+    unseen = ~np.isfinite(positions).all(axis=-1) | (positions == 0.0).all(axis=-1)
+    seen = np.where(unseen[..., None], np.nan, positions)
+    unit = None if metres is None else "metres"
+    scaled = seen if metres is None else metres * seen
+    return Markers(str(file), tuple(names), scaled, rate, file.stem, unit)
+
+
+class _TextReader:
+    """Reads the header and the rows of a TRC file."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        text = read_bytes(file).decode("utf-8-sig", errors="replace")
+        self._lines: Iterator[tuple[int, str]] = enumerate(text.splitlines(), 1)
+        self._line = 0
+        self._names: list[str] = []
+
+    def read(self) -> tuple[Path, list[str], np.ndarray, float, str]:
+        """Return the file, names of markers, positions, frame rate and unit."""
+        values = self._header()
+        names = self._names
+        rows, times = array("d"), array("d")
+        for line in self._next_lines():
+            cells = _cells(line)
+            # The row X1 Y1 Z1, and empty ones.
+            if not any(cells) or (not times and _is_row_of_axes(cells)):
+                continue
+            numbers = self._row(cells, len(names))
+            times.append(numbers[1])
+            rows.extend(numbers[_COLUMNS_BEFORE:])
+        n_frames = self._number(values, "numframes")
+        if not times or (n_frames is not None and n_frames != len(times)):
+            says = "" if n_frames is None else f"NumFrames says {n_frames:g}, but "
+            raise self._error(f"{says}{len(times)} frames follow")
+        rate = self._number(values, "datarate") or self._number(values, "camerarate")
+        if not rate:
+            duration = times[-1] - times[0]
+            if not duration > 0.0:
+                raise self._error("neither DataRate nor times tell the frame rate")
+            rate = (len(times) - 1) / duration
+        positions = np.array(rows).reshape(len(times), len(names), 3)
+        return self._file, names, positions, rate, values.get("units", "")
+
+    def _next_lines(self) -> Iterator[str]:
+        for number, line in self._lines:
+            self._line = number
+            yield line
+
+    def _error(self, problem: str) -> FileFormatError:
+        return FileFormatError(f"{self._file}, line {self._line}: {problem}")
+
+    def _header(self) -> dict[str, str]:
+        """Return the values that the file gives before its rows, and keep the names of markers."""
+        keys: list[str] = []
+        values: dict[str, str] = {}
+        for line in self._next_lines():
+            words = line.split()
+            first = words[0].lower() if words else ""
+            if first in ("frame#", "frame"):
+                cells = _cells(line.strip())[_COLUMNS_BEFORE:]
+                self._names = [name for name in cells if name]
+                if not self._names:
+                    raise self._error("names of markers expected after Frame# and Time")
+                return values
+            if first == "datarate":
+                keys = [word.lower() for word in words]
+            elif keys and not values:
+                values = dict(zip(keys, words, strict=False))
+        raise self._error(
+            "no row begins with Frame#, as that with names of markers does in TRC files"
+        )
+
+    def _row(self, cells: list[str], n_markers: int) -> list[float]:
+        """Return the numbers of a frame; empty cells are NaN."""
+        width = _COLUMNS_BEFORE + 3 * n_markers
+        while len(cells) > width and not cells[-1]:
+            cells.pop()
+        # Empty cells at the end of a row may have been left out, a whole marker at a time.
+        if len(cells) > width or len(cells) < _COLUMNS_BEFORE or (width - len(cells)) % 3:
+            raise self._error(
+                f"{width} columns expected, of {n_markers} markers; found {len(cells)}"
+            )
+        try:
+            numbers = [float(cell) if cell else np.nan for cell in cells]
+        except ValueError as error:
+            raise self._error(short_message(error)) from None
+        return numbers + [np.nan] * (width - len(cells))
+
+    def _number(self, values: Mapping[str, str], key: str) -> float | None:
+        """Return a number of the header, or None if it is not there."""
+        if key not in values:
+            return None
+        try:
+            return float(values[key])
+        except ValueError as error:
+            raise self._error(f"{key}: {short_message(error)}") from None
+
+
+def _cells(line: str) -> list[str]:
+    """Return the cells of a row, between tabs if it has some, else between spaces."""
+    if "\t" not in line:
+        return line.split()
+    return [cell.strip() for cell in line.rstrip("\r\n").split("\t")]
+
+
+def _is_row_of_axes(cells: Sequence[str]) -> bool:
+    """Return whether this is the row X1 Y1 Z1 below the names of markers."""
+    first = next(cell for cell in cells if cell)
+    return first[0] in "Xx"

@@ -1,0 +1,354 @@
+"""Recordings of markers: names of several makers, units, gaps, other markers and damaged files.
+
+The truth is an open motion: its joints are written as markers, and performed by the same person.
+"""
+
+import numpy as np
+import pytest
+from marker_files import RATE, write_trc
+
+from riemhuman.datasets import (
+    load_c3d,
+    load_open_motions,
+    load_recording,
+    load_trc,
+    retarget,
+)
+from riemhuman.datasets._marker_names import NEEDED
+from riemhuman.errors import ArgumentError, FileFormatError, MissingDependencyError
+
+PARTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist", "toes")
+# Markers on the skin are so far beside joints, metres.
+BESIDE = 0.045
+KEYPOINTS = ("Hip", "Knee", "Ankle", "Shoulder", "Elbow", "Wrist", "BigToe")
+CENTRES = ("HJC", "KJC", "AJC", "SJC", "EJC", "WJC", "TOE")
+GAIT = ("FEP", "FEO", "TIO", "CLO", "HUO", "RAO", "TOE")
+
+
+@pytest.fixture(scope="module")
+def dance():
+    (motion,) = load_open_motions("coarse", "tall sturdy woman", "jumping_jacks", RATE)
+    return motion
+
+
+@pytest.fixture(scope="module")
+def joints(dance):
+    poses, translations = dance._parameters(np.arange(len(dance)))
+    positions = dance.model.joints(dance.betas, poses) + translations[:, None]
+    return dict(zip(dance.model.joint_names, np.moveaxis(positions, 1, 0), strict=True))
+
+
+def sided(joints, pattern, parts, sides=("L", "R")):
+    """Return the joints on both sides as markers of other names."""
+    return {
+        pattern.format(side=side, part=part): joints[f"{ours}_{role}"]
+        for ours, side in zip(("left", "right"), sides, strict=True)
+        for role, part in zip(PARTS, parts, strict=True)
+        if part
+    }
+
+
+def pairs(joints, names, sides):
+    """Return two markers on the skin beside each joint on both sides."""
+    found = {}
+    across = BESIDE * np.array([1.0, 0.0, 0.0])
+    for ours, side in zip(("left", "right"), sides, strict=True):
+        for role, pair in names.items():
+            for name, sign in zip(pair, (1.0, -1.0), strict=True):
+                found[name.format(side=side)] = joints[f"{ours}_{role}"] + sign * across
+    return found
+
+
+def opencap(joints):
+    """Video keypoints that are off, and markers that a network computed from them."""
+    wrong = {name: path + 0.05 for name, path in sided(joints, "{side}{part}", KEYPOINTS).items()}
+    for side, ours in (("L", "left"), ("R", "right")):
+        wrong[f"{side}Shoulder"] = joints[f"{ours}_shoulder"]
+    names = {
+        "knee": ("{side}_knee_study", "{side}_mknee_study"),
+        "ankle": ("{side}_ankle_study", "{side}_mankle_study"),
+        "elbow": ("{side}_lelbow_study", "{side}_melbow_study"),
+        "wrist": ("{side}_lwrist_study", "{side}_mwrist_study"),
+    }
+    hips = {
+        f"{side}HJC_study": joints[f"{ours}_hip"] for side, ours in (("L", "left"), ("R", "right"))
+    }
+    skin = {
+        f"{side}_shoulder_study": joints[f"{ours}_shoulder"] + 0.05
+        for side, ours in (("L", "left"), ("r", "right"))
+    }
+    return wrong | pairs(joints, names, ("L", "r")) | hips | skin
+
+
+def laboratory(joints):
+    """Markers of a laboratory, some of which say the medial one at their end."""
+    names = {
+        "knee": ("{side}KNE", "{side}KNEM"),
+        "ankle": ("{side}LM", "{side}MM"),
+        "elbow": ("{side}.Elbow", "{side}.Elbow.Medial"),
+        "wrist": ("{side}WRA", "{side}WRB"),
+    }
+    parts = ("Hip_JC", "", "", "SJC", "", "", "MT2")
+    return sided(joints, "V_{side}.{part}", parts) | pairs(joints, names, ("L", "R"))
+
+
+MAKERS = {
+    "video": lambda joints: sided(joints, "{side}{part}", KEYPOINTS) | {"Neck": joints["neck"]},
+    "OpenCap": opencap,
+    "centres": lambda joints: sided(joints, "{side}{part}", CENTRES),
+    "words": lambda joints: sided(joints, "{part}_{side}", PARTS, ("l", "r")),
+    "Plug-in Gait": lambda joints: sided(joints, "Anna:{side}{part}", GAIT),
+    "laboratory": laboratory,
+}
+
+
+@pytest.fixture
+def video(joints):
+    return {name: path.copy() for name, path in MAKERS["video"](joints).items()}
+
+
+def places(recording, role):
+    return recording.positions[:, recording.joint_names.index(role)]
+
+
+@pytest.mark.parametrize("maker", MAKERS)
+def test_joints_are_where_names_of_markers_say(maker, joints, tmp_path):
+    recording = load_trc(write_trc(tmp_path / "jump.trc", MAKERS[maker](joints)))
+    assert (recording.frames_per_second, recording.unit) == (RATE, "metres")
+    for role in NEEDED:
+        np.testing.assert_allclose(places(recording, role), joints[role], atol=1e-6)
+    rotations = recording.global_rotations
+    np.testing.assert_allclose(
+        rotations @ np.swapaxes(rotations, -1, -2),
+        np.broadcast_to(np.eye(3), rotations.shape),
+        atol=1e-9,
+    )
+
+
+@pytest.mark.parametrize("upright", ["y", "z"])
+def test_a_body_performs_what_markers_recorded(upright, dance, video, tmp_path):
+    if upright == "z":
+        video = {name: path[:, [2, 0, 1]] for name, path in video.items()}
+    motion = load_recording(write_trc(tmp_path / "jump.trc", video), dance.model, betas=dance.betas)
+    assert motion.errors.directions.max() < 4.0
+    assert motion.errors.positions.max() < 0.02
+    assert motion.errors.scale == pytest.approx(1.0, abs=1e-4)
+    if upright == "y":
+        apart = np.linalg.norm(motion[::8] - dance[::8], axis=-1)
+        # Collars were not recorded: the farther shoulders are from hips, the higher they are.
+        assert apart.mean() < 0.02
+
+
+def test_bent_knees_turn_about_the_axis_of_the_knee(joints, video, tmp_path):
+    recording = load_trc(write_trc(tmp_path / "jump.trc", video))
+    upper, lower = (
+        joints["left_knee"] - joints["left_hip"],
+        joints["left_ankle"] - joints["left_knee"],
+    )
+    bends = np.cross(upper, lower) / np.linalg.norm(upper, axis=1, keepdims=True)
+    bends /= np.linalg.norm(lower, axis=1, keepdims=True)
+    deepest = np.argmax(np.linalg.norm(bends, axis=1))
+    number = recording.joint_names.index("left_knee")
+    # In the rest pose, x points to the left, and the shank down.
+    turned = recording.global_rotations[deepest, number]
+    axis = bends[deepest] / np.linalg.norm(bends[deepest])
+    assert turned[:, 0] @ axis > np.cos(np.radians(10.0))
+    shank = lower[deepest] / np.linalg.norm(lower[deepest])
+    np.testing.assert_allclose(turned @ [0.0, -1.0, 0.0], shank, atol=1e-6)
+
+
+@pytest.mark.parametrize("unit", ["mm", "cm", "m"])
+def test_units_are_those_of_the_file(unit, joints, video, tmp_path):
+    recording = load_trc(write_trc(tmp_path / "jump.trc", video, unit))
+    np.testing.assert_allclose(places(recording, "left_knee"), joints["left_knee"], atol=1e-5)
+
+
+def test_a_unit_that_the_file_does_not_name(joints, video, tmp_path):
+    file = write_trc(tmp_path / "jump.trc", video, "?")
+    assert load_trc(file).unit is None
+    assert load_trc(file, unit="m").unit == "metres"
+    with pytest.warns(UserWarning, match="unit="):
+        load_trc(file, unit="mm")
+
+
+def test_spaces_between_columns(joints, video, tmp_path):
+    file = write_trc(tmp_path / "jump.trc", video, missing="NaN", tabs=False)
+    np.testing.assert_allclose(places(load_trc(file), "left_hip"), joints["left_hip"], atol=1e-6)
+
+
+@pytest.mark.parametrize("missing", ["", "NaN", "0.00000"])
+def test_short_gaps_are_interpolated_and_said(missing, joints, video, tmp_path):
+    video["LKnee"][10:12] = np.nan
+    file = write_trc(tmp_path / "jump.trc", video, missing=missing)
+    with pytest.warns(UserWarning, match="left_knee up to 2"):
+        recording = load_trc(file)
+    assert len(recording) == len(joints["left_knee"])
+    np.testing.assert_allclose(places(recording, "left_knee"), joints["left_knee"], atol=0.02)
+
+
+def test_frames_at_both_ends_without_markers_are_left_out(joints, video, tmp_path):
+    n_frames = len(video["LKnee"])
+    video["LKnee"][:10] = np.nan
+    video["RWrist"][-3:] = np.nan
+    with pytest.warns(UserWarning, match=f"only frames 11 to {n_frames - 3} of {n_frames}"):
+        recording = load_trc(write_trc(tmp_path / "jump.trc", video))
+    np.testing.assert_allclose(
+        places(recording, "left_knee"), joints["left_knee"][10:-3], atol=1e-6
+    )
+
+
+def test_long_gaps_are_refused_unless_nothing_needs_them(video, tmp_path):
+    video["LBigToe"][5:25] = np.nan
+    with pytest.warns(UserWarning, match="left_toes was left out"):
+        recording = load_trc(write_trc(tmp_path / "jump.trc", video))
+    assert "left_toes" not in recording.joint_names
+    video["LKnee"][5:25] = np.nan
+    with pytest.raises(FileFormatError, match="left_knee in 20 frames"):
+        load_trc(write_trc(tmp_path / "jump.trc", video))
+
+
+def test_a_recipe_without_values_gives_way_to_another(joints, video, tmp_path):
+    video["LKJC"] = np.full_like(video["LKnee"], np.nan)
+    recording = load_trc(write_trc(tmp_path / "jump.trc", video))
+    np.testing.assert_allclose(places(recording, "left_knee"), joints["left_knee"], atol=1e-6)
+
+
+def test_missing_joints_are_named_with_the_markers_of_the_file(joints, video, tmp_path):
+    video["Gamba"] = video.pop("LKnee")
+    file = write_trc(tmp_path / "jump.trc", video)
+    with pytest.raises(FileFormatError, match="no centre of left_knee; it has the markers.*Gamba"):
+        load_trc(file)
+    for told in ("Gamba", ["Gamba", "Gamba"]):
+        recording = load_trc(file, joints={"left_knee": told})
+        np.testing.assert_allclose(places(recording, "left_knee"), joints["left_knee"], atol=1e-6)
+    assert len(load_recording(file, joints={"left_knee": "Gamba"})) == len(recording)
+    with pytest.raises(ArgumentError, match="must be one of"):
+        load_trc(file, joints={"left_knee": "Knie"})
+    with pytest.raises(ArgumentError, match="joints must name some of"):
+        load_trc(file, joints={"tail": "Gamba"})
+
+
+def test_other_markers_are_no_person(tmp_path):
+    box = {f"Box{number}": np.ones((5, 3)) for number in range(4)}
+    with pytest.raises(FileFormatError, match="left_hip.*Box0, Box1, Box2, Box3"):
+        load_trc(write_trc(tmp_path / "box.trc", box))
+
+
+def test_single_markers_on_the_skin_are_said(joints, tmp_path):
+    parts = ("HJC", "KNE", "ANK", "SHO", "ELB", "WRI", "TOE")
+    file = write_trc(tmp_path / "jump.trc", sided(joints, "{side}{part}", parts))
+    with pytest.warns(UserWarning, match="left_shoulder.* on the skin"):
+        load_trc(file)
+
+
+def test_hips_from_the_corners_of_the_pelvis(joints, video, tmp_path):
+    del video["LHip"], video["RHip"]
+    # A pelvis 24 cm wide that stands upright, facing the front.
+    middle = 0.5 * (joints["left_hip"] + joints["right_hip"])
+    for name, place in {
+        "LASI": (0.12, 0.07, 0.05),
+        "RASI": (-0.12, 0.07, 0.05),
+        "LPSI": (0.04, 0.07, -0.10),
+        "RPSI": (-0.04, 0.07, -0.10),
+    }.items():
+        video[name] = middle + np.array(place)
+    recording = load_trc(write_trc(tmp_path / "jump.trc", video))
+    expected = middle + [0.12 - 0.14 * 0.24, 0.07 - 0.30 * 0.24, 0.05 - 0.22 * 0.24]
+    np.testing.assert_allclose(places(recording, "left_hip"), expected, atol=1e-6)
+
+
+def test_of_several_people_one_is_taken(joints, tmp_path):
+    both = {f"Ben:{name}": path + 1.0 for name, path in MAKERS["centres"](joints).items()}
+    both |= {f"Anna:{name}": path for name, path in MAKERS["centres"](joints).items()}
+    file = write_trc(tmp_path / "both.trc", both)
+    with pytest.warns(UserWarning, match="2 people"):
+        recording = load_trc(file)
+    np.testing.assert_allclose(places(recording, "left_hip"), joints["left_hip"] + 1.0, atol=1e-6)
+    anna = load_trc(file, joints={"left_hip": "Anna:LHJC"})
+    np.testing.assert_allclose(places(anna, "right_wrist"), joints["right_wrist"], atol=1e-6)
+
+
+def test_the_head_turns_as_its_markers_do(joints, video, tmp_path):
+    centre = joints["head"]
+    angle = np.linspace(0.0, 0.5, len(centre))
+    left = np.stack([np.cos(angle), np.zeros_like(angle), -np.sin(angle)], axis=1)
+    ahead = np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
+    video |= {"LEar": centre + 0.07 * left, "REar": centre - 0.07 * left}
+    video["Nose"] = centre + 0.1 * ahead
+    recording = load_trc(write_trc(tmp_path / "jump.trc", video))
+    number = recording.joint_names.index("head")
+    np.testing.assert_allclose(recording.global_rotations[:, number, :, 0], left, atol=1e-4)
+    assert "head" in retarget(recording).errors.parts
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda text: "", "Frame#"),
+        (lambda text: text[: len(text) // 2].rpartition("\n")[0], "NumFrames says"),
+        (lambda text: text.replace("\n3\t", "\n3\toops\t", 1), "columns expected|could not"),
+        (lambda text: text.replace("\n3\t0.1", "\n3\toops", 1), "could not convert"),
+        (lambda text: text.replace("20.0", "-20.0", 2), "frame rate"),
+        (lambda text: text.replace("20.0", "fast", 1), "datarate"),
+        (lambda text: text.replace("\tmm\t", "\tmm\t").rpartition("\t")[0] + "\t1e300\n", "below"),
+        (lambda text: text.replace("Frame#", "Bild", 1), "Frame#"),
+        (lambda text: text.rpartition("\t")[0] + "\n", "columns expected"),
+    ],
+)
+def test_damaged_files(damage, message, video, tmp_path):
+    file = write_trc(tmp_path / "jump.trc", video)
+    file.write_text(damage(file.read_text()))
+    with pytest.raises(FileFormatError, match=message):
+        load_trc(file)
+
+
+def test_no_frames_and_no_rate(video, tmp_path):
+    file = write_trc(tmp_path / "empty.trc", video)
+    file.write_text("\n".join(file.read_text().splitlines()[:6]))
+    with pytest.raises(FileFormatError, match="0 frames follow"):
+        load_trc(file)
+    assert load_trc(
+        write_trc(tmp_path / "jump.trc", video, header={"DataRate": 0, "CameraRate": 0})
+    ).frames_per_second == pytest.approx(RATE, rel=1e-3)
+
+
+def write_c3d(path, markers, unit="mm"):
+    ezc3d = pytest.importorskip("ezc3d")
+    content = ezc3d.c3d()
+    names = list(markers)
+    points = 1000.0 * np.stack(list(markers.values()), axis=1)
+    content["parameters"]["POINT"]["RATE"]["value"] = [RATE]
+    content["parameters"]["POINT"]["LABELS"]["value"] = names
+    content["parameters"]["POINT"]["UNITS"]["value"] = [unit]
+    content["data"]["points"] = np.concatenate(
+        [np.moveaxis(points, -1, 0).swapaxes(1, 2), np.ones((1, len(names), len(points)))]
+    )
+    content.write(str(path))
+    return path
+
+
+def test_c3d_files_are_read_as_trc_files(dance, joints, video, tmp_path):
+    video["LKnee"][10] = np.nan
+    file = write_c3d(tmp_path / "jump.c3d", video)
+    with pytest.warns(UserWarning, match="left_knee up to 1"):
+        recording = load_c3d(file)
+    assert (recording.frames_per_second, recording.unit) == (RATE, "metres")
+    np.testing.assert_allclose(places(recording, "left_hip"), joints["left_hip"], atol=1e-5)
+    with pytest.warns(UserWarning, match="left_knee up to 1"):
+        motion = load_recording(file, dance.model, betas=dance.betas)
+    assert motion.errors.positions.max() < 0.02
+
+
+@pytest.mark.parametrize("size", [0, 1, 100, 512, 2000, 8000])
+def test_damaged_c3d_files(size, video, tmp_path):
+    file = write_c3d(tmp_path / "jump.c3d", video)
+    file.write_bytes(file.read_bytes()[:size])
+    with pytest.raises(FileFormatError):
+        load_c3d(file)
+
+
+def test_c3d_files_need_a_package(monkeypatch, tmp_path):
+    monkeypatch.setitem(__import__("sys").modules, "ezc3d", None)
+    (tmp_path / "jump.c3d").write_bytes(b"\x02\x50" + 510 * b"\0")
+    with pytest.raises(MissingDependencyError, match="recordings"):
+        load_c3d(tmp_path / "jump.c3d")
