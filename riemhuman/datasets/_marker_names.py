@@ -33,35 +33,30 @@ _CENTRES = {
     "elbow": ("ejc", "huo"),
     "wrist": ("wjc", "rao"),
 }
-# Pairs of markers under names of bones: epicondyles, malleoli, styloid processes.
+# Pairs of markers under names of bones: epicondyles, malleoli, styloid processes, metatarsals.
 _PAIRS = {
     "knee": (
-        (
-            ("lfe", "lfc", "lek", "lateralepicondyle", "lateralcondyle"),
-            ("mfe", "mfc", "mek", "medialepicondyle", "medialcondyle"),
-        ),
+        ("lfe", "lfc", "lek", "fle", "le", "lateralepicondyle", "lateralcondyle"),
+        ("mfe", "mfc", "mek", "fme", "me", "medialepicondyle", "medialcondyle"),
     ),
     "ankle": (
-        (
-            ("lm", "lmal", "latmal", "lateralmalleolus"),
-            ("mm", "mmal", "medmal", "medialmalleolus"),
-        ),
+        ("lm", "lmal", "latmal", "fal", "lateralmalleolus"),
+        ("mm", "mmal", "medmal", "tam", "medialmalleolus"),
     ),
-    "elbow": ((("lhe", "lel", "lee"), ("mhe", "mel", "mee")),),
+    "elbow": (("lhe", "lel", "lee", "hle"), ("mhe", "mel", "mee", "hme")),
     "wrist": (
-        (
-            ("wra", "wristradius", "wristradial", "radius"),
-            ("wrb", "wristulna", "wristulnar", "ulna"),
-        ),
+        ("wra", "wristradius", "wristradial", "radius", "faradius", "rsp"),
+        ("wrb", "wristulna", "wristulnar", "ulna", "faulna", "usp"),
     ),
     "toes": (
-        (("bigtoe", "mt1", "1meta", "1mth", "d1m"), ("smalltoe", "mt5", "5meta", "5mth", "d5m")),
+        ("smalltoe", "mt5", "5meta", "5mth", "fm5", "toelat"),
+        ("bigtoe", "mt1", "1meta", "1mth", "fm1", "toemed"),
     ),
 }
 # Single markers on the skin: of a shoulder on its acromion.
-_SKIN = {"shoulder": ("acromion", "acromium", "acr", "sho", "shld", "ac", "acro")}
+_SKIN = {"shoulder": ("acromion", "acromium", "acr", "acro", "ac", "sae", "sho", "shld")}
 # Of the toes, markers in the middle of the foot, and at its end.
-_TOES = ("toes", "toe", "mt2", "2meta", "2mth", "mtp2")
+_TOES = ("toes", "toe", "mt2", "2meta", "2mth", "mtp2", "fm2")
 _TIPS = ("tiptoe", "toetip", "bigtoe", "hallux")
 _HEAD = {
     "ear": ("ear",),
@@ -71,8 +66,8 @@ _HEAD = {
 _UNSIDED = {"head": ("head", "headcentre", "headcenter"), "nose": ("nose",)}
 # Corners of the pelvis, from which the centres of hips are estimated.
 _PELVIS = {
-    "asis": ("asis", "asi"),
-    "psis": ("psis", "psi"),
+    "asis": ("asis", "asi", "ias"),
+    "psis": ("psis", "psi", "ips"),
 }
 _SACRUM = ("sacr", "sacrum", "sacral", "vsacral", "sac")
 
@@ -95,6 +90,8 @@ class MarkerNames:
                 # As in files of OpenCap, where RShoulder is a centre and r_shoulder_study is skin.
                 self._numbers.setdefault((side, text + _ON_SKIN * is_skin), number)
 
+        self._is_laboratory = any(("left", text) in self._numbers for text in _PELVIS["asis"])
+
     def first(self, side: str, spellings: Sequence[str]) -> int | None:
         """Return the number of the first marker with one of some spellings."""
         for text in spellings:
@@ -112,7 +109,8 @@ class MarkerNames:
         found = self._single(side, _centre_names(part)) + self._pairs(side, part)
         seen = self._numbers.get((side, part))
         if seen is not None:
-            found.append(Recipe((seen,)))
+            # Beside corners of the pelvis, a knee is the skin beside it as well.
+            found.append(Recipe((seen,), on_skin=self._is_laboratory))
         skin = (*_SHORT.get(part, ()), *_SKIN.get(part, ()), part)
         return found + self._single(side, skin, on_skin=True)
 
@@ -171,7 +169,7 @@ def _centre_names(part: str) -> tuple[str, ...]:
 
 def _pairs_of(part: str) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
     """Return spellings of the lateral and the medial marker of a joint."""
-    pairs = list(_PAIRS.get(part, ()))
+    pairs = [_PAIRS[part]] if part in _PAIRS else []
     if part in _SHORT:
         stems = (part, *_SHORT[part])
         lateral, medial = (

@@ -92,7 +92,28 @@ def laboratory(joints):
     return sided(joints, "V_{side}.{part}", parts) | pairs(joints, names, ("L", "R"))
 
 
+def qualisys(joints):
+    """Markers with names of bones."""
+    names = {
+        "knee": ("{side}_FLE", "{side}_FME"),
+        "ankle": ("{side}_FAL", "{side}_TAM"),
+        "elbow": ("{side}_HLE", "{side}_HME"),
+        "wrist": ("{side}_RSP", "{side}_USP"),
+    }
+    parts = ("HJC", "", "", "SJC", "", "", "FM2")
+    return sided(joints, "{side}_{part}", parts) | pairs(joints, names, ("L", "R"))
+
+
+def opensim(joints):
+    """Centres, but of wrists, as in OpenSim's full-body model."""
+    wrists = {"wrist": ("{side}FAradius", "{side}FAulna")}
+    parts = (*CENTRES[:5], "", "")
+    return sided(joints, "{side}{part}", parts) | pairs(joints, wrists, ("L", "R"))
+
+
 MAKERS = {
+    "Qualisys": qualisys,
+    "OpenSim": opensim,
     "video": lambda joints: sided(joints, "{side}{part}", KEYPOINTS) | {"Neck": joints["neck"]},
     "OpenCap": opencap,
     "centres": lambda joints: sided(joints, "{side}{part}", CENTRES),
@@ -241,8 +262,16 @@ def test_single_markers_on_the_skin_are_said(joints, tmp_path):
         load_trc(file)
 
 
+def test_in_laboratories_a_knee_is_the_skin_beside_it(joints, video, tmp_path):
+    video |= {"LASI": joints["left_hip"], "RASI": joints["right_hip"]}
+    with pytest.warns(UserWarning, match="left_knee.* on the skin"):
+        load_trc(write_trc(tmp_path / "jump.trc", video))
+
+
 def test_hips_from_the_corners_of_the_pelvis(joints, video, tmp_path):
     del video["LHip"], video["RHip"]
+    for part, centre in zip(KEYPOINTS[1:6], CENTRES[1:6], strict=True):
+        video |= {f"{side}{centre}": video.pop(f"{side}{part}") for side in "LR"}
     # A pelvis 24 cm wide that stands upright, facing the front.
     middle = 0.5 * (joints["left_hip"] + joints["right_hip"])
     for name, place in {
