@@ -23,6 +23,9 @@ _SKELETONS: dict[str, Callable[[Path], rh.datasets.SkeletonMotion]] = {
     ".c3d": rh.datasets.load_c3d,
 }
 
+# Of an archive of any number of arrays.
+_MOST_LISTED = 100
+
 
 @cli.command(
     "view",
@@ -130,49 +133,70 @@ def _scan_facts(file: Path) -> dict[str, Any]:
 def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
     """Return counts, sizes (in the unit of the file) and defects of a mesh by name."""
     import numpy as np
-    from scipy.sparse.csgraph import connected_components
 
     from riemhuman.checks import likely_units
+    from riemhuman.io.mesh_arrays import place_numbers
+    from riemhuman.surfaces.measures import vertex_components
 
-    mesh = rh.io.to_trimesh(vertices, faces)
-    _, n_triangles = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
-    used = np.unique(faces)
-    _, part = connected_components(mesh.edges_sparse, directed=False)
-    extents = np.ptp(vertices[used], axis=0)
+    n_triangles, is_passed_once = _edge_uses(faces)
+    is_used = np.zeros(len(vertices), dtype=bool)
+    is_used[faces] = True
+    part = vertex_components(faces, len(vertices))
+    extents = np.ptp(vertices[is_used], axis=0)
     inward = rh.registration.find_inward_triangles(vertices, faces)
-    _, n_directed = np.unique(mesh.edges, axis=0, return_counts=True)
-    oriented = (n_directed == 1).all() and len(np.unique(inward)) == 1
-    longest = mesh.edges_unique_length[mesh.faces_unique_edges].max(axis=1)
+    is_closed = bool((n_triangles == 2).all())
+    oriented = is_passed_once and bool(inward.all() or not inward.any())
+    areas = rh.surfaces.triangle_areas(vertices, faces)
+    sides = [vertices[faces[:, k]] - vertices[faces[:, k - 1]] for k in range(3)]
+    longest_squared = np.max([np.einsum("fx,fx->f", side, side) for side in sides], axis=0)
     units = " or ".join(likely_units(max(extents)))
     seams = rh.io.find_seams(vertices, faces)
-    try:
-        rh.Template(vertices, faces)
-        usable = "yes"
-        if seams:
-            usable = f"yes, once its seams are joined: {seams.n_copies} doubled vertices"
-    except ArgumentError as error:
-        usable = f"no: {error}"
     return {
         "vertices": len(vertices),
         "triangles": len(faces),
         "edges": len(n_triangles),
-        "parts": len(np.unique(part[used])),
-        "closed": mesh.is_watertight,
+        "parts": np.count_nonzero(np.bincount(part[is_used])),
+        "closed": is_closed,
         "boundary_edges": (n_triangles == 1).sum(),
         "non_manifold_edges": (n_triangles > 2).sum(),
         "consistently_oriented": oriented,
         "triangles_facing_inward": inward.sum(),
-        "unused_vertices": len(vertices) - len(used),
-        "coincident_vertices": len(vertices) - len(np.unique(vertices, axis=0)),
+        "unused_vertices": (~is_used).sum(),
+        "coincident_vertices": len(vertices) - 1 - place_numbers(vertices).max(),
         "seam_edges": len(seams.edge_pairs),
         # Those whose height is zero up to rounding.
-        "degenerate_triangles": (2 * mesh.area_faces <= 1e-12 * longest**2).sum(),
+        "degenerate_triangles": (2 * areas <= 1e-12 * longest_squared).sum(),
         "extents": extents,
-        "area": mesh.area,
-        "volume": mesh.volume if mesh.is_watertight and oriented else None,
+        "area": areas.sum(),
+        "volume": float(rh.surfaces.signed_volume(vertices, faces))
+        if is_closed and oriented
+        else None,
         "unit_guess": units or "none: no human body has this size",
-        "usable_as_template": usable,
+        "usable_as_template": _use_as_template(vertices, faces, seams),
     }
+
+
+def _edge_uses(faces: ndarray) -> tuple[ndarray, bool]:
+    """Return how many triangles share each edge, and whether none pass one in the same way."""
+    import numpy as np
+
+    starts, ends = faces.T.ravel(), faces[:, [1, 2, 0]].T.ravel()
+    # One number an edge and direction: sorting pairs takes many times as long.
+    keys = np.minimum(starts, ends) * (int(faces.max()) + 1) + np.maximum(starts, ends)
+    keys = np.sort(2 * keys + (starts > ends))
+    is_passed_once = bool((np.diff(keys) != 0).all())
+    first = np.flatnonzero(np.diff(keys >> 1, prepend=-1))
+    return np.diff(first, append=len(keys)), is_passed_once
+
+
+def _use_as_template(vertices: ndarray, faces: ndarray, seams: rh.io.Seams) -> str:
+    try:
+        rh.Template(vertices, faces)
+    except ArgumentError as error:
+        return f"no: {error}"
+    if seams:
+        return f"yes, once its seams are joined: {seams.n_copies} doubled vertices"
+    return "yes"
 
 
 def _folder_facts(folder: Path) -> dict[str, Any]:
@@ -202,11 +226,14 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
 
 
 def _npz_facts(file: Path) -> dict[str, Any]:
-    if rh.io.load_arrays(file, (), ("mocap_framerate", "mocap_frame_rate")):
+    from riemhuman.io.arrays import array_shapes, first_headers
+
+    every_name, headers = first_headers(file, _MOST_LISTED)
+    names = set(every_name)
+    if names & {"mocap_framerate", "mocap_frame_rate"}:
         (motion,) = rh.datasets.load_amass(file)
         return {"kind": "motion of AMASS", **_times(motion)}
-    arrays = rh.io.load_arrays(file, ())
-    if {"vectors", "format_version"} <= arrays.keys():
+    if {"vectors", "format_version"} <= names:
         basis = rh.DeformationBasis.load(file)
         ratio = basis.explained_variance_ratio
         return {
@@ -215,21 +242,25 @@ def _npz_facts(file: Path) -> dict[str, Any]:
             "vertices": basis.n_vertices,
             "explained_variance": None if ratio is None else ratio.sum(),
         }
-    if {"v_template", "shapedirs"} <= arrays.keys():
+    if {"v_template", "shapedirs"} <= names:
         return _model_facts(file)
-    if {"distances", "names"} <= arrays.keys():
+    if {"distances", "names"} <= names:
+        arrays = rh.io.load_arrays(file, ("distances", "names"), ("metric",))
         return {
             "kind": "distance matrix",
             "names": len(arrays["names"]),
             "metric": str(arrays["metric"]) if "metric" in arrays else None,
             "largest": arrays["distances"].max(initial=0.0),
         }
-    if {"path", "faces"} <= arrays.keys() and arrays["path"].ndim == 3:
-        n_times, n_vertices = arrays["path"].shape[:2]
-        sizes = {"times": n_times, "vertices": n_vertices, "triangles": len(arrays["faces"])}
+    _, shapes = array_shapes(file, ("path", "faces"))
+    if len(shapes) == 2 and len(shapes["path"]) == 3 and shapes["faces"]:
+        n_times, n_vertices = shapes["path"][:2]
+        sizes = {"times": n_times, "vertices": n_vertices, "triangles": shapes["faces"][0]}
         return {"kind": "path", **sizes}
-    shapes = {name: f"{array.dtype} {array.shape}" for name, array in arrays.items()}
-    return {"kind": "arrays", **shapes}
+    facts = {"kind": "arrays"}
+    facts |= {name: f"{dtype} {shape}" for name, (shape, dtype) in headers.items()}
+    n_others = len(every_name) - len(headers)
+    return facts | ({"others": f"{n_others:,} more arrays"} if n_others else {})
 
 
 def _model_facts(file: Path) -> dict[str, Any]:

@@ -33,15 +33,16 @@ class DynamicFaustMotion(Motion):
     """One sequence of Dynamic FAUST, whose frames are read on access."""
 
     def __init__(
-        self, path: Path, subject: str, sequence: str, faces: np.ndarray, rate: Any
+        self,
+        path: Path,
+        subject: str,
+        sequence: str,
+        faces: np.ndarray,
+        shape: tuple[int, ...],
+        rate: Any,
     ) -> None:
         self.path, self._key = path, f"{subject}_{sequence}"
         self._n_vertices = int(faces.max()) + 1
-        with _open(path) as contents:
-            data = _stored(contents, self._key, path)
-            shape: tuple[int, ...] = getattr(data, "shape", None) or ()
-            if getattr(data, "dtype", np.dtype(object)).kind not in "fiu":
-                raise FileFormatError(f"{self._key} of {path} does not hold numbers")
         if len(shape) != 3 or shape[:2] != (self._n_vertices, 3) or shape[2] == 0:
             raise FileFormatError(
                 f"{self._key} of {path} must have shape ({self._n_vertices}, 3, n_frames), as its "
@@ -52,10 +53,10 @@ class DynamicFaustMotion(Motion):
 
     def _frames(self, numbers: range) -> np.ndarray:
         chosen = self._numbers[np.asarray(numbers, dtype=np.int64)]
-        frames = np.empty((len(chosen), self._n_vertices, 3))
         stride = abs(numbers.step) * _FRAMES_PER_SECOND / self.frames_per_second
         run = max(1, int(_SPAN / stride))
         with _open(self.path) as file:
+            frames = np.empty((len(chosen), self._n_vertices, 3))
             for start in range(0, len(chosen), run):
                 some = chosen[start : start + run]
                 first, end = int(some.min()), int(some.max()) + 1
@@ -135,20 +136,46 @@ def load_dfaust(
     performed = sorted(set().union(*recorded.values()))
     names = list(choose_names(sequences, "sequences", performed, f" in {places}"))
     people = choose_names(subjects, "subjects", tuple(recorded), f" in {places}")
-    motions, missing = [], []
-    for subject, sequence in itertools.product(people, names):
-        if sequence in recorded[subject]:
-            file = recorded[subject][sequence]
-            made = DynamicFaustMotion(file, subject, sequence, faces, frames_per_second)
-            motions.append(made)
-        else:
-            missing.append(f"{subject}_{sequence}")
-    if missing and sequences is not None and subjects is not None:
-        raise ArgumentError(
-            f"sequences must be there for all subjects asked for in {places}; missing: "
-            f"{join_names(missing)}"
+    if sequences is not None and subjects is not None:
+        pairs = itertools.product(people, names)
+        missing = [f"{who}_{what}" for who, what in pairs if what not in recorded[who]]
+        if missing:
+            raise ArgumentError(
+                f"sequences must be there for all subjects asked for in {places}; missing: "
+                f"{join_names(missing)}"
+            )
+    places_of_names = {name: place for place, name in enumerate(names)}
+    chosen = []
+    for subject in people:
+        # A file may hold as many people as sequences, each of one person.
+        own_names = sorted(
+            recorded[subject].keys() & places_of_names, key=places_of_names.__getitem__
         )
-    return Motions(motions)
+        chosen += [(recorded[subject][name], subject, name) for name in own_names]
+    shapes = {
+        file: _shapes(file, [f"{who}_{what}" for place, who, what in chosen if place == file])
+        for file in files
+    }
+    return Motions(
+        [
+            DynamicFaustMotion(
+                file, who, what, faces, shapes[file][f"{who}_{what}"], frames_per_second
+            )
+            for file, who, what in chosen
+        ]
+    )
+
+
+def _shapes(file: Path, keys: Sequence[str]) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of arrays of numbers in a file."""
+    shapes = {}
+    with _open(file) as contents:
+        for key in keys:
+            data = _stored(contents, key, file)
+            if getattr(data, "dtype", np.dtype(object)).kind not in "fiu":
+                raise FileFormatError(f"{key} of {file} does not hold numbers")
+            shapes[key] = tuple(data.shape or ())
+    return shapes
 
 
 def _stored(contents: Any, key: str, file: Path) -> Any:

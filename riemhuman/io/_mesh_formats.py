@@ -21,7 +21,7 @@ from numpy import ndarray
 
 from riemhuman.errors import FileFormatError
 from riemhuman.io.files import read_bytes
-from riemhuman.io.mesh_arrays import split_polygons
+from riemhuman.io.mesh_arrays import place_numbers, split_polygons
 
 Mesh = tuple[ndarray, ndarray]
 
@@ -61,13 +61,13 @@ def _read_ply(file: Path) -> Any:
     all_triangles = {"face": dict.fromkeys(_CORNERS, 3)}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of empty lists
-        try:
-            if not header.isascii():  # comments in other encodings, which plyfile refuses
-                raise plyfile.PlyElementParseError("not mapped")
-            return plyfile.PlyData.read(str(file), known_list_len=all_triangles)
-        except plyfile.PlyElementParseError:
+        if not header.isascii():  # comments in other encodings, which plyfile refuses
             plain = header.decode("ascii", "replace").replace("\ufffd", "?").encode()
             return plyfile.PlyData.read(io.BytesIO(plain + content[len(header) :]))
+        try:
+            return plyfile.PlyData.read(str(file), known_list_len=all_triangles)
+        except plyfile.PlyElementParseError:
+            return plyfile.PlyData.read(str(file))
 
 
 def _check_counts(content: bytes) -> bytes:
@@ -270,9 +270,11 @@ def read_stl(file: Path) -> Mesh:
             )
         corners = np.array(words, dtype=float).reshape(-1, 3)
     # Equal corners are one vertex; vertices come in the order in which they appear first.
-    _, first, vertex_of_corner = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+    place_of_corner = place_numbers(corners)
+    first = np.full(place_of_corner.max(initial=-1) + 1, len(corners))
+    np.minimum.at(first, place_of_corner, np.arange(len(corners)))
     order = np.argsort(first)
-    return corners[first[order]], np.argsort(order)[vertex_of_corner.ravel()].reshape(-1, 3)
+    return corners[first[order]], np.argsort(order)[place_of_corner].reshape(-1, 3)
 
 
 def _position(words: list[bytes]) -> list[float]:

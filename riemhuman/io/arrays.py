@@ -103,6 +103,15 @@ def array_shapes(
         return list(members), shapes
 
 
+def first_headers(
+    path: str | os.PathLike[str], most: int
+) -> tuple[list[str], dict[str, tuple[tuple[int, ...], np.dtype[Any]]]]:
+    """Return the names of all arrays of an .npz file, and shapes and types of the first ones."""
+    with _open_archive(path) as (archive, members, limit):
+        names = list(members)
+        return names, {name: _header(archive, members[name], limit) for name in names[:most]}
+
+
 def check_fields(found: Iterable[str], required: Iterable[str]) -> None:
     """Raise an error if a file lacks some fields."""
     missing = [name for name in required if name not in found]

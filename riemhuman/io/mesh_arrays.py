@@ -57,6 +57,15 @@ def _in_order(faces: np.ndarray) -> np.ndarray:
     return corners[np.lexsort(corners.T)]
 
 
+def place_numbers(points: np.ndarray) -> np.ndarray:
+    """Return a number for each point, from 0 on, the same where all coordinates are equal."""
+    order = np.lexsort(points.T)
+    is_new = np.any(np.diff(points[order], axis=0) != 0.0, axis=1)
+    numbers = np.empty(len(points), dtype=np.int64)
+    numbers[order] = np.concatenate([np.zeros(min(1, len(points)), np.int64), np.cumsum(is_new)])
+    return numbers
+
+
 def read_only(array: np.ndarray) -> np.ndarray:
     """Return the same array, which can no longer be written to."""
     array.setflags(write=False)

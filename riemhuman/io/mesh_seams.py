@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import one_of, real_array, real_number
 from riemhuman.errors import ArgumentError
-from riemhuman.io.mesh_arrays import check_mesh, read_only
+from riemhuman.io.mesh_arrays import check_mesh, place_numbers, read_only
 
 SEAMS = ("join", "keep")
 """Choices of readers: whether they join seams."""
@@ -152,37 +152,44 @@ def check_seams(seams: str) -> str:
 def _border_edges(faces: np.ndarray) -> np.ndarray:
     """Return the edges that belong to one triangle alone, in its direction, shape (B, 2)."""
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    keys = np.sort(sides, axis=1) @ [int(faces.max()) + 1, 1]
-    _, first, counts = np.unique(keys, return_index=True, return_counts=True)
-    return sides[np.sort(first[counts == 1])]
+    keys = sides.min(axis=1) * (int(faces.max()) + 1) + sides.max(axis=1)
+    order = np.argsort(keys)
+    is_new = np.concatenate([[True], np.diff(keys[order]) != 0, [True]])
+    return sides[np.sort(order[is_new[1:] & is_new[:-1]])]
 
 
 def _opposite_borders(points: np.ndarray, edges: np.ndarray, tolerance: float) -> np.ndarray:
     """Return pairs of border edges that about coincide in opposite directions, shape (P, 2, 2)."""
-    exact = _exactly_opposite(points, edges)
+    exact, is_other = _exactly_opposite(points, edges)
     # Most seams coincide to the last digit, and a search among neighbours takes longer.
-    rest = np.setdiff1d(np.arange(len(edges)), exact)
+    is_other[exact] = False
+    rest = np.flatnonzero(is_other)
     near = rest[_nearly_opposite(points, edges[rest], tolerance)]
     first, second = np.concatenate([exact, near]).T
     return np.stack([edges[first], edges[second, ::-1]], axis=1)
 
 
-def _exactly_opposite(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Return the numbers of edges whose ends are at the same places, swapped, shape (P, 2)."""
-    used, corners = np.unique(edges, return_inverse=True)
-    order = np.lexsort(points[used].T)
-    is_new = np.any(np.diff(points[used[order]], axis=0) != 0.0, axis=1)
-    places = np.empty(len(used), dtype=np.int64)
-    places[order] = np.concatenate([[0], np.cumsum(is_new)])
-    start, end = places[corners.reshape(edges.shape)].T
-    keys, opposite = start * len(used) + end, end * len(used) + start
+def _exactly_opposite(points: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers of edges whose ends are at the same places, swapped, shape (P, 2).
+
+    And which edges may be a pair with others: those with a length, the first of many at one place.
+    """
+    is_used = np.zeros(len(points), dtype=bool)
+    is_used[edges] = True
+    places = np.zeros(len(points), dtype=np.int64)
+    places[is_used] = place_numbers(points[is_used])
+    start, end = places[edges].T
+    keys, opposite = start * len(points) + end, end * len(points) + start
     order = np.argsort(keys, kind="stable")
-    low, high = (np.searchsorted(keys[order], opposite, side) for side in ("left", "right"))
+    ordered = keys[order]
+    low, high = (np.searchsorted(ordered, opposite, side) for side in ("left", "right"))
+    is_other = start != end
+    is_other[order[_MOST_SHEETS:][ordered[_MOST_SHEETS:] == ordered[:-_MOST_SHEETS]]] = False
     counts = np.where(start == end, 0, np.minimum(high - low, _MOST_SHEETS))
     first = np.repeat(np.arange(len(edges)), counts)
     within = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
     second = order[np.repeat(low, counts) + within]
-    return np.stack([first, second], axis=1)[first < second]
+    return np.stack([first, second], axis=1)[first < second], is_other
 
 
 def _nearly_opposite(points: np.ndarray, edges: np.ndarray, tolerance: float) -> np.ndarray:

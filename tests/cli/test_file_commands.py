@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import time
 from pathlib import Path
 
 import h5py
@@ -12,7 +13,7 @@ from marker_files import write_trc
 
 from riemhuman.cli._file_commands import mesh_facts
 from riemhuman.datasets import load_open_model
-from riemhuman.io import save_mesh
+from riemhuman.io import load_mesh, save_arrays, save_mesh
 from riemhuman.measurements import Measurements
 from riemhuman.surfaces import DeformationBasis
 
@@ -169,3 +170,41 @@ def test_info_says_that_seams_will_be_joined(run, tmp_path):
     assert found["usable_as_template"].startswith("yes, once its seams are joined: 798 doubled")
     folder = json.loads(run("info", tmp_path, "--json").out)
     assert (folder["vertices"], folder["seams_joined"]) == (162, 480)
+
+
+def test_of_many_arrays_the_first_are_listed(facts, tmp_path):
+    save_arrays(tmp_path / "many.npz", {f"a{k}": np.zeros(1) for k in range(1500)})
+    found = facts(tmp_path / "many.npz")
+    assert [name for name in found if name.startswith("a")] == [f"a{k}" for k in range(100)]
+    assert found["others"] == "1,400 more arrays"
+
+
+def test_brackets_in_brackets_are_refused(run, tmp_path):
+    (tmp_path / "own.json").write_text("[" * 50_000 + "]" * 50_000)
+    finished = run("info", tmp_path / "own.json")
+    assert finished.code == 2
+    assert "own.json: damaged, or not definitions of measurements" in finished.err
+
+
+def seconds(function, *arguments):
+    """Return the least processor time of three calls."""
+    times = []
+    for _ in range(3):
+        start = time.process_time()
+        function(*arguments)
+        times.append(time.process_time() - start)
+    return min(times)
+
+
+@pytest.mark.slow
+def test_facts_cost_little_more_than_reading(tmp_path):
+    """Sorting rows in place of numbers takes three times as long as this allows."""
+    side = np.arange(300)
+    x, y = (axis.ravel() for axis in np.meshgrid(side, side, indexing="ij"))
+    height = np.random.default_rng(0).standard_normal(len(x))
+    first = (300 * side[:-1, None] + side[:-1]).ravel()
+    corners = [[first, first + 300, first + 1], [first + 1, first + 300, first + 301]]
+    faces = np.concatenate([np.stack(corner, axis=1) for corner in corners])
+    save_mesh(tmp_path / "grid.obj", np.stack([x, y, height], axis=1), faces)
+    vertices, faces = load_mesh(tmp_path / "grid.obj")
+    assert seconds(mesh_facts, vertices, faces) < 4 * seconds(load_mesh, tmp_path / "grid.obj")

@@ -1,5 +1,7 @@
 """Seams: cut bodies, triangle soups, lips, touching borders, rounding."""
 
+import time
+
 import numpy as np
 import pytest
 from known_surfaces import sheet, sphere
@@ -263,3 +265,25 @@ def test_registration_and_terms_at_vertices_refuse_seams(spaces):
         rh.registration.TemplateRegistration(spaces[0].template)
     with pytest.raises(ArgumentError, match=r"normals of vertices .*template\.join_seams"):
         rh.GaugeInvariantMetric(rh.ElasticMetric(spaces[0]))
+
+
+@pytest.mark.parametrize("kind", ["one point", "copies", "copies both ways"])
+def test_many_triangles_at_one_place(kind):
+    """Their borders are not compared all with all."""
+    count = 8000
+    faces = np.arange(3 * count).reshape(-1, 3)
+    triangle = np.random.default_rng(0).standard_normal((3, 3))
+    piled = {
+        "one point": np.zeros((3 * count, 3)),
+        "copies": np.tile(triangle, (count, 1)),
+        "copies both ways": np.concatenate(
+            [np.tile(triangle, (count // 2, 1)), np.tile(triangle[::-1] + 1e-7, (count // 2, 1))]
+        ),
+    }[kind]
+    loose = np.random.default_rng(0).standard_normal((3 * count, 3))
+    times = []
+    for points in (loose, piled):
+        start = time.process_time()
+        find_seams(points, faces)
+        times.append(time.process_time() - start)
+    assert times[1] < 10 * times[0]
