@@ -53,6 +53,10 @@ class FileFormatError(RiemhumanError, ValueError):
     """A file is damaged or has the wrong content."""
 
 
+class OutOfMemoryError(RiemhumanError, MemoryError):
+    """There is too little memory to read a file, which need not be damaged."""
+
+
 class MissingDependencyError(RiemhumanError, ImportError):
     """An optional dependency is not installed; the message names the extra that installs it."""
 

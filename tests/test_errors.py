@@ -16,6 +16,7 @@ EXPECTED = {
     "FrameIndexError": IndexError,
     "FileError": OSError,
     "FileFormatError": ValueError,
+    "OutOfMemoryError": MemoryError,
     "MissingDependencyError": ImportError,
     "ClusterError": RuntimeError,
 }

@@ -99,7 +99,8 @@ def _run(given: Sequence[str]) -> int:
         if isinstance(error, RiemhumanError):
             terminal.note(str(error))
         elif isinstance(error, MemoryError):
-            terminal.note("not enough memory; use fewer or coarser meshes")
+            needed = f": {error}" if str(error) else ""
+            terminal.note(f"not enough memory; use fewer or coarser meshes{needed}")
         else:
             terminal.note(
                 f"unexpected {type(error).__name__}: {error}; --debug shows the traceback"

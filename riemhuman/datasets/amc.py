@@ -20,7 +20,7 @@ from riemhuman.checks import real_number
 from riemhuman.datasets.bvh import SkeletonMotion
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import memory_limit
-from riemhuman.io.files import file_path, read_bytes, short_message, suffix_of
+from riemhuman.io.files import file_path, memory_errors, read_bytes, short_message, suffix_of
 
 _INCH = 0.0254
 _TRANSLATIONS = ("tx", "ty", "tz")
@@ -102,11 +102,12 @@ def load_amc(
     file = file_path(path)
     suffix_of(file, (".amc",))
     rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
-    content = read_bytes(file)
-    skeleton_file = _skeleton_beside(file) if skeleton is None else file_path(skeleton, "skeleton")
-    found = _SkeletonReader(skeleton_file).read()
-    values = _read_frames(file, content, found)
-    return _skeleton_motion(found, values, rate, file.stem)
+    with memory_errors(file):
+        content = read_bytes(file)
+        chosen = _skeleton_beside(file) if skeleton is None else file_path(skeleton, "skeleton")
+        found = _SkeletonReader(chosen).read()
+        values = _read_frames(file, content, found)
+        return _skeleton_motion(found, values, rate, file.stem)
 
 
 def _skeleton_beside(file: Path) -> Path:

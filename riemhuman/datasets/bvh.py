@@ -18,7 +18,7 @@ from riemhuman.checks import real_number
 from riemhuman.datasets._units import metres_in
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import memory_limit
-from riemhuman.io.files import file_path, read_bytes, short_message
+from riemhuman.io.files import file_path, memory_errors, read_bytes, short_message
 from riemhuman.representation import Record
 
 _CHANNELS = tuple(f"{axis}{kind}" for kind in ("POSITION", "ROTATION") for axis in "XYZ")
@@ -111,6 +111,11 @@ def load_bvh(path: str | os.PathLike[str], *, unit: str | float | None = None) -
     """
     metres = 1.0 if unit is None else metres_in(unit)
     file = file_path(path)
+    with memory_errors(file):
+        return _skeleton_motion(file, metres, None if unit is None else "metres")
+
+
+def _skeleton_motion(file: Path, metres: float, unit: str | None) -> SkeletonMotion:
     content = read_bytes(file)
     joints, values, frame_time = _Reader(file, content).read()
     if _BYTES_OF_JOINT * len(values) * len(joints) > memory_limit(len(content)):
@@ -140,7 +145,7 @@ def load_bvh(path: str | os.PathLike[str], *, unit: str | float | None = None) -
         metres * translations,
         1.0 / frame_time,
         file.stem,
-        None if unit is None else "metres",
+        unit,
     )
 
 

@@ -219,7 +219,8 @@ class _Reader:
         """Return whether a node turns triangles inside out."""
         joints = self._joint_matrices(number)
         matrices = self._matrix(number)[None] if joints is None else joints
-        return bool(np.median(np.linalg.det(matrices[:, :3, :3])) < 0)
+        with np.errstate(over="ignore"):  # of absurd scales, which are refused later
+            return bool(np.median(np.linalg.det(matrices[:, :3, :3])) < 0)
 
     def _vertices_of(self, primitive: _Json, where: str) -> _Vertices:
         attributes = primitive["attributes"]

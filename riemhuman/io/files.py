@@ -6,15 +6,24 @@ or the new one. Only regular files are read: a device or a pipe may never end.
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 import secrets
 import shutil
 import stat
+import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError, RiemhumanError
+from riemhuman.errors import (
+    ArgumentTypeError,
+    FileError,
+    FileFormatError,
+    OutOfMemoryError,
+    RiemhumanError,
+)
 
 # How to convert files of point clouds that the library does not read.
 _POINT_CLOUDS = {
@@ -23,6 +32,12 @@ _POINT_CLOUDS = {
 }
 # Some errors quote a whole file.
 _LONGEST_MESSAGE = 300
+# How libraries in C say in other errors than `MemoryError` that they got no memory.
+_NO_MEMORY = re.compile(
+    r"(can(no|')t|unable to|failed to|could not) (allocate|map segment)|out of memory|"
+    r"memory allocation failed|error -4 while",  # of zlib
+    re.IGNORECASE,
+)
 # Bytes of the name of a file or folder.
 _LONGEST_NAME = 255
 
@@ -79,15 +94,18 @@ def read_bytes(file: Path) -> bytes:
     check_file(file)
     try:
         return file.read_bytes()
-    except OSError as error:
+    except (OSError, MemoryError) as error:
+        raise_lack_of_memory(file, error)
         raise FileError(f"{file} cannot be read: {short_message(error)}") from error
 
 
 def read_text(file: Path) -> str:
     """Return the content of a text file in UTF-8, without its byte order mark."""
+    content = read_bytes(file)
     try:
-        return read_bytes(file).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
+        return content.decode("utf-8-sig")
+    except (UnicodeDecodeError, MemoryError) as error:
+        raise_lack_of_memory(file, error)
         raise FileFormatError(f"{file} is not text in UTF-8: {error}") from error
 
 
@@ -146,14 +164,54 @@ def format_errors(file: Path | str, kind: str) -> Iterator[None]:
     """Raise what goes wrong while a file of a kind is read as an error that names it."""
     try:
         yield
-    except (FileError, ImportError):
+    except (FileError, OutOfMemoryError):
+        raise
+    except ImportError as error:
+        raise_lack_of_memory(file, error)
         raise
     except RiemhumanError as error:
+        raise_lack_of_memory(file, error)
         raise FileFormatError(f"{file}: {error}") from error
     except Exception as error:  # a damaged file can make a parser raise any error
+        raise_lack_of_memory(file, error)
         if isinstance(error, OSError) and error.errno:
             raise FileError(f"{file} cannot be read: {short_message(error)}") from error
         raise FileFormatError(f"{file}: damaged, or not {kind}: {short_message(error)}") from error
+
+
+@contextmanager
+def memory_errors(file: Path | str) -> Iterator[None]:
+    """Raise a lack of memory as an error that names the file."""
+    try:
+        yield
+    except OutOfMemoryError:
+        raise
+    except MemoryError as error:
+        raise_lack_of_memory(file, error)
+        raise
+
+
+def raise_lack_of_memory(file: Path | str, error: BaseException) -> None:
+    """Raise `OutOfMemoryError` if an error, while a file was read, came from a lack of memory."""
+    cause: BaseException | None = error
+    while cause is not None and not _is_lack_of_memory(cause):
+        cause = cause.__cause__ or cause.__context__
+    if cause is None:
+        return
+    try:
+        size = f" of {os.path.getsize(file):,} bytes"
+    except (OSError, ValueError):  # a part of a file
+        size = ""
+    needed = f": {short_message(cause)}" if str(cause) else ""
+    raise OutOfMemoryError(f"{file}{size} cannot be read, memory is short{needed}") from error
+
+
+def _is_lack_of_memory(error: BaseException) -> bool:
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
+        return True
+    # Other errors may quote what a file says.
+    is_of_library = isinstance(error, (OSError, ImportError, RuntimeError, zlib.error))
+    return is_of_library and _NO_MEMORY.search(str(error)) is not None
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.errors import FileFormatError
-from riemhuman.io.files import read_text
+from riemhuman.io.files import memory_errors, read_text
 
 SEPARATORS = (";", "\t", ",")
 """What may separate the cells of a table; of equally many, the first, as in 0,62;1,31."""
@@ -27,6 +27,11 @@ def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict
     Commas, semicolons or tabs separate them. A first line without numbers is a header; if it names
     all the columns, these are returned in their order.
     """
+    with memory_errors(file):
+        return _named_rows(file, title, columns)
+
+
+def _named_rows(file: Path, title: str, columns: Sequence[str]) -> dict[str, np.ndarray]:
     table: dict[str, np.ndarray] = {}
     length, has_fractions = 0, False
     chosen: list[int] | None = None
@@ -60,18 +65,19 @@ def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict
 
 def read_rows(file: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     """Return the separator of a table, and the cells of rows that are not blank, by line."""
-    text = read_text(file)
-    separator = separator_of(text)
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    rows = []
-    try:
-        for row in reader:
-            cells = [cell.strip() for cell in row]
-            if any(cells):
-                rows.append((reader.line_num, cells))
-    except csv.Error as error:
-        raise FileFormatError(f"{file}, line {reader.line_num}: {error}") from error
-    return separator, rows
+    with memory_errors(file):
+        text = read_text(file)
+        separator = separator_of(text)
+        reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+        rows = []
+        try:
+            for row in reader:
+                cells = [cell.strip() for cell in row]
+                if any(cells):
+                    rows.append((reader.line_num, cells))
+        except csv.Error as error:
+            raise FileFormatError(f"{file}, line {reader.line_num}: {error}") from error
+        return separator, rows
 
 
 def separator_of(text: str) -> str:

@@ -82,6 +82,7 @@ def test_terminals_without_unicode():
         (riemhuman.RiemhumanError("two\n lines"), 2, "two lines"),
         (riemhuman.errors.MissingDependencyError("h5py"), 2, "h5py"),
         (MemoryError(), 2, "not enough memory"),
+        (MemoryError("8 GiB"), 2, "not enough memory; use fewer or coarser meshes: 8 GiB"),
         (ZeroDivisionError("by zero"), 2, "unexpected ZeroDivisionError: by zero; --debug"),
         (KeyboardInterrupt(), 130, "interrupted"),
     ],

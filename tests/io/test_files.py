@@ -1,18 +1,23 @@
 """Files and folders are written atomically; outputs are checked before the work begins."""
 
+import errno
+import json
 import os
 import re
 import stat
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import riemhuman as rh
-from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, FileError, FileFormatError, OutOfMemoryError
 from riemhuman.io.files import (
     atomic_file,
+    format_errors,
     lock_file,
     read_bytes,
     read_text,
@@ -24,7 +29,7 @@ from riemhuman.io.outputs import (
     check_output_file,
     check_output_folder,
 )
-from riemhuman.io.text_tables import csv_cell, read_named_rows
+from riemhuman.io.text_tables import csv_cell, read_named_rows, read_rows
 
 HOLD = """
 import sys
@@ -364,3 +369,101 @@ def test_nested_brackets_in_measurements_are_refused(tmp_path):
     model = rh.datasets.load_open_model("coarse")
     with pytest.raises(FileFormatError, match=r"set\.json does not hold measurements"):
         rh.measurements.MeasurementSet.load(file, model)
+
+
+def test_cells_longer_than_readers_take_are_refused(tmp_path):
+    file = tmp_path / "labels.csv"
+    file.write_text(f"file,subject,pose\na.ply,{'x' * 200_000},b\n")
+    for read in (read_rows, lambda file: read_named_rows(file, "name")):
+        with pytest.raises(FileFormatError, match=r"labels\.csv, line 2: field larger than"):
+            read(file)
+
+
+@pytest.mark.parametrize("digits", ["1e400", "9" * 400, "-1" + "0" * 30])
+def test_absurd_numbers_in_measurements_are_refused(tmp_path, digits):
+    model = rh.datasets.load_open_model("coarse")
+    definitions = rh.measurements.Measurements(model).definitions
+    definitions.with_measurements(["stature"]).save(tmp_path / "set.json")
+    record = json.loads((tmp_path / "set.json").read_text())
+    record["parts"] = {"arm": [["absurd", "absurd"]]}
+    text = json.dumps(record).replace('"absurd"', digits)
+    (tmp_path / "set.json").write_text(text)
+    with pytest.raises(FileFormatError, match=r"set\.json does not hold measurements"):
+        rh.measurements.MeasurementSet.load(tmp_path / "set.json", model)
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (MemoryError(), "memory is short$"),
+        (MemoryError("Unable to allocate 8.00 GiB"), "memory is short: Unable to allocate 8"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), "Cannot allocate memory"),
+        (ImportError("x.so: failed to map segment from shared object"), "failed to map"),
+        (zlib.error("Error -4 while decompressing data"), "Error -4"),
+    ],
+)
+def test_too_little_memory_is_no_damage(tmp_path, error, message):
+    file = tmp_path / "a.ply"
+    file.write_bytes(bytes(2000))
+
+    def parse(caught):
+        with format_errors(file, "a mesh"):
+            raise FileFormatError("a parser calls it damaged") from caught
+
+    def fail(error):
+        with format_errors(file, "a mesh"):
+            raise error
+
+    with pytest.raises(OutOfMemoryError, match=f"a.ply of 2,000 bytes .*{message}"):
+        fail(error)
+    with pytest.raises(OutOfMemoryError, match=message):
+        parse(error)
+    with pytest.raises(FileFormatError, match="damaged, or not a mesh"):
+        fail(ValueError("'out of memory' is what the file says"))
+
+
+_LITTLE_MEMORY = """
+import resource, sys, zipfile
+from pathlib import Path
+import riemhuman as rh
+
+folder, left = Path(sys.argv[1]), 2**22
+readers = {
+    "ply": rh.load_mesh, "obj": rh.load_mesh, "off": rh.load_mesh, "glb": rh.load_mesh,
+    "npz": lambda file: rh.io.load_arrays(file, ["a"]), "csv": rh.registration.load_landmarks,
+}
+for name in ("small", "large"):
+    for suffix, read in readers.items():
+        if name == "large":
+            used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (used + left, -1))
+        try:
+            read(folder / f"{name}.{suffix}")
+            found = "read"
+        except Exception as error:
+            found = f"{type(error).__name__}: {error}"
+        resource.setrlimit(resource.RLIMIT_AS, (-1, -1))
+        print(name, suffix, found)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a limit of memory")
+def test_sound_files_with_little_memory_left(tmp_path):
+    rng = np.random.default_rng(0)
+    for name, size in (("small", 100), ("large", 100_000)):
+        mesh = rng.standard_normal((size, 3)), rng.integers(0, size, (2 * size, 3))
+        for suffix in ("ply", "obj", "off", "glb"):
+            rh.save_mesh(tmp_path / f"{name}.{suffix}", *mesh)
+        rh.io.save_arrays(tmp_path / f"{name}.npz", {"a": rng.standard_normal((10 * size, 3))})
+        rows = "".join(f"a{k},{k},1.5,2.5\n" for k in range(2 * size))
+        (tmp_path / f"{name}.csv").write_text(rows)
+    command = [sys.executable, "-c", _LITTLE_MEMORY, str(tmp_path)]
+    finished = subprocess.run(command, capture_output=True, text=True)
+    assert finished.returncode == 0, finished.stderr
+    lines = finished.stdout.splitlines()
+    assert [line.split()[-1] for line in lines[:6]] == ["read"] * 6
+    for line in lines[6:]:
+        _, suffix, found = line.split(" ", 2)
+        assert found.startswith("OutOfMemoryError: "), line
+        assert f"large.{suffix} of " in found
+        assert "memory is short" in found
