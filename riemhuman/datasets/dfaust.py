@@ -148,20 +148,26 @@ def load_dfaust(
     chosen = []
     for subject in people:
         # A file may hold as many people as sequences, each of one person.
-        own_names = sorted(
-            recorded[subject].keys() & places_of_names, key=places_of_names.__getitem__
-        )
+        shared = places_of_names.keys() & recorded[subject].keys()
+        own_names = sorted(shared, key=places_of_names.__getitem__)
         chosen += [(recorded[subject][name], subject, name) for name in own_names]
-    shapes = {
-        file: _shapes(file, [f"{who}_{what}" for place, who, what in chosen if place == file])
-        for file in files
-    }
+    return _motions(chosen, faces, frames_per_second)
+
+
+def _motions(
+    chosen: list[tuple[Path, str, str]], faces: np.ndarray, rate: Any
+) -> Motions[DynamicFaustMotion]:
+    """Return motions in files, of a subject and a sequence each; every file is opened once."""
+    keys: dict[Path, list[str]] = {}
+    for file, subject, sequence in chosen:
+        keys.setdefault(file, []).append(f"{subject}_{sequence}")
+    shapes = {file: _shapes(file, own) for file, own in keys.items()}
     return Motions(
         [
             DynamicFaustMotion(
-                file, who, what, faces, shapes[file][f"{who}_{what}"], frames_per_second
+                file, subject, sequence, faces, shapes[file][f"{subject}_{sequence}"], rate
             )
-            for file, who, what in chosen
+            for file, subject, sequence in chosen
         ]
     )
 
