@@ -280,8 +280,8 @@ def retarget(
     scale : {"adult", "recorded"}, optional
         Whether the recording is scaled to the legs of the person ("adult"), or the person to the
         recorded legs: a child, an adult and a giant keep their lengths. By default "recorded" if
-        the unit is given to `retarget` or `load_bvh`, else "adult". Without a unit, "recorded"
-        takes the one in which legs are most like an adult's, with a warning.
+        the unit is given to `retarget` or the reader, or the file names it, else "adult". Without
+        a unit, "recorded" takes the one in which legs are most like an adult's, with a warning.
     frames_per_second : float, optional
         Frame rate, at most that of the recording: the frames nearest in time are used.
 

@@ -3,11 +3,14 @@
 The truth is an open motion: its joints are written as markers, and performed by the same person.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from marker_files import RATE, write_trc
 
 from riemhuman.datasets import (
+    load_bvh,
     load_c3d,
     load_open_motions,
     load_recording,
@@ -17,6 +20,7 @@ from riemhuman.datasets import (
 from riemhuman.datasets._marker_names import NEEDED
 from riemhuman.errors import ArgumentError, FileFormatError, MissingDependencyError
 
+FOLDER = Path(__file__).parent / "recordings"
 PARTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist", "toes")
 # Markers on the skin are so far beside joints, metres.
 BESIDE = 0.045
@@ -158,6 +162,23 @@ def test_a_body_performs_what_markers_recorded(upright, dance, video, tmp_path):
         apart = np.linalg.norm(motion[::8] - dance[::8], axis=-1)
         # Collars were not recorded: the farther shoulders are from hips, the higher they are.
         assert apart.mean() < 0.02
+
+
+def test_a_real_recording_gives_the_body_of_its_skeleton(tmp_path):
+    # recordings/cmu_01_01.bvh is of the CMU Graphics Lab Motion Capture Database, see its README.
+    skeleton = load_bvh(FOLDER / "cmu_01_01.bvh", unit=0.0254 / 0.45)
+    names = ("UpLeg", "Leg", "Foot", "Arm", "ForeArm", "Hand", "ToeBase")
+    markers = {
+        f"{side[0]}{centre}": places(skeleton, f"{side}{name}")
+        for side in ("Left", "Right")
+        for name, centre in zip(names, CENTRES, strict=True)
+    }
+    markers["Head"] = places(skeleton, "Head")
+    header = {"DataRate": skeleton.frames_per_second}
+    motion = load_recording(write_trc(tmp_path / "walk.trc", markers, header=header))
+    apart = np.linalg.norm(motion[::10] - retarget(skeleton)[::10], axis=-1)
+    assert apart.mean() < 0.01
+    assert apart.max() < 0.06
 
 
 def test_bent_knees_turn_about_the_axis_of_the_knee(joints, video, tmp_path):
