@@ -10,18 +10,12 @@ from typing import TYPE_CHECKING, Any
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
-from riemhuman.datasets.recordings import RECORDING_ENDINGS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
     from numpy import ndarray
 
-_SKELETONS: dict[str, Callable[[Path], rh.datasets.SkeletonMotion]] = {
-    ".bvh": rh.datasets.load_bvh,
-    ".amc": rh.datasets.load_amc,
-    ".trc": rh.datasets.load_trc,
-    ".c3d": rh.datasets.load_c3d,
-}
+_SKELETON_ENDINGS = (".bvh", ".amc", ".trc", ".c3d")
 
 # Of an archive of any number of arrays.
 _MOST_LISTED = 100
@@ -51,7 +45,7 @@ def _view(options: argparse.Namespace) -> cli.Answer:
     first = options.meshes[0]
     with options.task("Page"):
         ending = first.suffix.lower()
-        if ending in RECORDING_ENDINGS:
+        if ending in rh.datasets.recordings.RECORDING_ENDINGS:
             if len(options.meshes) > 1:
                 raise ArgumentError(f"give either one {ending} file with a path, or meshes")
             motion, faces, duration = inputs.read_motion(first)
@@ -103,7 +97,7 @@ def _facts(file: Path) -> dict[str, Any]:
         ".json": _measurement_facts,
         ".csv": _table_facts,
         **dict.fromkeys((".hdf5", ".h5"), _hdf5_facts),
-        **dict.fromkeys(tuple(_SKELETONS), _skeleton_facts),
+        **dict.fromkeys(_SKELETON_ENDINGS, _skeleton_facts),
         **dict.fromkeys((".pkl", ".pickle"), _pickle_facts),
         **dict.fromkeys((".joblib", ".pt", ".pth"), _recording_facts),
     }
@@ -325,7 +319,13 @@ def _recording_facts(file: Path) -> dict[str, Any]:
 
 
 def _skeleton_facts(file: Path) -> dict[str, Any]:
-    motion = _SKELETONS[file.suffix.lower()](file)
+    readers: dict[str, Callable[[Path], rh.datasets.SkeletonMotion]] = {
+        ".bvh": rh.datasets.load_bvh,
+        ".amc": rh.datasets.load_amc,
+        ".trc": rh.datasets.load_trc,
+        ".c3d": rh.datasets.load_c3d,
+    }
+    motion = readers[file.suffix.lower()](file)
     return {
         "kind": "motion capture recording",
         "joints": len(motion.joint_names),

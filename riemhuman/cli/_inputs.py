@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli._terminal import as_json, note
-from riemhuman.datasets.recordings import RECORDING_ENDINGS
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ _MOST_IN_STRIP = 12
 def is_recording(file: Path) -> bool:
     """Return whether a file is a recording rather than an array path, by its ending and content."""
     if file.suffix.lower() != ".npz":
-        return file.suffix.lower() in RECORDING_ENDINGS
+        return file.suffix.lower() in rh.datasets.recordings.RECORDING_ENDINGS
     return not rh.io.load_arrays(file, (), ("path",))
 
 
@@ -321,7 +320,11 @@ def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> M
     found: list[tuple[str, Any, ndarray]] = []
     for place in places:
         files = sorted(place.rglob("*")) if place.is_dir() else [place]
-        recorded = [file for file in files if file.suffix.lower() in RECORDING_ENDINGS]
+        recorded = [
+            file
+            for file in files
+            if file.suffix.lower() in rh.datasets.recordings.RECORDING_ENDINGS
+        ]
         is_hdf5 = place.suffix.lower() in (".hdf5", ".h5") or bool(list(place.glob("*.hdf5")))
         if any(chosen.values()) and not is_hdf5:
             raise ArgumentError(f"--subjects and --sequences choose from HDF5 files; found {place}")
