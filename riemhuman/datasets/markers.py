@@ -23,6 +23,7 @@ from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import (
     file_path,
     format_errors,
+    memory_errors,
     read_bytes,
     short_message,
     suffix_of,
@@ -79,8 +80,9 @@ def load_trc(
     metres = None if unit is None else metres_in(unit)
     file = file_path(path)
     suffix_of(file, (".trc",))
-    found = _TextReader(file).read()
-    return skeleton_of(_in_metres(*found, metres), joints)
+    with memory_errors(file):
+        found = _TextReader(file).read()
+        return skeleton_of(_in_metres(*found, metres), joints)
 
 
 def load_c3d(

@@ -57,6 +57,17 @@ def _in_order(faces: np.ndarray) -> np.ndarray:
     return corners[np.lexsort(corners.T)]
 
 
+def distinct_pairs(pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return pairs of numbers from 0 on once, in order, the place of each, and how often they are.
+
+    One number a pair is sorted: `numpy.unique` takes ten times as long for rows.
+    """
+    size = int(pairs.max(initial=0)) + 1
+    keys = pairs[:, 0] * size + pairs[:, 1]
+    keys, places, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    return np.stack(np.divmod(keys, size), axis=1), places.reshape(-1), counts
+
+
 def place_numbers(points: np.ndarray) -> np.ndarray:
     """Return a number for each point, from 0 on, the same where all coordinates are equal."""
     order = np.lexsort(points.T)

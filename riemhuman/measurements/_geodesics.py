@@ -24,6 +24,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
+from riemhuman.io.mesh_arrays import distinct_pairs
 from riemhuman.kernels.compilation import compiled
 from riemhuman.measurements._sections import MISSES, Lines, side, weighted_vertices
 
@@ -58,7 +59,7 @@ class Mesh:
         """Points on edges, the two triangles of each, those in a triangle, and their distances."""
         face, corner = np.nonzero(self.neighbours >= 0)
         sides = np.stack([self.faces[face, corner], self.faces[face, (corner + 1) % 3]], axis=1)
-        edges, numbers = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+        edges, numbers, _ = distinct_pairs(np.sort(sides, axis=1))
         faces = np.repeat(face[np.argsort(numbers.ravel())].reshape(-1, 2), _PER_EDGE, axis=0)
         along = np.arange(1, _PER_EDGE + 1)[:, np.newaxis] / (_PER_EDGE + 1)
         starts, ends = (self.vertices[edges[:, [k]]] for k in range(2))

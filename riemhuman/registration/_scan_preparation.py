@@ -13,6 +13,7 @@ from scipy.sparse import csgraph
 from scipy.spatial import ConvexHull, cKDTree
 
 from riemhuman.errors import ArgumentError
+from riemhuman.io.mesh_arrays import distinct_pairs
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.registration.scans import (
     FEWEST_POINTS,
@@ -244,7 +245,7 @@ def _outward_fine_mesh(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarra
 def split_triangles(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the surface with every triangle cut into four."""
     sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, numbers = np.unique(sides, axis=0, return_inverse=True)
+    edges, numbers, _ = distinct_pairs(sides)
     a, b, c = faces.T
     ab, bc, ca = (len(points) + numbers.reshape(-1, 3)).T
     parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from riemhuman.checks import integer_array, refuse_type
 from riemhuman.errors import ArgumentError
-from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration.scan_registration import RegisteredScan
 from riemhuman.registration.scans import Scan, find_inward_triangles
@@ -254,7 +254,8 @@ def _shortcut_graph(points: np.ndarray, faces: np.ndarray) -> sparse.csr_array:
         for own in pairs.T  # the corners off the edge
     ]
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    ends = np.unique(np.sort(np.concatenate([sides, np.stack(opposite, axis=1)]), axis=1), axis=0)
+    joined = np.concatenate([sides, np.stack(opposite, axis=1)])
+    ends, *_ = distinct_pairs(np.sort(joined, axis=1))
     ends = ends[ends[:, 0] != ends[:, 1]]
     lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
     shape = (len(points), len(points))

@@ -12,7 +12,13 @@ from scipy import sparse
 
 from riemhuman.checks import check_resolution, integer_array, real_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.io.mesh_arrays import check_faces, check_mesh, face_difference, read_only
+from riemhuman.io.mesh_arrays import (
+    check_faces,
+    check_mesh,
+    distinct_pairs,
+    face_difference,
+    read_only,
+)
 from riemhuman.io.mesh_seams import Seams, common_seams, find_seams
 from riemhuman.io.meshes import (
     as_arrays,
@@ -192,7 +198,7 @@ class Template:
     def edges(self) -> np.ndarray:
         """Each undirected edge once, lower vertex index first, shape (E, 2), read-only int64."""
         sides = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-        return read_only(np.unique(np.sort(sides, axis=1), axis=0))
+        return read_only(distinct_pairs(np.sort(sides, axis=1))[0])
 
     @cached_property
     def seams(self) -> Seams:

@@ -33,6 +33,7 @@ from scipy.sparse import bsr_array, csr_array, diags_array, eye_array, kron
 
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.io.mesh_arrays import distinct_pairs
 from riemhuman.kernels import surface
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import apply_operator, cotangent_laplacian
@@ -480,7 +481,7 @@ def _add_vertex_sums(
 def surrounded_vertices(faces: ndarray, n_vertices: int) -> ndarray:
     """Tell which vertices are interior, neither on a border nor outside all triangles."""
     sides = onp.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    edges, counts = onp.unique(sides, axis=0, return_counts=True)
+    edges, _, counts = distinct_pairs(sides)
     if counts.max() > 2:
         worst = int(onp.argmax(counts))
         raise ArgumentError(
@@ -585,8 +586,7 @@ def vertex_normals(f: ndarray, template: Any, averages: csr_array) -> ndarray:
 def mixed_edges(faces: ndarray) -> ndarray:
     """Return the edges whose two triangles turn opposite sides up, as both pass them one way."""
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    edges, edge_of_side = onp.unique(onp.sort(sides, axis=1), axis=0, return_inverse=True)
-    edge_of_side = edge_of_side.reshape(-1)
+    edges, edge_of_side, _ = distinct_pairs(onp.sort(sides, axis=1))
     n_ahead = onp.bincount(edge_of_side, weights=sides[:, 0] < sides[:, 1])
     return edges[(onp.bincount(edge_of_side) == 2) & (n_ahead != 1)]
 

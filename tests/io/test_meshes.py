@@ -29,7 +29,7 @@ from riemhuman.io import (
     save_mesh,
     to_trimesh,
 )
-from riemhuman.io.mesh_arrays import check_mesh, split_polygons
+from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs, split_polygons
 from riemhuman.surfaces import Template
 
 ENDINGS = [".ply", ".obj", ".off"]
@@ -551,3 +551,13 @@ def test_a_polygon_of_many_corners(tmp_path):
         load_mesh(tmp_path / name)
         times.append(time.process_time() - start)
     assert times[1] < times[0]
+
+
+def test_distinct_pairs_are_those_of_numpy():
+    pairs = np.random.default_rng(0).integers(0, 7, (40, 2))
+    edges, counts = np.unique(pairs, axis=0, return_counts=True)
+    found, places, found_counts = distinct_pairs(pairs)
+    assert np.array_equal(found, edges)
+    assert np.array_equal(found_counts, counts)
+    assert np.array_equal(found[places], pairs)
+    assert [len(part) for part in distinct_pairs(pairs[:0])] == [0, 0, 0]
