@@ -46,9 +46,9 @@ class MotionDescriptor(Estimator):
     r"""Rows of numbers that say which motion it is, whoever does it and however long it takes.
 
     With coordinates c of a frame, the principal components of `metric.lower_bound_coordinates`, a
-    row holds the mean of c over time, its standard deviation, and its mean speed |dc/dt|, and the
-    mean and the deviation of the speed over the ground in units of :math:`\sqrt{g\,l}`, l the
-    length of the leg. Each of these four blocks is divided by its spread among the motions of
+    row holds the mean of c over time, its standard deviation, its mean speed :math:`|\dot c|`, and
+    the mean and the deviation of the speed over the ground, in units of :math:`\sqrt{g\,l}` with
+    the length l of the leg. Each of these four blocks is divided by its spread among the motions of
     `fit`, so that all count alike (the spread of travel is taken for 0.03 at least). Nothing is
     aligned in time: what follows what is not seen, and a walk of three steps is near a walk of
     seven.
