@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import os
 import struct
+import subprocess
+import sys
+import tempfile
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,9 +22,9 @@ from riemhuman.datasets._marker_skeletons import Markers, skeleton_of
 from riemhuman.datasets._units import metres_in
 from riemhuman.datasets.bvh import SkeletonMotion
 from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.io.arrays import load_arrays
 from riemhuman.io.files import (
     file_path,
-    format_errors,
     memory_errors,
     read_bytes,
     short_message,
@@ -93,7 +95,8 @@ def load_c3d(
 ) -> SkeletonMotion:
     """Read a recording of markers in a C3D file, as motion capture laboratories write it.
 
-    Needs ezc3d: ``pip install '.[recordings]'``. Which joints are found, and what is done about
+    Needs ezc3d: ``pip install '.[recordings]'``. It runs in a process of its own, which a damaged
+    file may end. Which joints are found, and what is done about
     gaps, is as for `load_trc`.
 
     Parameters
@@ -123,15 +126,8 @@ def load_c3d(
     if len(content) < _C3D_BLOCK or content[1] != _C3D_SIGN:
         raise FileFormatError(f"{file}: damaged, or not a C3D file")
     n_frames = _declared_frames(content)
-    ezc3d = import_optional("ezc3d", "recordings")
-    with format_errors(file, "a C3D file"):
-        tree = ezc3d.c3d(str(file))
-        points = tree["parameters"]["POINT"]
-        positions = np.moveaxis(np.asarray(tree["data"]["points"], dtype=float)[:3], 0, -1)
-        positions = np.ascontiguousarray(positions.swapaxes(0, 1))
-        names = _labels(points)[: positions.shape[1]]
-        rate = float(points["RATE"]["value"][0])
-        units = points.get("UNITS", {}).get("value", [])
+    points = _copied_points(file)
+    positions, names = points["positions"], points["names"].tolist()
     if len(positions) < n_frames:
         raise FileFormatError(
             f"{file}: cut off, its header says {n_frames} frames, but {len(positions)} follow"
@@ -141,9 +137,27 @@ def load_c3d(
             f"{file}: {positions.shape[1]} markers in {len(positions)} frames, and {len(names)} "
             "names of markers"
         )
-    return skeleton_of(
-        _in_metres(file, names, positions, rate, units[0] if units else "", metres), joints
-    )
+    markers = _in_metres(file, names, positions, float(points["rate"]), str(points["unit"]), metres)
+    return skeleton_of(markers, joints)
+
+
+def _copied_points(file: Path) -> dict[str, np.ndarray]:
+    """Return what `_c3d_points` copies from a file, in a process that damaged files may end."""
+    import_optional("ezc3d", "recordings")
+    script = Path(__file__).with_name("_c3d_points.py")
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "points.npz"
+        # -P: modules beside the script are none of its own.
+        command = [sys.executable, "-P", str(script), str(file.absolute()), str(target)]
+        done = subprocess.run(command, capture_output=True, check=False)
+        if done.returncode or not target.exists():
+            lines = done.stderr.decode(errors="replace").strip().splitlines()
+            # Of a process that was ended, nothing is known.
+            reason = lines[-1] if done.returncode > 0 and lines else "it cannot be read by ezc3d"
+            raise FileFormatError(
+                f"{file}: damaged, or not a C3D file: {short_message(ValueError(reason))}"
+            )
+        return load_arrays(target, ())
 
 
 def _declared_frames(content: bytes) -> int:
@@ -152,16 +166,6 @@ def _declared_frames(content: bytes) -> int:
     is_big = len(content) > processor > 0 and content[processor] == _C3D_BIG_ENDIAN
     first, last = struct.unpack_from(">HH" if is_big else "<HH", content, 6)
     return int(last - first + 1) if last >= first else 0
-
-
-def _labels(points: Mapping[str, Any]) -> list[str]:
-    """Return the names of points; those after the 255th are in LABELS2 and so on."""
-    names: list[str] = []
-    number = 1
-    while (key := f"LABELS{number if number > 1 else ''}") in points:
-        names += [str(name).strip() for name in points[key]["value"]]
-        number += 1
-    return names
 
 
 def _in_metres(
