@@ -39,6 +39,8 @@ _COLUMNS_BEFORE = 2
 # Of C3D files: the second byte, the length of the header, and the processors with the highest byte
 # first.
 _C3D_SIGN, _C3D_BLOCK, _C3D_BIG_ENDIAN = 0x50, 512, 86
+# ezc3d reads some damaged files without an end: it has at least so long, on the slowest machine.
+_C3D_SECONDS, _C3D_BYTES_A_SECOND = 20.0, 1e6
 
 
 def load_trc(
@@ -149,7 +151,13 @@ def _copied_points(file: Path) -> dict[str, np.ndarray]:
         target = Path(folder) / "points.npz"
         # -P: modules beside the script are none of its own.
         command = [sys.executable, "-P", str(script), str(file.absolute()), str(target)]
-        done = subprocess.run(command, capture_output=True, check=False)
+        seconds = _C3D_SECONDS + file.stat().st_size / _C3D_BYTES_A_SECOND
+        try:
+            done = subprocess.run(command, capture_output=True, check=False, timeout=seconds)
+        except subprocess.TimeoutExpired:
+            raise FileFormatError(
+                f"{file}: damaged, or not a C3D file: it was not read within {seconds:.0f} s"
+            ) from None
         if done.returncode or not target.exists():
             lines = done.stderr.decode(errors="replace").strip().splitlines()
             # Of a process that was ended, nothing is known.
