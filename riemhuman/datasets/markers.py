@@ -98,8 +98,7 @@ def load_c3d(
     """Read a recording of markers in a C3D file, as motion capture laboratories write it.
 
     Needs ezc3d: ``pip install '.[recordings]'``. It runs in a process of its own, which a damaged
-    file may end. Which joints are found, and what is done about
-    gaps, is as for `load_trc`.
+    file may end. Which joints are found, and what is done about gaps, is as for `load_trc`.
 
     Parameters
     ----------
@@ -139,8 +138,10 @@ def load_c3d(
             f"{file}: {positions.shape[1]} markers in {len(positions)} frames, and {len(names)} "
             "names of markers"
         )
-    markers = _in_metres(file, names, positions, float(points["rate"]), str(points["unit"]), metres)
-    return skeleton_of(markers, joints)
+    rate, written_unit = float(points["rate"]), str(points["unit"])
+    with memory_errors(file):
+        markers = _in_metres(file, names, positions, rate, written_unit, metres)
+        return skeleton_of(markers, joints)
 
 
 def _copied_points(file: Path) -> dict[str, np.ndarray]:
