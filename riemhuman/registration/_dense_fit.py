@@ -14,7 +14,13 @@ from scipy.spatial import cKDTree
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._arm_surfaces import ArmSurface
-from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, take_step
+from riemhuman.registration._posed_body import (
+    ModelSamples,
+    Pose,
+    Prior,
+    pose_body,
+    take_step,
+)
 from riemhuman.registration._scan_preparation import Matches, PreparedScan
 from riemhuman.registration._start_search import Candidate, StartSearch
 from riemhuman.surfaces.nearest_points import nearest_points
@@ -37,7 +43,7 @@ _N_DENSE = 3000
 
 # The elastic step softens to the last stiffness, which grows with the variance of the noise from
 # this deviation in metres; after the model is fitted to its result, it starts again from there.
-_FIRST_STIFFNESS, _LAST_STIFFNESS, _NOISE_METRES = 1e-3, 2e-5, 0.0020
+_FIRST_STIFFNESS, _LAST_STIFFNESS, _NOISE_METRES = 1e-3, 2e-5, 0.0014
 _N_STEPS, _N_STEPS_AGAIN, _N_REPEATS = 6, 2, 2
 # The model follows vertices without a match with this weight.
 _UNMATCHED = 0.02
@@ -56,10 +62,17 @@ def fit_closest(
     """Return the parameters that bring a body's points to the closest points of a scan."""
     for scale in scales:
         posed = pose_body(body, pose)
-        gaps, normals, weights, _ = scan.match(posed.points, posed.normals, scale)
+        gaps, normals, weights, *_ = scan.match(posed.points, posed.normals, scale)
         shares = body.areas * weights
         pose = take_step(
-            posed, prior, scan.prior_weight, shares, gaps, normals, _MODEL_ALONG, _LONGEST
+            posed,
+            prior,
+            scan.prior_weight,
+            shares,
+            gaps,
+            normals,
+            _MODEL_ALONG,
+            _LONGEST,
         )
     return pose
 
@@ -81,7 +94,9 @@ def fit_elastic(
 
     def match(points: np.ndarray) -> Matches:
         matches = scan.match(points, vertex_normals(points, faces), scale)
-        return matches._replace(weights=matches.weights * visible)
+        return matches._replace(
+            weights=matches.weights * visible, reliable=matches.reliable * visible
+        )
 
     # Single precision suffices for steps.
     system = sparse.bsr_array(metric.metric_matrix(reference), blocksize=(3, 3)).astype(np.float32)
@@ -206,7 +221,12 @@ def leave_model(task: DenseTask, pose: Pose) -> DenseFit:
         pose = _fit_surface(task, pose, points, weights)
         reference = task.fitter.surface(pose)
         points, matches = fit_elastic(
-            metric, points, reference, scan, softer[-_N_STEPS_AGAIN:], visible=task.visible
+            metric,
+            points,
+            reference,
+            scan,
+            softer[-_N_STEPS_AGAIN:],
+            visible=task.visible,
         )
     return DenseFit(pose, reference, points, matches)
 

@@ -28,7 +28,7 @@ _MOST_POINTS = 20_000
 _FIRST_POINTS = 80_000
 # Only vertices are matched, so triangles of this size, such as those that close soles, are split;
 # larger ones are floors or strays. Metres.
-_LONG_EDGE, _LONGEST_EDGE = 0.025, 0.3
+_LONG_EDGE, _LONGEST_EDGE = 0.05, 0.3
 
 # Points farther from the median than this are strays.
 _FAR_METRES = 10.0
@@ -78,7 +78,7 @@ _MATCHED_NORMAL_METRES = 0.05
 _N_MATCHED = 4
 # A match may be so much farther along the surface as the scan's points are farther apart than this
 # there, metres.
-_DENSE_METRES = 0.012
+_DENSE_METRES = 0.02
 _BLUR_METRES = 0.008
 # Number of points from which noise is estimated, and the median of |x| for a standard normal x.
 _N_NOISE, _MEDIAN = 3000, 0.6745
@@ -92,9 +92,10 @@ class Matches(NamedTuple):
 
     gaps: np.ndarray  # (n, 3) vectors from the points of the body to their matches, metres
     normals: np.ndarray  # (n, 3) normals of the scan at the matches
-    weights: np.ndarray  # (n,) reliability of each match, between 0 and 1
+    weights: np.ndarray  # (n,) weights of the matches in a fit, between 0 and 1
     # (n,) lengths of the gaps without what the spacing of the scan explains, metres
     distances: np.ndarray
+    reliable: np.ndarray  # (n,) what the weights would be at these distances
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,21 +153,44 @@ class PreparedScan:
         gaps = np.einsum("nk,nkx->nx", shares, self.points[near]) - points
         mean_normals = unit_vectors(np.einsum("nk,nkx->nx", shares, self.normals[near]))
         cosines = np.einsum("nx,nx->n", mean_normals, normals)
-        # Between sparse points, the nearest is far along the surface even if nothing is missing.
-        heights = np.abs(np.einsum("nx,nx->n", gaps, mean_normals))
-        along = np.sqrt(np.maximum(np.sum(gaps**2, axis=1) - heights**2, 0.0))
-        allowed = np.clip(self.spacing[near[:, 0]] - _DENSE_METRES, 0.0, _WIDEST_SPACING)
-        allowed *= np.clip(2.0 * cosines - 1.0, 0.0, 1.0)  # on the same side of the body
+        heights = np.einsum("nx,nx->n", gaps, mean_normals)
+        along = np.linalg.norm(gaps - heights[:, np.newaxis] * mean_normals, axis=1)
+        allowed = self._room_between(places, near[:, 0], mean_normals)
+        allowed *= np.clip(4.0 * cosines - 3.0, 0.0, 1.0)  # on the same side of the body
         distances = np.hypot(heights, np.maximum(along - allowed, 0.0))
-        weights = (scale**2 / (distances**2 + scale**2)) ** 2
-        weights *= np.clip(cosines, 0.0, 1.0)
+        lengths = np.stack([np.linalg.norm(gaps, axis=1), distances])
+        weights, reliable = (scale**2 / (lengths**2 + scale**2)) ** 2 * np.clip(cosines, 0.0, 1.0)
         if self.floor is not None:  # soles that it hides are at least not below it
             up, height = self.floor
             depths = height - points @ up
             below = depths > 0.0
             gaps[below], mean_normals[below] = depths[below, np.newaxis] * up, up
-            weights[below], distances[below] = 1.0, depths[below]
-        return Matches(gaps, mean_normals, weights, distances)
+            weights[below], reliable[below], distances[below] = 1.0, 1.0, depths[below]
+        return Matches(gaps, mean_normals, weights, distances, reliable)
+
+    def _room_between(
+        self, places: np.ndarray, nearest: np.ndarray, normals: np.ndarray
+    ) -> np.ndarray:
+        """Return how far along the surface matches may be: between sparse points, all are far.
+
+        Beyond the border of what the scan shows, its points are on one side only: no room is there.
+        """
+        allowed = np.clip(self.spacing[nearest] - _DENSE_METRES, 0.0, _WIDEST_SPACING)
+        sparse_parts = np.flatnonzero(allowed > 0.0)
+        if not len(sparse_parts):
+            return allowed
+        nearest, normals = nearest[sparse_parts], normals[sparse_parts]
+        away = places[sparse_parts, :3] - self.points[nearest]
+        away = unit_vectors(away - np.einsum("nx,nx->n", away, normals)[:, np.newaxis] * normals)
+        ahead = places[sparse_parts]
+        ahead[:, :3] += self.spacing[nearest, np.newaxis] * away
+        across = self._tree.query(ahead, workers=N_THREADS)[1]
+        onward = self.points[across] - places[sparse_parts, :3]
+        between = np.einsum("nx,nx->n", onward, away) > 0.0
+        between &= np.linalg.norm(onward, axis=1) < self.spacing[nearest]
+        between &= np.einsum("nx,nx->n", self.normals[across], normals) > 0.5
+        allowed[sparse_parts[~between]] = 0.0
+        return allowed
 
 
 def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:

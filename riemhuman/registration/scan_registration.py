@@ -401,7 +401,7 @@ class ScanRegistration:
         visible = fitter.find_visible(model_points, scan.points, up)
         likelihood = self._likelihood(fitter, pose, scan, up, visible)
         near = fit.matches.distances < _MATCHED_METRES
-        matched = visible & near & (fit.matches.weights > 0.1)
+        matched = visible & near & (fit.matches.reliable > 0.1)
         some = scan.points[scan.even_points(_N_DENSE)]
         some = some[~fitter.find_hair(model_points, some)]
         _, gaps = nearest_points(some, points, self.model.faces)
@@ -733,7 +733,7 @@ class TemplateRegistration:
                 self._metric, points, reference, prepared, _STIFFNESSES, scale
             )
         near = matches.distances < _NEAR_METRES
-        matched = near & (matches.weights > 0.1)
+        matched = near & (matches.reliable > 0.1)
         seen = find_seen(self._metric.space.template, points, matched, prepared)
         points = points / self._factor
         places, distances = nearest_points(whole.points, points, faces)

@@ -25,7 +25,14 @@ def test_noise_is_that_of_the_scan(model, noise):
     assert abs(estimated - noise) < 0.0008
 
 
-@pytest.mark.parametrize(("noise", "stiffness"), [(0.0, 2e-5), (0.002, 2e-5), (0.004, 8e-5)])
+def test_triangles_of_a_usual_size_add_no_points(model):
+    body = rh.datasets.load_open_bodies("coarse")[0]
+    scan = simulated_scan(body, model.faces, 0, n_points=8000, mesh=True)
+    prepared = prepare_scan(rh.registration.Scan(*scan.surface), surroundings=False)
+    assert len(prepared.points) < 1.1 * len(scan.points)
+
+
+@pytest.mark.parametrize(("noise", "stiffness"), [(0.0, 2e-5), (0.0014, 2e-5), (0.0028, 8e-5)])
 def test_the_last_step_stiffens_with_much_noise(noise, stiffness):
     np.testing.assert_allclose(last_stiffness(noise), stiffness)
 

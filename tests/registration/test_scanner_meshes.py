@@ -64,7 +64,7 @@ def test_bodies_stand_on_the_floor_that_hides_their_soles(bodies):
     scan = simulated_scan(bodies[0], bodies.template.faces, rng=0, floor=True, rotate=False)
     prepared, low = prepare_scan(as_scan(scan.points)), scan.body[:, 1].min()
     sunken = scan.body - [0.0, 0.01, 0.0]
-    gaps, normals, weights, _ = prepared.match(sunken, np.zeros_like(sunken), 0.01)
+    gaps, normals, weights, *_ = prepared.match(sunken, np.zeros_like(sunken), 0.01)
     below = sunken[:, 1] < low - 0.003
     np.testing.assert_allclose(sunken[below, 1] + gaps[below, 1], low, atol=0.002)
     np.testing.assert_allclose(normals[below] @ [0.0, 1.0, 0.0], 1.0, atol=1e-3)
@@ -91,7 +91,13 @@ def squat(bodies):
     rotation = Rotation.from_euler("yx", [70.0, 90.0], degrees=True).as_matrix()
     points = np.concatenate([scan.points, floor, hair, [[1000.0, 0.0, 0.0]]])
     ends = len(scan.points) + np.cumsum([0, len(floor), len(hair)])
-    return scan, rotation, points @ rotation.T + [3.0, 2.0, 1.0], slice(*ends[:2]), slice(*ends[1:])
+    return (
+        scan,
+        rotation,
+        points @ rotation.T + [3.0, 2.0, 1.0],
+        slice(*ends[:2]),
+        slice(*ends[1:]),
+    )
 
 
 @pytest.fixture(scope="module")
