@@ -222,7 +222,7 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
 def _npz_facts(file: Path) -> dict[str, Any]:
     from riemhuman.io.arrays import array_shapes, first_headers
 
-    every_name, headers = first_headers(file, _MOST_LISTED)
+    every_name, shapes = array_shapes(file, ("path", "faces"))
     names = set(every_name)
     if names & {"mocap_framerate", "mocap_frame_rate"}:
         (motion,) = rh.datasets.load_amass(file)
@@ -246,11 +246,11 @@ def _npz_facts(file: Path) -> dict[str, Any]:
             "metric": str(arrays["metric"]) if "metric" in arrays else None,
             "largest": arrays["distances"].max(initial=0.0),
         }
-    _, shapes = array_shapes(file, ("path", "faces"))
     if len(shapes) == 2 and len(shapes["path"]) == 3 and shapes["faces"]:
         n_times, n_vertices = shapes["path"][:2]
         sizes = {"times": n_times, "vertices": n_vertices, "triangles": shapes["faces"][0]}
         return {"kind": "path", **sizes}
+    every_name, headers = first_headers(file, _MOST_LISTED)
     facts = {"kind": "arrays"}
     facts |= {name: f"{dtype} {shape}" for name, (shape, dtype) in headers.items()}
     n_others = len(every_name) - len(headers)
