@@ -45,6 +45,8 @@ _N_DENSE = 3000
 # this deviation in metres; after the model is fitted to its result, it starts again from there.
 _FIRST_STIFFNESS, _LAST_STIFFNESS, _NOISE_METRES = 1e-3, 2e-5, 0.0014
 _N_STEPS, _N_STEPS_AGAIN, _N_REPEATS = 6, 2, 2
+# Halvings of a step after which the cost must have fallen, or it is made as it is.
+_MOST_HALVINGS = 6
 # The model follows vertices without a match with this weight.
 _UNMATCHED = 0.02
 
@@ -102,12 +104,17 @@ def fit_elastic(
     system = sparse.bsr_array(metric.metric_matrix(reference), blocksize=(3, 3)).astype(np.float32)
     elastic, numbers = system.data, np.arange(len(start) + 1)
     on_diagonal = np.repeat(numbers[:-1], np.diff(system.indptr)) == system.indices
+
+    def pull_to(points: np.ndarray) -> tuple[float, np.ndarray]:
+        energy, gradient = metric.energy_and_gradient(np.stack([reference, points]))
+        return energy, gradient[1]
+
     points, matches = start, match(start)
+    energy, pull = pull_to(start)
     for stiffness in stiffnesses:
         weights = areas * matches.weights
         blocks = matches.normals[:, :, np.newaxis] * matches.normals[:, np.newaxis]
         blocks = weights[:, np.newaxis, np.newaxis] * (blocks + _FREE_ALONG * np.eye(3))
-        pull = metric.energy_and_gradient(np.stack([reference, points]))[1][1]
         right = np.einsum("nxy,ny->nx", blocks, matches.gaps) - 0.5 * stiffness * pull
         system.data = np.float32(stiffness) * elastic
         system.data[on_diagonal] += blocks
@@ -119,9 +126,23 @@ def fit_elastic(
             maxiter=_CONJUGATE_STEPS,
             M=sparse.bsr_array((inverse, numbers[:-1], numbers)),
         )
-        points = points + step.reshape(-1, 3)
+        step = step.reshape(-1, 3)
+        cost = _squares(matches.gaps, blocks) + stiffness * energy
+        # Where triangles nearly vanish, a whole step may go too far.
+        energy, pull = pull_to(points + step)
+        for _ in range(_MOST_HALVINGS):
+            if _squares(matches.gaps - step, blocks) + stiffness * energy <= cost:
+                break
+            step = 0.5 * step
+            energy, pull = pull_to(points + step)
+        points = points + step
         matches = match(points)
     return points, matches
+
+
+def _squares(gaps: np.ndarray, blocks: np.ndarray) -> float:
+    """Return the sum of weighted squares of gaps, with a matrix of weights for each."""
+    return float(np.einsum("nx,nxy,ny->", gaps, blocks, gaps, optimize=True))
 
 
 class DenseFitter(StartSearch):

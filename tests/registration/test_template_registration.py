@@ -41,3 +41,15 @@ def test_random_points_are_not_trusted(registration):
     result = registration.solve(points)
     assert not result.trusted
     assert "%" in result.message
+
+
+def test_steps_that_go_too_far_are_halved():
+    """Between 3,000 noisy vertices, whole steps once made triangles vanish, and points fly off."""
+    bodies = rh.datasets.load_open_bodies("coarse")
+    seen = rh.registration.simulated_scan(
+        bodies[0], bodies.template.faces, 0, n_points=3000, mesh=True, rotate=False
+    )
+    registration = rh.registration.TemplateRegistration(bodies.template)
+    result = registration.solve(seen.surface, start=bodies[0])
+    assert result.trusted
+    assert np.linalg.norm(result.points - bodies[0], axis=1).mean() < 0.004
