@@ -43,7 +43,7 @@ class _Summary:
 
 
 class MotionDescriptor(Estimator):
-    r"""Rows of numbers that say which motion it is, whoever does it and however long it takes.
+    r"""Rows of numbers that tell motions apart, for any person and any length of time.
 
     With coordinates c of a frame, the principal components of `metric.lower_bound_coordinates`, a
     row holds the mean of c over time, its standard deviation, its mean speed :math:`|\dot c|`, and
