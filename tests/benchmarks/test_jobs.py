@@ -14,13 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-TESTS = Path(__file__).parents[1]
+SUPPORT = Path(__file__).parents[1] / "support"
+ROOT = Path(__file__).parents[2]
 METRICS = {"pose": (0.0, 0.0, 1.0), "shape": (1.0, 1e-4, 0.0)}
 
 # In a process of its own, whose peak of memory is the job's.
 SCRIPT = f"""
 import sys, time
-sys.path[:0] = {[str(TESTS), str(TESTS.parent)]!r}
+sys.path[:0] = {[str(SUPPORT), str(ROOT)]!r}
 import numpy as np
 from people_in_motion import PeopleInMotion
 from riemhuman.geometry import AlignedSurfaces

@@ -10,12 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import adversarial_surfaces as exact
 import numpy as np
 import pytest
+from adversarial_surfaces import EPS, Surfaces, draw
 from autograd import grad
 from lengths import some
-from trust import adversarial_surfaces as exact
-from trust.adversarial_surfaces import EPS, Surfaces, draw
 
 import riemhuman as rh
 

@@ -135,7 +135,7 @@ def test_fresh_processes_give_the_same_bits(n_threads):
     with threadpoolctl.threadpool_limits(n_threads):
         exec(COMPUTE, here)
     environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join([str(ROOT / "tests"), str(ROOT)]),
+        "PYTHONPATH": os.pathsep.join([str(ROOT / "tests" / "support"), str(ROOT)]),
         "PYTHONHASHSEED": "3",
         "OPENBLAS_NUM_THREADS": str(n_threads),
         "OMP_NUM_THREADS": str(n_threads),

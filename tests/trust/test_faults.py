@@ -13,10 +13,11 @@ from itertools import product
 from pathlib import Path
 
 import pytest
+from faults import OPERATIONS, Processes
 from lengths import sample
-from trust.faults import OPERATIONS, Processes
 
-TESTS = Path(__file__).parents[1]
+SUPPORT = Path(__file__).parents[1] / "support"
+ROOT = Path(__file__).parents[2]
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="processes fork, and the sizes of files are limited"
@@ -27,7 +28,7 @@ pytestmark = pytest.mark.skipif(
 def server(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patches:
         # The server imports the tests and the library by itself.
-        patches.setenv("PYTHONPATH", os.pathsep.join([str(TESTS), str(TESTS.parent)]))
+        patches.setenv("PYTHONPATH", os.pathsep.join([str(SUPPORT), str(ROOT)]))
         for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
             patches.setenv(name, "1")
         yield Processes(tmp_path_factory.mktemp("server"))

@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 from lengths import FULL
 
-TESTS = Path(__file__).parents[1]
+SUPPORT = Path(__file__).parents[1] / "support"
+ROOT = Path(__file__).parents[2]
 CASES_A_READER = 300 if FULL else 100
 GROUPS = {
     "meshes": ["ply text", "ply binary", "obj", "off", "stl", "glb", "points"],
@@ -29,11 +30,11 @@ pytestmark = pytest.mark.skipif(
 def fuzz(tmp_path, names, count):
     """Return the report of a process of its own, which may crash."""
     environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join([str(TESTS), str(TESTS.parent)]),
+        "PYTHONPATH": os.pathsep.join([str(SUPPORT), str(ROOT)]),
         "OPENBLAS_NUM_THREADS": "1",
         "OMP_NUM_THREADS": "1",
     }
-    command = [sys.executable, str(TESTS / "trust" / "fuzz.py"), *names, "--verbose"]
+    command = [sys.executable, str(SUPPORT / "fuzz.py"), *names, "--verbose"]
     command += ["--count", str(count)]
     options = {"env": environment, "cwd": tmp_path, "timeout": 600, "check": False}
     done = subprocess.run(command, capture_output=True, text=True, **options)

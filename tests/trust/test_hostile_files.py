@@ -8,10 +8,10 @@ from contextlib import contextmanager
 import h5py
 import numpy as np
 import pytest
+from fuzzed_readers import surfaces, template
+from fuzzing import array_file, array_header
 from model_pickles import Call, Raw, ch, old_sparse, pickled, select, smpl_fields
 from scipy import sparse
-from trust.fuzzed_readers import surfaces, template
-from trust.fuzzing import array_file, array_header
 
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets import load_dfaust

@@ -100,7 +100,7 @@ class Processes:
         make_inputs(self.others, 1)
         self._folder = folder
         self._context = multiprocessing.get_context("forkserver")
-        self._context.set_forkserver_preload(["pytest", "trust.faults_server"])
+        self._context.set_forkserver_preload(["pytest", "faults_server"])
 
     def run(self, operation, outputs, **options):
         """Run an operation, and return how its process ended, see `race`."""

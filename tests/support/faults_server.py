@@ -5,7 +5,7 @@ import io
 import tempfile
 from pathlib import Path
 
-from trust.faults import OPERATIONS, make_inputs
+from faults import OPERATIONS, make_inputs
 
 with tempfile.TemporaryDirectory() as home, contextlib.redirect_stdout(io.StringIO()):
     make_inputs(Path(home) / "inputs", 0)

@@ -1,8 +1,8 @@
 """Runs readers on damaged files in a process with bounded memory, and watches them.
 
-Called by the tests, or by hand: ``PYTHONPATH=tests:. python tests/trust/fuzz.py "ply text" --first
-17 --count 1`` repeats one case, ``all --count 2000`` in place of the rest looks for more. The last
-line printed is a report in JSON.
+Called by the tests, or by hand: ``PYTHONPATH=. python tests/support/fuzz.py "ply text" --first 17
+--count 1`` repeats one case, ``all --count 2000`` looks for more. The last line printed is a report
+in JSON.
 """
 
 import argparse
@@ -16,8 +16,8 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from trust.fuzzed_readers import READERS
-from trust.fuzzing import CANARY, one_of
+from fuzzed_readers import READERS
+from fuzzing import CANARY, one_of
 
 from riemhuman.errors import RiemhumanError
 

@@ -10,8 +10,8 @@ from unittest import mock
 
 import h5py
 import numpy as np
+from fuzzing import ARCHIVES, BYTES, PICKLES, archive
 from model_pickles import smpl_fields, smpl_pickle
-from trust.fuzzing import ARCHIVES, BYTES, PICKLES, archive
 
 import riemhuman as rh
 from riemhuman.bodies import BodyModel, convert_model

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies import rotation_matrix
 from riemhuman.datasets import SkeletonMotion
 
-RECORDING = Path(__file__).parent / "datasets" / "recordings" / "cmu_01_01.bvh"
+RECORDING = Path(__file__).parents[1] / "datasets" / "recordings" / "cmu_01_01.bvh"
 
 
 def recording_of(model, betas, poses, translations, rate=30.0, name="{}_jnt"):
