@@ -10,7 +10,6 @@ import warnings
 
 import numpy as np
 import pytest
-from lengths import FULL
 from public_names import public_objects
 
 import riemhuman as rh
@@ -25,6 +24,7 @@ SLOW = {
     "riemhuman.plots.plot_measurement_lines",
     "riemhuman.registration.TemplateRegistration",
 }
+EVERYDAY = [name for name in list(OBJECTS)[::2] if name not in SLOW]
 
 
 @pytest.fixture
@@ -48,10 +48,8 @@ def test_every_name_has_an_example():
     assert [name for name in texts if "\nExamples\n--------\n" not in texts[name]] == []
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday(*EVERYDAY)
 @pytest.mark.parametrize("name", OBJECTS)
 @pytest.mark.usefixtures("quick")
 def test_examples(name):
-    if name in SLOW and not FULL:
-        pytest.skip("takes seconds")
     assert not failures(inspect.getdoc(OBJECTS[name]), name)

@@ -4,7 +4,6 @@ import re
 from pathlib import Path
 
 import pytest
-from lengths import FULL
 
 import riemhuman
 
@@ -12,7 +11,6 @@ ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "tutorials").glob("*.md"))]
 TUTORIALS = sorted((ROOT / "tutorials").glob("*.ipynb"))
-LONGEST_README = 172
 SLOW = {"bring_your_data"}  # registers a model to a mesh, in seconds
 
 every = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
@@ -43,9 +41,8 @@ def broken_links(page):
     return [link for link in local if not (page.parent / link).is_file()]
 
 
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if FULL or page.stem not in SLOW], ids=lambda path: path.stem
-)
+@pytest.mark.everyday(*(page.stem for page in PAGES if page.stem not in SLOW))
+@every
 def test_python_blocks_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run(python_blocks(text_of(page)), str(page))
@@ -71,10 +68,6 @@ def test_public_names_exist(page):
 @every
 def test_links_lead_somewhere(page):
     assert broken_links(page) == []
-
-
-def test_the_readme_is_short():
-    assert len(text_of(README).splitlines()) <= LONGEST_README
 
 
 @pytest.mark.parametrize(

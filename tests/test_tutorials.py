@@ -1,7 +1,7 @@
 """Tutorials run unedited in fresh processes, show what is stored, and are easy to read.
 
 Every day the first runs, in the process of the tests; what all show is compared with what is stored
-where the documentation is built, in `.ci/docs`, and in the long job.
+where the documentation is built, in `.ci/docs`, and among all tests.
 """
 
 import base64
@@ -14,7 +14,6 @@ import matplotlib.image
 import nbformat
 import numpy as np
 import pytest
-from lengths import FULL
 from matplotlib import font_manager
 from store_outputs import VIEWER, executed, small
 
@@ -77,7 +76,8 @@ def test_the_first_runs():
         exec(python(cell), namespace)
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS if FULL else [], ids=lambda path: path.stem)
+@pytest.mark.slow
+@every
 def test_shows_what_is_stored(path):
     fresh = small(executed(path))
     assert warnings_of(fresh) == ""

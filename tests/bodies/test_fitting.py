@@ -7,7 +7,6 @@ import autograd
 import autograd.numpy as anp
 import numpy as np
 import pytest
-from lengths import FULL, some
 from model_pickles import smpl_fields
 from scipy import sparse
 from scipy.spatial.transform import Rotation
@@ -41,8 +40,9 @@ def distances_mm(points, others):
     return 1000.0 * np.linalg.norm(points - others, axis=-1).mean(axis=-1)
 
 
-def test_bodies_are_recovered(model):
-    betas, pose, trans = parameters(model, some(100, 10))
+@pytest.mark.parametrize("n_bodies", [10, pytest.param(100, marks=pytest.mark.slow)])
+def test_bodies_are_recovered(model, n_bodies):
+    betas, pose, trans = parameters(model, n_bodies)
     points = model(betas, pose, trans)
     fit = model.fit(points)
     assert isinstance(fit, ModelFit)
@@ -165,15 +165,14 @@ def test_huber_loss(model):
     assert distances_mm(model(plain.betas, plain.pose, plain.trans), points[0]) > 5.0
 
 
-# Of the cases, those that run every day have every pair of choices.
-CASES = [
-    (loss, which, mapped)
-    for loss, which, mapped in product(["squared", "huber"], ["open", "pose-dependent"], [0, 1])
-    if FULL or (loss == "huber") ^ (which == "open") ^ mapped
-]
-
-
-@pytest.mark.parametrize(("loss", "which", "mapped"), CASES)
+# Those that run every day have every pair of choices.
+@pytest.mark.everyday(
+    *("squared-open-0", "squared-pose-dependent-1", "huber-open-1", "huber-pose-dependent-0")
+)
+@pytest.mark.parametrize(
+    ("loss", "which", "mapped"),
+    list(product(["squared", "huber"], ["open", "pose-dependent"], [0, 1])),
+)
 def test_the_cost_of_a_fit_has_no_gradient(model, smpl, loss, which, mapped):
     """By autograd through the model itself: misfit of weighted points, and priors."""
     body, rng = model if which == "open" else smpl, np.random.default_rng(22)

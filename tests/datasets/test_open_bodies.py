@@ -216,7 +216,7 @@ def test_people_are_distinguished(natural):
     assert scores(metric.dist_pairwise(natural.points), natural.subject).nn == 100
 
 
-@pytest.mark.sampled(2, "full bodies")
+@pytest.mark.slow
 def test_hands_touch_hips_and_head():
     natural = load_open_bodies("full", "natural")
     arms = [n for n in natural.model.joint_names if n.endswith(("shoulder", "elbow", "wrist"))]
@@ -250,7 +250,7 @@ def test_the_same_people_come_again_and_others_with_another_seed(natural, bodies
         np.testing.assert_array_equal(natural.betas, bodies.betas)
         assert natural.subject_names == bodies.subject_names
     else:
-        again = load_open_bodies.__wrapped__("coarse", "natural", people=people)  # computed anew
+        again = load_open_bodies("coarse", "natural", people=people)
         np.testing.assert_array_equal(again.points, natural.points)
         gaps = np.linalg.norm(natural.betas[::10, None] - bodies.betas[None, ::10], axis=-1)
         assert gaps.min() > 1

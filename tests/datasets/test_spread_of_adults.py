@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from lengths import sample
 
 import riemhuman as rh
 from riemhuman.measurements.measurement_set import DATA
@@ -46,7 +45,12 @@ def drawn(group, resolution, names, n):
 
 
 @pytest.mark.parametrize(
-    ("sex", "resolution"), sample([("woman", "coarse"), ("woman", "full"), ("man", "full")], 3)
+    ("sex", "resolution"),
+    [
+        ("woman", "coarse"),
+        pytest.param("woman", "full", marks=pytest.mark.slow),
+        pytest.param("man", "full", marks=pytest.mark.slow),
+    ],
 )
 def test_drawn_people_have_the_spread_of_ansur(sex, resolution):
     which = ("woman", "man").index(sex)

@@ -1,4 +1,4 @@
-"""What every metric of the registry owes: House rules 1, 6, 8 and 9.
+"""What every metric of the registry keeps to.
 
 A property is a function that asserts; broken twins of a metric must not pass it.
 """
@@ -13,7 +13,9 @@ import pytest
 from autograd import grad
 from cases import (
     CASES,
+    FIRST_HALF,
     KINDS,
+    SECOND_HALF,
     HalfPlane,
     HyperbolicDistance,
     HyperbolicInnerProduct,
@@ -110,7 +112,7 @@ def test_axioms_on_many_triples(case):
     check_axioms(case.metric.dist, near, a, b)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday(*FIRST_HALF)
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_gram_matrices_hold_inner_products(case):
     metric, x, (v, w) = case.metric, case.points[0], case.tangent_vecs[:2]
@@ -144,7 +146,7 @@ def test_strategies_take_one_pair_after_the_other():
     np.testing.assert_array_equal(carried, points + vectors - points)
 
 
-# Gradients (House rule 6).
+# Gradients.
 
 
 def check_gradient(function, x, direction):
@@ -153,7 +155,7 @@ def check_gradient(function, x, direction):
     assert taylor_slope(function, x, direction, gradient) >= 1.9
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday(*FIRST_HALF)
 @every("dist")
 def test_gradients_of_squared_dist(case):
     metric, projection, (x, y) = case.metric, case.space.projection, case.points[:2]
@@ -163,7 +165,7 @@ def test_gradients_of_squared_dist(case):
     check_gradient(lambda p: metric.dist(projection(p), y), x, v)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday(*SECOND_HALF)
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_gradients_of_energy_and_length(case):
     metric, projection = case.metric, case.space.projection
@@ -182,7 +184,7 @@ def test_squared_dists_and_gradient_are_those_of_single_segments(case):
     np.testing.assert_allclose(gradient, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday(*SECOND_HALF)
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_gradients_of_squared_norm(case):
     metric, projection = case.metric, case.space.projection
@@ -197,7 +199,7 @@ def test_gradients_of_squared_norm(case):
         assert np.all(grad(lambda p: metric.norm(p, x))(0 * v) == 0)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday(*SECOND_HALF)
 @every("dist")
 def test_coincident_points(case):
     x = case.points[0]

@@ -55,7 +55,14 @@ def metric_knows_curvature(metric):
     return type(metric).curvature_form is not RiemannianMetric.curvature_form
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.everyday(
+    "ebin 0.05 sphere",
+    "flat",
+    "pose triangle",
+    "rotation open, diffused",
+    "gauge-invariant srnf open",
+    "half-plane, inner product",
+)
 @every_case
 def test_stacks_are_those_of_each(case):
     for name, arrays in calls(case).items():

@@ -55,7 +55,7 @@ def compute(package, **environment):
     return done.stderr
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday("NUMBA_CACHE_DIR")
 @pytest.mark.parametrize("named", [False, True], ids=["no home", "NUMBA_CACHE_DIR"])
 def test_nowhere_to_keep_compiled_functions(package, named):
     below_a_file = str(package / "riemhuman" / "__init__.py" / "cache")

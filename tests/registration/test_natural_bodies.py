@@ -37,7 +37,7 @@ def test_hands_on_the_head_are_no_overlap(registration, bodies):
         assert not find_overlaps(template, bodies[k], ~on_hands).any()
 
 
-@pytest.mark.sampled(3, "scans that are trusted")
+@pytest.mark.slow
 def test_hands_on_hips(registration, bodies):
     scan = scan_of(bodies, HANDS_ON_HIPS)
     result = registration.solve(scan.points)
@@ -45,7 +45,6 @@ def test_hands_on_hips(registration, bodies):
     assert error(result, scan) < 0.02
 
 
-@pytest.mark.sampled(3, "scans that are trusted")
 def test_a_hand_on_the_ear(registration, bodies, monkeypatch):
     """No start pose has one hand on the ear and the other arm hanging: arms are tried alone."""
     search, names = registration._fitter, ("a", "down", "head", "elbows")
@@ -57,7 +56,7 @@ def test_a_hand_on_the_ear(registration, bodies, monkeypatch):
     assert np.linalg.norm(result.points - scan.body, axis=1).max() < 0.05
 
 
-@pytest.mark.sampled(6, "scans that are refused")
+@pytest.mark.slow
 def test_a_wrong_arm_is_not_trusted(registration, bodies, monkeypatch):
     """From one start pose alone, an arm is not found, and missed."""
     search = registration._fitter
@@ -71,7 +70,7 @@ def test_a_wrong_arm_is_not_trusted(registration, bodies, monkeypatch):
     assert "its right elbow matches hardly anything in the scan" in result.message
 
 
-@pytest.mark.sampled(3, "scans that are trusted")
+@pytest.mark.slow
 def test_landmarks_bring_the_arm_where_it_is(registration, bodies, monkeypatch):
     monkeypatch.setattr(registration._fitter, "arms", [])
     scan = scan_of(bodies, HAND_ON_EAR)

@@ -36,7 +36,7 @@ def test_correspondence_leads_to_the_nearest_places(registration, result, scan):
     assert np.all(result.distances <= nearest + 1e-12)
 
 
-@pytest.mark.sampled(3, "scans that are trusted")
+@pytest.mark.slow
 def test_other_units_axes_and_normals_change_nothing(registration, result, scan):
     # From y up to z up.
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -76,7 +76,6 @@ def test_a_sequence_shows_its_progress_and_keeps_what_is_finished(
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.sampled(3, "scans that are trusted")
 @pytest.mark.slow
 def test_vertices_outside_the_view_are_not_matched(registration_from, frames):
     registration = registration_from("forward")
@@ -89,7 +88,7 @@ def test_vertices_outside_the_view_are_not_matched(registration_from, frames):
     assert found.matched[normals[:, 2] < -0.5].mean() < 0.08  # 0.095 if any normals matched
 
 
-@pytest.mark.sampled(6, "scans that are refused")
+@pytest.mark.slow
 def test_two_people_are_refused(registration, scan):
     both = np.concatenate([scan.points, scan.points + [0.9, 0.0, 0.4]])
     found = registration.solve(both)

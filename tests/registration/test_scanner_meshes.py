@@ -71,7 +71,7 @@ def test_bodies_stand_on_the_floor_that_hides_their_soles(bodies):
     assert np.all(weights[below] == 1.0)
 
 
-@pytest.mark.sampled(3, "scans that are trusted")
+@pytest.mark.slow
 def test_a_scan_with_arms_that_face_inward_is_registered(registration_from, inverted_arms):
     scan, faces, _ = inverted_arms
     result = registration_from("lunge", "lunge_right").solve((scan.points, faces))
@@ -129,7 +129,7 @@ def test_bodies_are_moved_to_stand_upright_and_face_the_viewer(result, squat):
     assert np.linalg.norm(moved - body, axis=1).mean() < 0.03
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday("True")
 @pytest.mark.parametrize("upper", [False, True])
 def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
     scan = simulated_scan(bodies[0], bodies.template.faces, rng=0, n_points=4000, rotate=False)
@@ -146,7 +146,7 @@ def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
     assert re.search(rf"the .*({part}).* were not seen \(\d+ % of the body\)", result.message)
 
 
-@pytest.mark.sampled(3, "scans that are trusted")
+@pytest.mark.slow
 def test_a_body_that_is_cut_at_the_waist_is_not_stretched(registration):
     """The whole body fits this scan with its legs in the trunk, whose vertices are 4 cm off."""
     bodies = rh.datasets.load_open_bodies("coarse", variant="natural", people=71)
@@ -215,7 +215,6 @@ def test_mesh_objects_are_scans(bodies):
     np.testing.assert_array_equal(scan.faces, bodies.template.faces)
 
 
-@pytest.mark.sampled(3, "scans that are trusted")
 def test_bodies_in_leaning_scans_stand_on_their_feet(bodies, registration_from):
     scan = simulated_scan(bodies[0], bodies.template.faces, rng=1, n_points=5000, rotate=False)
     leaning = Rotation.from_euler("xyz", [70.0, 110.0, 25.0], degrees=True).as_matrix()

@@ -71,7 +71,7 @@ def test_straight_fingers_are_not_seen_in_a_scan_of_a_fist(model):
     assert found[1].all()  # as in a hole, where fists are right
 
 
-@pytest.mark.sampled(6, "scans that are refused")
+@pytest.mark.slow
 def test_a_body_the_wrong_way_round_is_refused():
     """The right start is left out, so that only the flipped body is there to be found."""
     model = rh.datasets.load_open_model("coarse")

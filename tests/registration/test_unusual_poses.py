@@ -46,7 +46,7 @@ def someone(name, model, rng):
     return model(betas, vectors) + surface_noise(model.template.vertices, 0.0015, (0.1, 0.4), rng)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.everyday("lie on the back")
 @pytest.mark.parametrize("name", POSES)
 def test_unusual_poses_are_found(registration, model, name):
     rng = np.random.default_rng([31, list(POSES).index(name)])

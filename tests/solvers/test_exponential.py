@@ -43,7 +43,7 @@ SURFACES = [
 PLANES = [CASES[name] for name in CASES if name.startswith("half-plane")]
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.everyday("ebin 0.0001 sphere", "ebin 0.5 triangle", "rotations triangle")
 @pytest.mark.parametrize("case", CLOSED_FORM, ids=name_of)
 def test_second_order_against_closed_forms(case):
     start, end = case.points[:2]
@@ -70,7 +70,7 @@ def test_exact_in_flat_space():
     np.testing.assert_allclose(one_more.end, start + 4.0 / 3.0 * velocity, atol=1e-12)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.everyday("all triangle", "half-plane, pulled back")
 @pytest.mark.parametrize("case", SURFACES + PLANES, ids=name_of)
 def test_second_order_without_closed_forms(case):
     start = case.points[0]

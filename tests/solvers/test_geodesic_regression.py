@@ -88,7 +88,7 @@ def test_a_geodesic_is_recovered(space):
     assert found.score(TIMES, points) == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday("normals", "metrics", "metrics with normals")
 @each_space
 def test_sum_of_squares_is_below_that_in_the_tangent_space_and_all_near(space):
     points = scattered(space)

@@ -84,7 +84,7 @@ def natural_poses(person, seed):
     return natural.template, natural.points[10 * person : 10 * person + 10]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday("weights1")
 @pytest.mark.parametrize("weights", [(1.0, 1.0, 0.1), (0.0, 0.0, 1.0)])
 def test_the_default_mean_of_poses_is_a_body(weights):
     """Over the points' differences alone its variance was more than a fourth larger, and with
@@ -155,7 +155,7 @@ def test_weights_pull_the_mean():
     assert space.metric.dist(twice.estimate_, thrice.estimate_) < 1e-3 * np.sqrt(twice.variance_)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday("metrics", "vectors")
 @on_fields
 def test_means_on_fields(space):
     """By descent along logarithms, which cancel at the mean, over a basis, and in batches."""
@@ -208,7 +208,7 @@ def test_median_of_weighted_numbers_is_one_of_them(solver, in_batches):
     assert np.all(np.diff(median.result_.variances) < 1e-9)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday("normals", "product")
 @on_fields
 def test_median_has_the_least_sum_of_distances(space):
     points = near_points(space, 3)
@@ -304,7 +304,7 @@ def test_points_that_coincide_to_rounding(scale):
         np.testing.assert_allclose(result.point, points.mean(axis=0), rtol=max(1e-2 * apart, 1e-15))
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.everyday("product")
 @on_fields
 def test_where_the_search_over_a_basis_starts(space):
     points = near_points(space)

@@ -70,7 +70,13 @@ def test_closed_forms_carry_velocities_along(case):
     )
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.everyday(
+    "ebin 0.0001 sphere-PoleLadder",
+    "ebin 0.05 sphere-SchildLadder",
+    "ebin 10 sphere-PoleLadder",
+    "ebin 0.5 triangle-SchildLadder",
+    "product of one-PoleLadder",
+)
 @pytest.mark.parametrize("ladder", LADDERS)
 @pytest.mark.parametrize("case", CURVED, ids=name_of)
 def test_ladders_come_to_the_closed_form_at_second_order(case, ladder):
@@ -98,7 +104,7 @@ def test_pole_ladders_are_exact_on_symmetric_spaces(case):
     assert np.abs(schild.tangent_vec - exact).max() > 1e-4
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.everyday("all open-PoleLadder", "half-plane, distance-SchildLadder")
 @pytest.mark.parametrize("ladder", LADDERS)
 @pytest.mark.parametrize("case", OTHERS, ids=name_of)
 def test_second_order_without_closed_forms(case, ladder):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from cases import (
     CASES,
+    NAMES_OF_KINDS,
     HalfPlane,
     HyperbolicDistance,
     HyperbolicInnerProduct,
@@ -92,7 +93,7 @@ def check_result(metric, result, start, end):
 # What they reach.
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.everyday("ebin 0.05 sphere", "ebin 0.5 triangle", "rotations sphere", "product")
 @pytest.mark.parametrize("case", cases_that("dist", "geodesic"), ids=name_of)
 def test_the_geodesic_where_it_has_a_closed_form(case):
     # A product does not tell which coordinates belong together: its search takes many steps.
@@ -104,7 +105,7 @@ def test_the_geodesic_where_it_has_a_closed_form(case):
     assert case.metric.dist(result.path, geodesic).max() < 1e-3 * np.sqrt(squared_dist)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.everyday(*NAMES_OF_KINDS)
 @pytest.mark.parametrize("case", SMOOTH, ids=name_of)
 def test_on_any_manifold(case):
     result = solve(case, n_nodes=7)
@@ -112,7 +113,7 @@ def test_on_any_manifold(case):
     np.testing.assert_array_equal(solve(case, n_nodes=7).path, result.path)
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.everyday("resting-other build-weights1", "other build-knee raised-weights0")
 @pytest.mark.parametrize("weights", WEIGHTS)
 @pytest.mark.parametrize("pair", PAIRS, ids="-".join)
 def test_between_bodies_over_a_basis(weights, pair):
@@ -120,7 +121,7 @@ def test_between_bodies_over_a_basis(weights, pair):
     check_result(metric, over_basis().solve(metric, *ends), *ends)
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.everyday("4-weights0")
 @pytest.mark.parametrize("weights", WEIGHTS)
 @pytest.mark.parametrize("seed", [1, 4])
 def test_below_the_path_over_a_basis(weights, seed):
@@ -131,7 +132,7 @@ def test_below_the_path_over_a_basis(weights, seed):
     assert result.energy < over_basis(4).solve(metric, *ends).energy
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.everyday("weights1")
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_no_worse_than_the_papers_recipe(weights):
     metric, ends = (elastic(*weights), (bodies.body("resting"), bodies.body("elbow bent")))
@@ -141,7 +142,7 @@ def test_no_worse_than_the_papers_recipe(weights):
     assert result.n_evaluations < paper.n_evaluations / 3
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.everyday("weights0")
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_paths_backwards_between_natural_bodies(weights):
     """People with habits, soft tissue and hands on the body, in poses of each other."""
@@ -152,7 +153,7 @@ def test_paths_backwards_between_natural_bodies(weights):
         assert back.energy == pytest.approx(there.energy, rel=1e-3)
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.everyday("6-weights0", "7-weights2")
 @pytest.mark.parametrize("weights", WEIGHTS)
 @pytest.mark.parametrize("n_nodes", [3, 6, 7])
 def test_a_body_turned_by_half_a_turn_turns(weights, n_nodes):
@@ -295,7 +296,7 @@ def test_what_the_first_runs_gained_counts_at_the_end():
     assert result.gap > 0.05
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.everyday("0-4")
 @pytest.mark.parametrize(("seed", "n_nodes"), [(0, 4), (2, 6), (9, 6)])
 def test_paths_on_which_triangles_vanish_are_starts_again(seed, n_nodes):
     """With λ next to none areas may vanish; turned, such a triangle must not round to one that has.
@@ -388,7 +389,7 @@ def test_the_tolerance_is_the_share_that_a_newton_step_would_gain(make, share, i
         assert result.n_evaluations == 1
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday("weights0", "weights2")
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_how_far_energies_are_above_the_minimum(weights):
     """Within a tenth of a per cent over a basis, half a per cent over all, and said so."""

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from cases import CASES, deformations, sphere_template
 from disentangled_bodies import PARTS, Disentangled, natural_people, random_pairs
-from lengths import sample
 from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import load_open_motions
@@ -252,7 +251,11 @@ def test_heat_along_bones_keeps_the_torso():
 
 @pytest.mark.parametrize(
     ("resolution", "people", "number", "toward_other"),
-    sample([("coarse", 171, 4, True), ("full", 31, 1, True), ("full", 31, 9, False)], 3),
+    [
+        ("coarse", 171, 4, True),
+        pytest.param("full", 31, 1, True, marks=pytest.mark.slow),
+        pytest.param("full", 31, 9, False, marks=pytest.mark.slow),
+    ],
 )
 def test_hard_pairs_converge(resolution, people, number, toward_other):
     """On some of the hardest of ten pairs.

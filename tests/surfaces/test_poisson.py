@@ -14,7 +14,7 @@ TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
 TIMES = np.linspace(0.0, 1.0, 6)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday("open")
 @pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
 def test_rigid_motions_are_followed(template):
     turn = np.array([0.4, -2.0, 1.1])

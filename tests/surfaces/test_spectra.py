@@ -78,7 +78,7 @@ def test_components_borders_and_unused_vertices(laplacian):
     np.testing.assert_allclose(border.eigenvalues, exact, rtol=5e-3)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday("1-cotangent", "3-cotangent")
 @pytest.mark.parametrize("laplacian", LAPLACIANS)
 @pytest.mark.parametrize("n_copies", [1, 3])
 def test_no_copy_of_a_multiple_eigenvalue_is_missed(laplacian, n_copies):

@@ -69,7 +69,7 @@ def follow_geodesic_equation(velocity, g, lam, times):
     return solution.y.T[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.everyday("0.05")
 @pytest.mark.parametrize("lam", LAMBDAS)
 def test_geodesics_solve_the_geodesic_equation(lam):
     times = np.linspace(0, 1, 6)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from autograd import grad
-from lengths import some
 from mpmath import mp
 from numba import njit
 
@@ -44,7 +43,7 @@ squared_short_arc = as_compiled(fits.squared_short_arc)
 def test_short_arcs(precision):
     real = PRECISIONS[precision]
     single = fits.PRECISION[np.dtype(real)]
-    chords = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, 2.0, some(2000, 5))])
+    chords = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, 2.0, 400)])
     errors = relative_errors(
         lambda p: squared_short_arc(p, single),
         lambda p: (2 * mp.asin(mp.sqrt(p) / 2)) ** 2,
@@ -65,7 +64,7 @@ def test_half_angles(precision, lam):
         return mp.sin(min(half, mp.pi / 2)) ** 2
 
     errors = relative_errors(
-        lambda m: half_angle(m, quarter, single), exact, np.logspace(-28, 18, some(1500, 5)), real
+        lambda m: half_angle(m, quarter, single), exact, np.logspace(-28, 18, 300), real
     )
     assert errors.max() < 16 * ROUNDING[precision]
     assert half_angle(real(0.0), quarter, single) == 0.0
@@ -83,9 +82,7 @@ def test_an_excess_whose_square_overflows_is_nan():
 def test_half_angles_for_a_small_ratio(lam, real, tolerance):
     reach, coefficients = fits.excess_at_pi(lam), fits.half_angle_fit(lam, np.dtype(real))
     inverse = real(1.0 / reach)
-    shares = np.concatenate(
-        [np.logspace(-20, -1, 100), np.linspace(0.1, 1.5, some(1000, 5)), [1e20]]
-    )
+    shares = np.concatenate([np.logspace(-20, -1, 100), np.linspace(0.1, 1.5, 200), [1e20]])
 
     def found(m):
         share = min(m * inverse, real(1.0))
@@ -146,12 +143,12 @@ def definitions(m, quarter):
     return value(m), grad(value)(m)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.everyday("0.0001-loops", "0.01-loops", "0.125-loops", "1.0-loops", "100.0-loops")
 @pytest.mark.parametrize("function", [loops, definitions])
 @pytest.mark.parametrize("lam", [1e-4, 0.01, 0.125, 1.0, 100.0])
 def test_slopes_of_half_angles(lam, function):
     kappa = 0.5 / np.sqrt(2.0 * lam)
-    for m in np.concatenate([np.logspace(-30, 6, some(200, 4)), around(0.0607), around(1e-3)]):
+    for m in np.concatenate([np.logspace(-30, 6, 50), around(0.0607), around(1e-3)]):
         found = function(m, 0.25 * kappa**2)
         with mp.workdps(100):
             exact_m, exact_kappa = mp.mpf(float(m)), mp.mpf(float(kappa))

@@ -148,7 +148,7 @@ CALLS = ["dist_pairwise", "energy_and_gradient", "metric_matrix"]
 CASES = [f"{metric}.{call}(points)" for metric, call in product(MADE, CALLS)]
 
 
-@pytest.mark.sampled(100)  # each compiles for half a minute: in the long job alone
+@pytest.mark.slow
 @pytest.mark.parametrize("call", CASES)
 def test_a_second_process_compiles_nothing(call, tmp_path, monkeypatch):
     """With a cache of their own: other tests compile at the same time."""

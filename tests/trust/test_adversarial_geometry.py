@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from adversarial_surfaces import EPS, Surfaces, draw
 from autograd import grad
-from lengths import some
 
 import riemhuman as rh
 
@@ -151,7 +150,9 @@ def check_gradients(subject, name):
 CHECKS = [check_distances, check_products, check_code_paths, check_gradients]
 
 
-@pytest.mark.parametrize("seed", range(some(25, 5)))
+@pytest.mark.parametrize(
+    "seed", [*range(5), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(5, 25))]
+)
 @pytest.mark.parametrize("check", CHECKS)
 @pytest.mark.parametrize("name", METRICS)
 def test_metrics(name, check, seed):

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import threadpoolctl
 from cases import sphere_template, surfaces
-from lengths import sample
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.retrieval import NearestNeighbors
@@ -68,7 +67,7 @@ def geodesic(metric, k):
 CALLS = (distance, energy_and_gradient, pairs, interpolated, operators, geodesic)
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.everyday("distance-both", "pairs-srnf", "geodesic-both")
 @pytest.mark.parametrize("kind", ["both", "srnf"])
 @pytest.mark.parametrize("call", CALLS)
 def test_many_threads_see_the_bits_of_one(call, kind):
@@ -129,7 +128,7 @@ print(json.dumps(digests))
 """
 
 
-@pytest.mark.parametrize("n_threads", sample([1, 2], 2))
+@pytest.mark.parametrize("n_threads", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_fresh_processes_give_the_same_bits(n_threads):
     here = {"__name__": "here"}
     with threadpoolctl.threadpool_limits(n_threads):

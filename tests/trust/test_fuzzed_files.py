@@ -11,11 +11,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from lengths import FULL
 
 SUPPORT = Path(__file__).parents[1] / "support"
 ROOT = Path(__file__).parents[2]
-CASES_A_READER = 300 if FULL else 100
 GROUPS = {
     "meshes": ["ply text", "ply binary", "obj", "off", "stl", "glb", "points"],
     "archives": ["amass", "dynamic faust"],
@@ -43,11 +41,12 @@ def fuzz(tmp_path, names, count):
     return json.loads(*at_work)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.everyday("meshes-100")
+@pytest.mark.parametrize("n_cases", [100, pytest.param(300, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("group", GROUPS)
-def test_damaged_files(group, tmp_path):
-    report = fuzz(tmp_path, GROUPS[group], CASES_A_READER)
+def test_damaged_files(group, n_cases, tmp_path):
+    report = fuzz(tmp_path, GROUPS[group], n_cases)
     assert not report["problems"], "\n".join(report["problems"])
     for name, ends in report["ends"].items():
-        assert sum(ends.values()) == CASES_A_READER
+        assert sum(ends.values()) == n_cases
         assert min(ends.values()) > 0, f"{name}: {ends}"

@@ -6,7 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
-from cases import CASES, name_of, sphere_template, surfaces
+from cases import CASES, NAMES_OF_KINDS, name_of, sphere_template, surfaces
 
 import riemhuman as rh
 from riemhuman import solvers
@@ -51,7 +51,7 @@ def with_metric(case, metric):
     return changed
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.everyday(*NAMES_OF_KINDS)
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_metrics(case):
     described, number = json.dumps(describe(case.metric)), hash(case.metric)

@@ -66,7 +66,6 @@ def packages(archives):
         return set(archive.namelist()), sources
 
 
-@pytest.mark.slow
 def test_the_licences_of_all_parts_are_named(archives):
     with zipfile.ZipFile(archives[1]) as archive:
         (name,) = (name for name in archive.namelist() if name.endswith("/METADATA"))
@@ -80,7 +79,6 @@ def test_the_licences_of_all_parts_are_named(archives):
     }
 
 
-@pytest.mark.slow
 def test_packages_are_whole_and_hold_nothing_else(packages):
     package = ROOT / "riemhuman"
     needed = {
