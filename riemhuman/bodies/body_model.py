@@ -12,9 +12,10 @@ import autograd.numpy as np
 import numpy as onp
 from numpy.typing import DTypeLike
 
+from riemhuman.bodies._blending import SkinningWeights
 from riemhuman.bodies.fitting import fit_model
 from riemhuman.bodies.model_files import read_model_fields
-from riemhuman.bodies.skinning import joint_motions, joint_parents, parents_first, skin_surface
+from riemhuman.bodies.skinning import joint_motions, joint_parents, parents_first, skin_by
 from riemhuman.checks import joint_shape, one_of, real_array, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.io.arrays import save_arrays
@@ -130,10 +131,8 @@ class BodyModel(Unchanging):
         self.hand_directions = _copy(hand_directions, "hand_directions", shape)
         self.n_vertices, self.n_joints = n_vertices, n_joints
         self.n_betas = self.shapedirs.shape[-1]
-        self._rest, self._regressor, self._blend = (
-            array.astype(self.dtype, copy=False)
-            for array in (self.template.vertices, self.joint_regressor, self.weights)
-        )
+        self._rest = self.template.vertices.astype(self.dtype, copy=False)
+        self._weights = SkinningWeights.of_table(self.weights.astype(self.dtype, copy=False))
         _check_sums(self.joint_regressor, "J_regressor")
         _check_sums(self.weights, "weights")
         if self.weights.min() < 0:
@@ -216,15 +215,15 @@ class BodyModel(Unchanging):
         """
         self._check_batches(betas, pose, trans, hands)
         surface = self._shaped(betas)
-        joints = np.matmul(self._regressor, surface)
         if hands is not None:
             surface = surface + self._hand_offsets(hands)
         if pose is not None:
             rotations = self._rotations(pose)
             if self.posedirs is not None:
                 surface = surface + self._pose_offsets(rotations)
+            joints = self._shaped_joints(betas)
             motions = joint_motions(joints, rotations, self.parents, self.joint_order)
-            surface = skin_surface(surface, self._blend, joints, *motions)
+            surface = skin_by(self._weights, surface, joints, *motions)
         return self._translated(surface, trans)
 
     def joints(self, betas: Any = None, pose: Any = None, trans: Any = None) -> Any:
@@ -240,7 +239,7 @@ class BodyModel(Unchanging):
             Translation, metres.
         """
         self._check_batches(betas, pose, trans)
-        joints = np.matmul(self._regressor, self._shaped(betas))
+        joints = self._shaped_joints(betas)
         if pose is not None:
             rotations = self._rotations(pose)
             _, joints = joint_motions(joints, rotations, self.parents, self.joint_order)
@@ -273,6 +272,15 @@ class BodyModel(Unchanging):
             return self._rest
         betas = self._rounded(real_array(betas, "betas", (self.n_betas,)))
         return self._rest + self._offsets(betas, "shapedirs")
+
+    def _shaped_joints(self, betas: Any) -> Any:
+        """Return the joints in the rest pose, linear in the betas like the vertices."""
+        rest, shapes = self._joint_shapes
+        if betas is None:
+            return rest
+        betas = self._rounded(real_array(betas, "betas", (self.n_betas,)))
+        offsets = np.dot(betas, shapes)
+        return rest + np.reshape(offsets, (*np.shape(offsets)[:-1], self.n_joints, 3))
 
     def _hand_offsets(self, hands: Any) -> Any:
         self._check_hands()
@@ -327,6 +335,14 @@ class BodyModel(Unchanging):
         if trans is None:
             return points
         return points + self._rounded(real_array(trans, "trans", (3,)))[..., None, :]
+
+    @cached_property
+    def _joint_shapes(self) -> tuple[onp.ndarray, onp.ndarray]:
+        """The joints at rest, and how they move with each of the betas, shape (B, 3 J)."""
+        rest = self.joint_regressor @ self.template.vertices
+        shapes = onp.tensordot(self.shapedirs, self.joint_regressor, axes=(0, 1))
+        rows = shapes.transpose(1, 2, 0).reshape(self.n_betas, -1)
+        return rest.astype(self.dtype), rows.astype(self.dtype)
 
     @cached_property
     def _matrices(self) -> dict[str, onp.ndarray]:

@@ -12,6 +12,7 @@ from typing import Any
 import autograd.numpy as np
 import numpy as onp
 
+from riemhuman.bodies._blending import SkinningWeights, move
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError
 
@@ -91,19 +92,18 @@ def skin_surface(surface: Any, weights: Any, joints: Any, rotations: Any, positi
     >>> rh.bodies.skin_surface(surface, np.ones((1, 1)), joints, half_turn, joints)[0, 0]
     np.float64(-1.0)
     """
+    table = weights if hasattr(weights, "dtype") else real_array(weights, "weights")
+    return skin_by(SkinningWeights.of_table(table), surface, joints, rotations, positions)
+
+
+def skin_by(
+    weights: SkinningWeights, surface: Any, joints: Any, rotations: Any, positions: Any
+) -> Any:
+    """Return `skin_surface` by weights that are known already."""
     # Joint j moves x to R_j (x - J_j) + position_j.
     shifts = positions - _apply(rotations, joints)
     motions = np.concatenate([rotations, shifts[..., None]], axis=-1)
-    lead = np.shape(motions)[:-3]
-    n_vertices, n_joints = np.shape(weights)
-    blended = np.matmul(weights, np.reshape(motions, (*lead, n_joints, 12)))
-    blended = np.reshape(blended, (*lead, n_vertices, 3, 4))
-    return (
-        blended[..., 0] * surface[..., 0:1]
-        + blended[..., 1] * surface[..., 1:2]
-        + blended[..., 2] * surface[..., 2:3]
-        + blended[..., 3]
-    )
+    return move(surface, motions, weights.values, weights.followers)
 
 
 class Skeleton:

@@ -1,0 +1,110 @@
+"""Skinning vertex by vertex against the dense product of weights and motions, and derivatives."""
+
+import autograd
+import autograd.numpy as anp
+import numpy as np
+import pytest
+
+from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
+from riemhuman.datasets import load_open_model
+
+N_VERTICES, N_JOINTS = 11, 6
+PARENTS, ORDER = (-1, 0, 1, 1, 0, 4), (0, 1, 2, 3, 4, 5)
+
+
+def dense(surface, weights, joints, rotations, positions):
+    """Return Σ_j w_vj (R_j (x_v − J_j) + p_j), all joints for every vertex."""
+    levers = surface[..., :, None, :] - joints[..., None, :, :]
+    turned = anp.matmul(rotations[..., None, :, :, :], levers[..., None])[..., 0]
+    return anp.sum(weights[..., None] * (turned + positions[..., None, :, :]), axis=-2)
+
+
+def some_weights(n_followed, rng):
+    """Return weights of which so many are not zero at each vertex."""
+    weights = rng.uniform(0.1, 1.0, size=(N_VERTICES, N_JOINTS))
+    ranks = rng.permuted(np.tile(np.arange(N_JOINTS), (N_VERTICES, 1)), axis=1)
+    weights[ranks >= n_followed] = 0.0
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
+def arguments(n_followed=3, leads=((), (), (), ())):
+    rng = np.random.default_rng(21)
+    of_surface, of_joints, of_rotations, of_positions = leads
+    return (
+        rng.normal(size=(*of_surface, N_VERTICES, 3)),
+        some_weights(n_followed, rng),
+        rng.normal(size=(*of_joints, N_JOINTS, 3)),
+        rotation_matrix(rng.normal(size=(*of_rotations, N_JOINTS, 3))),
+        rng.normal(size=(*of_positions, N_JOINTS, 3)),
+    )
+
+
+@pytest.mark.parametrize("n_followed", [1, 4, N_JOINTS])
+@pytest.mark.parametrize(
+    "leads",
+    [((), (), (), ()), ((2, 3),) * 4, ((3,), (), (2, 1), (2, 1)), ((), (), (3,), (3,))],
+)
+def test_agrees_with_dense_weights(n_followed, leads):
+    given = arguments(n_followed, leads)
+    found, expected = skin_surface(*given), dense(*given)
+    assert found.shape == expected.shape
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
+
+
+def test_agrees_with_dense_weights_on_the_open_model():
+    model, rng = load_open_model("coarse"), np.random.default_rng(22)
+    betas = rng.normal(size=(3, model.n_betas))
+    rotations = rotation_matrix(rng.normal(scale=0.5, size=(3, model.n_joints, 3)))
+    joints, surface = model.joints(betas), model(betas)
+    np.testing.assert_allclose(joints, model.joint_regressor @ surface, rtol=0, atol=1e-14)
+    motions = joint_motions(joints, rotations, model.parents, model.joint_order)
+    expected = dense(surface, model.weights, joints, *motions)
+    found = skin_surface(surface, model.weights, joints, *motions)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-15)
+    # The bits of a body do not depend on the bodies beside it.
+    alone = [a[1] for a in (joints, *motions)]
+    np.testing.assert_array_equal(found[1], skin_surface(surface[1], model.weights, *alone))
+
+
+def test_single_precision_stays():
+    given = [array.astype(np.float32) for array in arguments()]
+    found = skin_surface(*given)
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, dense(*arguments()), rtol=0, atol=1e-6)
+
+
+def test_a_vertex_without_weights_goes_to_the_origin():
+    surface, weights, *motions = arguments()
+    weights[4] = 0.0
+    assert not skin_surface(surface, weights, *motions)[4].any()
+
+
+@pytest.mark.parametrize("number", range(5))
+@pytest.mark.parametrize("leads", [((), (), (), ()), ((3,), (), (2, 1), (2, 1))])
+def test_derivatives_agree_with_those_of_dense_weights(number, leads):
+    given = arguments(3, leads)
+    scales = np.random.default_rng(23).normal(size=dense(*given).shape)
+
+    def slope(skin):
+        return autograd.grad(lambda *a: anp.sum(scales * skin(*a) ** 2), number)
+
+    np.testing.assert_allclose(slope(skin_surface)(*given), slope(dense)(*given), atol=1e-12)
+
+    # The derivative of the slope along a direction, again by every argument.
+    direction = np.random.default_rng(24).normal(size=given[number].shape)
+    for other in range(5):
+        second, expected = (
+            autograd.grad(lambda *a, s=skin: anp.sum(direction * slope(s)(*a)), other)(*given)
+            for skin in (skin_surface, dense)
+        )
+        np.testing.assert_allclose(second, expected, atol=1e-11)
+
+
+@pytest.mark.parametrize("number", range(5))
+def test_derivatives_along_a_direction(number):
+    given = arguments()
+    direction = np.random.default_rng(25).normal(size=given[number].shape)
+    found, expected = (
+        autograd.make_jvp(skin, number)(*given)(direction)[1] for skin in (skin_surface, dense)
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-13)
