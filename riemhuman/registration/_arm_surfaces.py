@@ -47,6 +47,9 @@ class ArmSettings:
         errors: few points tell little.
     arm_metres, hand_metres : float
         Distances from an arm, or a hand, beyond which points belong to other parts of the body.
+    unexplained_metres : float
+        A hand whose points are farther in the mean, with distances limited as above, is explained
+        by no pose of it.
     hand_moves_metres : float
         Vertices that a pose of a hand moves by more belong to the hand.
     stiffnesses : tuple of float
@@ -68,6 +71,7 @@ class ArmSettings:
     n_errors: float = 2.0
     arm_metres: float = 0.03
     hand_metres: float = 0.01
+    unexplained_metres: float = 0.007
     hand_moves_metres: float = 0.005
     stiffnesses: tuple[float, ...] = (1e-3, 3e-4, 1e-4, 5e-5)
 

@@ -179,9 +179,13 @@ def pose_hands(
         now = task.prior.betas[n_betas:]
         others = [now, *(np.where(np.isnan(hands), now, hands) for hands in arm.hands)]
         current, *fits = mapped(partial(_fit_hand, task, pose, arm, points), others, N_THREADS)
+        # The arm alone may fit worse than with the body around it.
+        unmoved = _hand_as_it_is(task.prior, pose, arm, points)
+        current = min(unmoved, current, key=lambda fit: fit.cost)
         found[arm] = [current, *fits]
         nearest = min(fits, key=lambda fit: fit.cost)
-        if _are_less(arm, nearest.distances, current.distances):
+        is_explained = nearest.cost < arm.settings.unexplained_metres
+        if is_explained and _are_less(arm, nearest.distances, current.distances):
             task = replace(task, prior=nearest.prior)
             pose = fit_closest(task.samples, nearest.pose, nearest.prior, task.scan)
     return task, pose, found
@@ -194,10 +198,13 @@ def _fit_hand(
     n_betas = task.fitter.model.n_betas
     prior = task.prior._replace(betas=np.append(task.prior.betas[:n_betas], hands))
     start = pose._replace(betas=np.append(pose.betas[:n_betas], hands))
-    fitted = fit_arm(task, arm, prior, start)
-    surface = pose_body(arm.skin, fitted).points
+    return _hand_as_it_is(prior, fit_arm(task, arm, prior, start), arm, points)
+
+
+def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: np.ndarray) -> HandFit:
+    surface = pose_body(arm.skin, pose).points
     distances = arm.distances(surface, points, arm.settings.hand_metres)
-    return HandFit(fitted, prior, surface, distances)
+    return HandFit(pose, prior, surface, distances)
 
 
 def points_on(task: DenseTask, pose: Pose, vertices: np.ndarray) -> np.ndarray:

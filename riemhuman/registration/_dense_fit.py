@@ -156,6 +156,21 @@ class DenseFitter(StartSearch):
     def arm_surfaces(self) -> list[ArmSurface]:
         return [ArmSurface(self, joints) for joints in self.arms]
 
+    def expect_feet(self, best: Candidate) -> np.ndarray:
+        """Return expected rotations, with feet as in the start pose whose legs are nearest."""
+        # Standing legs may come from a start that kneels: feet that a scan does not show would
+        # point.
+        expected: np.ndarray = best.prior.local.copy()
+        for side in () if best.known else ("left", "right"):
+            leg = self.parts.numbers(f"{side}_hip", f"{side}_knee")
+            foot = self.parts.numbers(f"{side}_ankle", f"{side}_toes")
+            nearest = min(
+                self.poses.values(),
+                key=lambda pose: float(np.linalg.norm(pose[leg] - best.pose.local[leg])),
+            )
+            expected[foot] = nearest[foot]
+        return expected
+
     def surface(self, pose: Pose) -> np.ndarray:
         return pose_body(self.samples(None), pose).points[: self.model.n_vertices]
 
@@ -213,6 +228,7 @@ def fit_densely(fitter: DenseFitter, best: Candidate, scan: PreparedScan) -> tup
     for arm in fitter.arm_surfaces:
         precisions[arm.joints[-1]] = np.radians(arm.settings.wrist_degrees) ** -2.0
     prior = best.prior._replace(
+        local=fitter.expect_feet(best),
         precisions=np.minimum(precisions, best.prior.precisions),
         betas_precisions=np.minimum(best.prior.betas_precisions, _HANDS_PRECISION),
     )

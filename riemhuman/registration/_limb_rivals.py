@@ -134,6 +134,8 @@ def _other_hand(
 ) -> list[LimbDoubt]:
     """Return doubt about fingers that are almost as near to the scan in another pose."""
     best = min(fits, key=lambda fit: fit.cost)
+    if best.cost > arm.settings.unexplained_metres:
+        return _doubts_about(body, arm.on_hand, f"{arm.side} hand: no pose of it fits the scan")
     displaced = np.zeros(len(arm.vertices), dtype=bool)
     for rival in fits:
         if rival.cost < (1.0 + settings.hand_margin) * best.cost:

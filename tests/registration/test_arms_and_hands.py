@@ -5,9 +5,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
+from riemhuman.registration import Scan, _arms_and_hands
 from riemhuman.registration._arm_surfaces import ARM_SETTINGS
-from riemhuman.registration._dense_fit import DenseFitter
+from riemhuman.registration._arms_and_hands import pose_hands
+from riemhuman.registration._dense_fit import DenseFitter, fit_densely
 from riemhuman.registration._posed_body import Pose, pose_body
+from riemhuman.registration._scan_preparation import prepare_scan
+from riemhuman.registration._start_search import Candidate
 
 
 @pytest.fixture(scope="module")
@@ -72,3 +76,20 @@ def test_arms_of_people_are_hardly_strained(fitter):
     rotations = rh.bodies.rotation_matrix(bodies.pose_vectors)
     found = [arm.strain(local) for arm in fitter.arm_surfaces for local in rotations]
     assert np.max(found) < 1.9
+
+
+def test_an_arm_that_fits_worse_alone_stays_as_it_is(fitter, monkeypatch):
+    pose = Pose(fitter.poses["a"], np.zeros(len(fitter.betas_precisions)), np.zeros(3))
+    scan = prepare_scan(Scan(fitter.surface(pose), fitter.model.faces))
+    best = Candidate(pose, fitter._prior(pose), 0.0, np.array([0.0, 1.0, 0.0]))
+    task, pose = fit_densely(fitter, best, scan)
+    offsets = iter(np.tile([0.03, 0.02, 0.02, 0.02, 0.02], 2))
+
+    def astray(task, arm, prior, start):
+        return start._replace(trans=start.trans + [next(offsets), 0.0, 0.0])
+
+    monkeypatch.setattr(_arms_and_hands, "fit_arm", astray)
+    monkeypatch.setattr(
+        _arms_and_hands, "mapped", lambda function, starts, _: map(function, starts)
+    )
+    assert pose_hands(task, pose)[1] is pose

@@ -73,3 +73,20 @@ def test_hands_come_out_as_they_are(model):
     np.testing.assert_allclose(fit.pose.betas[model.n_betas :], hands, atol=0.1)
     on_hand = np.abs(model.hand_directions).max(axis=(1, 2)) > 0.01
     assert np.linalg.norm(fit.points - scan.body, axis=1)[on_hand].mean() < 0.01
+
+
+def test_feet_are_expected_as_in_the_start_pose_whose_legs_are_nearest(model):
+    """A scan may not show feet, and standing legs come from a start that kneels too."""
+    fitter = DenseFitter(model)
+    ankles = fitter.parts.numbers("left_ankle", "right_ankle")
+    legs = fitter.parts.numbers("left_hip", "left_knee", "right_hip", "right_knee")
+    standing, kneeling = fitter.poses["a"], fitter.poses["kneel"]
+    mixed = kneeling.copy()
+    mixed[legs] = standing[legs]
+    for local, feet in ((mixed, standing), (kneeling, kneeling)):
+        betas = np.zeros(len(fitter.betas_precisions))
+        prior = fitter._prior(Pose(kneeling, betas, np.zeros(3)))
+        best = Candidate(Pose(local, betas, np.zeros(3)), prior, 0.0, np.array([0.0, 1.0, 0.0]))
+        expected = fitter.expect_feet(best)
+        np.testing.assert_array_equal(expected[ankles], feet[ankles])
+        np.testing.assert_array_equal(expected[legs], kneeling[legs])

@@ -114,6 +114,15 @@ def test_another_pose_of_a_hand_leaves_its_fingers_in_doubt(
         assert np.isin(np.flatnonzero(doubt.vertices), arm.on_hand).all()
 
 
+def test_hands_that_no_pose_explains_are_not_trusted(upright):
+    (arm,) = upright.doubtful_arms
+    points = np.full(50, 0.008)
+    fits = [HandFit(upright.fit.pose, upright.task.prior, np.zeros((1, 3)), points)] * 2
+    (doubt,) = find_limb_doubts(replace(upright, doubtful_arms=[], hand_fits={arm: fits}))
+    assert doubt.reason == "left hand: no pose of it fits the scan"
+    np.testing.assert_array_equal(np.flatnonzero(doubt.vertices), arm.on_hand)
+
+
 @pytest.mark.parametrize("joint", ["elbow", "knee"])
 def test_exchanged_limbs_fit_the_scan(fitter, upright, joint):
     """Of a body that is the same on both sides, exchanging its limbs changes nothing."""
