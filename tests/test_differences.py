@@ -1,4 +1,4 @@
-"""The page of differences from geomstats speaks of what is here; `.ci/oracles` checks the rest."""
+"""The page of differences from geomstats; `python .ci/jobs.py oracles` compares the two."""
 
 import pytest
 from trust.geomstats_signatures import call_of, names_in, our_class, parameters_of, rows_of

@@ -1,7 +1,7 @@
 """Every public name has an example in its docstring, and it prints what it says.
 
 One of two runs every day, without those that take seconds, and all where the documentation is
-built, in `.ci/docs`.
+built, in `python .ci/jobs.py docs`.
 """
 
 import doctest

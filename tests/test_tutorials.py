@@ -1,7 +1,7 @@
 """Tutorials run unedited in fresh processes, show what is stored, and are easy to read.
 
 Every day the first runs, in the process of the tests; what all show is compared with what is stored
-where the documentation is built, in `.ci/docs`, and among all tests.
+where the documentation is built, in `python .ci/jobs.py docs`, and among all tests.
 """
 
 import base64

@@ -6,8 +6,7 @@ Surfaces are drawn in parallel projection with smooth shading on a transparent b
 from __future__ import annotations
 
 import base64
-import struct
-import zlib
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
+from PIL import Image
 
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
@@ -314,13 +314,6 @@ def image_source(picture: ndarray) -> str:
 
 def png_bytes(picture: ndarray) -> bytes:
     """Return a picture, shape (height, width, 4), as a PNG file."""
-    height, width, _ = picture.shape
-    # Each row begins with the number of its filter; 0 means none.
-    rows = np.zeros((height, 1 + 4 * width), dtype=np.uint8)
-    rows[:, 1:] = picture.reshape(height, -1)
-    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes())), (b"IEND", b""))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in chunks
-    )
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, format="PNG")
+    return file.getvalue()

@@ -30,8 +30,8 @@ def package(tmp_path_factory):
     folder = tmp_path_factory.mktemp("read-only")
     ignored = shutil.ignore_patterns("__pycache__", "data", "web")
     shutil.copytree(ROOT / "riemhuman", folder / "riemhuman", ignore=ignored)
-    for room in ("kernels", "terms"):
-        (folder / "riemhuman" / room / "__pycache__").write_text("not a folder")
+    for subpackage in ("kernels", "terms"):
+        (folder / "riemhuman" / subpackage / "__pycache__").write_text("not a folder")
     return folder
 
 

@@ -1,4 +1,4 @@
-"""Training with PyTorch, which the everyday tests do without: bash .ci/oracles."""
+"""Training with PyTorch, which the everyday tests do without: python .ci/jobs.py oracles."""
 
 import numpy as np
 import pytest

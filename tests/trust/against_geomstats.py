@@ -1,4 +1,4 @@
-"""geomstats as an oracle, in an environment of its own: `bash .ci/oracles`.
+"""geomstats as an oracle, in an environment of its own: `python .ci/jobs.py oracles`.
 
 Its elastic metric, its spheres and matrices, its path straightening, and its learning classes run
 unchanged on the spaces of this library. It needs an older NumPy than the newest, which is why it

@@ -1,4 +1,4 @@
-"""trec_eval, the reference of information retrieval, as an oracle: `bash .ci/oracles`.
+"""trec_eval, the reference of information retrieval, as an oracle: `python .ci/jobs.py oracles`.
 
 NN is its precision at 1, the first tier its R-precision, the second its recall at twice the number
 of relevant results, and mAP its mean average precision. Not collected with the other tests: its

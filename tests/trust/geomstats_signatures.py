@@ -1,4 +1,4 @@
-"""Names, order of arguments and defaults beside those of geomstats: `bash .ci/oracles`.
+"""Names, order of arguments and defaults beside those of geomstats: `python .ci/jobs.py oracles`.
 
 Every difference is listed by hand, with its reason, in `tutorials/differences_from_geomstats.md`;
 the tables there are read here, and must be what is found.

@@ -36,12 +36,11 @@ def test_the_main_job_needs_no_network(capsys):
 def built(folder, *kinds):
     """Copy the sources into a folder, and return the packages built there."""
     ignored = shutil.ignore_patterns("__pycache__", ".*_cache")
-    for name in ("riemhuman", "tests", "tutorials", ".ci"):
-        shutil.copytree(ROOT / name, folder / name, ignore=ignored, copy_function=shutil.copy)
+    shutil.copytree(ROOT / "riemhuman", folder / "riemhuman", ignore=ignored)
     for name in SOURCES:
         shutil.copy(ROOT / name, folder)
     calls = "".join(f"print(b.build_{kind}('dist'))\n" for kind in kinds)
-    code = f"import sys; sys.path.insert(0, '.ci')\nimport build_backend as b\n{calls}"
+    code = f"from setuptools import build_meta as b\n{calls}"
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
