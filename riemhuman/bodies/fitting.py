@@ -32,7 +32,7 @@ from riemhuman.checks import (
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.representation import Record
-from riemhuman.surfaces.measures import check_body_sizes
+from riemhuman.surfaces.template import check_body_sizes
 
 _LOSSES = ("squared", "huber")
 
@@ -154,7 +154,7 @@ def fit_model(
     check_resolution(surfaces, "points")
     check_same_scale(surfaces, rest, "points", "the model", remedy=remedy)
     if correspondence is None:
-        check_body_sizes(surfaces, model.template.vertices, model.faces, "points")
+        check_body_sizes(surfaces, model.template, "points")
     in_pose = np.where(model.parents >= 0, real_number(pose_prior, "pose_prior", minimum=0.0), 0.0)
     in_betas = np.full(model.n_betas, real_number(betas_prior, "betas_prior", minimum=0.0))
     in_hands = np.zeros(0)

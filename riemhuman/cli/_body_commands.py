@@ -314,7 +314,7 @@ def _fit(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     from riemhuman.progress import ProgressBar
-    from riemhuman.surfaces.measures import check_body_sizes
+    from riemhuman.surfaces.template import check_body_sizes
 
     surfaces = inputs.read_surfaces(options, options.meshes)
     files = surfaces.files
@@ -324,7 +324,7 @@ def _fit(options: argparse.Namespace) -> cli.Answer:
         fits = []
         for number in numbers:
             surface, file = surfaces[number], files[number]
-            check_body_sizes(surface, model.template.vertices, model.faces, str(file))
+            check_body_sizes(surface, model.template, str(file))
             fits.append(model.fit(surface))
     names = [file.name for file in files]
     fields = ("betas", "pose", "trans", "distances")

@@ -176,7 +176,7 @@ def _read(
     """Return the measurements, meshes, and which vertices their files say to trust, or all."""
     import numpy as np
 
-    from riemhuman.surfaces.measures import check_body_sizes
+    from riemhuman.surfaces.template import check_body_sizes
 
     cli.check_needs(options, "--definitions", "--model NPZ")
     meshes = rh.datasets.RegisteredMeshes(files, scale=None, unit=options.unit, up=options.up)
@@ -186,7 +186,7 @@ def _read(
         measurements = rh.measurements.Measurements(measurements.definitions, options.only)
     points, body = meshes[:], measurements.definitions
     for file, surface in zip(files, points, strict=True):
-        check_body_sizes(surface, body.vertices, body.faces, str(file))
+        check_body_sizes(surface, body.surface, str(file))
     trusted = np.ones((len(files), template.n_vertices), dtype=bool)
     for row, file in zip(trusted, files, strict=True):
         known = rh.io.load_trusted(file)

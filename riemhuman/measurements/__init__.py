@@ -3,8 +3,10 @@
 from riemhuman.measurements.bodies_from_measurements import (
     MeasuredPerson,
     NearestBody,
+    PredictedMeasurements,
     model_from_measurements,
     nearest_body,
+    predict_measurements,
 )
 from riemhuman.measurements.definitions import (
     Area,
@@ -37,6 +39,7 @@ __all__ = [
     "MeasurementSet",
     "Measurements",
     "NearestBody",
+    "PredictedMeasurements",
     "ShapeRegression",
     "VisitComparison",
     "Volume",
@@ -46,6 +49,7 @@ __all__ = [
     "model_from_measurements",
     "nearest_body",
     "open_measurements",
+    "predict_measurements",
     "regress_shape",
 ]
 

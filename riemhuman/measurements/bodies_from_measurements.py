@@ -1,4 +1,4 @@
-r"""Bodies with given measurements: the most probable adult, and the body nearest to a given one.
+r"""Bodies with given measurements, the most probable or the nearest; predicted measurements.
 
 The measurements of one sex are normal, y ~ N(μ, C), with statistics of ANSUR II. Given some of
 them, the others are normal with mean :math:`\mu_o + C_{og} C_{gg}^{-1} (y_g - \mu_g)` and
@@ -12,9 +12,10 @@ The most probable body minimises
 
 .. math:: (\beta - \mu)^\top \Sigma^{-1} (\beta - \mu) + \sum_k ((m_k(x(\beta)) - v_k)/\sigma_k)^2
 
-by Gauss–Newton steps with the derivatives of the measurements m_k: β is normal among adults, the
-given values v have small σ, and those that are predicted from them have a third of their standard
-deviations, so that they count more than the shapes of adults.
+by Gauss–Newton steps with the derivatives of the measurements m_k. These jump where a line passes a
+vertex; so the search ends by following such kinks, see `riemhuman.measurements._kinks`. β is normal
+among adults, the given values v have small σ, and those that are predicted from them have a third
+of their standard deviations, so that they count more than the shapes of adults.
 
 The nearest body minimises d²(f₀, f) over all vertices of f subject to m_k(f) = v_k, by sequential
 quadratic programming: with M the matrix of the metric at f, g the gradient of d² and J the
@@ -32,13 +33,15 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 from scipy import stats
+from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 from scipy.special import softmax
 
 from riemhuman.checks import SUSPECTED_UNITS, one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
+from riemhuman.measurements._kinks import least_squares_with_kinks
 from riemhuman.measurements.measurement_set import load_json, open_measurements
-from riemhuman.measurements.measuring import Measurements, as_mapping
+from riemhuman.measurements.measuring import Measurements, as_mapping, values_of_bodies
 from riemhuman.solvers._preconditioners import SparseCholeskyFactor
 
 SEXES = ("woman", "man")
@@ -48,9 +51,9 @@ _DEGREES, _SHARE = 12.0, 0.005
 _RARE = 0.001
 # Standard deviation with which a value is measured, relative to it.
 _ERROR = 0.005
-# The search ends when a step changes the shape coefficients, or lowers the cost, by less than these
-# shares.
-_LEAST_STEP, _LEAST_GAIN = 1e-6, 1e-5
+# The first search ends when a step changes the shape coefficients, or lowers the cost, by less than
+# these shares; the second one follows kinks.
+_LEAST_STEP, _FIRST_GAIN = 1e-6, 1e-3
 # Default standard deviations of values: metres, and shares of areas, volumes and masses.
 _LENGTH_TOLERANCE, _SHARE_TOLERANCE = 1e-4, 5e-4
 # The body meets predicted values to this share of their standard deviations.
@@ -145,6 +148,10 @@ def model_from_measurements(
     max_iter : int
         Largest number of steps.
 
+    Notes
+    -----
+    Searches from other bodies end within a thousandth of the same sum of squares.
+
     Examples
     --------
     >>> wanted = {"stature": 1.70, "waist girth (omphalion)": 0.85, "hip girth": 1.00}
@@ -157,18 +164,8 @@ def model_from_measurements(
     whole_number(max_iter, "max_iter", minimum=1)
     standing = open_measurements(resolution)
     assert standing is not None, "the open model has measurements"
-    given = as_mapping(values, list(dict.fromkeys((*standing.names, *adults()["names"]))))
-    errors = {}
+    given, errors = _checked_values(values, tolerances)
     units = dict(zip(standing.names, Measurements(standing).units, strict=True))
-    typical = dict(zip(adults()["names"], adults()["woman"]["mean"], strict=True))
-    for name, value in given.items():
-        real_number(value, name, minimum=0.0, strict=True)
-        unit, usual = units.get(name, "m"), typical.get(name, value)
-        _check_value(name, value, usual, unit)
-        is_length = unit == "m"
-        errors[name] = _LENGTH_TOLERANCE if is_length else _SHARE_TOLERANCE * value
-    for name, error in as_mapping(tolerances, list(given)).items() if tolerances else ():
-        errors[name] = real_number(error, f"tolerance of {name}", minimum=0.0, strict=True)
     prediction = predict(given, sex, errors)
     sexes, goals = prediction.sexes, dict(given)
     spread = {name: _OF_PREDICTED * std for name, std in prediction.std.items()} | errors
@@ -178,21 +175,20 @@ def model_from_measurements(
     own = Measurements(standing, [name for name in standing.names if name in goals])
     wanted, allowed = (np.array([each[name] for name in own.names]) for each in (goals, spread))
     is_given = np.array([name in given for name in own.names])
-    found, betas, points = _nearest_betas(own, sexes, wanted, allowed, is_given, max_iter)
-    measured = own.measure(points, axes="space", missing="nan").to_dict()
+    search = _nearest_betas(own, sexes, wanted, allowed, is_given, max_iter)
+    measured = own.measure(search.points, axes="space", missing="nan").to_dict()
     in_body = {name: float(measured[name]) for name in given if name in measured}
-    converged = bool(found.status > 0)
     misses = {name: value - given[name] for name, value in in_body.items()}
     missed = [n for n, miss in misses.items() if abs(miss) > _MOST_MISSED * errors[n]]
     missed.sort(key=lambda name: -abs(misses[name]) / errors[name])
-    remarks = _remarks(given, sex, prediction, converged)
+    remarks = _remarks(given, sex, prediction, search.converged)
     if missed:
         some = ", ".join(f"{n} by {misses[n]:+.2g} {units[n]}" for n in missed[:3])
         more = f" and {len(missed) - 3} more" if len(missed) > 3 else ""
         remarks.append(f"the body misses {some}{more}: larger tolerances give a likelier body")
     return MeasuredPerson(
-        points=points,
-        betas=betas,
+        points=search.points,
+        betas=search.betas,
         values=in_body,
         misses=misses,
         predicted=prediction.mean,
@@ -200,10 +196,98 @@ def model_from_measurements(
         sexes=sexes,
         z_scores=prediction.scores,
         contradictory=prediction.contradictory,
-        improbability=float(np.linalg.norm(found.x)),
-        converged=converged,
+        improbability=search.improbability,
+        converged=search.converged,
         message="; ".join(remarks),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedMeasurements:
+    """Measurements of adults, predicted from others.
+
+    Attributes
+    ----------
+    values, std : dict of str to float
+        The measurements that were not given, standing and seated, in metres, square metres, cubic
+        metres or kilograms, and the standard deviations of their errors.
+    sexes : dict of str to float
+        Probabilities of "woman" and "man" given the values.
+    z_scores : dict of str to float
+        Each given value less its prediction from the others, as a t-value.
+    contradictory : tuple of str
+        Names of values that do not fit the others in at most 1 of 100 people, the worst first.
+
+    Examples
+    --------
+    See `predict_measurements`.
+    """
+
+    values: dict[str, float]
+    std: dict[str, float]
+    sexes: dict[str, float]
+    z_scores: dict[str, float]
+    contradictory: tuple[str, ...]
+
+
+def predict_measurements(
+    values: Mapping[str, float],
+    sex: str = "adult",
+    *,
+    tolerances: Mapping[str, float] | None = None,
+) -> PredictedMeasurements:
+    """Return all other measurements of adults who have some given ones, without making a body.
+
+    They are predicted by linear regression on the people of ANSUR II, as tapes and callipers
+    measure them; `model_from_measurements` gives a body that comes near to them.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Measurements by name, in metres, square metres, cubic metres or kilograms. Values that
+        nobody has are an error that suspects another unit.
+    sex : {"adult", "woman", "man"}
+        Population; for "adult", both sexes count by their probability given the values.
+    tolerances : mapping of str to float, optional
+        Standard deviations of errors of the values, in their units; by default 0.1 mm for lengths,
+        and a two-thousandth of the value for areas, volumes and masses.
+
+    Examples
+    --------
+    >>> predicted = rh.measurements.predict_measurements({"stature": 1.70}, "woman")
+    >>> round(predicted.values["sitting height"], 2), round(predicted.std["sitting height"], 3)
+    (0.88, 0.022)
+    """
+    one_of(sex, "sex", ("adult", *SEXES))
+    given, errors = _checked_values(values, tolerances)
+    prediction = predict(given, sex, errors)
+    return PredictedMeasurements(
+        prediction.mean,
+        prediction.std,
+        prediction.sexes,
+        prediction.scores,
+        prediction.contradictory,
+    )
+
+
+def _checked_values(
+    values: Mapping[str, float], tolerances: Mapping[str, float] | None
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return given values and their standard deviations by name."""
+    standing = open_measurements("coarse")
+    assert standing is not None, "the open model has measurements"
+    given = as_mapping(values, list(dict.fromkeys((*standing.names, *adults()["names"]))))
+    units = {measurement.name: measurement.units for measurement in standing.measurements}
+    typical = dict(zip(adults()["names"], adults()["woman"]["mean"], strict=True))
+    errors = {}
+    for name, value in given.items():
+        real_number(value, name, minimum=0.0, strict=True)
+        unit = units.get(name, "m")
+        _check_value(name, value, typical.get(name, value), unit)
+        errors[name] = _LENGTH_TOLERANCE if unit == "m" else _SHARE_TOLERANCE * value
+    for name, error in as_mapping(tolerances, list(given)).items() if tolerances else ():
+        errors[name] = real_number(error, f"tolerance of {name}", minimum=0.0, strict=True)
+    return given, errors
 
 
 def _check_value(name: str, value: float, usual: float, unit: str) -> None:
@@ -359,6 +443,17 @@ def _remarks(
     return remarks
 
 
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Shape coefficients, their body, its distance from the mean adult, and the cost."""
+
+    betas: ndarray
+    points: ndarray
+    improbability: float
+    cost: float  # half the sum that is minimised
+    converged: bool
+
+
 def _nearest_betas(
     own: Measurements,
     sexes: Mapping[str, float],
@@ -366,7 +461,8 @@ def _nearest_betas(
     spread: ndarray,
     is_given: ndarray,
     max_iter: int,
-) -> tuple[Any, ndarray, ndarray]:
+    start: ndarray | None = None,
+) -> _Search:
     """Search for the shape coefficients whose measurements are nearest to goals, and their body."""
     model, pose = own.definitions.model, own.definitions.standard_pose_vector
     assert model is not None
@@ -383,26 +479,37 @@ def _nearest_betas(
     # measurements may not be defined.
     root = np.linalg.cholesky(covariance)
     bodies = model(np.concatenate([mean[np.newaxis], mean + root.T]), pose)
-    middle, directions = bodies[0], bodies[1:] - bodies[0]
+    middle, flat_directions = bodies[0], (bodies[1:] - bodies[0]).reshape(len(mean), -1)
 
     def body(z: ndarray) -> ndarray:
-        return middle + np.tensordot(z, directions, axes=1)
+        return middle + (z @ flat_directions).reshape(middle.shape)
+
+    def compared(z: ndarray, values: ndarray) -> ndarray:
+        # A predicted measurement that is not defined does not count; a given one refuses the step.
+        measured = np.where(np.isnan(values) & ~is_given, goals, values)
+        return np.concatenate([z, (measured - goals) / spread])
 
     def residuals(z: ndarray) -> ndarray:
-        values = own.measure(body(z), axes="space", missing="nan").values
-        # A predicted measurement that is not defined does not count; a given one refuses the step.
-        values = np.where(np.isnan(values) & ~is_given, goals, values)
-        return np.concatenate([z, (values - goals) / spread])
+        values, _ = values_of_bodies(own.definitions, body(z)[np.newaxis], "space", gradient=False)
+        return compared(z, values[0])
 
-    def slopes(z: ndarray) -> ndarray:
-        measured = own.measure(body(z), axes="space", gradient=True, missing="nan")
-        rows = np.tensordot(np.asarray(measured.gradient), directions, axes=([1, 2], [1, 2]))
-        rows[np.isnan(measured.values)] = 0.0
-        return np.concatenate([np.eye(len(z)), rows / spread[:, np.newaxis]])
+    def linearisation(z: ndarray) -> tuple[ndarray, ndarray]:
+        surface = body(z)[np.newaxis]
+        values, slope = values_of_bodies(own.definitions, surface, "space", gradient=True)
+        rows = slope.reshape(len(goals), -1) @ flat_directions.T
+        rows[np.isnan(values[0])] = 0.0
+        return compared(z, values[0]), np.concatenate(
+            [np.eye(len(z)), rows / spread[:, np.newaxis]]
+        )
 
-    limits: Any = {"ftol": _LEAST_GAIN, "xtol": _LEAST_STEP, "gtol": None, "max_nfev": max_iter}
-    found = least_squares(residuals, np.zeros(len(mean)), slopes, **limits)
-    return found, mean + root @ found.x, body(found.x)
+    start = (
+        np.zeros(len(mean)) if start is None else solve_triangular(root, start - mean, lower=True)
+    )
+    limits: Any = {"ftol": _FIRST_GAIN, "xtol": _LEAST_STEP, "gtol": None, "max_nfev": max_iter}
+    found = least_squares(residuals, start, lambda z: linearisation(z)[1], **limits)
+    left = max_iter - int(found.nfev)
+    z, cost, converged = least_squares_with_kinks(linearisation, found.x, left)
+    return _Search(mean + root @ z, body(z), float(np.linalg.norm(z)), cost, converged)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path, memory_errors, read_bytes, write_text
 from riemhuman.measurements._geodesics import Mesh
-from riemhuman.measurements._landmarked_bodies import axes_of_frame
+from riemhuman.measurements._landmarked_bodies import LandmarkedBodies, axes_of_frame
 from riemhuman.measurements._sections import neighbours_of
 from riemhuman.measurements.definitions import (
     Length,
@@ -158,6 +158,11 @@ class MeasurementSet:
         return self.template if isinstance(self.template, BodyModel) else None
 
     @property
+    def surface(self) -> Template:
+        """The template as a surface, also of a body model."""
+        return _surface_of(self.template)
+
+    @property
     def vertices(self) -> ndarray:
         """Vertices of the template, shape (V, 3)."""
         return _surface_of(self.template).vertices
@@ -182,6 +187,11 @@ class MeasurementSet:
     def is_closed(self) -> bool:
         """Whether every edge has two triangles."""
         return bool((self.mesh.neighbours >= 0).all())
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume that the template encloses, cubic metres, if it is closed."""
+        return float(LandmarkedBodies(self, self.vertices[np.newaxis], "space").volumes[0])
 
     @cached_property
     def axes_in_frame(self) -> ndarray:

@@ -23,8 +23,7 @@ from riemhuman.measurements._landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.definitions import nearest_name
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.solvers import ShapeTransfer
-from riemhuman.surfaces.measures import check_body_sizes
-from riemhuman.surfaces.template import Template
+from riemhuman.surfaces.template import Template, check_body_sizes
 
 _POSES = ("as is", "standard")
 _AXES = ("body", "space")
@@ -183,7 +182,7 @@ class Measurements:
         check_resolution(points, "points", dtype)
         lead = points.shape[:-2]
         surfaces = points.reshape(-1, *points.shape[-2:])
-        check_body_sizes(points, self.definitions.vertices, self.definitions.faces, "points")
+        check_body_sizes(points, self.definitions.surface, "points")
         for number, surface in enumerate(surfaces):
             self._check_surface(surface, f"points[{number}]")
         if pose == "standard":
@@ -199,7 +198,9 @@ class Measurements:
         def task(first: int, last: int) -> None:
             for k in range(first, last, size):
                 part = slice(k, min(k + size, last))
-                values[part], derivatives = self._measure(surfaces[part], axes, gradient)
+                values[part], derivatives = values_of_bodies(
+                    self.definitions, surfaces[part], axes, gradient
+                )
                 if slopes is not None:
                     slopes[part] = derivatives
 
@@ -236,7 +237,7 @@ class Measurements:
         shape = (self.definitions.n_vertices, 3)
         surface = real_array(surface, "surface", shape, batched=False)
         axes = one_of(axes, "axes", _AXES) if self.definitions.frame else "space"
-        check_body_sizes(surface, self.definitions.vertices, self.definitions.faces, "surface")
+        check_body_sizes(surface, self.definitions.surface, "surface")
         bodies = LandmarkedBodies(self.definitions, surface[np.newaxis], axes)
         lines = {}
         for measurement in self.definitions.measurements:
@@ -248,32 +249,13 @@ class Measurements:
     def _check_surface(self, surface: ndarray, name: str) -> None:
         """Raise an error if a body is inside out."""
         if self.definitions.is_closed:
-            both = np.stack([surface, self.definitions.vertices])
-            volume, own = LandmarkedBodies(self.definitions, both, "space").volumes
+            own = self.definitions.volume
+            volume = LandmarkedBodies(self.definitions, surface[np.newaxis], "space").volumes[0]
             if not volume * own > 0.0:
                 raise DegenerateSurfaceError(
                     f"{name} encloses {volume:.3g} m³ and the template {own:.3g} m³: the body is "
                     "inside out, as after a reflection, or has no extent"
                 )
-
-    def _measure(self, surfaces: ndarray, axes: str, gradient: bool) -> tuple[ndarray, Any]:
-        measurements = self.definitions.measurements
-        if not gradient:
-            bodies = LandmarkedBodies(self.definitions, surfaces, axes)
-            values = [measurement.value(bodies) for measurement in measurements]
-            return np.stack(values, axis=-1), None
-        values, slopes = [], []
-        for measurement in measurements:
-            pull_back, value = make_vjp(
-                lambda moved, measurement=measurement: measurement.value(
-                    LandmarkedBodies(self.definitions, moved, axes)
-                )
-            )(surfaces)
-            values.append(value)
-            slopes.append(pull_back(np.ones(len(surfaces))))
-        measured, slope = np.stack(values, axis=-1), np.stack(slopes, axis=1)
-        slope[np.isnan(measured)] = np.nan
-        return measured, slope
 
     def _not_trusted(
         self, surfaces: ndarray, trusted: ndarray, axes: str
@@ -281,7 +263,7 @@ class Measurements:
         """Return reasons for measurements of which too large a share depends on other vertices."""
         reasons = {}
         for number in np.flatnonzero(~trusted.all(axis=1)).tolist():
-            _, slopes = self._measure(surfaces[[number]], axes, gradient=True)
+            _, slopes = values_of_bodies(self.definitions, surfaces[[number]], axes, gradient=True)
             weights = np.linalg.norm(slopes, axis=-1)[0]
             shares = weights[:, ~trusted[number]].sum(axis=1) / weights.sum(axis=1)
             for which in np.flatnonzero(shares > _MOST_UNSEEN):
@@ -300,6 +282,36 @@ class Measurements:
             bodies = LandmarkedBodies(self.definitions, surfaces[[number]], axes)
             reasons[number, measurement.name] = measurement.why_missing(bodies)
         return reasons
+
+
+def values_of_bodies(
+    description: MeasurementSet, surfaces: ndarray, axes: str, gradient: bool
+) -> tuple[ndarray, Any]:
+    """Return values, shape (n, M), NaN if not defined, and their derivatives; nothing is checked.
+
+    Parameters
+    ----------
+    description : MeasurementSet
+    surfaces : array, shape (n, V, 3)
+    axes : {"body", "space"}
+    gradient : bool
+        Whether to return derivatives, shape (n, M, V, 3); else None.
+    """
+    if not gradient:
+        bodies = LandmarkedBodies(description, surfaces, axes)
+        return np.stack([each.value(bodies) for each in description.measurements], axis=-1), None
+    values, slopes = [], []
+    for measurement in description.measurements:
+        pull_back, value = make_vjp(
+            lambda moved, measurement=measurement: measurement.value(
+                LandmarkedBodies(description, moved, axes)
+            )
+        )(surfaces)
+        values.append(value)
+        slopes.append(pull_back(np.ones(len(surfaces))))
+    measured, slope = np.stack(values, axis=-1), np.stack(slopes, axis=1)
+    slope[np.isnan(measured)] = np.nan
+    return measured, slope
 
 
 def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:

@@ -7,7 +7,7 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from riemhuman.checks import check_human_size, is_human_size, real_array
+from riemhuman.checks import real_array
 
 # Share of the cube of its extent below which the volume of a surface is that of a flat one.
 _FLAT = 1e-4
@@ -81,26 +81,18 @@ def _enclosed(points: ndarray, faces: ndarray) -> ndarray:
     return volumes
 
 
-def check_body_sizes(points: ndarray, reference: ndarray, faces: ndarray, name: str) -> None:
-    """Raise an error if surfaces, shape (..., V, 3), have sizes that no human body has.
+def body_size(surface: ndarray, faces: ndarray | None) -> tuple[float, float]:
+    """Return the largest extent and the volume, NaN if flat or without triangles that enclose it.
 
-    If the reference surface, shape (V, 3), has no such size either, it is no body in metres: a
-    hand, or a template in another unit. All sizes are then accepted.
+    Parameters
+    ----------
+    surface : array, shape (V, 3)
+    faces : array of int, shape (F, 3), or None
+        Triangles of a closed surface.
     """
-    has_volume = is_closed(faces)
-
-    def size(surface: ndarray) -> tuple[float, float]:
-        extent = float(np.ptp(surface, axis=0).max())
-        volume = float(_enclosed(surface, faces)) if has_volume else np.nan
-        return extent, volume if abs(volume) > _FLAT * extent**3 else np.nan
-
-    if not is_human_size(*size(reference)):
-        return
-    for index in np.ndindex(points.shape[:-2]):
-        place = f"{name}[{', '.join(map(str, index))}]" if index else name
-        extent, volume = size(points[index])
-        if extent > 0.0:  # else it is collapsed
-            check_human_size(extent, volume, place)
+    extent = float(np.ptp(surface, axis=0).max())
+    volume = np.nan if faces is None else float(_enclosed(surface, faces))
+    return extent, volume if abs(volume) > _FLAT * extent**3 else np.nan
 
 
 def is_closed(faces: ndarray) -> bool:

@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from riemhuman.checks import check_resolution, integer_array, real_array
+from riemhuman.checks import (
+    check_human_size,
+    check_resolution,
+    integer_array,
+    is_human_size,
+    real_array,
+)
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import (
     check_faces,
@@ -30,6 +36,7 @@ from riemhuman.io.meshes import (
 from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.surfaces._heat import HeatFlow, TriangleHeat
 from riemhuman.surfaces._poisson import PoissonInterpolator
+from riemhuman.surfaces.measures import body_size, is_closed
 
 # A triangle is flat if its height is within rounding of zero: relative to its longest side, or to
 # the coordinates from which it was computed.
@@ -201,6 +208,16 @@ class Template:
         return read_only(distinct_pairs(np.sort(sides, axis=1))[0])
 
     @cached_property
+    def is_closed(self) -> bool:
+        """Whether every edge belongs to two triangles, which pass it in opposite directions."""
+        return is_closed(self.faces)
+
+    @cached_property
+    def body_size(self) -> tuple[float, float]:
+        """Largest extent in metres, and volume in cubic metres, NaN if open or flat."""
+        return body_size(self.vertices, self.faces if self.is_closed else None)
+
+    @cached_property
     def seams(self) -> Seams:
         """Pairs of border edges that coincide, see `riemhuman.io.find_seams`."""
         return find_seams(self.vertices, self.faces)
@@ -361,3 +378,18 @@ class TriangleAssembler:
         entries = np.bincount(self._positions, blocks.ravel(), minlength=len(self._columns))
         shape = (self._size, self._size)
         return sparse.csr_array((entries, self._columns, self._row_ends), shape=shape)
+
+
+def check_body_sizes(points: np.ndarray, template: Template, name: str) -> None:
+    """Raise an error if surfaces, shape (..., V, 3), have sizes that no human body has.
+
+    If the template has no such size either, it is no body in metres: a hand, or a template in
+    another unit. All sizes are then accepted.
+    """
+    if not is_human_size(*template.body_size):
+        return
+    for index in np.ndindex(points.shape[:-2]):
+        place = f"{name}[{', '.join(map(str, index))}]" if index else name
+        extent, volume = body_size(points[index], template.faces if template.is_closed else None)
+        if extent > 0.0:  # else it is collapsed
+            check_human_size(extent, volume, place)

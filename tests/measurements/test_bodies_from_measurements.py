@@ -11,7 +11,10 @@ from riemhuman.measurements import (
     in_standard_pose,
     model_from_measurements,
     nearest_body,
+    predict_measurements,
 )
+from riemhuman.measurements import bodies_from_measurements as module
+from riemhuman.measurements._kinks import least_squares_with_kinks
 from riemhuman.measurements.bodies_from_measurements import adults, predict
 
 SIXTEEN = (
@@ -75,11 +78,51 @@ def test_contradictory_values_are_named():
     assert predict(wanted, "woman", {"inside leg height": 0.2}).contradictory == ()
 
 
+TALL = {"stature": 1.827, "body mass": 93.1, "chest girth": 1.021, "hip girth": 1.136}
+TALL["waist girth (omphalion)"] = 1.08
+
+
+@pytest.mark.parametrize(
+    ("wanted", "sex"), [(TALL, "woman"), ({"stature": 1.8, "body mass": 80.0}, "man")]
+)
+def test_searches_from_other_bodies_end_at_the_same_cost(wanted, sex, monkeypatch):
+    """Breadths and girths have kinks, beside which steps of Gauss and Newton alone stop."""
+    rng = np.random.default_rng(0)
+    search, found = module._nearest_betas, []
+
+    def from_another(*arguments):
+        start = found[0].betas + 0.5 * rng.standard_normal(32) if found else None
+        found.append(search(*arguments, start=start))
+        return found[-1]
+
+    monkeypatch.setattr(module, "_nearest_betas", from_another)
+    for _ in range(4):
+        assert model_from_measurements(wanted, sex, resolution="coarse").converged
+    costs = np.array([one.cost for one in found])
+    # Gauss-Newton steps alone end 0.13 and 0.09 apart.
+    assert np.ptp(costs) < 3e-4 * costs.min()
+    assert max(np.abs(one.betas - found[0].betas).max() for one in found) < 0.25
+
+
+def test_kinks_are_followed():
+    """The least of (3 |x| + x/5 + y - 1)² + (y - 2)²/4 is at (0, 1.2), on the kink."""
+
+    def linearisation(z):
+        x, y = z
+        values = np.array([3.0 * abs(x) + y + 0.2 * x - 1.0, 0.5 * (y - 2.0)])
+        return values, np.array([[3.0 * (1.0 if x > 0 else -1.0) + 0.2, 1.0], [0.0, 0.5]])
+
+    for start in ([0.3, 0.1], [-2.0, 4.0], [1e-7, 1.5]):
+        z, cost, converged = least_squares_with_kinks(linearisation, np.array(start), 60)
+        assert converged
+        assert abs(z[0]) < 1e-3
+        assert abs(z[1] - 1.2) < 0.03
+        assert abs(cost - 0.1) < 1e-3
+
+
 def test_a_tall_heavy_woman_is_found():
     """Large steps of the search lead to bodies whose waist is not defined."""
-    wanted = {"stature": 1.827, "body mass": 93.1, "chest girth": 1.021, "hip girth": 1.136}
-    wanted["waist girth (omphalion)"] = 1.08
-    person = model_from_measurements(wanted, "woman", resolution="coarse")
+    person = model_from_measurements(TALL, "woman", resolution="coarse")
     assert person.converged
     assert abs(person.misses["body mass"]) < 0.05
     assert person.improbability < 10.0
@@ -127,6 +170,22 @@ def test_predictions_are_calibrated(sex):
     inputs = np.column_stack([np.ones(len(people)), people[:, rows]])
     residuals = errors - inputs @ np.linalg.lstsq(inputs, errors, rcond=None)[0]
     assert (errors.std(axis=0) < 1.05 * residuals.std(axis=0)).all()
+
+
+def test_predictions_need_no_body(woman_of_four):
+    predicted = predict_measurements(FOUR, "woman")
+    assert predicted.values == woman_of_four.predicted
+    assert predicted.std == woman_of_four.predicted_std
+    assert predicted.sexes == {"woman": 1.0}
+    assert predicted.z_scores == woman_of_four.z_scores
+    loose = predict_measurements(FOUR, "woman", tolerances={"hip girth": 0.1})
+    assert loose.std["thigh girth"] > 1.1 * predicted.std["thigh girth"]
+    wrong = predict_measurements(FOUR | {"inside leg height": 0.95}, "woman")
+    assert wrong.contradictory[0] == "inside leg height"
+    with pytest.raises(ArgumentError, match="is it in centimetres"):
+        predict_measurements({"stature": 170})
+    with pytest.raises(ArgumentError, match="did you mean 'waist girth'"):
+        predict_measurements({"waist grith": 0.8})
 
 
 def test_the_sex_is_inferred():

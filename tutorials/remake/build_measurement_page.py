@@ -49,8 +49,10 @@ measure more than those of ANSUR II; {agree} of {count} agree to half a standard
 adults for both. The coarse model is a polyhedron inside the full one, so that girths of its limbs
 are some centimetres less. The seated body is the model's: its knees bend above the epicondyles,
 and its skin loses depth at buttocks and kneecaps, so that its thighs are short and thick. For the
-seated measurements of a person, `model_from_measurements(...).predicted` is nearer. `python
-tutorials/remake/build_statistics.py ANSUR --check` prints how well measurements predict each other.
+seated measurements of a person, `predict_measurements(values, sex)` is nearer: it predicts all
+measurements from a few, with standard deviations, and makes no body. `python
+tutorials/remake/build_statistics.py ANSUR --check` prints how well measurements predict each
+other.
 
 | name | ISO | ANSUR II | CAESAR | SMPL-Anthropometry | level | women | men | remark |
 |---|---|---|---|---|---:|---:|---:|---|
