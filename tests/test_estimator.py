@@ -15,17 +15,16 @@ from riemhuman.geometry import AlignedSurfaces, ElasticMetric, NormalFields, Vec
 from riemhuman.learned import MetricCodes
 from riemhuman.motions import MotionComponents, MotionMean, MotionSpace
 from riemhuman.retrieval.neighbors import NearestNeighbors
-from riemhuman.solvers import BasisMean, GradientDescentMean
-from riemhuman.statistics import (
+from riemhuman.solvers import (
+    BasisMean,
     FrechetMean,
     GeodesicRegression,
     GeometricMedian,
-    HierarchicalClustering,
-    KMedoids,
-    LearnedMetric,
+    GradientDescentMean,
     NearestSurface,
     TangentPCA,
 )
+from riemhuman.statistics import HierarchicalClustering, KMedoids, LearnedMetric
 
 ESTIMATORS = [
     TangentPCA(VectorSpace((2,)), 1, mean=GradientDescentMean(), nearest=NearestSurface()),

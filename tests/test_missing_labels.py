@@ -86,7 +86,7 @@ def points():
 def regression(labels):
     space = rh.AlignedSurfaces(rh.datasets.load_open_bodies("coarse").template)
     space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=0.1)
-    return rh.measurements.regress_shape(space, np.arange(12.0), points(), people=labels)
+    return rh.statistics.regress_shape(space, np.arange(12.0), points(), people=labels)
 
 
 FUNCTIONS = {
@@ -105,7 +105,7 @@ FUNCTIONS = {
     ),
     "people of a regression": regression,
     "Bodies": bodies_with,
-    "benchmark": lambda labels: rh.report.benchmark(LabelledBodies(labels), {}),
+    "benchmark": lambda labels: rh.retrieval.benchmark(LabelledBodies(labels), {}),
     "plot_embedding": lambda labels: rh.plots.plot_embedding(np.zeros((N_POINTS, 2)), labels),
     "plot_confusion": lambda labels: rh.plots.plot_confusion(DISTANCES, labels),
     "plot_precision_recall": lambda labels: rh.plots.plot_precision_recall(

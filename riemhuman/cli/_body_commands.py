@@ -147,8 +147,8 @@ def _components(options: argparse.Namespace) -> cli.Answer:
         with options.task(f"Standard pose of {len(points)} meshes"):
             points = rh.measurements.in_standard_pose(definitions, points)
     with options.task(f"Components of {len(points)}, {metric}"):
-        nearest = rh.statistics.NearestSurface(progress=options.bars)
-        pca = rh.statistics.TangentPCA(metric.space, count, nearest=nearest).fit(points)
+        nearest = rh.solvers.NearestSurface(progress=options.bars)
+        pca = rh.TangentPCA(metric.space, count, nearest=nearest).fit(points)
     numbers = range(1, pca.n_components_ + 1)
     names = ["mean", *(f"component_{k}_{side}" for k in numbers for side in ("minus", "plus"))]
     names += [f"sample_{k:04d}" for k in range(options.samples)]

@@ -105,12 +105,12 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
         f"{bodies.template.n_vertices:,} vertices, {bodies.template.n_faces:,} triangles"
     )
     natural = options.open == "natural" and not options.all
-    compared = rh.report.representations(bodies) if options.all else None
+    compared = rh.retrieval.representations(bodies) if options.all else None
     how = {"learned": natural, "progress": options.bars, "task": options.task}
-    records = rh.report.benchmark(bodies, compared, **how)
+    records = rh.retrieval.benchmark(bodies, compared, **how)
     if options.all:
-        return cli.Answer(f"{head}\n\n{rh.report.format_benchmark(records)}", records)
-    titles = rh.report.retrieval_benchmark.TITLES
+        return cli.Answer(f"{head}\n\n{rh.retrieval.format_benchmark(records)}", records)
+    titles = rh.retrieval.benchmarks.TITLES
     found: dict[str, dict[str, Any]] = {}
     for each in records:
         if each.scores is None:

@@ -3,7 +3,7 @@
 from riemhuman.datasets.amass import load_amass
 from riemhuman.datasets.amc import load_amc
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.datasets.bvh import SkeletonMotion, load_bvh
+from riemhuman.datasets.bvh import load_bvh
 from riemhuman.datasets.dfaust import load_dfaust
 from riemhuman.datasets.markers import load_c3d, load_trc
 from riemhuman.datasets.motion_arrays import motion_from_arrays
@@ -19,9 +19,11 @@ from riemhuman.datasets.registered_meshes import (
     load_faust,
     read_labels,
 )
-from riemhuman.datasets.retargeting import RetargetedMotion, RetargetingErrors, retarget
+from riemhuman.datasets.retargeting import RetargetedMotion, retarget
 from riemhuman.datasets.shrec import LabelledMeshes, load_shrec14
 from riemhuman.datasets.shrec19 import MatchedMesh, MatchedMeshes, load_shrec19
+from riemhuman.retargeting.performances import RetargetingErrors
+from riemhuman.retargeting.skeleton_motion import SkeletonMotion
 
 __all__ = [
     "ArrayMotion",

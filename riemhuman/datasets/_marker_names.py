@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from riemhuman.datasets._joint_names import LIMBS, SIDES
+from riemhuman.retargeting.joint_names import LIMBS, SIDES
 
 NEEDED = tuple(role for limb in LIMBS for role in limb)
 # Words for the two sides of a joint that markers on the skin have.

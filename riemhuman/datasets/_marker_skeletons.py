@@ -10,9 +10,14 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
-from riemhuman.datasets._joint_names import LIMBS, SIDES
 from riemhuman.datasets._marker_names import NEEDED, MarkerNames, Recipe
-from riemhuman.datasets._skeletons import (
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, warn
+from riemhuman.kernels.rotations import transpose
+from riemhuman.kernels.surface import unit_vectors as unit
+from riemhuman.representation import join_names
+from riemhuman.retargeting.joint_names import LIMBS, SIDES
+from riemhuman.retargeting.skeleton_motion import SkeletonMotion
+from riemhuman.retargeting.skeletons import (
     body_frame,
     bone,
     frame,
@@ -20,11 +25,6 @@ from riemhuman.datasets._skeletons import (
     middle,
     turned_towards,
 )
-from riemhuman.datasets.bvh import SkeletonMotion
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, warn
-from riemhuman.kernels.rotations import transpose
-from riemhuman.kernels.surface import unit_vectors as unit
-from riemhuman.representation import join_names
 
 # Longest gaps that are filled: seconds, and frames where those are fewer.
 _LONGEST_GAP, _FRAMES_OF_GAP = 0.2, 3

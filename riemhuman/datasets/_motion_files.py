@@ -12,13 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS, usual_joint_names
-from riemhuman.datasets._skeletons import shortest
-from riemhuman.datasets._smpl_layout import N_HANDS, is_smpl, smpl_offsets
 from riemhuman.errors import ArgumentError
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.skinned_gltf import SkinnedAnimation, skinned_glb
 from riemhuman.kernels.surface import unit_vectors
+from riemhuman.retargeting.skeletons import shortest
+from riemhuman.retargeting.smpl_layout import N_HANDS, is_smpl, smpl_offsets
 from riemhuman.surfaces.procrustes import make_upright
 
 # Most programs take the numbers of a BVH file for centimetres.

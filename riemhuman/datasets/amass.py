@@ -13,19 +13,7 @@ import numpy as np
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, real_number, refuse_type
-from riemhuman.datasets._body_size import model_of_size
-from riemhuman.datasets._joint_names import model_joints
 from riemhuman.datasets._motion_files import SAVED_FIELDS, SAVED_REST
-from riemhuman.datasets._smpl_layout import (
-    LAYOUTS,
-    is_smpl,
-    poses_of_model,
-    smpl_skeleton,
-    smpl_upward_axes,
-    upright_parameters,
-)
-from riemhuman.datasets._upward import AMASS, warn_of_doubt
-from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ArrayMotion, ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.retargeting import RetargetedMotion
@@ -33,6 +21,18 @@ from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
 from riemhuman.io.files import convert_errors, file_path, format_errors
 from riemhuman.io.mesh_arrays import face_difference
+from riemhuman.retargeting.body_size import model_of_size
+from riemhuman.retargeting.joint_names import model_joints
+from riemhuman.retargeting.skeleton_motion import SkeletonMotion, nearest_frames
+from riemhuman.retargeting.smpl_layout import (
+    LAYOUTS,
+    is_smpl,
+    poses_of_model,
+    smpl_skeleton,
+    smpl_upward_axes,
+    upright_parameters,
+)
+from riemhuman.retargeting.upward import AMASS, warn_of_doubt
 from riemhuman.surfaces.procrustes import AXES
 
 _RATES = ("mocap_framerate", "mocap_frame_rate")

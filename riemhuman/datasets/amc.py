@@ -17,10 +17,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.checks import real_number
-from riemhuman.datasets.bvh import SkeletonMotion
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import memory_limit
 from riemhuman.io.files import file_path, memory_errors, read_bytes, short_message, suffix_of
+from riemhuman.retargeting.skeleton_motion import SkeletonMotion
 
 _INCH = 0.0254
 _TRANSLATIONS = ("tx", "ty", "tz")

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from riemhuman.checks import integer_array
-from riemhuman.datasets.bvh import nearest_frames
 from riemhuman.datasets.motions import Motion, Motions, choose_names
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import memory_limit, memory_size
@@ -21,6 +20,7 @@ from riemhuman.io.files import check_file, file_path, format_errors
 from riemhuman.io.mesh_arrays import face_difference, read_only
 from riemhuman.optional import import_optional
 from riemhuman.representation import join_names
+from riemhuman.retargeting.skeleton_motion import nearest_frames
 
 _FILES = ("registrations_m.hdf5", "registrations_f.hdf5")
 _FACES = "faces"

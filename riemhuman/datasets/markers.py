@@ -19,8 +19,6 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.datasets._marker_skeletons import Markers, skeleton_of
-from riemhuman.datasets._units import metres_in
-from riemhuman.datasets.bvh import SkeletonMotion
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays
 from riemhuman.io.files import (
@@ -31,6 +29,8 @@ from riemhuman.io.files import (
     suffix_of,
 )
 from riemhuman.optional import import_optional
+from riemhuman.retargeting.skeleton_motion import SkeletonMotion
+from riemhuman.retargeting.units import metres_in
 
 # Larger numbers, and higher rates, are damage.
 _LARGEST, _HIGHEST_RATE = 1e9, 1e5

@@ -9,8 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, real_number, refuse_type, values_of, weight_shares
-from riemhuman.datasets._joint_names import model_joints
-from riemhuman.datasets._smpl_layout import (
+from riemhuman.datasets.motions import ArrayMotion
+from riemhuman.datasets.open_bodies import load_open_model
+from riemhuman.datasets.retargeting import RetargetedMotion
+from riemhuman.errors import ArgumentError, warn
+from riemhuman.retargeting.joint_names import model_joints
+from riemhuman.retargeting.smpl_layout import (
     LAYOUTS,
     is_smpl,
     poses_of_model,
@@ -18,11 +22,7 @@ from riemhuman.datasets._smpl_layout import (
     smpl_upward_axes,
     upright_parameters,
 )
-from riemhuman.datasets._upward import VIDEO, warn_of_doubt
-from riemhuman.datasets.motions import ArrayMotion
-from riemhuman.datasets.open_bodies import load_open_model
-from riemhuman.datasets.retargeting import RetargetedMotion
-from riemhuman.errors import ArgumentError, warn
+from riemhuman.retargeting.upward import VIDEO, warn_of_doubt
 from riemhuman.surfaces.procrustes import AXES
 
 # Rotation matrices in files are rounded to single precision, or come from networks.

@@ -27,11 +27,11 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_array
-from riemhuman.datasets._joint_names import LIMBS
-from riemhuman.datasets._skeletons import shortest
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import log
 from riemhuman.kernels.surface import unit_vectors
+from riemhuman.retargeting.joint_names import LIMBS
+from riemhuman.retargeting.skeletons import shortest
 
 DATA = Path(__file__).parent / "data"
 

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets.amass import load_amass
 from riemhuman.datasets.amc import load_amc
-from riemhuman.datasets.bvh import load_bvh, nearest_frames
+from riemhuman.datasets.bvh import load_bvh
 from riemhuman.datasets.markers import load_c3d, load_trc
 from riemhuman.datasets.motion_arrays import motion_from_arrays
 from riemhuman.datasets.motions import ModelMotion
@@ -28,6 +28,7 @@ from riemhuman.io.arrays import array_shapes, load_arrays
 from riemhuman.io.files import file_path, suffix_of
 from riemhuman.io.pickles import load_pickled_tree
 from riemhuman.io.torch_files import load_torch_tree
+from riemhuman.retargeting.skeleton_motion import nearest_frames
 
 RECORDING_ENDINGS = (
     *(".bvh", ".amc", ".trc", ".c3d"),

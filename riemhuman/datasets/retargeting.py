@@ -1,114 +1,32 @@
-"""Motion capture performed by bodies: recordings of skeletons become poses of a body model.
-
-A recording goes through these stages, each in a module of its own:
-
-- joints are recognised by name, or by the shape of the tree (`_joint_names`, `_joint_tree`);
-- the axis that points up is found, and when feet stand (`_upward`, `_recorded_skeletons`);
-- the axes of joints are found from positions, whatever the axes of the file (`_joint_axes`);
-- limbs, trunk and neck follow the recorded directions (`_limbs`);
-- the body moves so that standing feet are where they were recorded, and limbs leave the recorded
-  directions by a few degrees so that feet that stand still stay in place; nothing is more than 5 mm
-  below the floor (`_standing`).
-
-Lengths are scaled by those of the legs, or the body is (`_units`, `_body_size`).
-"""
+"""Recordings performed by a person of a body model, see `riemhuman.retargeting`."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, refuse_type
-from riemhuman.datasets._body_size import own_person, recorded_person, scaled_model
-from riemhuman.datasets._joint_axes import Figure, make_figure, mean_axes
-from riemhuman.datasets._joint_names import BONES, LIMBS, find_joints, model_joints
-from riemhuman.datasets._limbs import follow
-from riemhuman.datasets._recorded_skeletons import RecordedSkeleton, read_skeleton
-from riemhuman.datasets._skeletons import (
-    body_frame,
-    bone,
-    bones,
-    check_bones,
-    leg_length,
-    middle,
-    trunk,
-)
-from riemhuman.datasets._standing import Performance, stand
-from riemhuman.datasets._units import guessed_unit, metres_in
-from riemhuman.datasets.bvh import SkeletonMotion, nearest_frames
 from riemhuman.datasets.motions import ModelMotion
 from riemhuman.datasets.open_bodies import load_open_model
-from riemhuman.kernels.rotations import log, transpose
-from riemhuman.kernels.surface import unit_vectors as unit
-from riemhuman.representation import Record
+from riemhuman.retargeting.body_size import own_person, recorded_person, scaled_model
+from riemhuman.retargeting.joint_axes import make_figure
+from riemhuman.retargeting.joint_names import find_joints, model_joints
+from riemhuman.retargeting.performances import Performed, RetargetingErrors, perform
+from riemhuman.retargeting.skeleton_motion import SkeletonMotion, nearest_frames
+from riemhuman.retargeting.skeletons import check_bones, leg_length
+from riemhuman.retargeting.units import guessed_unit, metres_in
 from riemhuman.surfaces.procrustes import AXES
 
 _RECORDED = "recorded"
 _SCALES = ("adult", _RECORDED)
-# Lines across the body that are compared with the recorded ones, besides bones.
-_LINES = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
-_NECK = ("neck", "head")
-_PARTS = ("pelvis", "chest", "head")
-# Means over the frames that are warned of, degrees and metres.
-_MOST_DEGREES, _MOST_METRES = 15.0, 0.07
-# Coefficients of the same person, found twice, differ by less.
-_SAME_BETAS = 1e-5
-# Mean cosine of feet to the front of the body that says that they point backward.
-_BACKWARD = 0.3
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class RetargetingErrors(Record):
-    """How far a retargeted motion is from its recording.
-
-    Attributes
-    ----------
-    bones : tuple of (str, str)
-        Joints at the ends of the B bones and lines: upper arms, forearms, thighs and shanks; the
-        trunk, from the middle of the hips to the middle of the shoulders; the lines of hips and
-        shoulders; and the neck, if both have one.
-    directions : array, shape (n_frames, B)
-        Angles between the bone or line and the recorded one, degrees.
-    joints : tuple of str
-        Names of the K joints of the limbs.
-    positions : array, shape (n_frames, K)
-        Distances from the recorded joints, metres, both relative to the middle of the hips.
-    parts : tuple of str
-        Parts whose rotations are compared: "pelvis", "chest" and "head", if there is one.
-    rotations : array, shape (n_frames, P)
-        Angles of the rotations of pelvis and chest to those that the positions of hips and
-        shoulders show, degrees; and of the head to the recorded one, which looks ahead in the mean.
-    scale : float
-        Metres in the unit of the recording: lengths of the recording were multiplied by it.
-
-    Examples
-    --------
-    >>> rh.datasets.retarget(recording).errors.positions.max()  # doctest: +SKIP
-    """
-
-    bones: tuple[tuple[str, str], ...]
-    directions: ndarray
-    joints: tuple[str, ...]
-    positions: ndarray
-    parts: tuple[str, ...]
-    rotations: ndarray
-    scale: float
-
-
-class _Played(NamedTuple):
-    """What a person does: pose vectors and translations, and how far from the recording."""
-
-    poses: ndarray
-    translations: ndarray
-    errors: RetargetingErrors
 
 
 class RetargetedMotion(ModelMotion):
@@ -214,24 +132,9 @@ class RetargetedMotion(ModelMotion):
         return self._played.poses[numbers], self._played.translations[numbers]
 
     @cached_property
-    def _played(self) -> _Played:
-        recording = self.recording
-        figure = make_figure(self.model, self.betas)
+    def _played(self) -> Performed:
         up = self._up() if callable(self._up) else self._up
-        own = own_person(recording, self.model) if up in (None, "y") else None
-        if own is not None and np.allclose(own.betas, self.betas, rtol=0.0, atol=_SAME_BETAS):
-            source = read_skeleton(recording, self._joints, "y")
-            chosen = recording.global_rotations[:, own.joints]
-            positions = own.metres * recording.positions[:, own.joints]
-            performance, scale = Performance(chosen, positions), own.metres
-        else:
-            source = read_skeleton(recording, self._joints, up)
-            scale = figure.leg / source.leg
-            performance = stand(source, figure, follow(source, figure, scale), scale)
-        errors = _errors(source, figure, performance, scale)
-        misplaced = _misplaced(source, figure, performance)
-        _warn_of_errors(recording.name, source, errors, misplaced)
-        return _Played(*_model_parameters(figure, performance), errors)
+        return perform(self.recording, self.model, self._betas, self._joints, up)
 
 
 def retarget(
@@ -349,132 +252,3 @@ def _guessed_metres(leg: float, recording: SkeletonMotion) -> float:
         stacklevel=3,
     )
     return metres
-
-
-def _model_parameters(figure: Figure, performance: Performance) -> tuple[ndarray, ndarray]:
-    """Return the pose vectors and the translations of a performance."""
-    parents, rotations = figure.model.parents, performance.rotations
-    local = rotations.copy()
-    limbs = np.flatnonzero(parents >= 0)
-    local[:, limbs] = transpose(rotations[:, parents[limbs]]) @ rotations[:, limbs]
-    root = figure.model.joint_order[0]
-    return log(np.eye(3), local), performance.positions[:, root] - figure.rest[root]
-
-
-def _errors(
-    source: RecordedSkeleton, figure: Figure, performance: Performance, scale: float
-) -> RetargetingErrors:
-    """Return directions, positions and rotations beside those recorded."""
-    pairs = (*BONES, *_LINES)
-    if all({*_NECK} <= skeleton.joints.keys() for skeleton in (source, figure)):
-        pairs = (*pairs, _NECK)
-    names = tuple(name for limb in LIMBS for name in limb)
-    made, made_places = _bones_and_places(performance.positions, figure.joints, pairs, names)
-    shown, shown_places = _bones_and_places(source.positions, source.joints, pairs, names)
-    sines = np.linalg.norm(np.cross(made, shown), axis=-1)
-    angles = np.degrees(np.arctan2(sines, np.sum(made * shown, axis=-1)))
-    # The trunk is the last of `bones`, and comes after the limbs in the errors.
-    order = [*range(len(BONES)), len(pairs), *range(len(BONES), len(pairs))]
-    labels = (*BONES, ("hips", "shoulders"), *pairs[len(BONES) :])
-    apart = np.linalg.norm(made_places - scale * shown_places, axis=-1)
-    parts, rotations = _part_errors(source, figure, performance)
-    return RetargetingErrors(labels, angles[:, order], names, apart, parts, rotations, scale)
-
-
-def _bones_and_places(
-    positions: ndarray,
-    joints: Mapping[str, int],
-    pairs: Sequence[tuple[str, str]],
-    names: Sequence[str],
-) -> tuple[ndarray, ndarray]:
-    """Return vectors between joints, and the places of joints relative to the hips."""
-    places = positions[:, [joints[name] for name in names]]
-    return bones(positions, joints, pairs), places - middle(positions, joints, "hip")[:, None]
-
-
-def _part_errors(
-    source: RecordedSkeleton, figure: Figure, performance: Performance
-) -> tuple[tuple[str, ...], ndarray]:
-    """Return the parts of the trunk, and the angles of their rotations to the recorded ones."""
-    angles = []
-    for line in ("hip", "shoulder"):
-        made = body_frame(performance.positions, figure.joints, line)
-        angles.append(_angles(made, body_frame(source.positions, source.joints, line)))
-    if not all("head" in joints for joints in (source.joints, figure.joints)):
-        return _PARTS[:2], np.stack(angles, axis=1)
-    made = performance.rotations[:, figure.joints["head"]]
-    shown = source.rotation("head")
-    axes = mean_axes(shown, made, source.kept)
-    return _PARTS, np.stack([*angles, _angles(made, shown @ axes)], axis=1)
-
-
-def _angles(first: ndarray, second: ndarray) -> ndarray:
-    """Return the angles between rotations, degrees."""
-    return np.degrees(np.linalg.norm(log(first, second), axis=-1))
-
-
-def _misplaced(source: RecordedSkeleton, figure: Figure, performance: Performance) -> ndarray:
-    """Return how far joints are from where recorded directions lead with the figure's bones."""
-    joints = figure.joints
-    hips = middle(performance.positions, joints, "hip")
-    back = unit(trunk(source.positions, source.joints))
-    shoulders = hips + np.linalg.norm(trunk(figure.rest, joints)) * back
-    distances = []
-    for limb in LIMBS:
-        side, part = limb[0].split("_")
-        sign = 0.5 if side == "left" else -0.5
-        line = unit(bone(source.positions, source.joints, f"right_{part}", f"left_{part}"))
-        width = np.linalg.norm(figure.bone(f"right_{part}", f"left_{part}"))
-        place = (hips if part == "hip" else shoulders) + sign * width * line
-        for pair in ((), limb[:2], limb[1:]):
-            if pair:
-                direction = unit(bone(source.positions, source.joints, *pair))
-                place = place + np.linalg.norm(figure.bone(*pair)) * direction
-            name = pair[1] if pair else limb[0]
-            apart = performance.positions[:, joints[name]] - place
-            distances.append(np.linalg.norm(apart, axis=1))
-    return np.stack(distances, axis=1)
-
-
-def _feet_point_backward(source: RecordedSkeleton) -> bool:
-    """Return whether the toes are behind the ankles of a body with these sides."""
-    forward = body_frame(source.positions, source.joints, "hip")[..., 2]
-    feet = [
-        np.sum(unit(bone(source.positions, source.joints, ankle, toes)) * forward, axis=1).mean()
-        for ankle, toes in (("left_ankle", "left_toes"), ("right_ankle", "right_toes"))
-        if toes in source.joints
-    ]
-    return bool(feet) and max(feet) < -_BACKWARD
-
-
-def _warn_of_errors(
-    name: str, source: RecordedSkeleton, errors: RetargetingErrors, misplaced: ndarray
-) -> None:
-    """Warn if the body is far from the recording in the mean over the frames.
-
-    Distances are those that proportions of the person do not explain.
-    """
-    angles = np.concatenate([errors.directions, errors.rotations], axis=1).mean(axis=0)
-    distances = misplaced.mean(axis=0)
-    labels = [" to ".join(pair) for pair in errors.bones] + list(errors.parts)
-    found = [
-        f"{label} by {angle:.0f} degrees"
-        for label, angle in zip(labels, angles, strict=True)
-        if angle > _MOST_DEGREES
-    ]
-    found += [
-        f"{joint} by {100.0 * distance:.0f} cm"
-        for joint, distance in zip(errors.joints, distances, strict=True)
-        if distance > _MOST_METRES
-    ]
-    hips, shoulders = (unit(bone(source.positions, source.joints, *line)) for line in _LINES)
-    if np.sum(hips * shoulders, axis=1).mean() < 0.0:
-        found.append("the hips face away from the shoulders: their sides may have been swapped")
-    elif _feet_point_backward(source):
-        found.append("feet point backward: left and right may have been swapped")
-    if found:
-        warnings.warn(
-            f"{name or 'recording'}: the body differs from the recording in the mean, "
-            f"{', '.join(found)}; see errors. Joints may have been taken for others: pass joints=",
-            stacklevel=2,
-        )

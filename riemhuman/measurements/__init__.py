@@ -22,7 +22,6 @@ from riemhuman.measurements.definitions import (
 )
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.measurements.measuring import MeasuredBodies, Measurements, in_standard_pose
-from riemhuman.measurements.shape_regression import ShapeRegression, regress_shape
 from riemhuman.measurements.visits import VisitComparison, compare_visits
 
 __all__ = [
@@ -40,7 +39,6 @@ __all__ = [
     "Measurements",
     "NearestBody",
     "PredictedMeasurements",
-    "ShapeRegression",
     "VisitComparison",
     "Volume",
     "compare_visits",
@@ -50,7 +48,6 @@ __all__ = [
     "nearest_body",
     "open_measurements",
     "predict_measurements",
-    "regress_shape",
 ]
 
 

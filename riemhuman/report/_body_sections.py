@@ -15,7 +15,6 @@ from riemhuman.measurements import (
     MeasurementSet,
     in_standard_pose,
     open_measurements,
-    regress_shape,
 )
 from riemhuman.plots import (
     embed,
@@ -31,8 +30,9 @@ from riemhuman.plots.figures import new_figure
 from riemhuman.report._page import Section, fill
 from riemhuman.report._report import POSE_WEIGHTS, Report, Task, readable
 from riemhuman.report._storage import Computed, Step
-from riemhuman.report.retrieval_benchmark import POSE_METRIC, SHAPE_METRIC
 from riemhuman.retrieval import scores
+from riemhuman.retrieval.benchmarks import POSE_METRIC, SHAPE_METRIC
+from riemhuman.statistics import regress_shape
 from riemhuman.surfaces import Template
 
 if TYPE_CHECKING:

@@ -36,7 +36,7 @@ from riemhuman.report._report import (
     group_within,
     name_of,
 )
-from riemhuman.report.retrieval_benchmark import POSE_METRIC
+from riemhuman.retrieval.benchmarks import POSE_METRIC
 from riemhuman.solvers import (
     BasisMean,
     BasisPath,

@@ -16,7 +16,7 @@ from riemhuman.errors import RiemhumanError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.report._page import Output
 from riemhuman.report._storage import Computed, ResultStore, Step
-from riemhuman.report.retrieval_benchmark import (
+from riemhuman.retrieval.benchmarks import (
     POSE_METRIC,
     SHAPE_METRIC,
     Described,

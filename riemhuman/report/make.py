@@ -42,7 +42,7 @@ from riemhuman.report._storage import (
     write_provenance,
 )
 from riemhuman.report.registered_scans import scan_section
-from riemhuman.report.retrieval_benchmark import of_extensions, representations, table_metrics
+from riemhuman.retrieval.benchmarks import of_extensions, representations, table_metrics
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies

@@ -1,5 +1,11 @@
-"""Retrieval: rankings by distance, their scores, nearest neighbours and resumable jobs."""
+"""Retrieval: rankings by distance, scores, nearest neighbours, benchmarks and resumable jobs."""
 
+from riemhuman.retrieval.benchmarks import (
+    BenchmarkRecord,
+    benchmark,
+    format_benchmark,
+    representations,
+)
 from riemhuman.retrieval.jobs import pairwise_job, path_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.retrieval.scores import (
@@ -13,14 +19,18 @@ from riemhuman.retrieval.scores import (
 )
 
 __all__ = [
+    "BenchmarkRecord",
     "NearestNeighbors",
     "RetrievalScores",
+    "benchmark",
     "confusion",
+    "format_benchmark",
     "format_table",
     "local_scaling",
     "pairwise_job",
     "path_job",
     "precision_recall",
+    "representations",
     "retrieval_table",
     "scores",
 ]

@@ -175,7 +175,7 @@ def inverted_triangles(points: ndarray, reference: ndarray, faces: ndarray) -> n
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> rh.statistics.inverted_triangles(bodies[0], bodies[1], bodies.template.faces).shape
+    >>> rh.solvers.inverted_triangles(bodies[0], bodies[1], bodies.template.faces).shape
     (2400,)
     """
     reference = real_array(reference, "reference", ("n_vertices", 3), batched=False)

@@ -1,24 +1,21 @@
-"""Statistics on manifolds: principal components, regression, clusters, tests, fitted metrics."""
+"""Statistics of bodies: clusters, tests, fitted metrics, regression on measurements.
 
-from riemhuman.solvers.geodesic_regression import GeodesicRegression
-from riemhuman.solvers.means import FrechetMean, GeometricMedian
-from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
-from riemhuman.solvers.tangent_pca import TangentPCA
+Means, principal components and geodesic regression are solvers: `rh.FrechetMean`, `rh.TangentPCA`,
+`rh.GeodesicRegression`.
+"""
+
 from riemhuman.statistics.clustering import HierarchicalClustering, KMedoids
 from riemhuman.statistics.learned_metric import LearnedMetric
+from riemhuman.statistics.shape_regression import ShapeRegression, regress_shape
 from riemhuman.statistics.two_sample_test import TwoSampleResult, two_sample_test
 
 __all__ = [
-    "FrechetMean",
-    "GeodesicRegression",
-    "GeometricMedian",
     "HierarchicalClustering",
     "KMedoids",
     "LearnedMetric",
-    "NearestSurface",
-    "TangentPCA",
+    "ShapeRegression",
     "TwoSampleResult",
-    "inverted_triangles",
+    "regress_shape",
     "two_sample_test",
 ]
 

@@ -18,11 +18,9 @@ from riemhuman.datasets import load_faust, load_open_bodies
 from riemhuman.errors import MixedPosesWarning
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import scores
+from riemhuman.solvers import TangentPCA
 from riemhuman.solvers.path_comparison import Distortion, summarize
-from riemhuman.statistics import (
-    LearnedMetric,
-    TangentPCA,
-)
+from riemhuman.statistics import LearnedMetric
 from riemhuman.surfaces import (
     edge_lengths,
     generalized_procrustes,

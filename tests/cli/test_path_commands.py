@@ -10,8 +10,7 @@ from cases import sphere_template, surfaces
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io import load_mesh, save_mesh
 from riemhuman.measurements import Measurements, in_standard_pose
-from riemhuman.solvers import BasisMean, BasisPath
-from riemhuman.statistics import TangentPCA
+from riemhuman.solvers import BasisMean, BasisPath, TangentPCA
 from riemhuman.surfaces import DeformationBasis, Template, procrustes
 
 FOLDER = ["path.glb", "path.html", "path.png", "summary.json"]

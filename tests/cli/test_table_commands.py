@@ -32,7 +32,7 @@ def test_all_representations(run, scans, monkeypatch):
     def compared(bodies):
         return {"height": Extents(), "offsets": VertexOffsets(AlignedSurfaces(bodies.template))}
 
-    monkeypatch.setattr("riemhuman.report.representations", compared)
+    monkeypatch.setattr("riemhuman.retrieval.representations", compared)
     finished = run("tables", "--all", "--bodies", scans)
     assert re.search(r"^height .* \d+\.\d", finished.out, re.MULTILINE)
     assert "an asterisk marks the best of a column" in finished.out

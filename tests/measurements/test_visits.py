@@ -1,13 +1,12 @@
-"""Two visits of one person, and regression of shape on a measurement."""
+"""Two visits of one person."""
 
 import numpy as np
 import pytest
 
 from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
-from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.measurements import Measurements, compare_visits, open_measurements, regress_shape
+from riemhuman.measurements import Measurements, compare_visits, open_measurements
 from riemhuman.measurements.measurement_set import load_json
 
 
@@ -68,41 +67,3 @@ def test_noise_is_known_of_all_measurements():
     assert set(measurements) == set(open_measurements("full").names)
     assert set(parts) == set(open_measurements("full").parts)
     assert all(0 < value < 1 for value in measurements.values())
-
-
-@pytest.fixture(scope="module")
-def people():
-    model = load_open_model("coarse")
-    betas = np.clip(np.random.default_rng(2).normal(size=(12, 32)), -1.0, 1.0)
-    space = AlignedSurfaces(model.template)
-    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=0.1)
-    return space, model(betas), Measurements(model)
-
-
-def test_a_measurement_explains_shape_and_random_numbers_do_not(people):
-    space, points, own = people
-    waists = own.measure(points)["waist girth"]
-    result = regress_shape(space, waists, points, n_permutations=99, rng=0, max_iter=0)
-    assert result.p_value == pytest.approx(0.01)
-    assert 0.1 < result.explained < 1
-    thin, wide = own.measure(result.regression.predict([0.7, 0.95]))["waist girth"]
-    assert wide - thin > 0.1
-    numbers = np.random.default_rng(1).normal(size=12)
-    result = regress_shape(space, numbers, points, n_permutations=49, rng=0, max_iter=0)
-    assert result.p_value > 0.1
-
-
-def test_people_are_permuted_as_a_whole(people):
-    space, points, own = people
-    waists = own.measure(points[::2])["waist girth"]
-    who = np.repeat(np.arange(6), 2)
-    result = regress_shape(
-        space, np.repeat(waists, 2), points, people=who, n_permutations=9, rng=0, max_iter=0
-    )
-    assert result.n_permutations == 9
-    with pytest.raises(ArgumentError, match="same for all bodies of a person"):
-        regress_shape(space, np.arange(12.0), points, people=who, max_iter=0)
-    with pytest.raises(ArgumentError, match="people must hold a label"):
-        regress_shape(space, np.arange(12.0), points, people=who[1:], max_iter=0)
-    with pytest.raises(ArgumentError, match="same for all bodies of a person"):
-        regress_shape(space, np.arange(12.0), points, people=["a", ("b",)] * 6, max_iter=0)

@@ -19,9 +19,8 @@ from riemhuman.geometry import (
     ProductMetric,
     VectorSpace,
 )
-from riemhuman.solvers import Interrupted, Status
+from riemhuman.solvers import GeodesicRegression, Interrupted, Status
 from riemhuman.solvers._lbfgs import Descent
-from riemhuman.statistics import GeodesicRegression
 
 
 def product():

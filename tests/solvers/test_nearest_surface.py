@@ -10,10 +10,9 @@ from scipy.spatial.transform import Rotation
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ConvergenceWarning, DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
-from riemhuman.solvers import BasisMean
+from riemhuman.solvers import BasisMean, NearestSurface, inverted_triangles
 from riemhuman.solvers._dispersion import Dispersion
 from riemhuman.solvers.nearest_surface import image_distances
-from riemhuman.statistics import NearestSurface, inverted_triangles
 from riemhuman.surfaces import DeformationBasis
 
 SPACE = AlignedSurfaces(sphere_template(), equip=False)

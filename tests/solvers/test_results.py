@@ -20,11 +20,17 @@ from riemhuman.errors import (
 )
 from riemhuman.geometry import ElasticMetric, VectorSpace
 from riemhuman.io.arrays import load_arrays, save_arrays
-from riemhuman.solvers import BasisMean, GradientDescentMean, PathStraightening, TangentPCA
+from riemhuman.solvers import (
+    BasisMean,
+    FrechetMean,
+    GeometricMedian,
+    GradientDescentMean,
+    PathStraightening,
+    TangentPCA,
+)
 from riemhuman.solvers._lbfgs import Minimum
 from riemhuman.solvers.parallel_transport import TransportResult
 from riemhuman.solvers.results import MeanResult, PathResult, Status
-from riemhuman.statistics import FrechetMean, GeometricMedian
 from riemhuman.surfaces import DeformationBasis
 
 

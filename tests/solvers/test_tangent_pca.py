@@ -21,9 +21,8 @@ from riemhuman.geometry import (
     ProductManifold,
     VectorSpace,
 )
-from riemhuman.solvers import BasisMean, tangent_pca
+from riemhuman.solvers import BasisMean, TangentPCA, inverted_triangles, tangent_pca
 from riemhuman.solvers._mixed_poses import _MOST_TURNED, turned_share
-from riemhuman.statistics import TangentPCA, inverted_triangles
 from riemhuman.surfaces import DeformationBasis, generalized_procrustes
 from riemhuman.surfaces.measures import triangle_areas
 

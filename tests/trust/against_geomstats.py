@@ -26,9 +26,9 @@ from geomstats.learning.pca import TangentPCA
 from geomstats.numerics.geodesic import PathStraightening
 
 import riemhuman as rh
+from riemhuman.solvers import TangentPCA as OurTangentPCA
 from riemhuman.solvers.means import GradientDescentMean
 from riemhuman.statistics import KMedoids
-from riemhuman.statistics import TangentPCA as OurTangentPCA
 
 EBIN_WEIGHTS = [(1.0, 1e-4), (2.0, 0.05), (1.0, 0.5), (1.0, 1.0), (0.3, 10.0)]
 NO_WEIGHTS = dict.fromkeys(("a0", "a1", "b1", "c1", "d1", "a2"), 0.0)

@@ -102,7 +102,7 @@ import numpy as np
 from cases import sphere_template, surfaces
 import riemhuman as rh
 from riemhuman.datasets import load_open_motions
-from riemhuman.statistics import TangentPCA
+from riemhuman.solvers import TangentPCA
 
 template = sphere_template()
 points = surfaces(template, 6, rng=4, size=0.05)

@@ -41,7 +41,7 @@ from riemhuman.geometry import (
 )
 from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
 from riemhuman.learned.shape_pose_codes import ShapePoseCodes
-from riemhuman.retrieval import RetrievalScores, scores
+from riemhuman.retrieval.scores import RetrievalScores, scores
 from riemhuman.solvers.paths import LinearPath
 from riemhuman.statistics import LearnedMetric
 from riemhuman.surfaces.template import Template
@@ -127,7 +127,7 @@ def benchmark(
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> shape = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template))
-    >>> [record.task for record in rh.report.benchmark(bodies, {"shape": shape})]
+    >>> [record.task for record in rh.retrieval.benchmark(bodies, {"shape": shape})]
     ['shape', 'pose']
     """
     if representations is None:
@@ -213,7 +213,7 @@ def representations(bodies: Any) -> dict[str, Any]:
 
     Examples
     --------
-    >>> list(rh.report.representations(rh.datasets.load_open_bodies("coarse")))[2]
+    >>> list(rh.retrieval.representations(rh.datasets.load_open_bodies("coarse")))[2]
     'area metric'
     """
     descriptors: dict[str, Any] = {
@@ -357,12 +357,12 @@ def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
     Parameters
     ----------
     records : sequence of BenchmarkRecord
-        Records of `riemhuman.report.benchmark`.
+        Records of `riemhuman.retrieval.benchmark`.
 
     Examples
     --------
-    >>> failed = rh.report.BenchmarkRecord("height", "shape", None, 0.0, 0.0, "no head")
-    >>> rh.report.format_benchmark([failed]).splitlines()[1]
+    >>> failed = rh.retrieval.BenchmarkRecord("height", "shape", None, 0.0, 0.0, "no head")
+    >>> rh.retrieval.format_benchmark([failed]).splitlines()[1]
     'height      failed: no head'
     """
     tasks = dict.fromkeys(record.task for record in records)

@@ -20,9 +20,11 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.bodies import BodyModel
-from riemhuman.datasets._joint_names import LIMBS, SIDES, model_joints
-from riemhuman.datasets._recorded_skeletons import RecordedSkeleton
-from riemhuman.datasets._skeletons import (
+from riemhuman.kernels.rotations import nearest_rotations, transpose
+from riemhuman.kernels.surface import unit_vectors as unit
+from riemhuman.retargeting._recorded_skeletons import RecordedSkeleton
+from riemhuman.retargeting.joint_names import LIMBS, SIDES, model_joints
+from riemhuman.retargeting.skeletons import (
     body_frame,
     bone,
     frame,
@@ -32,8 +34,6 @@ from riemhuman.datasets._skeletons import (
     trunk,
     turned_towards,
 )
-from riemhuman.kernels.rotations import nearest_rotations, transpose
-from riemhuman.kernels.surface import unit_vectors as unit
 
 # A knee or elbow shows its axis where it bends by more than this, degrees.
 BENT = 15.0

@@ -10,9 +10,9 @@ from numpy import ndarray
 from scipy.optimize import least_squares
 
 from riemhuman.bodies import BodyModel
-from riemhuman.datasets._joint_names import BONES, model_joints
-from riemhuman.datasets._skeletons import bones, leg_length
-from riemhuman.datasets.bvh import SkeletonMotion
+from riemhuman.retargeting.joint_names import BONES, model_joints
+from riemhuman.retargeting.skeleton_motion import SkeletonMotion
+from riemhuman.retargeting.skeletons import bones, leg_length
 
 # Standard deviation of the lengths of bones about those of a person of the model, in lengths of the
 # leg; of these lengths about the mean, as their unit may be unknown; and the largest coefficient.

@@ -8,9 +8,9 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
-from riemhuman.datasets._joint_names import BONES, SIDES
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import unit_vectors as unit
+from riemhuman.retargeting.joint_names import BONES, SIDES
 
 # Bones shorter than this share of the skeleton's longest have no direction.
 _COLLAPSED = 1e-3

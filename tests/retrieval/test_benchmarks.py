@@ -10,9 +10,15 @@ from known_surfaces import sphere
 from riemhuman.datasets import load_open_bodies
 from riemhuman.descriptors import HeatKernelSignature, ShapeDNA
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.report import BenchmarkRecord, benchmark, format_benchmark, representations
-from riemhuman.report.retrieval_benchmark import GAUGE_INVARIANT, SOBOLEV
-from riemhuman.retrieval import RetrievalScores, scores
+from riemhuman.retrieval import (
+    BenchmarkRecord,
+    RetrievalScores,
+    benchmark,
+    format_benchmark,
+    representations,
+    scores,
+)
+from riemhuman.retrieval.benchmarks import GAUGE_INVARIANT, SOBOLEV
 from riemhuman.surfaces import Template
 
 

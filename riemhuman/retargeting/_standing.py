@@ -12,11 +12,11 @@ import numpy as np
 from numpy import ndarray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from riemhuman.datasets._joint_axes import Figure
-from riemhuman.datasets._joint_names import LIMBS, SIDES
-from riemhuman.datasets._limbs import joint_positions, reach
-from riemhuman.datasets._recorded_skeletons import RecordedSkeleton
-from riemhuman.datasets._skeletons import middle
+from riemhuman.retargeting._limbs import joint_positions, reach
+from riemhuman.retargeting._recorded_skeletons import RecordedSkeleton
+from riemhuman.retargeting.joint_axes import Figure
+from riemhuman.retargeting.joint_names import LIMBS, SIDES
+from riemhuman.retargeting.skeletons import middle
 
 # Bodies so little below the floor touch it, metres.
 _TOUCHING = 0.005

@@ -80,7 +80,7 @@ def regress_shape(
     >>> waists = rh.measurements.Measurements(bodies.model).measure(bodies.points)["waist girth"]
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> metric = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=0.1)
-    >>> found = rh.measurements.regress_shape(space, waists, bodies.points, rng=0, max_iter=0)
+    >>> found = rh.statistics.regress_shape(space, waists, bodies.points, rng=0, max_iter=0)
     >>> found.p_value <= 0.05
     True
     """

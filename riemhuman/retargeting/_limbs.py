@@ -6,10 +6,12 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.bodies import joints_between
-from riemhuman.datasets._joint_axes import Figure, figure_hinge, joint_axes
-from riemhuman.datasets._joint_names import LIMBS
-from riemhuman.datasets._recorded_skeletons import RecordedSkeleton
-from riemhuman.datasets._skeletons import (
+from riemhuman.kernels.rotations import exp, log
+from riemhuman.kernels.surface import unit_vectors as unit
+from riemhuman.retargeting._recorded_skeletons import RecordedSkeleton
+from riemhuman.retargeting.joint_axes import Figure, figure_hinge, joint_axes
+from riemhuman.retargeting.joint_names import LIMBS
+from riemhuman.retargeting.skeletons import (
     body_frame,
     bone,
     has_bone,
@@ -18,8 +20,6 @@ from riemhuman.datasets._skeletons import (
     trunk,
     turned_towards,
 )
-from riemhuman.kernels.rotations import exp, log
-from riemhuman.kernels.surface import unit_vectors as unit
 
 # Limbs leave the recorded directions by at most so many radians.
 _LIMB = np.radians(3.8)

@@ -9,10 +9,10 @@ import numpy as np
 from numpy import ndarray
 from scipy.ndimage import uniform_filter1d
 
-from riemhuman.datasets._joint_names import BONES, SIDES, find_joints
-from riemhuman.datasets._skeletons import check_bones, has_bone, leg_length, middle
-from riemhuman.datasets._upward import rest_directions, upward_axis, warn_of_doubt
-from riemhuman.datasets.bvh import SkeletonMotion
+from riemhuman.retargeting.joint_names import BONES, SIDES, find_joints
+from riemhuman.retargeting.skeleton_motion import SkeletonMotion
+from riemhuman.retargeting.skeletons import check_bones, has_bone, leg_length, middle
+from riemhuman.retargeting.upward import rest_directions, upward_axis, warn_of_doubt
 from riemhuman.surfaces.procrustes import make_upright
 
 # A foot stands still below this speed, in lengths of the leg a second (some 12 cm a second) …

@@ -12,9 +12,9 @@ from numpy import ndarray
 
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import joints_to_root, usual_joint_names
-from riemhuman.datasets._joint_tree import joints_by_tree
 from riemhuman.errors import ArgumentError
 from riemhuman.representation import join_names
+from riemhuman.retargeting._joint_tree import joints_by_tree
 
 SIDES = ("left", "right")
 # Names of joints in recordings, the surest first; a joint is used once, so that "foot" is the toes
