@@ -25,14 +25,14 @@ _COMPONENT_FILES = (
     "geodesic",
     "a path of least energy between two registered meshes",
     "Finds a path of least energy between two meshes over a basis of deformations.\n"
-    "Writes a folder with the meshes time_0000.ply, ..., path.glb, path.png, path.html and\n"
-    "summary.json, or one file.",
+    "Writes a folder with the meshes time_0000.ply, ..., path.glb, path.npz, path.png, path.html\n"
+    "and summary.json, or one file.",
     "  riemhuman geodesic sit.ply stand.ply -o path/\n"
     "  riemhuman geodesic sit.ply stand.ply -o path.glb --n-nodes 21\n"
     "  riemhuman geodesic a.ply b.ply -o path/ --basis basis.npz -a 1 -l 1 -c 0 --json\n",
     cli.mesh_option("a_file", "A", "mesh to start from"),
     cli.mesh_option("b_file", "B", "mesh to end at"),
-    inputs.path_output("time", "path.glb", "path.png", "path.html"),
+    inputs.path_output("time", "path.glb", "path.npz", "path.png", "path.html"),
     cli.option("--n-nodes", "surfaces of the path", default=11, metavar="N"),
     inputs.BASIS,
     inputs.metric_options("A", inputs.PATH_METRIC),

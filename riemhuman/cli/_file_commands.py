@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 _SKELETON_ENDINGS = (".bvh", ".amc", ".trc", ".c3d")
 
+# Of a path, in its folder.
+_PATH_FILE = "path.npz"
 # Of an archive of any number of arrays.
 _MOST_LISTED = 100
 
@@ -24,16 +26,18 @@ _MOST_LISTED = 100
 @cli.command(
     "view",
     "an interactive page of bodies or of a path",
-    "Writes a page for any browser, without a network connection: registered meshes side by\n"
-    "side, or one after the other with --motion; the path in an .npz file; or a motion capture\n"
-    "recording (.bvh, .amc, .trc, .c3d, .npz of AMASS, or .npz, .pkl and .pt of methods that\n"
-    "watch videos), performed by a body of its proportions.",
+    "Writes a page for any browser, without a network connection, or a picture: registered\n"
+    "meshes side by side, or one after the other with --motion; the path in an .npz file or in\n"
+    "the folder of a geodesic, which holds path.npz; or a motion capture recording\n"
+    "(.bvh, .amc, .trc, .c3d, .npz of AMASS, or .npz, .pkl and .pt of methods that watch\n"
+    "videos), performed by a body of its proportions.",
     "  riemhuman view anna.ply ben.ply -o both.html\n"
     "  riemhuman view walk/ --motion -o walk.html\n"
-    "  riemhuman view path.npz -o path.html --open\n"
+    "  riemhuman view path/ -o path.html --open\n"
+    "  riemhuman view anna.ply ben.ply -o both.png\n"
     "  riemhuman view walk.bvh -o walk.html\n",
     cli.path_option("meshes", "FILES", "meshes, folders, an .npz, or a recording", nargs="+"),
-    cli.output("HTML", ".html"),
+    cli.output("FILE", ".html", ".png"),
     cli.flag("--motion", "the meshes are the frames of one motion"),
     cli.flag("--open", "open the page in the browser"),
     cli.ANY_SCALE,
@@ -43,13 +47,16 @@ def _view(options: argparse.Namespace) -> cli.Answer:
     import webbrowser
 
     first = options.meshes[0]
+    if len(options.meshes) == 1 and (first / _PATH_FILE).is_file():
+        first = first / _PATH_FILE
     with options.task("Page"):
         ending = first.suffix.lower()
         if ending in rh.datasets.recordings.RECORDING_ENDINGS:
             if len(options.meshes) > 1:
                 raise ArgumentError(f"give either one {ending} file with a path, or meshes")
             motion, faces, duration = inputs.read_motion(first)
-            viewer = rh.plots.view_path(motion[:], faces, title=first.name, **duration)
+            title = first.parent.resolve().name if first.name == _PATH_FILE else first.name
+            viewer = rh.plots.view_path(motion[:], faces, title=title, **duration)
         else:
             surfaces = inputs.read_surfaces(options, options.meshes)
             names = [file.stem for file in surfaces.files]

@@ -20,9 +20,9 @@ from riemhuman.kernels import surface
 from riemhuman.optional import import_matplotlib
 from riemhuman.plots.figures import (
     SKIN,
-    colour_limit,
     new_axes,
     new_figure,
+    scale_ends,
     value_colors,
 )
 from riemhuman.plots.rendering import View, as_surfaces, render, window_around
@@ -63,7 +63,8 @@ def plot_body(
     faces : array_like, shape (F, 3), optional
         Triangles; none for a mesh.
     values : array_like, shape (F,), optional
-        Non-negative values of the triangles; 1 % of them exceed that of the last colour.
+        Values of the triangles; 1 % of their sizes exceed that of the last colour. The scale
+        begins at 0 or, if some are negative, goes to both sides of it.
     color : array_like, shape (3,) or (F, 3)
         Red, green and blue between 0 and 1, used without `values`.
     view : View, optional
@@ -82,18 +83,18 @@ def plot_body(
     ax = new_axes(ax, 3.2, 4.8)
     view = View() if view is None else view
     window = window_around(vertices, view)
-    limit = 0.0
+    low, limit = 0.0, 0.0
     if values is not None:
         shades = real_array(values, "values", (len(np.asarray(faces)),), batched=False)
-        limit = colour_limit(shades)
-        color = value_colors(shades, limit)
+        low, limit = scale_ends(shades)
+        color = value_colors(shades, limit, signed=low < 0)
     picture = render(vertices, faces, height=height, view=view, window=window, color=color)
     ax.imshow(picture, extent=(0.0, window.width, 0.0, window.height), interpolation="antialiased")
     ax.set_axis_off()
     if values is not None and label is not None:
         colors, cm = (import_matplotlib(name) for name in ("colors", "cm"))
-        table = colors.ListedColormap(value_colors(np.linspace(0.0, 1.0, 256)))
-        scale = cm.ScalarMappable(colors.Normalize(0.0, limit or 1.0), table)
+        table = colors.ListedColormap(value_colors(np.linspace(-1.0 if low else 0.0, 1.0, 256)))
+        scale = cm.ScalarMappable(colors.Normalize(low, limit or 1.0), table)
         ax.figure.colorbar(scale, ax=ax, label=label, shrink=0.6, pad=0.02)
     return ax
 
@@ -118,7 +119,7 @@ def plot_path(
     path : array_like, shape (n_times, V, 3), or sequence of meshes
     faces : array_like, shape (F, 3), optional
     values : array_like, shape (n_times, F), optional
-        As for `plot_body`, of each surface.
+        As for `plot_body`, of each surface; all share one scale.
     n_shown : int, optional
         Number of surfaces shown, evenly spaced including both ends; by default all.
     colors : array_like, shape (n_times, 3), optional
@@ -158,7 +159,8 @@ def plot_path(
     if values is not None:
         shape = (len(surfaces), len(np.asarray(faces)))
         shades = real_array(values, "values", shape, batched=False)
-        tints = value_colors(shades, colour_limit(shades) if largest is None else largest)
+        low, limit = scale_ends(shades, largest)
+        tints = value_colors(shades, limit, signed=low < 0)
     else:
         given = [SKIN] * len(surfaces) if colors is None else colors
         tints = real_array(given, "colors", (len(surfaces), 3), batched=False)

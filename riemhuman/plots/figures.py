@@ -43,6 +43,9 @@ MEAN = (0.93, 0.74, 0.30)
 
 # From the colour of skin, for 0, to the colour of the largest value.
 VALUE_COLORS = ("#d4c8bb", "#ecb169", "#d95f30", "#8c1d3f")
+# From the colour of the most negative value over that of skin, for 0, to that of the largest; blue
+# and orange are told apart by all common kinds of colour vision.
+SIGNED_COLORS = ("#173f7a", "#3f7fbf", "#97bad6", *VALUE_COLORS)
 
 
 @contextmanager
@@ -132,17 +135,43 @@ def class_colors(n_classes: int) -> ndarray:
     return np.array([hls_to_rgb(h, 0.42 + 0.16 * (i % 2), 0.5) for i, h in enumerate(hues)])
 
 
+def has_sign(values: ndarray) -> bool:
+    """Return whether some values are negative by more than rounding."""
+    return bool(values.min(initial=0.0) < -1e-12 * np.abs(values).max(initial=0.0))
+
+
 def colour_limit(values: ndarray) -> float:
-    """Return the end of the colour scale, which 1 % of the values exceed."""
+    """Return the end of the colour scale, which the sizes of 1 % of the values exceed."""
     # One extreme triangle must not set the scale.
-    return float(np.quantile(values, 1.0 - _OUTLIERS)) or float(values.max(initial=0.0))
+    sizes = np.abs(values)
+    return float(np.quantile(sizes, 1.0 - _OUTLIERS)) or float(sizes.max(initial=0.0))
 
 
-def value_colors(values: ndarray, largest: float | None = None) -> ndarray:
-    """Return colours of non-negative values; those above the largest have the last colour."""
+def scale_ends(values: ndarray, limit: float | None = None) -> tuple[float, float]:
+    """Return both ends of the colour scale: from 0, or if values are negative, about 0."""
+    top = colour_limit(values) if limit is None else limit
+    return (-top if has_sign(values) else 0.0), top
+
+
+def value_colors(
+    values: ndarray, largest: float | None = None, *, signed: bool | None = None
+) -> ndarray:
+    """Return colours of values, from 0 or, if some are negative, about 0; the scale has an end.
+
+    Parameters
+    ----------
+    values : array, shape (...)
+    largest : float, optional
+        Value of the last colour, also of larger ones; its negative has the first colour of a
+        scale with a sign. By default, the largest size of a value.
+    signed : bool, optional
+        Whether the scale has a sign; by default, whether a value is negative.
+    """
     values = np.asarray(values, dtype=np.float64)
-    top = float(values.max(initial=0.0)) if largest is None else largest
-    share = np.clip(values / (top if top > 0 else 1.0), 0.0, 1.0)
-    stops = np.array([rgb(color) for color in VALUE_COLORS])
-    places = np.linspace(0.0, 1.0, len(stops))
+    top = float(np.abs(values).max(initial=0.0)) if largest is None else largest
+    share = values / (top if top > 0 else 1.0)
+    is_signed = has_sign(values) if signed is None else signed
+    colors = SIGNED_COLORS if is_signed else VALUE_COLORS
+    stops = np.array([rgb(color) for color in colors])
+    places = np.linspace(-1.0 if is_signed else 0.0, 1.0, len(stops))
     return np.stack([np.interp(share, places, stops[:, channel]) for channel in range(3)], axis=-1)

@@ -23,27 +23,36 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError
-from riemhuman.io.files import file_path, write_text
+from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.plots.body_plots import plot_path
 from riemhuman.plots.figures import (
     MEAN,
+    SIGNED_COLORS,
     SKIN,
     VALUE_COLORS,
     colour_limit,
     figure_style,
+    has_sign,
     new_figure,
     save_figure,
     value_colors,
 )
-from riemhuman.plots.rendering import View, as_surfaces, image_source, strip_picture, window_around
+from riemhuman.plots.rendering import (
+    View,
+    as_surfaces,
+    image_source,
+    png_bytes,
+    strip_picture,
+    window_around,
+)
 
 if TYPE_CHECKING:
     from riemhuman.motions import Warp
 
 _LEVELS = 2**16 - 1  # of coordinates
 _SECONDS = 2.4  # a path is played in, unless its duration is given
-_STILL_HEIGHT = 240
+_STILL_HEIGHT = 480
 _MOST_IN_PICTURE = 8
 _N_MATCHES = 8  # pairs of frames on the page of two motions
 _MATCH_HEIGHT = 200
@@ -98,8 +107,9 @@ class ViewedBody:
     color : tuple of float
         Red, green and blue between 0 and 1.
     values : array, shape (F,), optional
-        Non-negative values of the triangles, such as `contributions` per area, shown as colours;
-        1 % of them exceed that of the last colour.
+        Values of the triangles, such as `contributions` per area, shown as colours; 1 % of their
+        sizes exceed that of the last colour. The scale begins at 0 or, if some are negative, goes
+        to both sides of it.
     value_label : str
         Label of the colour scale.
 
@@ -118,6 +128,11 @@ class ViewedBody:
     def limit(self) -> float:
         """Value of the last colour; 0 without values."""
         return 0.0 if self.values is None else colour_limit(self.values)
+
+    @property
+    def signed(self) -> bool:
+        """Whether some values are negative, and the first colour is that of minus the limit."""
+        return self.values is not None and has_sign(self.values)
 
 
 @dataclass(frozen=True)
@@ -189,7 +204,10 @@ class Viewer:
             identifier=identifier,
             title=self.title,
             legend=self.legend,
-            stills={name: self._still(bodies) for name, bodies in self.choices.items()},
+            stills={
+                name: image_source(self._picture(bodies, _STILL_HEIGHT))
+                for name, bodies in self.choices.items()
+            },
             moving=any(len(body.frames) > 1 for body in shown_first),
             data=data,
         )
@@ -208,13 +226,24 @@ class Viewer:
         return str(page)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the page to a file for any browser, without a network connection.
+        """Write the page to a file for any browser, without a network connection, or a picture.
 
         Parameters
         ----------
         path : path_like
+            ``x.html`` is the page; ``x.png`` is a picture of the first choice, twice as high
+            as the one that the page shows without WebGL.
+
+        Raises
+        ------
+        FileFormatError
+            If the ending is another one.
         """
-        write_text(path, self.page())
+        file = file_path(path)
+        if suffix_of(file, (".html", ".htm", ".png")) == ".png":
+            write_bytes(file, png_bytes(self._picture(next(iter(self.choices.values())), 960)))
+        else:
+            write_text(file, self.page())
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, which separates it from the notebook."""
@@ -224,7 +253,7 @@ class Viewer:
             f'srcdoc="{escape(self.page(), quote=True)}"></iframe>'
         )
 
-    def _still(self, bodies: Sequence[ViewedBody]) -> str:
+    def _picture(self, bodies: Sequence[ViewedBody], height: int) -> ndarray:
         """Return a picture of a choice: bodies half way, or times of the path of a single body."""
         if len(bodies) == 1:
             (body,) = bodies
@@ -232,10 +261,12 @@ class Viewer:
             bodies = [replace(body, frames=body.frames[[round(place)]]) for place in places]
         surfaces = [body.frames[len(body.frames) // 2] for body in bodies]
         colors = [
-            body.color if body.values is None else value_colors(body.values, body.limit)
+            body.color
+            if body.values is None
+            else value_colors(body.values, body.limit, signed=body.signed)
             for body in bodies
         ]
-        return image_source(strip_picture(surfaces, self.faces, colors, _STILL_HEIGHT))
+        return strip_picture(surfaces, self.faces, colors, height)
 
 
 def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
@@ -259,10 +290,13 @@ def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
         # Vertices have the mean value of their triangles.
         counts = np.bincount(faces.ravel(), minlength=body.frames.shape[1])
         sums = np.bincount(faces.ravel(), np.repeat(body.values, 3), len(counts))
-        colors = value_colors(sums / np.maximum(counts, 1), body.limit)
+        means = sums / np.maximum(counts, 1)
+        colors = value_colors(means, body.limit, signed=body.signed)
         record["colors"] = _deflated(np.round(255 * colors).astype(np.uint8))
         record["values"] = _deflated(body.values.astype("<f4"))
         record["largest"] = body.limit
+        record["signed"] = body.signed
+        record["scale"] = SIGNED_COLORS if body.signed else VALUE_COLORS
         record["value_label"] = body.value_label
     return record
 

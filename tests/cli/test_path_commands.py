@@ -13,7 +13,7 @@ from riemhuman.measurements import Measurements, in_standard_pose
 from riemhuman.solvers import BasisMean, BasisPath, TangentPCA
 from riemhuman.surfaces import DeformationBasis, Template, procrustes
 
-FOLDER = ["path.glb", "path.html", "path.png", "summary.json"]
+FOLDER = ["path.glb", "path.html", "path.npz", "path.png", "summary.json"]
 
 
 @pytest.fixture

@@ -66,6 +66,21 @@ def test_view_shows_meshes_motions_and_paths(run, scans, bodies, tmp_path):
     save_arrays(tmp_path / "path.npz", arrays)
     run("view", tmp_path / "path.npz", "-o", tmp_path / "path.html")
     assert '"n_frames":3' in (tmp_path / "path.html").read_text(encoding="utf-8")
+    # The folder of a geodesic holds its path, beside meshes or without them.
+    run("view", tmp_path, "-o", tmp_path / "folder.html")
+    page = (tmp_path / "folder.html").read_text(encoding="utf-8")
+    assert '"n_frames":3' in page
+    assert f"<title>{tmp_path.name}</title>" in page
+    run("view", tmp_path, "-o", tmp_path / "path.png")
+    assert (tmp_path / "path.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_pages_are_not_written_under_the_ending_of_something_else(refused, scans, tmp_path):
+    for name in ("a.mp4", "a.gif"):
+        message = refused("view", scans / "body_0.ply", "-o", tmp_path / name)
+        assert ".html" in message
+        assert name in message
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("options", [["--by", "pose"], ["--method", "t-sne"]], ids=str)

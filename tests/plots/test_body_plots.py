@@ -42,6 +42,24 @@ def test_values_colour_triangles_and_have_a_scale():
     assert bar.get_ylim() == (0.0, 1.0)
 
 
+def test_negative_values_are_seen_on_bodies_and_strips():
+    heights = TEMPLATE.vertices[TEMPLATE.faces].mean(axis=1)[:, 1]
+    ax = plot_body(TEMPLATE.vertices, TEMPLATE.faces, heights, label="mm", height=80)
+    picture = ax.images[0].get_array().astype(int)
+    middle = picture.shape[1] // 2
+    assert picture[10, middle, 0] > picture[10, middle, 2] + 40  # orange above
+    assert picture[70, middle, 2] > picture[70, middle, 0] + 40  # blue below
+    low, high = ax.figure.axes[1].get_ylim()
+    assert -low == high > 0
+    # One scale for all surfaces: the first, without negative values, is drawn on it too.
+    values = np.stack([np.zeros(len(heights)), heights])
+    first, second = plot_path(PATH[:2], TEMPLATE.faces, values, height=60).images
+    colors = second.get_array().astype(int)
+    assert (colors[..., 2] > colors[..., 0] + 40).any()
+    assert (colors[..., 0] > colors[..., 2] + 40).any()
+    assert not (first.get_array().astype(int)[..., 2] > first.get_array()[..., 0]).any()
+
+
 def test_a_strip_shows_bodies_in_order_without_overlap():
     ax = plot_path(PATH, TEMPLATE.faces, n_shown=3, height=60)
     extents = np.array([image.get_extent() for image in ax.images])

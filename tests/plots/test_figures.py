@@ -16,6 +16,7 @@ from riemhuman.plots.figures import (
     figure_style,
     new_figure,
     rgb,
+    scale_ends,
     value_colors,
 )
 
@@ -75,6 +76,22 @@ def test_values_run_from_skin_to_red_and_stop_there():
     np.testing.assert_array_equal(colors[2], colors[3])
     assert (np.diff(colors[:, 1]) <= 0).all()  # ever less green
     np.testing.assert_array_equal(value_colors(np.zeros(3)), np.tile(rgb("#d4c8bb"), (3, 1)))
+
+
+def test_negative_values_keep_their_sign():
+    values = np.array([-7.0, -1.0, -0.5, 0.0, 0.5, 1.0])
+    colors = value_colors(values, 1.0)
+    np.testing.assert_array_equal(colors[0], colors[1])
+    np.testing.assert_array_equal(colors[3], rgb("d4c8bb"))
+    np.testing.assert_allclose(colors[3:], value_colors(values[3:], 1.0), rtol=1e-12)
+    assert (colors[:3, 2] > colors[:3, 0]).all()  # blue
+    assert (colors[4:, 0] > colors[4:, 2]).all()  # orange
+    assert scale_ends(values, 1.0) == (-1.0, 1.0)
+    assert scale_ends(values[3:], 1.0) == (0.0, 1.0)
+    assert scale_ends(np.array([-1e-17, 1.0]), 1.0) == (0.0, 1.0)  # a sum that should be zero
+    assert scale_ends(-np.ones(9)) == (-1.0, 1.0)
+    # A part without negative values may belong to a whole that has some.
+    np.testing.assert_array_equal(value_colors(np.array([-0.5]), 1.0, signed=True)[0], colors[2])
 
 
 BACKENDS = (

@@ -12,7 +12,7 @@ import pytest
 from cases import sphere_template, surfaces
 
 import riemhuman as rh
-from riemhuman.errors import ArgumentError, FileError
+from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.plots import ViewedBody, Viewer, view_bodies, view_path
 from riemhuman.plots.viewer import page_scripts
 
@@ -66,6 +66,18 @@ def test_values_become_colours_of_vertices():
     assert (colors[far] == [0xD4, 0xC8, 0xBB]).all()
 
 
+def test_negative_values_keep_their_sign():
+    values = np.where((TEMPLATE.faces == 5).any(axis=1), -2.0, 1.0)
+    bodies = [ViewedBody("one", PATH[:1], values=v) for v in (values, np.abs(values))]
+    signed, plain = payload_of(Viewer(TEMPLATE.faces, {"": bodies}))["choices"][0]["bodies"]
+    assert (signed["signed"], plain["signed"]) == (True, False)
+    assert signed["scale"][-4:] == plain["scale"]
+    red, _, blue = inflated(signed["colors"], np.uint8).reshape(-1, 3)[5].tolist()
+    assert blue > red + 60
+    red, _, blue = inflated(plain["colors"], np.uint8).reshape(-1, 3)[5].tolist()
+    assert red > blue + 60
+
+
 def test_viewers_stored_with_tutorials_have_what_the_scripts_read():
     current = payload_of(view_path(PATH, TEMPLATE.faces))
     stored = []
@@ -110,6 +122,16 @@ def test_saved_whole(tmp_path):
     assert (tmp_path / "body.html").read_text(encoding="utf-8") == viewer.page()
     with pytest.raises(FileError, match=r"absent.*cannot be written"):
         viewer.save(tmp_path / "absent" / "body.html")
+
+
+def test_the_ending_says_what_is_written(tmp_path):
+    viewer = view_bodies(PATH[:2], TEMPLATE.faces)
+    viewer.save(tmp_path / "two.png")
+    assert (tmp_path / "two.png").read_bytes().startswith(b"\x89PNG")
+    for name in ("a.mp4", "a.gif", "a", "a.htmlx"):
+        with pytest.raises(FileFormatError, match=r"the ending must be .*\.html.*found"):
+            viewer.save(tmp_path / name)
+    assert [path.name for path in tmp_path.iterdir()] == ["two.png"]
 
 
 def test_pictures_have_an_ending_that_says_so_and_a_name_for_each_body(tmp_path):

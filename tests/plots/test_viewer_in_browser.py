@@ -22,6 +22,10 @@ def pages(tmp_path_factory):
         for name, surface in zip(["Anna, standing", "Ben, on a chair"], BODIES.points, strict=False)
     ]
     Viewer(FACES, {"": coloured}).save(folder / "bodies.html")
+    heights = BODIES.points[0, FACES, 1].mean(axis=1)
+    heights -= (heights.min() + heights.max()) / 2
+    signed = ViewedBody("heights", BODIES.points[:1], values=heights, value_label="m")
+    Viewer(FACES, {"": [signed]}).save(folder / "signed.html")
     start, end = BODIES.points[[0, 3]]
     path = start + np.linspace(0, 1, 5)[:, None, None] * (end - start)
     paths = {"there": path, "back": path[::-1]}
@@ -125,6 +129,19 @@ def test_mouse_names_body_and_value_and_frames_a_point(browser, opened):
     browser.wait_for(hint_is_shown)
     browser.press("\ue011")  # Home
     assert state(browser, "zoom") == before
+
+
+def test_signs_are_said_on_the_scale_and_under_the_pointer(browser, opened):
+    canvas = opened("signed", 600, 700)
+    scale = [part.text for part in browser.driver.find_elements("css selector", ".scale span")]
+    assert scale == ["−0.85", "+0.85 m"]
+    for below, sign in ((-150, "+"), (150, "−")):  # from the middle: the chest and a shank
+        for right in range(-90, 91, 10):
+            browser.actions().move_to_element_with_offset(canvas, right, below).perform()
+            if text := text_of(browser, "hint"):
+                break
+        assert text.removeprefix("heights: ").startswith(sign)
+        assert text.endswith(" m")
 
 
 def test_fingers_turn_zoom_move_and_frame(browser, opened):

@@ -114,10 +114,12 @@ class Viewer {
     if (body.values) {
       const scale = write(label, "span");
       scale.className = "scale";
-      write(scale, "span", "0");
+      const largest = Number(body.largest.toPrecision(2));
+      const colors = body.scale || this.data.scale; // stored notebooks have one scale for all
+      write(scale, "span", body.signed ? `\u2212${largest}` : "0");
       const bar = write(scale, "i");
-      bar.style.background = `linear-gradient(to right, ${this.data.scale.join(", ")})`;
-      write(scale, "span", `${Number(body.largest.toPrecision(2))} ${body.valueLabel}`.trim());
+      bar.style.background = `linear-gradient(to right, ${colors.join(", ")})`;
+      write(scale, "span", `${body.signed ? "+" : ""}${largest} ${body.valueLabel}`.trim());
     }
     return label;
   }

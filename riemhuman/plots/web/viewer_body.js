@@ -44,6 +44,8 @@ class Body {
     this.step = data.step;
     this.values = values;
     this.largest = data.largest;
+    this.signed = Boolean(data.signed);
+    this.scale = data.scale;
     this.valueLabel = data.value_label;
     this.geometry = new THREE.BufferGeometry();
     this.positions = new Float32Array(this.size);
@@ -114,7 +116,10 @@ class Body {
   // What the pointer is on: the body's name and the value of a triangle.
   describe(face, name) {
     const parts = [this.label || name];
-    if (this.values) parts.push(`${this.values[face].toPrecision(3)} ${this.valueLabel}`.trim());
+    if (this.values) {
+      const value = this.values[face].toPrecision(3).replace("-", "\u2212");
+      parts.push(`${this.signed && this.values[face] > 0 ? "+" : ""}${value} ${this.valueLabel}`.trim());
+    }
     return parts.filter(Boolean).join(": ");
   }
 }
