@@ -103,6 +103,7 @@ def fit_model(
     hands_prior: float | None = None,
     tolerance: float = 1e-6,
     max_iter: int = 100,
+    sequence: bool = False,
 ) -> ModelFit:
     """Find the shape, pose and translation of a body model for registered surfaces.
 
@@ -135,6 +136,9 @@ def fit_model(
         Root mean square movement of the points, metres, below which a fit has converged.
     max_iter : int
         Largest number of steps of each stage of a fit.
+    sequence : bool
+        Whether the surfaces, in order, are moments of a motion: each fit then starts from the one
+        before.
 
     Examples
     --------
@@ -172,10 +176,10 @@ def fit_model(
     max_iter = whole_number(max_iter, "max_iter", minimum=1)
     lead = surfaces.shape[:-2]
     with single_threaded_libraries():  # the patches are too small to be shared between threads
-        fits = [
-            _fit(stages, combine, surfaces[index], tolerance, max_iter)
-            for index in np.ndindex(lead)
-        ]
+        fits: list[ModelFit] = []
+        for index in np.ndindex(lead):
+            before = fits[-1] if sequence and fits and fits[-1].converged else None
+            fits.append(_fit(stages, combine, surfaces[index], tolerance, max_iter, before))
     failed = [number for number, fit in enumerate(fits) if not fit.converged]
     if failed:
         warn(
@@ -275,9 +279,16 @@ def _fit(
     target: np.ndarray,
     tolerance: float,
     max_iter: int,
+    before: ModelFit | None = None,
 ) -> ModelFit:
-    """Return the fit to one surface."""
-    parameters, n_iterations, converged = _start(stages[0], target), 0, False
+    """Return the fit to one surface, started from another fit or from the closed form."""
+    if before is None:
+        parameters = _start(stages[0], target)
+    else:
+        hands = np.zeros(0) if before.hands is None else before.hands
+        parts = (before.pose.ravel(), before.betas, hands, before.trans)
+        parameters = np.concatenate(parts)
+    n_iterations, converged = 0, False
     for stage in stages:
         parameters, steps, converged = _descend(stage, target, parameters, tolerance, max_iter)
         n_iterations += steps

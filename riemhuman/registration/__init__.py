@@ -19,6 +19,7 @@ from riemhuman.registration.scan_registration import (
 )
 from riemhuman.registration.scans import Scan, find_inward_triangles, load_landmarks, load_scan
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
+from riemhuman.registration.topology_map import TopologyMap
 
 __all__ = [
     "FolderResult",
@@ -29,6 +30,7 @@ __all__ = [
     "ScanRegistration",
     "SimulatedScan",
     "TemplateRegistration",
+    "TopologyMap",
     "correspondence",
     "find_inward_triangles",
     "geodesic_errors",

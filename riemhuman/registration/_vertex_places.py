@@ -1,0 +1,302 @@
+"""Places of one mesh's vertices on another mesh, and what has no place there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
+
+from riemhuman.io.mesh_seams import find_seams
+from riemhuman.kernels.rotations import nearest_rotations
+from riemhuman.kernels.surface import unit_vectors, vertex_normals
+from riemhuman.surfaces.measures import triangle_areas, vertex_components
+from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points_around
+
+# A vertex farther from the other surface has no counterpart there, metres.
+FARTHEST = 0.012
+# The radius of the sphere of normals when places are searched: a palm and the thigh that it
+# touches look different ways.
+_NORMAL_METRES = 0.03
+_N_NEAR = 8
+# Rounds after which a vertex lies above its place, along the smooth normal there.
+_N_ROUNDS = 8
+# Separate parts with a smaller share of the area are no limbs: eyeballs, teeth, nails.
+_SMALL_PART = 0.02
+# Known vertices that carry a part without counterpart.
+_N_ANCHORS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class FilledPart:
+    """A part of a mesh without counterpart, which is moved as its surroundings are."""
+
+    name: str
+    vertices: np.ndarray  # (n,)
+    anchors: np.ndarray  # (k,) vertices with counterpart around it
+
+
+@dataclass(frozen=True, eq=False)
+class VertexPlaces:
+    """Places of the vertices of a target mesh on a source mesh.
+
+    A vertex lies at a height above a point of the source, along the interpolated normal; heights
+    are in proportion to the local size of the source.
+    """
+
+    faces: np.ndarray  # (F, 3) of the source
+    n_source: int
+    places: SurfacePoints  # of the target's vertices
+    heights: np.ndarray  # (n,) metres, in the reference
+    source: np.ndarray  # (n_source, 3) the reference surface of the source
+    target: np.ndarray  # (n, 3) that of the target, in the same pose
+    target_faces: np.ndarray
+    parts: tuple[FilledPart, ...]
+
+    @cached_property
+    def matrix(self) -> sparse.csr_array:
+        """The matrix (n, n_source) that interpolates at the places."""
+        n_points = len(self.heights)
+        corners = self.faces[self.places.triangles]
+        entries = self.places.barycentric.ravel(), (np.repeat(np.arange(n_points), 3), corners.ravel())
+        return sparse.csr_array(entries, shape=(n_points, self.n_source))
+
+    @cached_property
+    def _sizes(self) -> np.ndarray:
+        return self._local_sizes(self.source)
+
+    @cached_property
+    def _around(self) -> sparse.csr_array:
+        """The matrix (n, F) of the triangles at the corners of each place."""
+        corner = self.faces.ravel()
+        entries = np.ones(len(corner)), (corner, np.arange(len(corner)) // 3)
+        at_vertices = sparse.csr_array(entries, shape=(self.n_source, len(self.faces)))
+        at_places: sparse.csr_array = (abs(self.matrix) @ at_vertices).tocsr()
+        return at_places
+
+    @cached_property
+    def _fillers(self) -> list[_Filler]:
+        return [_Filler(self.target, self.target_faces, part) for part in self.parts]
+
+    def apply(self, surface: np.ndarray) -> np.ndarray:
+        """Return the target's vertices for a surface of the source, shape (n_source, 3)."""
+        normals = unit_vectors(self.matrix @ vertex_normals(surface, self.faces))
+        factors = self._local_sizes(surface) / self._sizes
+        points: np.ndarray = (
+            self.matrix @ surface + (self.heights * factors)[:, np.newaxis] * normals
+        )
+        for filler in self._fillers:
+            points[filler.part.vertices] = filler.fill(points)
+        return points
+
+    def _local_sizes(self, surface: np.ndarray) -> np.ndarray:
+        areas = self._around @ triangle_areas(surface, self.faces)
+        sizes: np.ndarray = np.sqrt(np.maximum(areas, np.finfo(float).tiny))
+        return sizes
+
+
+class _Filler:
+    """Moves a part by the similarity of its anchors, and elastically where it is attached."""
+
+    def __init__(self, target: np.ndarray, faces: np.ndarray, part: FilledPart) -> None:
+        self.part = part
+        self._part, self._anchors = target[part.vertices], target[part.anchors]
+        self._ring, self._extension = _harmonic_extension(target, faces, part.vertices)
+        self._ring_points = target[self._ring]
+
+    def fill(self, points: np.ndarray) -> np.ndarray:
+        """Return the positions of the part, (n, 3), from those of the vertices around it."""
+        moved = points[self.part.anchors]
+        before, after = self._anchors.mean(axis=0), moved.mean(axis=0)
+        centred, moved = self._anchors - before, moved - after
+        rotation = nearest_rotations(moved.T @ centred)
+        scale = np.linalg.norm(moved) / max(float(np.linalg.norm(centred)), np.finfo(float).tiny)
+
+        def carried(positions: np.ndarray) -> np.ndarray:
+            result: np.ndarray = scale * (positions - before) @ rotation.T + after
+            return result
+
+        gaps = points[self._ring] - carried(self._ring_points)
+        return carried(self._part) + self._extension @ gaps
+
+
+def _harmonic_extension(
+    target: np.ndarray, faces: np.ndarray, vertices: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices around a part, and the matrix that extends values there into it."""
+    inside = np.zeros(len(target), dtype=bool)
+    inside[vertices] = True
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    sides = sides[inside[sides].any(axis=1)]
+    lengths = np.linalg.norm(target[sides[:, 0]] - target[sides[:, 1]], axis=1)
+    longest = float(lengths.max(initial=0.0))
+    weights = 1.0 / np.maximum(lengths, max(1e-3 * longest, np.finfo(float).tiny))
+    shape = (len(target), len(target))
+    graph = sparse.csr_array((weights, (sides[:, 0], sides[:, 1])), shape=shape)
+    graph = (graph + graph.T).tocsr()
+    ring = np.setdiff1d(np.unique(sides), vertices)
+    if not len(ring):
+        return ring, np.zeros((len(vertices), 0))
+    links = graph[vertices]
+    # A vertex of no triangle is linked to nothing, and is carried by the anchors alone.
+    degrees = links.sum(axis=1) + 1e-9 * weights.max()
+    inner = sparse.diags_array(degrees) - links[:, vertices]
+    extension: np.ndarray = splu(inner.tocsc()).solve(links[:, ring].toarray())
+    return ring, extension
+
+
+def place_vertices(
+    target: np.ndarray,
+    target_faces: np.ndarray,
+    source: np.ndarray,
+    faces: np.ndarray,
+    usable: np.ndarray,
+) -> tuple[SurfacePoints, np.ndarray, np.ndarray]:
+    """Return places, heights and distances of a mesh's vertices on another that shares its pose.
+
+    Triangles with a corner that is not usable, shape (n_source,), are no places. Each vertex lies
+    at its height along the interpolated normal, not on the perpendicular of the triangle.
+    """
+    allowed = faces[usable[faces].all(axis=1)]
+    numbers = np.flatnonzero(usable[faces].all(axis=1))
+    used = np.unique(allowed)
+    target_normals = vertex_normals(target, target_faces)
+    normals = vertex_normals(source, faces)
+    tree = cKDTree(np.concatenate([source[used], _NORMAL_METRES * normals[used]], axis=1))
+    count = min(_N_NEAR, len(used))
+
+    def nearest(queries: np.ndarray) -> tuple[SurfacePoints, np.ndarray]:
+        both = np.concatenate([queries, _NORMAL_METRES * target_normals], axis=1)
+        near = used[tree.query(both, k=range(1, count + 1))[1]]
+        return nearest_points_around(queries, near, source, allowed)
+
+    places, distances = nearest(target)
+    heights = np.zeros(len(target))
+    for _ in range(_N_ROUNDS):
+        corners = allowed[places.triangles]
+        points = np.einsum("nk,nkx->nx", places.barycentric, source[corners])
+        along = unit_vectors(np.einsum("nk,nkx->nx", places.barycentric, normals[corners]))
+        heights = np.einsum("nx,nx->n", target - points, along)
+        # Slower where the normal turns fast: a full step may then overshoot.
+        places, _ = nearest(target - 0.9 * heights[:, np.newaxis] * along)
+    corners = allowed[places.triangles]
+    points = np.einsum("nk,nkx->nx", places.barycentric, source[corners])
+    along = unit_vectors(np.einsum("nk,nkx->nx", places.barycentric, normals[corners]))
+    heights = np.einsum("nx,nx->n", target - points, along)
+    return SurfacePoints(numbers[places.triangles], places.barycentric), heights, distances
+
+
+def find_without_counterpart(
+    vertices: np.ndarray, faces: np.ndarray, distances: np.ndarray
+) -> np.ndarray:
+    """Return which vertices of a mesh have no counterpart at these distances, shape (V,)."""
+    far = distances > FARTHEST
+    component = joined_components(vertices, faces)
+    areas = np.bincount(
+        component[faces[:, 0]], triangle_areas(vertices, faces), minlength=component.max() + 1
+    )
+    shares = np.bincount(component, far) / np.bincount(component)
+    # Eyeballs come near to the lids in front; what hardly belongs to a surface is no part of it.
+    inner = (areas < _SMALL_PART * areas.sum()) & (shares > 0.4)
+    loose = ~np.isin(np.arange(len(vertices)), faces)
+    without: np.ndarray = far | inner[component] | loose
+    return without
+
+
+def joined_components(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the part of every vertex; those on both sides of a seam are in one."""
+    seams = find_seams(vertices, faces)
+    if not seams:
+        return vertex_components(faces, len(vertices))
+    joined: np.ndarray = vertex_components(seams.faces, len(seams.originals))[seams.joined_vertices]
+    return joined
+
+
+def filled_parts(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    without: np.ndarray,
+    owners: np.ndarray,
+    joint_names: Sequence[str],
+    leftward: np.ndarray,
+) -> tuple[FilledPart, ...]:
+    """Return the connected parts of a mesh without counterpart, the largest first.
+
+    `owners`, shape (V,), are the joints of the nearest places on the model, and `leftward`, shape
+    (V,), is positive on the body's left.
+    """
+    component = joined_components(vertices, faces)
+    chosen = np.flatnonzero(without)
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    sides = sides[without[sides].all(axis=1)]
+    links = sparse.coo_array((np.ones(len(sides)), sides.T), shape=(len(vertices),) * 2)
+    labels = connected_components(links, directed=False)[1][chosen]
+    # What is separate from the body, and in several pieces, is one part: a row of teeth.
+    whole = np.bincount(component, without) == np.bincount(component)
+    labels = np.where(whole[component[chosen]], len(vertices) + component[chosen], labels)
+    known = np.flatnonzero(~without)
+    tree = cKDTree(vertices[known])
+    parts, taken = [], dict[str, int]()
+    found = [chosen[labels == label] for label in np.unique(labels)]
+    for numbers in sorted(found, key=len, reverse=True):
+        joint = joint_names[int(np.bincount(owners[numbers]).argmax())]
+        separate = bool(whole[component[numbers[0]]])
+        name = _part_name(vertices[numbers], joint, separate, float(leftward[numbers].mean()))
+        taken[name] = taken.get(name, 0) + 1
+        count = min(_N_ANCHORS, len(known))
+        near = tree.query(vertices[numbers], k=range(1, min(4, count) + 1))[1].ravel()
+        around = tree.query(vertices[numbers].mean(axis=0), k=range(1, count + 1))[1]
+        anchors = known[np.union1d(near, around)]
+        unique = name if taken[name] == 1 else f"{name} {taken[name]}"
+        parts.append(FilledPart(unique, numbers, anchors))
+    return tuple(parts)
+
+
+def _part_name(points: np.ndarray, joint: str, separate: bool, left: float) -> str:
+    """Return what to call a part: an eyeball is a sphere in the head."""
+    radii = np.linalg.norm(points - points.mean(axis=0), axis=1)
+    is_ball = len(points) > 20 and np.std(radii) < 0.15 * np.mean(radii)
+    if separate and joint in ("head", "neck") and is_ball and 0.005 < np.mean(radii) < 0.025:
+        return f"{'left' if left > 0 else 'right'} eyeball"
+    where = joint.replace("_", " ")
+    return f"separate part of the {where}" if separate else f"inside of the {where}"
+
+
+def mirrored_vertices(
+    faces: np.ndarray, n_vertices: int, seeds: Any
+) -> np.ndarray | None:
+    """Return the vertex opposite to each one, if a mesh is its own mirror image; else None.
+
+    Triangles determine the image of a connected mesh once that of one edge is known: the third
+    corner of the triangle on the other side. `seeds` are pairs of edges to try, (a, b, a', b').
+    """
+    beyond = {}
+    for one, two, three in faces.tolist():
+        beyond[one, two], beyond[two, three], beyond[three, one] = three, one, two
+    main = np.bincount(vertex_components(faces, n_vertices)[faces[:, 0]]).max()
+    for first, second, image_of_first, image_of_second in seeds:
+        image = {first: image_of_first, second: image_of_second}
+        queue, passed, consistent = [(first, second)], set(), True
+        while queue and consistent:
+            edge = queue.pop()
+            if edge in passed or edge not in beyond:
+                continue
+            passed.add(edge)
+            third = beyond[edge]
+            opposite = beyond.get((image[edge[1]], image[edge[0]]))
+            consistent = opposite is not None and image.setdefault(third, opposite) == opposite
+            queue += [(edge[0], third), (third, edge[1])]
+            queue += [(third, edge[0]), (edge[1], third), (edge[1], edge[0])]
+        if consistent and len(passed) >= 3 * main - 1:
+            mirrored = np.full(n_vertices, -1)
+            mirrored[list(image)] = list(image.values())
+            inverse = mirrored[mirrored]
+            if np.array_equal(inverse[mirrored >= 0], np.flatnonzero(mirrored >= 0)):
+                return mirrored
+    return None

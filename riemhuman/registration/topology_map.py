@@ -1,0 +1,639 @@
+"""Bodies of one topology as bodies of another, by a map that is made once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, overload
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from riemhuman.bodies import BodyModel, ModelFit
+from riemhuman.checks import check_same_scale, one_of, real_array, refuse_type
+from riemhuman.datasets import load_open_model
+from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.io.files import file_path, format_errors
+from riemhuman.io.mesh_arrays import check_mesh, face_difference
+from riemhuman.io.meshes import as_arrays, load_mesh
+from riemhuman.kernels.surface import unit_vectors, vertex_normals
+from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.registration._vertex_places import (
+    FilledPart,
+    VertexPlaces,
+    filled_parts,
+    find_without_counterpart,
+    joined_components,
+    mirrored_vertices,
+    place_vertices,
+)
+from riemhuman.registration._scan_preparation import split_triangles
+from riemhuman.registration.scan_registration import RegisteredScan, ScanRegistration
+from riemhuman.surfaces.measures import triangle_areas
+from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
+from riemhuman.surfaces.procrustes import AXES, make_upright
+
+# Meshes are refined until they have so many vertices: registration samples vertices.
+_FEWEST_VERTICES = 5000
+# Parts with a smaller share of the area are left out of registration: eyeballs, teeth.
+_SMALL_PART = 0.01
+# Edges from which a mirror symmetry of a mesh is sought.
+_N_SEEDS = 60
+# Estimates of a place from several bodies that are farther from their median are left out, metres.
+_FARTHEST_ESTIMATE = 0.03
+# Cosine between the directions up and from feet to head, below which bodies are upside down.
+_UPSIDE_DOWN = -0.5
+
+_ARRAYS = (
+    "template",
+    "template_faces",
+    "registered",
+    "model_faces",
+    "to_model_triangles",
+    "to_model_barycentric",
+    "to_model_heights",
+    "to_template_triangles",
+    "to_template_barycentric",
+    "to_template_heights",
+    "template_part_names",
+    "template_part_numbers",
+    "model_part_names",
+    "model_part_numbers",
+    "message",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class TopologyMap:
+    """A map between the bodies of a body model and those of another topology.
+
+    Every vertex of each mesh has a place on the other: a triangle, barycentric coordinates, and a
+    height along the interpolated normal, in proportion to the local size. A map is made once, by
+    registration of one or several bodies of the other topology, and takes milliseconds a body from
+    then on. Use it for bodies, from and to any topology. `transfer_model` makes instead a body
+    model of the other topology, with skinning weights and shape directions, to pose new bodies.
+
+    What has no counterpart, such as eyeballs, teeth or the inside of a mouth, moves as its
+    surroundings do.
+
+    Attributes
+    ----------
+    model : BodyModel
+    template_faces : array of int, shape (F, 3)
+        Triangles of the other topology.
+    message : str
+        What the registration left in doubt.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> body = bodies[0], bodies.template.faces
+    >>> topology = rh.registration.TopologyMap.fit(body, bodies.model)  # doctest: +SKIP
+    >>> topology.to_model(bodies[:3]).shape  # doctest: +SKIP
+    (3, 1202, 3)
+    """
+
+    model: BodyModel
+    template_faces: np.ndarray
+    message: str
+    _to_model: VertexPlaces
+    _to_template: VertexPlaces
+
+    @classmethod
+    def fit(cls, template: Any, model: BodyModel | None = None, *, faces: Any = None) -> TopologyMap:
+        """Make a map from bodies of the other topology.
+
+        Parameters
+        ----------
+        template : path, Template, mesh, array_like or pair
+            A body of the other topology in any pose and any axes, metres: a file, a mesh, or
+            vertices and triangles. Several bodies, shape (n, V, 3), in other poses or of other
+            people make the map more accurate: their places are averaged.
+        model : BodyModel, optional
+            By default the open model at full resolution.
+        faces : array_like of int, shape (F, 3), optional
+            Triangles, where `template` is an array of vertices alone.
+
+        Raises
+        ------
+        ArgumentError
+            If triangles look inward, which those of a mirrored body do; if the bodies are not in
+            metres; or if the registration of a body is not trusted.
+        """
+        model = load_open_model() if model is None else model
+        if not isinstance(model, BodyModel):
+            refuse_type(model, "model", "a BodyModel")
+        points, triangles = _bodies_and_faces(template, faces)
+        _check_bodies(points, points[0], triangles, "template", model.template.vertices)
+        dense, kept = _dense_model(model)
+        with single_threaded_libraries():
+            results = [_register(body, triangles, dense) for body in points]
+            registered = _mean_surface(points, triangles, results, dense)
+            reference = _rounded(points[0])
+            there = _symmetric_places(reference, triangles, _rounded(registered), dense)
+            registered = registered if there is None else there
+            return cls._from_surfaces(
+                model,
+                reference,
+                triangles,
+                _rounded(registered[kept]),
+                "; ".join(dict.fromkeys(each.message for each in results if each.message)),
+            )
+
+    @classmethod
+    def _from_surfaces(
+        cls,
+        model: BodyModel,
+        reference: np.ndarray,
+        triangles: np.ndarray,
+        registered: np.ndarray,
+        message: str,
+    ) -> TopologyMap:
+        """Return the map of two surfaces that coincide."""
+        gaps = nearest_like(reference, triangles, registered, model.faces)
+        template_lacks = find_without_counterpart(reference, triangles, gaps)
+        gaps = nearest_like(registered, model.faces, reference, triangles, ~template_lacks)
+        model_lacks = find_without_counterpart(registered, model.faces, gaps)
+        to_template = place_vertices(
+            reference, triangles, registered, model.faces, ~model_lacks
+        )[:2]
+        to_model = place_vertices(
+            registered, model.faces, reference, triangles, ~template_lacks
+        )[:2]
+        owners = model.weights.argmax(axis=1)
+        left = model.template.vertices[:, 0] - np.median(model.template.vertices[:, 0])
+        near = model.faces[to_template[0].triangles, to_template[0].barycentric.argmax(axis=1)]
+        template_parts = filled_parts(
+            reference, triangles, template_lacks, owners[near], model.joint_names, left[near]
+        )
+        model_parts = filled_parts(
+            registered, model.faces, model_lacks, owners, model.joint_names, left
+        )
+        return cls(
+            model,
+            triangles,
+            message,
+            _vertex_places(to_model, reference, triangles, registered, model.faces, model_parts),
+            _vertex_places(
+                to_template, registered, model.faces, reference, triangles, template_parts
+            ),
+        )
+
+    @property
+    def n_template_vertices(self) -> int:
+        """Number of vertices of the other topology."""
+        return self._to_model.n_source
+
+    @property
+    def template_parts(self) -> dict[str, np.ndarray]:
+        """Vertices of the other topology without counterpart on the model, by part."""
+        return {part.name: part.vertices for part in self._to_template.parts}
+
+    @property
+    def model_parts(self) -> dict[str, np.ndarray]:
+        """Vertices of the model without counterpart on the other topology, by part."""
+        return {part.name: part.vertices for part in self._to_model.parts}
+
+    @property
+    def model_places(self) -> SurfacePoints:
+        """Triangles of the other topology that hold the model's vertices, and coordinates."""
+        return self._to_model.places
+
+    @property
+    def template_places(self) -> SurfacePoints:
+        """Triangles of the model that hold the vertices of the other topology, and coordinates."""
+        return self._to_template.places
+
+    def __repr__(self) -> str:
+        names = [*self.template_parts]
+        lacking = f", without counterpart: {', '.join(names[:4])}" if names else ""
+        return (
+            f"<TopologyMap: {self.n_template_vertices:,} to {self.model.n_vertices:,} "
+            f"vertices{lacking}>"
+        )
+
+    @overload
+    def to_model(
+        self, points: Any, *, fit: Literal[False] = False, up: str | None = None
+    ) -> np.ndarray: ...
+
+    @overload
+    def to_model(
+        self, points: Any, *, fit: Literal[True], up: str | None = None
+    ) -> tuple[np.ndarray, ModelFit]: ...
+
+    def to_model(
+        self, points: Any, *, fit: bool = False, up: str | None = None
+    ) -> np.ndarray | tuple[np.ndarray, ModelFit]:
+        """Return bodies of the other topology as bodies of the model.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., V, 3), path, mesh or pair
+            Bodies of the other topology, metres, y up; or a mesh, whose triangles are compared.
+        fit : bool
+            Whether to return betas, poses and translations, too. Bodies of one axis are taken for
+            a sequence: each fit starts from the one before.
+        up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+            Axis that points up, rotated to y. By default bodies stay as they are, and an error
+            says if most are upside down.
+
+        Returns
+        -------
+        array, shape (..., model.n_vertices, 3), or a pair of it and a ModelFit
+        """
+        surfaces = self._checked(points, self._to_model, "points", up)
+        mapped = _applied(self._to_model, surfaces)
+        if not fit:
+            return mapped
+        return mapped, self.model.fit(mapped, betas_prior=1e-7, sequence=mapped.ndim == 3)
+
+    def to_template(self, points: Any, *, up: str | None = None) -> np.ndarray:
+        """Return bodies of the model as bodies of the other topology.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., model.n_vertices, 3), path, mesh or pair
+            Bodies of the model, metres, y up.
+        up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+            As for `to_model`.
+
+        Returns
+        -------
+        array, shape (..., V, 3)
+        """
+        surfaces = self._checked(points, self._to_template, "points", up)
+        return _applied(self._to_template, surfaces)
+
+    def _checked(
+        self, points: Any, places: VertexPlaces, name: str, up: str | None
+    ) -> np.ndarray:
+        """Return surfaces of the source of a map, y up."""
+        one_of(up, "up", (None, *AXES))
+        expected = f"{places.n_source:,} vertices, as the map has"
+        if isinstance(points, (str, os.PathLike)):
+            name = os.fspath(points)
+            points = load_mesh(points)
+        error = FileFormatError if name != "points" else ArgumentError
+        is_pair = isinstance(points, tuple) and len(points) == 2
+        if is_pair or hasattr(points, "faces") or hasattr(points, "cells"):
+            points, faces = as_arrays(points)
+            difference = face_difference(faces, places.faces)
+            if len(points) == places.n_source and difference:
+                raise error(f"{name} must have the triangles of the map: {difference}")
+        surfaces = np.asarray(real_array(points, name, ("n_vertices", 3)), dtype=float)
+        if surfaces.shape[-2] != places.n_source:
+            raise error(f"{name} must have {expected}; found {surfaces.shape[-2]:,}")
+        _check_bodies(surfaces, places.source, places.faces, name, places.source, error)
+        if up is not None:
+            return make_upright(surfaces, up=up)
+        self._refuse_upside_down(surfaces, places, name, error)
+        return surfaces
+
+    def _refuse_upside_down(
+        self, surfaces: np.ndarray, places: VertexPlaces, name: str, error: type[Exception]
+    ) -> None:
+        names = list(self.model.joint_names)
+        if not {"head", "left_ankle", "right_ankle"} <= {*names}:
+            return
+        owners = self.model.weights.argmax(axis=1)
+        if places is self._to_model:
+            near = self._to_template.places
+            corner = near.barycentric.argmax(axis=1)
+            owners = owners[self.model.faces[near.triangles, corner]]
+        feet = np.isin(owners, [names.index("left_ankle"), names.index("right_ankle")])
+        head = owners == names.index("head")
+        if not (feet.any() and head.any()) or not surfaces.size:
+            return
+        upward = surfaces[..., head, :].mean(axis=-2) - surfaces[..., feet, :].mean(axis=-2)
+        cosine = float(np.median(unit_vectors(upward)[..., 1]))
+        if cosine < _UPSIDE_DOWN:
+            raise error(
+                f"{name} must be y up; found heads below feet, as bodies of cameras have with y "
+                'down: up="-y" turns them upright, and up="y" takes them as they are'
+            )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the map as a compressed .npz file.
+
+        Parameters
+        ----------
+        path : path_like
+            File to write, with its suffix; an existing file is replaced.
+        """
+        save_arrays(
+            path,
+            {
+                "template": self._to_model.source.astype(np.float32),
+                "template_faces": self.template_faces.astype(np.int32),
+                "registered": self._to_template.source.astype(np.float32),
+                "model_faces": self.model.faces.astype(np.int32),
+                **_stored_places("to_model", self._to_model),
+                **_stored_places("to_template", self._to_template),
+                **_stored_parts("template", self._to_template.parts),
+                **_stored_parts("model", self._to_model.parts),
+                "message": np.array(self.message),
+            },
+            compressed=True,
+        )
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], model: BodyModel | None = None) -> TopologyMap:
+        """Read a map that `save` wrote.
+
+        Parameters
+        ----------
+        path : path_like
+        model : BodyModel, optional
+            The model of the map; by default the open model with its number of vertices.
+
+        Raises
+        ------
+        FileFormatError
+            If the file holds no map, or one of another model.
+        """
+        arrays = load_arrays(path, _ARRAYS, optional=[])
+        file = file_path(path)
+        with format_errors(file, "a topology map"):
+            template, registered = (
+                np.asarray(real_array(arrays[name], name, ("n", 3), batched=False), dtype=float)
+                for name in ("template", "registered")
+            )
+            template, faces = check_mesh(template, arrays["template_faces"])
+            registered, model_faces = check_mesh(registered, arrays["model_faces"])
+            chosen = _model_with(model, model_faces, len(registered))
+            to_model = _read_places("to_model", arrays, len(registered), len(faces))
+            to_template = _read_places("to_template", arrays, len(template), len(model_faces))
+            model_parts = _read_parts("model", arrays, len(registered))
+            template_parts = _read_parts("template", arrays, len(template))
+        return cls(
+            chosen,
+            faces,
+            str(arrays["message"]),
+            _vertex_places(to_model, template, faces, registered, model_faces, model_parts),
+            _vertex_places(to_template, registered, model_faces, template, faces, template_parts),
+        )
+
+
+def nearest_like(
+    queries: np.ndarray,
+    query_faces: np.ndarray,
+    points: np.ndarray,
+    faces: np.ndarray,
+    usable: np.ndarray | None = None,
+) -> np.ndarray:
+    """Return the distances of a mesh's vertices from another that faces the same way."""
+    allowed = np.ones(len(points), dtype=bool) if usable is None else usable
+    return place_vertices(queries, query_faces, points, faces, allowed)[2]
+
+
+def _rounded(points: np.ndarray) -> np.ndarray:
+    """Return points as a file holds them, so that a map that is read equals the one written."""
+    return points.astype(np.float32).astype(np.float64)
+
+
+def _vertex_places(
+    placed: tuple[SurfacePoints, np.ndarray],
+    source: np.ndarray,
+    faces: np.ndarray,
+    target: np.ndarray,
+    target_faces: np.ndarray,
+    parts: tuple[FilledPart, ...],
+) -> VertexPlaces:
+    places, heights = placed
+    barycentric = _rounded(places.barycentric)
+    barycentric /= barycentric.sum(axis=1, keepdims=True)
+    return VertexPlaces(
+        faces=faces,
+        n_source=len(source),
+        places=SurfacePoints(places.triangles, barycentric),
+        heights=_rounded(heights),
+        source=source,
+        target=target,
+        target_faces=target_faces,
+        parts=parts,
+    )
+
+
+def _applied(places: VertexPlaces, surfaces: np.ndarray) -> np.ndarray:
+    lead = surfaces.shape[:-2]
+    with single_threaded_libraries():
+        mapped = [places.apply(surfaces[index]) for index in np.ndindex(lead)]
+    return np.array(mapped).reshape(*lead, len(places.heights), 3)
+
+
+def _bodies_and_faces(template: Any, faces: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return bodies, shape (n, V, 3), and their triangles."""
+    if isinstance(template, (str, os.PathLike)):
+        points, triangles = load_mesh(template)
+        return points[np.newaxis], triangles
+    if faces is None and isinstance(template, tuple) and len(template) == 2:
+        template, faces = template
+    if faces is None:
+        points, triangles = as_arrays(template)
+        return points[np.newaxis], triangles
+    surfaces = np.asarray(real_array(template, "template", ("n_vertices", 3)), dtype=float)
+    surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
+    if not len(surfaces):
+        raise ArgumentError("template holds no body; at least one is needed")
+    _, triangles = check_mesh(surfaces[0], faces)
+    return surfaces, triangles
+
+
+def _check_bodies(
+    surfaces: np.ndarray,
+    reference: np.ndarray,
+    faces: np.ndarray,
+    name: str,
+    known: np.ndarray,
+    error: type[Exception] = ArgumentError,
+) -> None:
+    """Refuse other units and mirrored bodies."""
+    check_same_scale(
+        surfaces, known, name, "the body model", error=error, remedy="the map is in metres"
+    )
+    centred = surfaces - surfaces.mean(axis=-2, keepdims=True)
+    one, two, three = (centred[..., corner, :] for corner in faces.T)
+    volumes = np.atleast_1d(np.einsum("...fx,...fx->...", one, np.cross(two, three)))
+    if np.any(volumes < 0):
+        wrong = np.argwhere(volumes < 0)[0].tolist() if surfaces.ndim > 2 else []
+        place = f"{name}[{', '.join(map(str, wrong))}]" if wrong else name
+        raise error(
+            f"{place} must have triangles that look outward; they look inward: the body is "
+            "mirrored, or its triangles are listed clockwise. Change the sign of one coordinate "
+            "of a mirrored body, or reverse the corners of all triangles"
+        )
+
+
+def _dense_model(model: BodyModel) -> tuple[BodyModel, np.ndarray]:
+    """Return the model to register, and its vertices that are the model's."""
+    coarse = load_open_model("coarse")
+    # The coarse model's vertices are some of the full one's, which fits hands far better.
+    if model.n_vertices == coarse.n_vertices and np.array_equal(
+        model.template.vertices, coarse.template.vertices
+    ):
+        full = load_open_model("full")
+        return full, cKDTree(full.template.vertices).query(coarse.template.vertices)[1]
+    return model, np.arange(model.n_vertices)
+
+
+def _register(body: np.ndarray, faces: np.ndarray, model: BodyModel) -> RegisteredScan:
+    component = joined_components(body, faces)
+    areas = np.bincount(component[faces[:, 0]], triangle_areas(body, faces))
+    large = faces[areas[component[faces[:, 0]]] > _SMALL_PART * areas.sum()]
+    used, corners = np.unique(large, return_inverse=True)
+    points, triangles = body[used], corners.reshape(-1, 3)
+    while len(points) < _FEWEST_VERTICES:
+        points, triangles = split_triangles(points, triangles)
+    result = ScanRegistration(model, unit="metres").solve((points, triangles))
+    if not result.trusted:
+        raise ArgumentError(
+            "template must be a body to which the model can be registered; found that "
+            f"{result.message}"
+        )
+    return result
+
+
+def _mean_surface(
+    points: np.ndarray, faces: np.ndarray, results: Sequence[RegisteredScan], model: BodyModel
+) -> np.ndarray:
+    """Return the model's surface on the first body: the mean of its places on all bodies."""
+    first = results[0].points
+    if len(results) == 1:
+        return first
+    everywhere = np.ones(points.shape[1], dtype=bool)
+    normals = vertex_normals(points[0], faces)
+    estimates = []
+    for body, result in zip(points, results, strict=True):
+        places, heights, gaps = place_vertices(
+            result.points, model.faces, body, faces, everywhere
+        )
+        corners = faces[places.triangles]
+        along = unit_vectors(np.einsum("nk,nkx->nx", places.barycentric, normals[corners]))
+        moved = np.einsum("nk,nkx->nx", places.barycentric, points[0][corners])
+        moved += heights[:, np.newaxis] * along
+        moved[gaps > _FARTHEST_ESTIMATE] = np.nan
+        estimates.append(moved)
+    stacked = np.stack([first, *estimates[1:]])
+    middle = np.nanmedian(stacked, axis=0)
+    gaps = np.linalg.norm(stacked - middle, axis=2)
+    chosen = np.nan_to_num(gaps, nan=np.inf) < _FARTHEST_ESTIMATE
+    chosen[0] |= ~chosen.any(axis=0)
+    weights = chosen / chosen.sum(axis=0)
+    mean: np.ndarray = np.einsum("kn,knx->nx", weights, np.nan_to_num(stacked))
+    return mean
+
+
+def _symmetric_places(
+    reference: np.ndarray, faces: np.ndarray, registered: np.ndarray, model: BodyModel
+) -> np.ndarray | None:
+    """Return the model's surface with symmetric places, if both meshes are symmetric."""
+    rest = model.template.vertices
+    reflected = rest * [-1.0, 1.0, 1.0]
+    opposite = cKDTree(rest).query(reflected)[1]
+    edges = _some_edges(model.faces)
+    model_image = mirrored_vertices(
+        model.faces, len(rest), np.concatenate([edges, opposite[edges]], axis=1).tolist()
+    )
+    if model_image is None or np.any(model_image < 0):
+        return None
+    everywhere = np.ones(len(reference), dtype=bool)
+    on_model = nearest_points(reference, registered, model.faces)[0]
+    corners = model.faces[on_model.triangles]
+    mirrored = np.einsum(
+        "nk,nkx->nx", on_model.barycentric, registered[model_image[corners]]
+    )
+    near = cKDTree(reference).query(mirrored)[1]
+    edges = _some_edges(faces)
+    image = mirrored_vertices(
+        faces, len(reference), np.concatenate([edges, near[edges]], axis=1).tolist()
+    )
+    if image is None:
+        return None
+    image = np.where(image < 0, np.arange(len(image)), image)
+    places, heights, gaps = place_vertices(
+        registered, model.faces, reference, faces, everywhere
+    )
+    normals = vertex_normals(reference, faces)
+
+    def at(corners: np.ndarray, barycentric: np.ndarray, heights: np.ndarray) -> np.ndarray:
+        along = unit_vectors(np.einsum("nk,nkx->nx", barycentric, normals[corners]))
+        points: np.ndarray = np.einsum("nk,nkx->nx", barycentric, reference[corners])
+        return points + heights[:, np.newaxis] * along
+
+    other = at(
+        image[faces[places.triangles[model_image]]],
+        places.barycentric[model_image],
+        heights[model_image],
+    )
+    both = (gaps < _FARTHEST_ESTIMATE) & (gaps[model_image] < _FARTHEST_ESTIMATE)
+    both &= np.linalg.norm(other - registered, axis=1) < _FARTHEST_ESTIMATE
+    return np.where(both[:, np.newaxis], 0.5 * (registered + other), registered)
+
+
+def _some_edges(faces: np.ndarray) -> np.ndarray:
+    chosen = np.linspace(0, len(faces) - 1, min(_N_SEEDS, len(faces))).astype(np.int64)
+    return faces[chosen, :2]
+
+
+def _model_with(model: BodyModel | None, faces: np.ndarray, n_vertices: int) -> BodyModel:
+    if model is None:
+        candidates = [load_open_model("full"), load_open_model("coarse")]
+    else:
+        candidates = [model]
+    for each in candidates:
+        if each.n_vertices == n_vertices and np.array_equal(each.faces, faces):
+            return each
+    found = "the model given" if model is not None else "the open models"
+    raise FileFormatError(
+        f"its map is of a model with {n_vertices:,} vertices and {len(faces):,} triangles; {found} "
+        "has others: give its model"
+    )
+
+
+def _stored_places(name: str, places: VertexPlaces) -> dict[str, np.ndarray]:
+    return {
+        f"{name}_triangles": places.places.triangles.astype(np.int32),
+        f"{name}_barycentric": places.places.barycentric.astype(np.float32),
+        f"{name}_heights": places.heights.astype(np.float32),
+    }
+
+
+def _read_places(
+    name: str, arrays: Mapping[str, np.ndarray], n_points: int, n_faces: int
+) -> tuple[SurfacePoints, np.ndarray]:
+    triangles = arrays[f"{name}_triangles"].astype(np.int64)
+    barycentric = real_array(
+        arrays[f"{name}_barycentric"], f"{name}_barycentric", (n_points, 3), batched=False
+    )
+    heights = real_array(arrays[f"{name}_heights"], f"{name}_heights", (n_points,), batched=False)
+    if triangles.shape != (n_points,) or triangles.min() < 0 or triangles.max() >= n_faces:
+        raise ArgumentError(f"{name}_triangles must number {n_points} triangles below {n_faces}")
+    return SurfacePoints(triangles, np.asarray(barycentric)), np.asarray(heights)
+
+
+def _stored_parts(name: str, parts: Sequence[FilledPart]) -> dict[str, np.ndarray]:
+    """Return names of parts, and a table of part, vertex, and whether it is an anchor."""
+    rows = [np.zeros((0, 3), dtype=np.int32)]
+    for number, part in enumerate(parts):
+        for is_anchor, vertices in enumerate((part.vertices, part.anchors)):
+            columns = np.full(len(vertices), number), vertices, np.full(len(vertices), is_anchor)
+            rows.append(np.stack(columns, axis=1).astype(np.int32))
+    names = np.array([part.name for part in parts], dtype=np.str_)
+    return {f"{name}_part_names": names, f"{name}_part_numbers": np.concatenate(rows)}
+
+
+def _read_parts(
+    name: str, arrays: Mapping[str, np.ndarray], n_vertices: int
+) -> tuple[FilledPart, ...]:
+    rows = arrays[f"{name}_part_numbers"].astype(np.int64)
+    if rows.ndim != 2 or rows.shape[1] != 3 or np.any(rows < 0) or np.any(rows[:, 1] >= n_vertices):
+        raise ArgumentError(f"{name}_part_numbers must number vertices below {n_vertices}")
+    parts = []
+    for number, part_name in enumerate(arrays[f"{name}_part_names"].tolist()):
+        own = rows[rows[:, 0] == number]
+        vertices, anchors = (own[own[:, 2] == flag, 1] for flag in (0, 1))
+        parts.append(FilledPart(str(part_name), vertices, anchors))
+    return tuple(parts)
