@@ -40,6 +40,8 @@ _LOSSES = ("squared", "huber")
 _FEW_POINTS = 1500
 _FEWEST_OF_A_JOINT = 20
 _CLOSED_FORM_ROUNDS = 2
+# A fit from the one before is dropped if it takes more steps, or is farther by this factor.
+_WARM_STEPS, _WARM_LOSS = 12, 1.5
 _LEAST_DAMPING = 1e-9
 _MOST_DAMPING = 1e6
 # A gain below this share of the cost is indistinguishable from rounding.
@@ -179,7 +181,7 @@ def fit_model(
         fits: list[ModelFit] = []
         for index in np.ndindex(lead):
             before = fits[-1] if sequence and fits and fits[-1].converged else None
-            fits.append(_fit(stages, combine, surfaces[index], tolerance, max_iter, before))
+            fits.append(_fit_after(stages, combine, surfaces[index], tolerance, max_iter, before))
     failed = [number for number, fit in enumerate(fits) if not fit.converged]
     if failed:
         warn(
@@ -271,6 +273,22 @@ def _stages(
     few = np.concatenate([_spread_out(numbers, len(everything)) for numbers in of_joints])
     stages = (few, everything) if len(few) < len(everything) else (everything,)
     return [Equations(skeleton, combine, shares, numbers, loss, prior) for numbers in stages]
+
+
+def _fit_after(
+    stages: list[Equations],
+    combine: sparse.csr_array,
+    target: np.ndarray,
+    tolerance: float,
+    max_iter: int,
+    before: ModelFit | None,
+) -> ModelFit:
+    """Return the fit that starts from another one, unless this does not come as near."""
+    if before is not None:
+        fit = _fit(stages, combine, target, tolerance, min(_WARM_STEPS, max_iter), before)
+        if fit.converged and fit.mean_distance < _WARM_LOSS * before.mean_distance:
+            return fit
+    return _fit(stages, combine, target, tolerance, max_iter)
 
 
 def _fit(

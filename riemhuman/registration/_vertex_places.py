@@ -46,8 +46,9 @@ class FilledPart:
 class VertexPlaces:
     """Places of the vertices of a target mesh on a source mesh.
 
-    A vertex lies at a height above a point of the source, along the interpolated normal; heights
-    are in proportion to the local size of the source.
+    A vertex lies at a height above a point of the source, along the interpolated normal. On other
+    bodies, this offset turns with the neighbourhoods of the corners of the triangle, and grows with
+    the local size of the source.
     """
 
     faces: np.ndarray  # (F, 3) of the source
@@ -64,12 +65,19 @@ class VertexPlaces:
         """The matrix (n, n_source) that interpolates at the places."""
         n_points = len(self.heights)
         corners = self.faces[self.places.triangles]
-        entries = self.places.barycentric.ravel(), (np.repeat(np.arange(n_points), 3), corners.ravel())
+        entries = (
+            self.places.barycentric.ravel(),
+            (np.repeat(np.arange(n_points), 3), corners.ravel()),
+        )
         return sparse.csr_array(entries, shape=(n_points, self.n_source))
 
     @cached_property
     def _sizes(self) -> np.ndarray:
         return self._local_sizes(self.source)
+
+    @cached_property
+    def _normals(self) -> np.ndarray:
+        return vertex_normals(self.source, self.faces)[:, np.newaxis, :]
 
     @cached_property
     def _around(self) -> sparse.csr_array:
@@ -86,14 +94,38 @@ class VertexPlaces:
 
     def apply(self, surface: np.ndarray) -> np.ndarray:
         """Return the target's vertices for a surface of the source, shape (n_source, 3)."""
-        normals = unit_vectors(self.matrix @ vertex_normals(surface, self.faces))
+        # An offset is carried by the rotations of the corners: where the source bends, the height
+        # along the normal alone would not follow the curve between its vertices.
+        rotations = self._vertex_rotations(surface)
+        blended = (self.matrix @ rotations.reshape(-1, 9)).reshape(-1, 3, 3)
+        carried = np.einsum("nxy,ny->nx", rotations, self.source)
+        offsets = np.einsum("nxy,ny->nx", blended, self.target) - self.matrix @ carried
         factors = self._local_sizes(surface) / self._sizes
-        points: np.ndarray = (
-            self.matrix @ surface + (self.heights * factors)[:, np.newaxis] * normals
-        )
+        points: np.ndarray = self.matrix @ surface + factors[:, np.newaxis] * offsets
         for filler in self._fillers:
             points[filler.part.vertices] = filler.fill(points)
         return points
+
+    @cached_property
+    def _sides(self) -> sparse.csr_array:
+        """The matrix (n_source, n_source) of the edges."""
+        ends = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]])
+        links = sparse.csr_array((np.ones(len(ends)), ends.T), shape=(self.n_source,) * 2)
+        return ((links + links.T) > 0).astype(float).tocsr()
+
+    def _vertex_rotations(self, surface: np.ndarray) -> np.ndarray:
+        """Return rotations around the vertices from the reference, shape (n_source, 3, 3)."""
+        links, before, after = self._sides, self.source, surface
+        products = after[:, :, np.newaxis] * before[:, np.newaxis, :]
+        # Σ (x_j − x_i) (y_j − y_i)ᵀ over the neighbours j of each vertex i.
+        spread = (links @ products.reshape(-1, 9)).reshape(-1, 3, 3)
+        spread -= (links @ after)[:, :, np.newaxis] * before[:, np.newaxis, :]
+        spread -= after[:, :, np.newaxis] * (links @ before)[:, np.newaxis, :]
+        spread += links.sum(axis=1)[:, np.newaxis, np.newaxis] * products
+        # Neighbours in a plane would leave open which side is outside.
+        normals = vertex_normals(after, self.faces)[:, :, np.newaxis] * self._normals
+        size = np.linalg.norm(spread.reshape(-1, 9), axis=1)
+        return nearest_rotations(spread + size[:, np.newaxis, np.newaxis] * normals)
 
     def _local_sizes(self, surface: np.ndarray) -> np.ndarray:
         areas = self._around @ triangle_areas(surface, self.faces)
@@ -268,9 +300,7 @@ def _part_name(points: np.ndarray, joint: str, separate: bool, left: float) -> s
     return f"separate part of the {where}" if separate else f"inside of the {where}"
 
 
-def mirrored_vertices(
-    faces: np.ndarray, n_vertices: int, seeds: Any
-) -> np.ndarray | None:
+def mirrored_vertices(faces: np.ndarray, n_vertices: int, seeds: Any) -> np.ndarray | None:
     """Return the vertex opposite to each one, if a mesh is its own mirror image; else None.
 
     Triangles determine the image of a connected mesh once that of one edge is known: the third

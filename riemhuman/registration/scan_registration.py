@@ -777,6 +777,9 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     with the rigid motions :math:`x \mapsto R_j x + t_j` of the joints (Loper et al. 2015,
     equation 2). What the model cannot fit of the body stays in the mean body.
 
+    The result makes and poses new bodies of the other mesh. To convert bodies that exist, use
+    `TopologyMap`, which takes milliseconds a body and does not depend on what a model can show.
+
     Parameters
     ----------
     model : BodyModel

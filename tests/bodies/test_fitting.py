@@ -12,7 +12,7 @@ from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, ModelFit, correspondence_matrix
-from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.datasets import load_open_bodies, load_open_model, load_open_motions
 from riemhuman.errors import ArgumentError, ConvergenceWarning
 from riemhuman.measurements import open_measurements
 
@@ -312,3 +312,12 @@ def test_correspondences(model):
     for layout in ("csr", "dok"):
         found = correspondence_matrix(model, matrix.asformat(layout)) @ model()
         np.testing.assert_allclose(found, expected, atol=1e-15)
+
+
+def test_moments_of_a_motion_start_from_the_one_before():
+    model = load_open_model("coarse")
+    motion, *_ = load_open_motions("coarse", sequences=["knees"])
+    points = np.stack([motion[frame] for frame in range(6)])
+    alone, together = model.fit(points), model.fit(points, sequence=True)
+    np.testing.assert_allclose(together.pose, alone.pose, atol=1e-4)
+    assert together.n_iterations[1:].sum() <= alone.n_iterations[1:].sum()

@@ -1,0 +1,179 @@
+"""Maps to a second topology: remeshed, of other density, in another rest pose, fingers apart."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scanned_people import points_at
+from scipy.spatial import cKDTree
+
+import riemhuman as rh
+from riemhuman.registration import TopologyMap, topology_map
+from riemhuman.registration.simulated_scans import remesh
+
+ArgumentError, FileFormatError = rh.errors.ArgumentError, rh.errors.FileFormatError
+
+
+def made_from(map_points, faces, registered, model, monkeypatch):
+    """Return a map from a body whose registration is known."""
+    known = SimpleNamespace(points=registered, fit=None, trusted=True, message="")
+    monkeypatch.setattr(topology_map, "_register", lambda *options: known)
+    return TopologyMap.fit(map_points, model, faces=faces)
+
+
+@pytest.fixture(scope="module")
+def full():
+    return rh.datasets.load_open_model("full")
+
+
+@pytest.fixture(scope="module")
+def people(full):
+    """Return bodies of the model and of the other topology, the first in its rest pose."""
+    rng = np.random.default_rng(49)
+    rest = np.zeros((full.n_joints, 3))
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        rest[full.joint_names.index(f"{side}_shoulder")] = [0.0, 0.0, 0.5 * sign]
+        rest[full.joint_names.index(f"{side}_hip")] = [0.0, 0.0, 0.1 * sign]
+    bodies = [full(np.zeros(full.n_betas), rest, hands=full.hand_pose("open"))]
+    vertices, faces = remesh(bodies[0], full.faces, 6890, rng)
+    places, _ = rh.surfaces.nearest_points(vertices, bodies[0], full.faces)
+    motions = rh.datasets.load_open_motions("full", sequences=["punching", "knees"])
+    for motion, frame, hands in zip(motions, (47, 61), ("relaxed", "curled"), strict=False):
+        betas = np.zeros(full.n_betas)
+        betas[:10] = rng.standard_normal(10)
+        bodies.append(full(betas, motion.pose_vectors[frame], hands=full.hand_pose(hands)))
+    others = np.stack([points_at(places, body, full.faces) for body in bodies])
+    return np.stack(bodies), others, faces, places
+
+
+@pytest.fixture(scope="module")
+def found(people, full):
+    """Return the map from one body, registered as any other."""
+    _, others, faces, _ = people
+    return TopologyMap.fit((others[0], faces), full)
+
+
+def on_hands(full):
+    return np.isin(
+        full.weights.argmax(axis=1),
+        [full.joint_names.index(f"{side}_wrist") for side in ("left", "right")],
+    )
+
+
+def test_other_people_in_other_poses_come_to_their_places(found, people, full):
+    bodies, others, *_ = people
+    errors = np.linalg.norm(found.to_model(others) - bodies, axis=-1)[1:]
+    assert errors.mean() < 0.003
+    assert errors[:, on_hands(full)].mean() < 0.006
+    errors = np.linalg.norm(found.to_template(bodies) - others, axis=-1)[1:]
+    assert errors.mean() < 0.003
+
+
+def test_there_and_back_is_the_same_body(found, people):
+    _, others, *_ = people
+    back = found.to_template(found.to_model(others))
+    assert np.linalg.norm(back - others, axis=-1).mean() < 0.001
+
+
+def test_files_hold_the_map(found, people, full, tmp_path):
+    _, others, *_ = people
+    found.save(tmp_path / "map.npz")
+    assert (tmp_path / "map.npz").stat().st_size < 1.5e6
+    again = TopologyMap.load(tmp_path / "map.npz")
+    assert again.model is full
+    np.testing.assert_allclose(again.to_model(others[1]), found.to_model(others[1]), atol=1e-7)
+    with pytest.raises(FileFormatError, match="is of a model with 13,348 vertices"):
+        TopologyMap.load(tmp_path / "map.npz", rh.datasets.load_open_model("coarse"))
+
+
+def test_bad_bodies_are_refused_by_name(found, people, tmp_path):
+    _, others, faces, _ = people
+    body = others[1]
+    with pytest.raises(ArgumentError, match=f"must have {len(body):,} vertices.*found 10"):
+        found.to_model(body[:10])
+    with pytest.raises(ArgumentError, match="triangles of the map"):
+        found.to_model((body, faces[::-1]))
+    with pytest.raises(ArgumentError, match=r"points\[1\].*mirrored"):
+        found.to_model(np.stack([body, body * [-1.0, 1.0, 1.0]]))
+    with pytest.raises(ArgumentError, match="times as large"):
+        found.to_model(100.0 * body)
+    with pytest.raises(ArgumentError, match='up="-y" turns them upright'):
+        found.to_model(body * [1.0, -1.0, -1.0])
+    upright = found.to_model(body * [1.0, -1.0, -1.0], up="-y")
+    np.testing.assert_allclose(upright[:, 1], found.to_model(body)[:, 1], atol=1e-9)
+    frames = np.stack([body, body])
+    frames[1, 7, 0] = np.nan
+    with pytest.raises(ArgumentError, match=r"first at index \(1, 7, 0\)"):
+        found.to_model(frames)
+    rh.save_mesh(tmp_path / "large.ply", 100.0 * body, faces)
+    with pytest.raises(FileFormatError, match=r"large\.ply is .* times as large"):
+        found.to_model(tmp_path / "large.ply")
+    with pytest.raises(ArgumentError, match="mirrored"):
+        TopologyMap.fit((body * [-1.0, 1.0, 1.0], faces))
+
+
+def unit_sphere():
+    longitudes, latitudes = np.meshgrid(np.arange(12) * np.pi / 6, np.arange(1, 8) * np.pi / 8)
+    ring = np.stack(
+        [
+            np.sin(latitudes) * np.cos(longitudes),
+            np.cos(latitudes),
+            np.sin(latitudes) * np.sin(longitudes),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    vertices = np.concatenate([ring, [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]])
+    faces = []
+    for row in range(6):
+        for k in range(12):
+            a, b = 12 * row + k, 12 * row + (k + 1) % 12
+            faces += [[a, b, b + 12], [a, b + 12, a + 12]]
+    for k in range(12):
+        faces += [[84, (k + 1) % 12, k], [85, 72 + k, 72 + (k + 1) % 12]]
+    return vertices, np.array(faces)
+
+
+def test_eyeballs_are_named_and_move_with_the_head(people, full, monkeypatch):
+    bodies, others, faces, _ = people
+    head = full.joints()[full.joint_names.index("head")] + [0.0, 0.09, 0.05]
+    radius, vertices, count = 0.012, [others[0]], len(others[0])
+    balls = [faces]
+    for sign in (1.0, -1.0):
+        ball, triangles = unit_sphere()
+        vertices.append(radius * ball + head + [0.03 * sign, 0.0, 0.0])
+        balls.append(triangles + count)
+        count += len(ball)
+    surface = np.concatenate(vertices)
+    mapped = made_from(surface, np.concatenate(balls), bodies[0], full, monkeypatch)
+    assert {*mapped.template_parts} >= {"left eyeball", "right eyeball"}
+    left = mapped.template_parts["left eyeball"]
+    assert surface[left, 0].mean() > surface[mapped.template_parts["right eyeball"], 0].mean()
+    moved = mapped.to_template(bodies[1])[left]
+    radii = np.linalg.norm(moved - moved.mean(axis=0), axis=1)
+    assert radii.std() < 1e-3 * radii.mean()  # still a sphere
+    assert abs(radii.mean() / radius - 1.0) < 0.3
+    assert rh.surfaces.nearest_points(moved, bodies[1], full.faces)[1].max() < 0.08
+
+
+def test_symmetric_meshes_have_symmetric_places(full, monkeypatch):
+    """The open model's own mesh, in a pose that is not symmetric, with an uneven registration."""
+    motion = rh.datasets.load_open_motions("full", sequences=["punching"])[0]
+    body = full(pose=motion.pose_vectors[47])
+    slip = 0.002 * np.sin(40.0 * full.template.vertices + 1.0)
+    mapped = made_from(body, full.faces, body + slip, full, monkeypatch)
+    rest = full.template.vertices
+    opposite = cKDTree(rest).query(rest * [-1.0, 1.0, 1.0])[1]
+    places = points_at(mapped.model_places.places, rest, full.faces)
+    gaps = places[opposite] * [-1.0, 1.0, 1.0] - places
+    uneven = slip[opposite] * [-1.0, 1.0, 1.0] - slip
+    assert np.linalg.norm(gaps, axis=1).mean() < 0.25 * np.linalg.norm(uneven, axis=1).mean()
+
+
+def test_bodies_of_the_coarse_model_come_with_parameters(people, full, monkeypatch):
+    bodies, others, faces, _ = people
+    coarse = rh.datasets.load_open_model("coarse")
+    mapped = made_from(others[0], faces, bodies[0], coarse, monkeypatch)
+    points, fit = mapped.to_model(others, fit=True)
+    assert points.shape == (len(others), 1202, 3)
+    assert fit.betas.shape == (len(others), coarse.n_betas)
+    assert np.linalg.norm(coarse(fit.betas, fit.pose, fit.trans) - points, axis=-1).mean() < 0.005
