@@ -41,8 +41,6 @@ _NEEDED_POSES = ("root_orient", "pose_body")
 _SKIPPED = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
 _FILES_KEPT = 4
-# Frames by which the axis that points up is found.
-_FRAMES_OF_FLOOR = 300
 # Larger numbers are damage: of such an angle, double precision holds no digit within a circle.
 _LARGEST = 1e12
 
@@ -217,8 +215,7 @@ def _skeleton_motion(
 def _upward_axis(path: Path, last: int) -> str:
     """Return the axis that points up in a file until a frame, with a warning if in doubt."""
     recording = _read(path, last)
-    frames = np.unique(np.linspace(0, last, _FRAMES_OF_FLOOR).astype(np.int64))
-    axes = smpl_upward_axes(recording.poses[frames], recording.translations[frames], AMASS)
+    axes = smpl_upward_axes(recording.poses[: last + 1], recording.translations[: last + 1], AMASS)
     warn_of_doubt(path.name, axes)
     return axes[0]
 

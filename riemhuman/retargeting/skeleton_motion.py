@@ -70,8 +70,10 @@ class SkeletonMotion(Record):
         positions = self.translations.copy()
         for joint, parent in enumerate(self.parents):
             if parent >= 0:
-                steps = self.global_rotations[:, parent] @ self.translations[:, joint, :, None]
-                positions[:, joint] = positions[:, parent] + steps[..., 0]
+                steps = np.einsum(
+                    "tij,tj->ti", self.global_rotations[:, parent], self.translations[:, joint]
+                )
+                positions[:, joint] = positions[:, parent] + steps
         return positions
 
 

@@ -26,6 +26,8 @@ _BODY_OFFSETS = (
 )
 # Feet slower than this, metres a second, stand still where the length of the legs is found.
 _STANDING = 0.4
+# Frames by which the axis that points up is found.
+_FRAMES_OF_FLOOR = 300
 LAYOUTS = {
     N_BODY: ("body",),
     N_BODY + 2: ("body", "fists"),
@@ -97,7 +99,12 @@ def smpl_skeleton(
     )
     scale = _leg_scale(motion, up)
     steps[:, 1:] *= scale
-    return replace(motion, offsets=scale * offsets, translations=steps)
+    scaled = replace(motion, offsets=scale * offsets, translations=steps)
+    # What is known of long recordings is not computed again.
+    root = motion.positions[:, :1]
+    vars(scaled)["global_rotations"] = motion.global_rotations
+    vars(scaled)["positions"] = root + scale * (motion.positions - root)
+    return scaled
 
 
 def _leg_scale(motion: SkeletonMotion, up: str) -> float:
@@ -125,7 +132,9 @@ def smpl_upward_axes(
     poses: np.ndarray, translations: np.ndarray, convention: Convention
 ) -> tuple[str, str]:
     """Return the axis that points up, and another one if it may be that as well, or ""."""
-    motion = smpl_skeleton(poses, translations + smpl_root(), 1.0, "", convention.axis)
+    frames = np.unique(np.linspace(0, len(poses) - 1, _FRAMES_OF_FLOOR).astype(np.int64))
+    places = translations[frames] + smpl_root()
+    motion = smpl_skeleton(poses[frames], places, 1.0, "", convention.axis)
     joints = dict(zip(SMPL_JOINTS, range(len(SMPL_JOINTS)), strict=True))
     shoulders, ankles = (middle(motion.positions, joints, part) for part in ("shoulder", "ankle"))
     leg = leg_length(motion.positions, joints)
