@@ -120,17 +120,17 @@ def reference() -> str:
     parts = ["# Reference", said]
     parts.append(section("riemhuman", rh, [name for name in rh.__all__ if not is_module(rh, name)]))
     listed: set[int] = set()
-    for room in sorted(name for name in rh.__all__ if is_module(rh, name)):
-        module = getattr(rh, room)
+    for subpackage in sorted(name for name in rh.__all__ if is_module(rh, name)):
+        module = getattr(rh, subpackage)
         names = getattr(module, "__all__", None)
-        if names is None and room in ("errors", "extensions"):
+        if names is None and subpackage in ("errors", "extensions"):
             names = [name for name in vars(module) if defined_in(module, name)]
         names = [n for n in names or [] if n not in rh.__all__ and not is_module(module, n)]
         # A name that two subpackages share has one page.
         names = [name for name in names if id(getattr(module, name)) not in listed]
         listed |= {id(getattr(module, name)) for name in names}
         if names:
-            parts.append(section(f"riemhuman.{room}", module, names))
+            parts.append(section(f"riemhuman.{subpackage}", module, names))
     return "\n\n".join(parts) + "\n"
 
 

@@ -164,12 +164,12 @@ def output(
         options.written.append(place)
 
     kinds = ["folder"] * (names is not None) + ["file"] * bool(endings)
-    own = option(
+    declared = option(
         flags, text or f"{' or '.join(kinds)} to write", metavar=metavar, required=required
     )
 
     def declare(parser: argparse.ArgumentParser) -> None:
-        several(own, *[FORCE] * (dest == "output"))(parser)
+        several(declared, *[FORCE] * (dest == "output"))(parser)
         parser.set_defaults(checks=(*parser.get_default("checks"), check))
 
     return declare
@@ -247,8 +247,10 @@ def make_parser(version: str, description: str, epilog: str) -> Parser:
             commands[group] = inner.add_subparsers(
                 metavar="COMMAND", title="commands", required=True
             )
-        own = commands[group].add_parser(name, **texts, **style)
-        own.set_defaults(**_DEFAULTS, template=None, run=run, parser=own, checks=())
+        command_parser = commands[group].add_parser(name, **texts, **style)
+        command_parser.set_defaults(
+            **_DEFAULTS, template=None, run=run, parser=command_parser, checks=()
+        )
         for argument in (*arguments, *_COMMON, _DEBUG):
-            argument(own)
+            argument(command_parser)
     return parser

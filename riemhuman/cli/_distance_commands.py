@@ -354,7 +354,7 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
     }
     if not scores:
         raise ArgumentError(f"{options.labels}: no two meshes share a subject or a pose")
-    return cli.Answer({_QUESTIONS[name]: str(own) for name, own in scores.items()}, scores)
+    return cli.Answer({_QUESTIONS[name]: str(score) for name, score in scores.items()}, scores)
 
 
 @cli.command(

@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError
 if TYPE_CHECKING:
     from numpy import ndarray
 
-    from riemhuman.measurements import MeasuredBodies, VisitComparison
+    from riemhuman.measurements import BodySizes, VisitComparison
 
 _MOST_COLUMNS = 5
 
@@ -83,7 +83,7 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
 
 
 def _missing(
-    files: Sequence[Path], result: MeasuredBodies | VisitComparison
+    files: Sequence[Path], result: BodySizes | VisitComparison
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Return what was not measured and why, as records and in words."""
     missing, said = [], []
@@ -93,7 +93,7 @@ def _missing(
     return missing, said
 
 
-def _measured_table(files: Sequence[Path], measured: MeasuredBodies) -> list[str]:
+def _measured_table(files: Sequence[Path], measured: BodySizes) -> list[str]:
     width = max(map(len, measured.names))
     shown = files[:_MOST_COLUMNS]
     columns = [max(9, len(file.stem)) for file in shown]

@@ -147,8 +147,8 @@ class Parts:
         means = backend.swapaxes(rotations @ stretches, 2, 3).reshape(n_bodies, 3 * count, 3)
         return (self.operator if operator is None else operator) @ means
 
-    def _chain(self, own: Any, backend: ModuleType) -> Any:
-        chained = [own[:, part] for part in range(self.n_parts)]
+    def _chain(self, transforms: Any, backend: ModuleType) -> Any:
+        chained = [transforms[:, part] for part in range(self.n_parts)]
         for part in self.order[1:]:
             chained[part] = chained[self.parents[part]] @ chained[part]
         return backend.stack(chained, 1)

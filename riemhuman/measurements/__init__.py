@@ -1,9 +1,9 @@
 """Body measurements: girths, lengths, heights, breadths and volumes, and bodies from them."""
 
 from riemhuman.measurements.bodies_from_measurements import (
-    MeasuredPerson,
     NearestBody,
     PredictedMeasurements,
+    ProbableBody,
     model_from_measurements,
     nearest_body,
     predict_measurements,
@@ -21,24 +21,24 @@ from riemhuman.measurements.definitions import (
     measurement_from_dict,
 )
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
-from riemhuman.measurements.measuring import MeasuredBodies, Measurements, in_standard_pose
+from riemhuman.measurements.measuring import BodySizes, Measurements, in_standard_pose
 from riemhuman.measurements.visits import VisitComparison, compare_visits
 
 __all__ = [
     "Area",
+    "BodySizes",
     "Breadth",
     "Depth",
     "Girth",
     "Height",
     "Length",
     "Mass",
-    "MeasuredBodies",
-    "MeasuredPerson",
     "Measurement",
     "MeasurementSet",
     "Measurements",
     "NearestBody",
     "PredictedMeasurements",
+    "ProbableBody",
     "VisitComparison",
     "Volume",
     "compare_visits",

@@ -128,8 +128,8 @@ def geodesics(surfaces: Any, start: SurfacePoint, end: SurfacePoint, mesh: Mesh)
     found = []
     for f in np.require(values_of(surfaces), np.float64, ["C", "W"]):
         paths[0][0, : len(strip)] = strip
-        own, n = _straighten(f, (mesh.faces, mesh.neighbours), ends, len(strip), paths, few)
-        edges, t = paths[1][own, : max(n, 0)], paths[4][own, : max(n, 0), np.newaxis]
+        buffer, n = _straighten(f, (mesh.faces, mesh.neighbours), ends, len(strip), paths, few)
+        edges, t = paths[1][buffer, : max(n, 0)], paths[4][buffer, : max(n, 0), np.newaxis]
         crossed = np.concatenate([corners[:1], np.append(edges, edges[:, :1], axis=1), corners[1:]])
         inner = np.concatenate([1.0 - t, t, np.zeros_like(t)], axis=1)
         weights = np.concatenate([start[1][np.newaxis], inner, end[1][np.newaxis]])
@@ -159,10 +159,10 @@ def _straighten(f: Any, mesh: Any, ends: Any, size: int, paths: Any, few: Any) -
                 length, best_size, number, n_bends = moved, size, 0, count
         size = 0
         while size == 0 and number < n_bends:
-            edge, own = bends[which, number, 0] - 1, bends[which, number, 1]
+            edge, bend_side = bends[which, number, 0] - 1, bends[which, number, 1]
             number += 1
             if 0 <= edge < best_size - 1:  # the bend is no end of the path
-                vertex = edges[which, edge, own]
+                vertex = edges[which, edge, bend_side]
                 size = _reroute(mesh, best, best_size, edge, vertex, trial[0])
     return which, best_size - 1
 
@@ -257,15 +257,15 @@ def _funnel(path: Any, size: int, few: Any) -> int:
     # What limits the view from the last bend, to the right and to the left.
     limits[0], limits[1], views[0], views[1] = apex, apex, place, place
     while k <= size:
-        for own in range(2):
-            other, point, turn = 1 - own, sides[own, k], 1.0 - 2.0 * own
-            if turn * side(place, views[own], point) < 0.0:
+        for near in range(2):
+            far, point, turn = 1 - near, sides[near, k], 1.0 - 2.0 * near
+            if turn * side(place, views[near], point) < 0.0:
                 continue
-            if limits[own] == apex or turn * side(place, views[other], point) < 0.0:
-                limits[own], views[own] = k, point
+            if limits[near] == apex or turn * side(place, views[far], point) < 0.0:
+                limits[near], views[near] = k, point
                 continue
-            apex, place = limits[other], views[other]
-            bends[count, 0], bends[count, 1] = apex, other
+            apex, place = limits[far], views[far]
+            bends[count, 0], bends[count, 1] = apex, far
             count, k = count + 1, apex
             limits[0], limits[1], views[0], views[1] = apex, apex, place, place
             break
@@ -280,13 +280,13 @@ def _cross_edges(path: Any, size: int, n_bends: int) -> float:
     _, _, bends, sides, places = path
     length, k, here = 0.0, 1, sides[0, 0]
     for number in range(n_bends):
-        last, own = bends[number, 0], bends[number, 1]
-        goal = sides[own, last]
+        last, near = bends[number, 0], bends[number, 1]
+        goal = sides[near, last]
         length += math.hypot(goal.real - here.real, goal.imag - here.imag)
         while k <= min(last, size - 1):
             on_right, on_left = side(here, goal, sides[0, k]), side(here, goal, sides[1, k])
             t = 0.5 if on_right == on_left else on_right / (on_right - on_left)
-            places[k - 1] = float(own) if k == last else min(max(t, 0.0), 1.0)
+            places[k - 1] = float(near) if k == last else min(max(t, 0.0), 1.0)
             k += 1
         here = goal
     return length

@@ -37,8 +37,8 @@ class LandmarkedBodies:
             return sum(weight / total * self.place(name) for name, weight in place.items())
         if place not in self._positions:
             vertices, weights = self.set.landmarks[place]
-            own = self._numbers, vertices[None], weights[None]
-            self._positions[place] = weighted_vertices(self.surfaces, *own)
+            combination = self._numbers, vertices[None], weights[None]
+            self._positions[place] = weighted_vertices(self.surfaces, *combination)
         return self._positions[place]
 
     def axis(self, axis: Any) -> Any:
@@ -93,8 +93,8 @@ class LandmarkedBodies:
         """Coordinate of the lowest vertex of each body along the axis "up", shape (n,)."""
         up = self.axis("up")
         heights = onp.matmul(values_of(self.surfaces), values_of(up)[:, :, None])
-        own = self._numbers, heights.argmin(axis=1), onp.ones((1, 1))
-        return np.sum(weighted_vertices(self.surfaces, *own) * up, axis=-1)
+        combination = self._numbers, heights.argmin(axis=1), onp.ones((1, 1))
+        return np.sum(weighted_vertices(self.surfaces, *combination) * up, axis=-1)
 
     @cached_property
     def volumes(self) -> Any:

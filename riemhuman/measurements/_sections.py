@@ -189,9 +189,10 @@ def section(surfaces: Any, origins: Any, normals: Any, cutter: Cutter) -> Lines:
         found = _trace(f[k], heights[k], o[k], cutter, crossed, wanted)
         statuses[k] = min(found, 0)
         edges.append(crossed[: max(found, 0)].copy())
-    bodies = onp.repeat(onp.arange(len(f)), [len(own) for own in edges])
-    own = surfaces, origins, normals, heights, bodies, onp.concatenate(edges).T
-    return Lines(_crossings(*own), bodies, statuses)
+    bodies = onp.repeat(onp.arange(len(f)), [len(crossings) for crossings in edges])
+    crossed_edges = onp.concatenate(edges).T
+    points = _crossings(surfaces, origins, normals, heights, bodies, crossed_edges)
+    return Lines(points, bodies, statuses)
 
 
 def neighbours_of(faces: ndarray) -> ndarray:

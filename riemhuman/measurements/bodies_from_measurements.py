@@ -71,7 +71,7 @@ _MOST_HALVINGS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredPerson:
+class ProbableBody:
     """A body found from measurements.
 
     Attributes
@@ -127,7 +127,7 @@ def model_from_measurements(
     tolerances: Mapping[str, float] | None = None,
     resolution: str = "full",
     max_iter: int = 100,
-) -> MeasuredPerson:
+) -> ProbableBody:
     """Return the most probable body of the open model with these measurements.
 
     Parameters
@@ -172,11 +172,12 @@ def model_from_measurements(
     for name, mean in prediction.mean.items():
         offsets = (share * adults()[k]["offsets"].get(name, 0.0) for k, share in sexes.items())
         goals[name] = mean + sum(offsets)
-    own = Measurements(standing, [name for name in standing.names if name in goals])
-    wanted, allowed = (np.array([each[name] for name in own.names]) for each in (goals, spread))
-    is_given = np.array([name in given for name in own.names])
-    search = _nearest_betas(own, sexes, wanted, allowed, is_given, max_iter)
-    measured = own.measure(search.points, axes="space", missing="nan").to_dict()
+    measurements = Measurements(standing, [name for name in standing.names if name in goals])
+    wanted = np.array([goals[name] for name in measurements.names])
+    allowed = np.array([spread[name] for name in measurements.names])
+    is_given = np.array([name in given for name in measurements.names])
+    search = _nearest_betas(measurements, sexes, wanted, allowed, is_given, max_iter)
+    measured = measurements.measure(search.points, axes="space", missing="nan").to_dict()
     in_body = {name: float(measured[name]) for name in given if name in measured}
     misses = {name: value - given[name] for name, value in in_body.items()}
     missed = [n for n, miss in misses.items() if abs(miss) > _MOST_MISSED * errors[n]]
@@ -186,7 +187,7 @@ def model_from_measurements(
         some = ", ".join(f"{n} by {misses[n]:+.2g} {units[n]}" for n in missed[:3])
         more = f" and {len(missed) - 3} more" if len(missed) > 3 else ""
         remarks.append(f"the body misses {some}{more}: larger tolerances give a likelier body")
-    return MeasuredPerson(
+    return ProbableBody(
         points=search.points,
         betas=search.betas,
         values=in_body,
@@ -355,8 +356,8 @@ def predict(
     sexes = [sex] if sex in SEXES else list(SEXES)
     means, variances = np.empty((2, len(sexes), len(rest)))
     likelihoods = np.zeros(len(sexes))
-    for k, one in enumerate(sexes):
-        mean, covariance = adults()[one]["mean"], adults()[one]["covariance"]
+    for k, population in enumerate(sexes):
+        mean, covariance = adults()[population]["mean"], adults()[population]["covariance"]
         inner = covariance[np.ix_(rows, rows)] + np.diag(noise**2)
         slopes = np.linalg.solve(inner, covariance[np.ix_(rows, rest)])
         means[k] = mean[rest] + (values - mean[rows]) @ slopes
@@ -397,9 +398,12 @@ def _contradictions(
         worst, least = order[0], -1.0
         for j in order[1:]:
             both = [worst, j]
-            own, gaps = _t_values(deviations[both], covariance[np.ix_(both, both)])
-            if abs(own[0]) > least:
-                least, pair = abs(own[0]), (known[worst], known[j], float(values[worst] - gaps[0]))
+            pair_scores, gaps = _t_values(deviations[both], covariance[np.ix_(both, both)])
+            if abs(pair_scores[0]) > least:
+                least, pair = (
+                    abs(pair_scores[0]),
+                    (known[worst], known[j], float(values[worst] - gaps[0])),
+                )
     squared = deviations @ np.linalg.solve(covariance, deviations) / len(known)
     rarity = float(stats.f.sf(squared, len(known), _DEGREES))
     return dict(zip(known, scores.tolist(), strict=True)), contradictory, pair, rarity
@@ -455,7 +459,7 @@ class _Search:
 
 
 def _nearest_betas(
-    own: Measurements,
+    measurements: Measurements,
     sexes: Mapping[str, float],
     goals: ndarray,
     spread: ndarray,
@@ -464,7 +468,7 @@ def _nearest_betas(
     start: ndarray | None = None,
 ) -> _Search:
     """Search for the shape coefficients whose measurements are nearest to goals, and their body."""
-    model, pose = own.definitions.model, own.definitions.standard_pose_vector
+    model, pose = measurements.definitions.model, measurements.definitions.standard_pose_vector
     assert model is not None
     means, covariances = (
         np.array([load_json("adults.json")[sex][kind] for sex in sexes])
@@ -490,12 +494,14 @@ def _nearest_betas(
         return np.concatenate([z, (measured - goals) / spread])
 
     def residuals(z: ndarray) -> ndarray:
-        values, _ = values_of_bodies(own.definitions, body(z)[np.newaxis], "space", gradient=False)
+        values, _ = values_of_bodies(
+            measurements.definitions, body(z)[np.newaxis], "space", gradient=False
+        )
         return compared(z, values[0])
 
     def linearisation(z: ndarray) -> tuple[ndarray, ndarray]:
         surface = body(z)[np.newaxis]
-        values, slope = values_of_bodies(own.definitions, surface, "space", gradient=True)
+        values, slope = values_of_bodies(measurements.definitions, surface, "space", gradient=True)
         rows = slope.reshape(len(goals), -1) @ flat_directions.T
         rows[np.isnan(values[0])] = 0.0
         return compared(z, values[0]), np.concatenate(
@@ -647,8 +653,8 @@ def nearest_body(
     return NearestBody(f, distance, before, after, converged, n_steps, message)
 
 
-def _measured(own: Measurements, f: ndarray) -> tuple[ndarray, Any]:
-    measured = own.measure(f, gradient=True)
+def _measured(measurements: Measurements, f: ndarray) -> tuple[ndarray, Any]:
+    measured = measurements.measure(f, gradient=True)
     return measured.values, measured.gradient
 
 

@@ -77,13 +77,15 @@ class Measurement:
     def places(self) -> tuple[Place, ...]:
         """Places that the measurement refers to."""
         places = [place for place in self._fields_of("Place", "Place | None") if place is not None]
-        lists = [own for own in self._fields_of("Places", "Axis") if isinstance(own, tuple)]
-        return (*places, *(place for own in lists for place in own))
+        lists = [
+            values for values in self._fields_of("Places", "Axis") if isinstance(values, tuple)
+        ]
+        return (*places, *(place for values in lists for place in values))
 
     @property
     def part_names(self) -> tuple[str, ...]:
         """Parts of the body that the measurement refers to."""
-        return tuple(name for own in self._fields_of("Parts") for name in own)
+        return tuple(name for values in self._fields_of("Parts") for name in values)
 
     def _fields_of(self, *types: str) -> list[Any]:
         return [getattr(self, f.name) for f in fields(self) if f.type in types]

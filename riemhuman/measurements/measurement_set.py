@@ -227,15 +227,15 @@ class MeasurementSet:
         measurements : iterable of Measurement or str
             New measurements, or names of this set's.
         """
-        own = dict(zip(self.names, self.measurements, strict=True))
+        known = dict(zip(self.names, self.measurements, strict=True))
         chosen = [
-            own[nearest_name(entry, "measurement", own)] if isinstance(entry, str) else entry
+            known[nearest_name(entry, "measurement", known)] if isinstance(entry, str) else entry
             for entry in measurements
         ]
-        other = replace(self, measurements=chosen)
+        changed = replace(self, measurements=chosen)
         # What has been prepared of the surface, such as strips of paths, is the same.
-        vars(other)["mesh"] = self.mesh
-        return other
+        vars(changed)["mesh"] = self.mesh
+        return changed
 
     def mapped(self, template: Template | BodyModel, correspondence: Any) -> MeasurementSet:
         """Return the measurements for another template.

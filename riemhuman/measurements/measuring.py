@@ -41,7 +41,7 @@ _BENDS_OF_POSES = np.radians(7.0)
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredBodies:
+class BodySizes:
     """Measurements of bodies.
 
     Attributes
@@ -74,7 +74,7 @@ class MeasuredBodies:
 
     def __repr__(self) -> str:
         n_bodies = int(np.prod(self.values.shape[:-1]))
-        return f"<MeasuredBodies: {len(self.names)} measurements of {n_bodies} bodies>"
+        return f"<BodySizes: {len(self.names)} measurements of {n_bodies} bodies>"
 
     def to_dict(self) -> dict[str, ndarray]:
         """Return the values by name, each of shape (...)."""
@@ -108,13 +108,13 @@ class Measurements:
         if isinstance(model, Bodies):
             model = model.template if model.model is None else model.model
         if isinstance(model, MeasurementSet):
-            own = model
+            measurement_set = model
         elif not isinstance(model, (BodyModel, Template)):
             refuse_type(model, "model", "a BodyModel, a Template, Bodies or a MeasurementSet")
         elif isinstance(definitions, MeasurementSet):
             raise ArgumentTypeError("definitions must not be a MeasurementSet: give it as model")
         elif isinstance(definitions, (str, Path)):
-            own, definitions = MeasurementSet.load(definitions, model), None
+            measurement_set, definitions = MeasurementSet.load(definitions, model), None
         else:
             of_open_model = open_measurements(model)
             if of_open_model is None and definitions is None:
@@ -122,11 +122,13 @@ class Measurements:
                     f"there are no measurements for {model!r}; give definitions, or map those of "
                     "the open body model to it, see MeasurementSet.mapped"
                 )
-            own = of_open_model or MeasurementSet(model, ())
+            measurement_set = of_open_model or MeasurementSet(model, ())
             if definitions is None:
                 others = [define() for define in extensions("measurements").values()]
-                definitions = [*own.measurements, *others]
-        self.definitions = own if definitions is None else own.with_measurements(definitions)
+                definitions = [*measurement_set.measurements, *others]
+        self.definitions = measurement_set
+        if definitions is not None:
+            self.definitions = measurement_set.with_measurements(definitions)
         if not self.names:
             raise ArgumentError("definitions must hold at least one measurement; found none")
 
@@ -152,7 +154,7 @@ class Measurements:
         gradient: bool = False,
         missing: str = "raise",
         trusted_vertices: Any = None,
-    ) -> MeasuredBodies:
+    ) -> BodySizes:
         """Measure bodies.
 
         Parameters
@@ -217,7 +219,7 @@ class Measurements:
         shape = (*lead, len(self.names))
         if slopes is not None:
             slopes = slopes.reshape(*shape, *points.shape[-2:])
-        return MeasuredBodies(self.names, values.reshape(shape), self.units, slopes, why_missing)
+        return BodySizes(self.names, values.reshape(shape), self.units, slopes, why_missing)
 
     def lines(self, surface: Any, *, axes: str = "body") -> dict[str, list[ndarray]]:
         """Return the measurement lines of one body as it stands.
@@ -242,19 +244,19 @@ class Measurements:
         lines = {}
         for measurement in self.definitions.measurements:
             is_defined = not np.isnan(measurement.value(bodies)[0])
-            own = measurement.lines(bodies) if is_defined else []
-            lines[measurement.name] = [np.asarray(line) for line in own]
+            polylines = measurement.lines(bodies) if is_defined else []
+            lines[measurement.name] = [np.asarray(line) for line in polylines]
         return lines
 
     def _check_surface(self, surface: ndarray, name: str) -> None:
         """Raise an error if a body is inside out."""
         if self.definitions.is_closed:
-            own = self.definitions.volume
+            template_volume = self.definitions.volume
             volume = LandmarkedBodies(self.definitions, surface[np.newaxis], "space").volumes[0]
-            if not volume * own > 0.0:
+            if not volume * template_volume > 0.0:
                 raise DegenerateSurfaceError(
-                    f"{name} encloses {volume:.3g} m³ and the template {own:.3g} m³: the body is "
-                    "inside out, as after a reflection, or has no extent"
+                    f"{name} encloses {volume:.3g} m³ and the template {template_volume:.3g} m³: "
+                    "the body is inside out, as after a reflection, or has no extent"
                 )
 
     def _not_trusted(
@@ -291,7 +293,7 @@ def values_of_bodies(
 
     Parameters
     ----------
-    description : MeasurementSet
+    definitions : MeasurementSet
     surfaces : array, shape (n, V, 3)
     axes : {"body", "space"}
     gradient : bool
@@ -314,7 +316,7 @@ def values_of_bodies(
     return measured, slope
 
 
-def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
+def in_standard_pose(definitions: MeasurementSet, points: ndarray) -> ndarray:
     """Return bodies in the standard pose, along the axes of the body model, shape (..., V, 3).
 
     The body model is fitted to each body, hands included. `riemhuman.solvers.ShapeTransfer` then
@@ -325,7 +327,7 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
 
     Parameters
     ----------
-    description : MeasurementSet
+    definitions : MeasurementSet
         Measurements of a body model, with the standard pose.
     points : array, shape (..., V, 3)
         Bodies, metres.
@@ -333,12 +335,12 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> own = rh.measurements.Measurements(bodies.model)
-    >>> straight = rh.measurements.in_standard_pose(own.definitions, bodies[3])
+    >>> measurements = rh.measurements.Measurements(bodies.model)
+    >>> straight = rh.measurements.in_standard_pose(measurements.definitions, bodies[3])
     >>> straight.shape
     (1202, 3)
     """
-    model = description.model
+    model = definitions.model
     if model is None:
         raise ArgumentError(
             'pose="standard" needs a body model, whose fit removes the pose; found a surface'
@@ -351,18 +353,18 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
     for index in np.ndindex(points.shape[:-2]):
         hands = None if fit.hands is None else fit.hands[index]
         fitted = model(fit.betas[index], fit.pose[index], fit.trans[index], hands)
-        target = model(fit.betas[index], _standard_pose_of(description, fit.pose[index]))
+        target = model(fit.betas[index], _standard_pose_of(definitions, fit.pose[index]))
         straight[index] = transfer.solve(space, fitted, points[index], target)
     return straight
 
 
-def _standard_pose_of(description: MeasurementSet, fitted: ndarray) -> ndarray:
+def _standard_pose_of(definitions: MeasurementSet, fitted: ndarray) -> ndarray:
     """Return the standard pose, with the uneven bends of a fitted spine between upright ends."""
-    pose = description.standard_pose_vector.copy()
-    assert description.model is not None
-    names, left = description.model.joint_names, description.axes[:, 0]
-    frame = [names.index(name) for name in description.frame if name in names]
-    spine = joints_between(description.model.parents, *frame[:2])[1:-1] if len(frame) == 4 else []
+    pose = definitions.standard_pose_vector.copy()
+    assert definitions.model is not None
+    names, left = definitions.model.joint_names, definitions.axes[:, 0]
+    frame = [names.index(name) for name in definitions.frame if name in names]
+    spine = joints_between(definitions.model.parents, *frame[:2])[1:-1] if len(frame) == 4 else []
     if not spine:
         return pose
     bends = fitted[spine] @ left

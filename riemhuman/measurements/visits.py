@@ -109,31 +109,31 @@ def compare_visits(
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> own = rh.measurements.Measurements(bodies.model)
-    >>> result = rh.measurements.compare_visits(own, bodies[0], bodies[3])
+    >>> measurements = rh.measurements.Measurements(bodies.model)
+    >>> result = rh.measurements.compare_visits(measurements, bodies[0], bodies[3])
     >>> bool(abs(result.changes[0]) < 0.01)  # the same stature in both poses
     True
     """
-    description = measurements.definitions
-    shape = (description.n_vertices, 3)
+    definitions = measurements.definitions
+    shape = (definitions.n_vertices, 3)
     before = real_array(before, "before", shape, batched=False)
     after = real_array(after, "after", shape, batched=False)
-    straight = in_standard_pose(description, np.stack([before, after]))
+    straight = in_standard_pose(definitions, np.stack([before, after]))
     options: Any = {"axes": "space", "missing": "nan", "trusted_vertices": trusted_vertices}
     measured = measurements.measure(straight, **options)
-    known_in_both = np.ones(description.n_vertices, dtype=bool)
+    known_in_both = np.ones(definitions.n_vertices, dtype=bool)
     if trusted_vertices is not None:
         known_in_both = np.all(np.broadcast_to(trusted_vertices, straight.shape[:2]), axis=0)
     first, second = straight[0], procrustes(straight[1], to=straight[0])
-    assert description.model is not None
-    space = AlignedSurfaces(description.model.template, equip=False, scale=None)
+    assert definitions.model is not None
+    space = AlignedSurfaces(definitions.model.template, equip=False, scale=None)
     areas = space.face_areas(straight)
     # See tutorials/remake/build_noise_of_poses.py.
     noise = load_json("noise_of_poses.json")
     by_part = noise["log_areas"]
-    area_noise = np.full(len(description.faces), np.nan)
-    for name in filter(description.parts.__contains__, by_part):
-        area_noise[description.parts[name]] = by_part[name]
+    area_noise = np.full(len(definitions.faces), np.nan)
+    for name in filter(definitions.parts.__contains__, by_part):
+        area_noise[definitions.parts[name]] = by_part[name]
     return VisitComparison(
         names=measured.names,
         units=measured.units,
@@ -143,12 +143,12 @@ def compare_visits(
         points_before=first,
         points_after=second,
         area_changes=np.where(
-            known_in_both[description.faces].all(axis=1), np.log(areas[1] / areas[0]), np.nan
+            known_in_both[definitions.faces].all(axis=1), np.log(areas[1] / areas[0]), np.nan
         ),
         area_noise=area_noise,
         displacements=np.where(
             known_in_both,
-            np.sum((second - first) * vertex_normals(first, description.faces), axis=1),
+            np.sum((second - first) * vertex_normals(first, definitions.faces), axis=1),
             np.nan,
         ),
         why_missing=measured.why_missing,

@@ -215,10 +215,10 @@ class NearestNeighbors(Estimator):
         """
         n_threads = thread_count(self.n_jobs)
         rows = [table[part] for table in self._tables] if X is None else self._rows_of(X, part)
-        (coordinates, *features), (own_coordinates, *own) = rows, self._tables
+        (coordinates, *features), (own_coordinates, *tables) = rows, self._tables
         squared_distances = self.metric.bulk.squared_distances
         if self._projection is None:
-            table = np.sqrt(squared_distances(tuple(features), tuple(own), n_threads))
+            table = np.sqrt(squared_distances(tuple(features), tuple(tables), n_threads))
         else:
             table, slack = _squared_distances(coordinates, own_coordinates)
             if candidates is not None:
@@ -240,7 +240,7 @@ class NearestNeighbors(Estimator):
                 nearest = np.argpartition(bounds[left], min(size, len(left)) - 1)[:size]
                 batch, size = left[nearest], _BATCH
                 bounds[batch] = np.inf
-                squared = squared_distances(one, tuple(rows[batch] for rows in own))
+                squared = squared_distances(one, tuple(rows[batch] for rows in tables))
                 distances = np.concatenate([distances, np.sqrt(squared[0])])
                 numbers = np.concatenate([numbers, batch])
                 if len(distances) >= k:

@@ -168,8 +168,8 @@ class LearnedMetric(Transformer):
             across = cdist(whitened_first, whitened_second)
             distances[np.ix_(first, second)] = across
             distances[np.ix_(second, first)] = across.T
-            for own, whitened in ((first, whitened_first), (second, whitened_second)):
-                distances[np.ix_(own, own)] += cdist(whitened, whitened) / (n_folds - 1)
+            for within, whitened in ((first, whitened_first), (second, whitened_second)):
+                distances[np.ix_(within, within)] += cdist(whitened, whitened) / (n_folds - 1)
         return distances
 
     def _n_outputs(self) -> int:

@@ -95,9 +95,11 @@ def regress_shape(
     regression = GeodesicRegression(space, **options).fit(values, points)
     gram = regression.gram_matrix(points)
     rng = generator(rng)
-    own = values[first]
-    explained = _explained(gram, own[of_person])
-    permuted = [_explained(gram, rng.permutation(own)[of_person]) for _ in range(n_permutations)]
+    responses = values[first]
+    explained = _explained(gram, responses[of_person])
+    permuted = [
+        _explained(gram, rng.permutation(responses)[of_person]) for _ in range(n_permutations)
+    ]
     n_at_least = 1 + int(np.sum(np.array(permuted) >= explained * (1.0 - 1e-12)))
     p_value = n_at_least / (1 + n_permutations)
     return ShapeRegression(regression, explained, p_value, n_permutations)

@@ -35,17 +35,17 @@ metric = ElasticMetric(AlignedSurfaces(bodies.model.template), *map(float, weigh
 metric.dist_pairwise(bodies[:2])  # compiles, where nothing is cached yet
 n_bytes, laid_out = [0], JobFolder.make_tables
 
-def measured(room, tables):
-    laid_out(room, tables)
-    n_bytes[0] = sum(file.stat().st_blocks * 512 for file in room.path.iterdir())
+def measured(job, tables):
+    laid_out(job, tables)
+    n_bytes[0] = sum(file.stat().st_blocks * 512 for file in job.path.iterdir())
 
 JobFolder.make_tables = measured
 first_tile, write = [], JobFolder.write
 
-def timed(room, name, *entries):
+def timed(job, name, *entries):
     if name.startswith("D."):
         first_tile.append(time.perf_counter())
-    write(room, name, *entries)
+    write(job, name, *entries)
 
 JobFolder.write = timed
 begin = time.perf_counter()

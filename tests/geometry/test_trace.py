@@ -1,7 +1,7 @@
 """How far surfaces travel: the files and functions that a distance and an energy run through.
 
-A reader who follows f₁ opens these, and climbs back from a room to one above it at one place at
-most, where the loop over blocks, tiles or chunks calls what is done with each.
+A reader who follows f₁ opens these, and climbs back from a subpackage to one above it at
+one place at most, where the loop over blocks, tiles or chunks calls what is done with each.
 """
 
 import sys

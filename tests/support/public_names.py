@@ -1,4 +1,4 @@
-"""The public names of the library: what the front door and its subpackages list in `__all__`."""
+"""The public names of the library: what the top level and its subpackages list in `__all__`."""
 
 import importlib
 import inspect
