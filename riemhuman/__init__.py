@@ -11,7 +11,12 @@ Examples in docstrings assume ``import numpy as np`` and ``import riemhuman as r
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from riemhuman.provided import default_solvers, notebook_pictures
+
+if TYPE_CHECKING:
+    from riemhuman.provided import DefaultSolvers, NotebookPictures
 
 __version__ = "0.1.0"
 
@@ -84,6 +89,22 @@ _ROOMS = (
 )
 
 __all__ = [*_ROOM_OF_NAME, *_ROOMS]
+
+
+def _load_default_solvers() -> DefaultSolvers:
+    module: Any = importlib.import_module(f"{__name__}.solvers.defaults")
+    solvers: DefaultSolvers = module
+    return solvers
+
+
+def _load_plots() -> NotebookPictures:
+    module: Any = importlib.import_module(f"{__name__}.plots")
+    pictures: NotebookPictures = module
+    return pictures
+
+
+default_solvers.load_by(_load_default_solvers)
+notebook_pictures.load_by(_load_plots)
 
 
 def __getattr__(name: str) -> Any:

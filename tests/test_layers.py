@@ -7,11 +7,12 @@ import os
 import shutil
 import subprocess
 import sys
-from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 from public_names import public_objects
+from scipy.sparse import lil_array
+from scipy.sparse.csgraph import connected_components
 
 import riemhuman
 
@@ -103,31 +104,87 @@ def test_every_public_name_is_defined_in_the_library():
     assert [name for name in riemhuman.__all__ if not hasattr(riemhuman, name)] == []
 
 
-def imported(path, modules):
-    """Return the modules of the library that a module imports, for types and in functions too."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom):
-            several = {f"{node.module}.{alias.name}" for alias in node.names}
-            names |= {name if name in modules else node.module for name in several}
-        elif isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-    return names & modules.keys()
+def named_modules(node):
+    """Return the modules that a statement or a call names: imports, and `import_module`."""
+    if isinstance(node, ast.ImportFrom):
+        return {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    if isinstance(node, ast.Import):
+        return {alias.name for alias in node.names}
+    if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+        name = node.args[0]
+        return {name.value if isinstance(name, ast.Constant) else ast.unparse(name)}
+    return set()
 
 
-def import_cycle(package):
-    """Return modules that import each other in a cycle, or an empty list."""
+def imported(name, path, modules):
+    """Return the modules whose code a module runs, in functions too, but not for types alone.
+
+    Importing a module runs the `__init__` of its subpackage, too.
+    """
+    names, nodes = set(), [ast.parse(path.read_text(encoding="utf-8"))]
+    while nodes:
+        node = nodes.pop()
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            nodes += node.orelse
+            continue
+        for text in named_modules(node):
+            parts = text.split(".")
+            names |= {".".join(parts[:count]) for count in range(1, len(parts) + 1)}
+        nodes += ast.iter_child_nodes(node)
+    return {
+        other
+        for other in names & modules.keys()
+        if other != name and not name.startswith(f"{other}.")
+    }
+
+
+def files_of(package):
+    """Return the files of a package by the names of their modules."""
     modules = {}
     for path in package.rglob("*.py"):
         parts = path.relative_to(package.parent).with_suffix("").parts
         modules[".".join(parts).removesuffix(".__init__")] = path
-    graph = {name: imported(path, modules) - {name} for name, path in modules.items()}
-    try:
-        TopologicalSorter(graph).prepare()
-    except CycleError as error:
-        return error.args[1]
-    return []
+    return modules
+
+
+def circles(package):
+    """Return the strongly connected components of the imports, of more than one module."""
+    modules = files_of(package)
+    numbers = {name: number for number, name in enumerate(modules)}
+    graph = lil_array((len(modules), len(modules)))
+    for name, path in modules.items():
+        for other in imported(name, path, modules):
+            graph[numbers[name], numbers[other]] = 1
+    _, labels = connected_components(graph.tocsr(), connection="strong")
+    components = {}
+    for name, label in zip(modules, labels.tolist(), strict=True):
+        components.setdefault(label, []).append(name)
+    return [sorted(component) for component in components.values() if len(component) > 1]
 
 
 def test_no_modules_import_each_other():
-    assert import_cycle(ROOT / "riemhuman") == []
+    assert circles(ROOT / "riemhuman") == []
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "def f():\n    from riemhuman.solvers import results",
+        "def f():\n    importlib.import_module('riemhuman.solvers.paths')",
+    ],
+)
+def test_imports_that_run_late_are_seen(twin, line):
+    append(twin / "geometry" / "metric.py", line)
+    (circle,) = circles(twin)
+    assert "riemhuman.geometry.metric" in circle
+
+
+def test_modules_are_imported_by_names_that_checkers_see():
+    """Only the top of the library, and what loads other libraries, import by a text."""
+    importing = {
+        name
+        for name, path in files_of(ROOT / "riemhuman").items()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and named_modules(node)
+    }
+    assert importing <= {"riemhuman", "riemhuman.optional"}

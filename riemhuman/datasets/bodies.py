@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any, overload
 
 import numpy as np
@@ -15,6 +14,7 @@ from riemhuman.checks import class_indices, real_array
 from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, format_errors
+from riemhuman.provided import notebook_pictures
 from riemhuman.surfaces.template import Template
 
 Class = int | str
@@ -192,9 +192,8 @@ class Bodies:
         )
 
     def _repr_html_(self) -> str:
-        plots = import_module("riemhuman.plots")  # only notebooks draw
-        html: str = plots.surfaces_html(self.points, self.template.faces, repr(self).strip("<>"))
-        return html
+        caption = repr(self).strip("<>")
+        return notebook_pictures().surfaces_html(self.points, self.template.faces, caption)
 
     def _choose(self, numbers: np.ndarray) -> Bodies:
         stored = {name: getattr(self, name) for name in _STORED}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
 from operator import attrgetter
 from typing import Any, cast
 
@@ -44,6 +43,7 @@ from riemhuman.geometry.strategies import (
 )
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.surface import differential, square_root
+from riemhuman.provided import default_solvers
 from riemhuman.representation import Unchanging, constructor_text
 
 
@@ -114,8 +114,12 @@ class RiemannianMetric(Unchanging):
                 f"AlignedSurfaces(template); found {type(space).__name__}"
             )
         self.space: Any = space
-        given = geodesic_solver, exp_solver, log_solver, transport_solver
-        for name, solver in zip(Solvers.__annotations__, given, strict=True):
+        for name, solver in (
+            ("geodesic_solver", geodesic_solver),
+            ("exp_solver", exp_solver),
+            ("log_solver", log_solver),
+            ("transport_solver", transport_solver),
+        ):
             if solver is not None:
                 check_strategy(solver, name)
         self.geodesic_solver = geodesic_solver
@@ -136,15 +140,15 @@ class RiemannianMetric(Unchanging):
     @property
     def solvers(self) -> Solvers:
         """The strategies that it was given, by name."""
-        given = {name: getattr(self, name) for name in Solvers.__annotations__}
-        return cast(Solvers, {name: value for name, value in given.items() if value is not None})
-
-    def _solver(self, name: str) -> Any:
-        """Return a strategy that was given, or the default one."""
-        given = getattr(self, name)
-        if given is None:
-            # Solvers import this subpackage, and not the other way round.
-            given = getattr(import_module("riemhuman.solvers._defaults"), name)(self)
+        given: Solvers = {}
+        if self.geodesic_solver is not None:
+            given["geodesic_solver"] = self.geodesic_solver
+        if self.exp_solver is not None:
+            given["exp_solver"] = self.exp_solver
+        if self.log_solver is not None:
+            given["log_solver"] = self.log_solver
+        if self.transport_solver is not None:
+            given["transport_solver"] = self.transport_solver
         return given
 
     has_closed_form_dist = _defines("squared_dist", doc="Whether the class has distances itself.")
@@ -563,7 +567,9 @@ class RiemannianMetric(Unchanging):
         return self._exp(tangent_vec, base_point)
 
     def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
-        solver = self._solver("exp_solver")
+        solver: ExpSolver | None = self.exp_solver
+        if solver is None:
+            solver = default_solvers().exp_solver(self)
         return self._one_by_one(
             lambda x, v: solve_geodesic(v, x, self, solver)[-1], point, velocity
         )
@@ -584,7 +590,9 @@ class RiemannianMetric(Unchanging):
         return self._log(point, base_point)
 
     def _log(self, point: ndarray, start: ndarray) -> ndarray:
-        solver = self._solver("log_solver")
+        solver: LogSolver | None = self.log_solver
+        if solver is None:
+            solver = default_solvers().log_solver(self)
         return self._one_by_one(lambda x, y: solver.solve(self, y, x).tangent_vec, start, point)
 
     def parallel_transport(
@@ -619,7 +627,9 @@ class RiemannianMetric(Unchanging):
         joint_shape(tangent_vec=tangent_vec, base_point=base_point, **{name: goals})
         if self.has_closed_form_transport:
             return self._transport(tangent_vec, base_point, goals)
-        solver = self._solver("transport_solver")
+        solver: TransportSolver | None = self.transport_solver
+        if solver is None:
+            solver = default_solvers().transport_solver(self)
 
         def carry(vector: ndarray, start: ndarray, goal: ndarray) -> ndarray:
             return solver.solve(self, vector, start, **{name: goal}).tangent_vec
@@ -665,7 +675,9 @@ class RiemannianMetric(Unchanging):
         end = self.space.check_point(end, "end_point")
         if self.has_closed_form_geodesic:
             return self.geodesic(start, initial_tangent_vec=self.log(end, start))
-        solver = self._solver("geodesic_solver")
+        solver: GeodesicSolver | None = self.geodesic_solver
+        if solver is None:
+            solver = default_solvers().geodesic_solver(self)
         path = np.asarray(self._solve(solver, "geodesic", start, end).path)
 
         def follow(t: Any) -> ndarray:

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from html import escape
-from importlib import import_module
 from typing import Any, Self, TypeVar, cast
 
 import numpy as np
@@ -20,6 +19,7 @@ from riemhuman.errors import ConvergenceWarning, FileFormatError, warn
 from riemhuman.geometry.strategies import check_strategy
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.kernels.threads import is_abandoned
+from riemhuman.provided import notebook_pictures
 from riemhuman.representation import Record, field_texts
 
 INTERRUPTED_MESSAGE = "interrupted from the keyboard"
@@ -133,8 +133,7 @@ class Result(Record):
         surfaces = self._surfaces()
         if surfaces is None:
             return table
-        plots = import_module("riemhuman.plots")  # only notebooks draw
-        return str(plots.surfaces_html(surfaces, None, repr(self))) + table
+        return notebook_pictures().surfaces_html(surfaces, None, repr(self)) + table
 
     def _surfaces(self) -> ndarray | None:
         """Return the first array of the result as surfaces to draw, if it has their shape."""

@@ -27,6 +27,8 @@ from riemhuman.solvers.results import finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.template import Template
 
+__all__ = ["exp_solver", "geodesic_solver", "log_solver", "transport_solver"]
+
 # Deformations of a body: more of them, and `exp` of metrics without bending stops on the way.
 _N_DEFORMATIONS = 60
 
@@ -55,12 +57,14 @@ def _harmonics(template: Template) -> DeformationBasis:
     return DeformationBasis.from_laplacian(template, _N_DEFORMATIONS)
 
 
-def geodesic_solver(metric: Any) -> Any:
+def geodesic_solver(metric: Any) -> BasisPath | PathStraightening:
+    """Return a search over smooth deformations, or over all coordinates of small meshes."""
     basis = basis_of(metric)
     return BasisPath(basis) if basis is not None else PathStraightening()
 
 
 def exp_solver(metric: Any) -> DiscreteExponential:
+    """Return discrete steps over the same deformations."""
     return DiscreteExponential(basis_of(metric), _N_STEPS, n_doublings=_N_DOUBLINGS)
 
 
@@ -109,6 +113,7 @@ class _Logarithm(LogSolver):
 
 
 def log_solver(metric: Any) -> LogSolver:
+    """Return the logarithm that `exp_solver` undoes."""
     basis = basis_of(metric)
     if basis is None:
         return DiscreteLogarithm(None, _N_STEPS, n_doublings=_N_DOUBLINGS)
@@ -116,4 +121,5 @@ def log_solver(metric: Any) -> LogSolver:
 
 
 def transport_solver(metric: Any) -> PoleLadder:
+    """Return pole ladders along paths of `geodesic_solver`."""
     return PoleLadder(basis=basis_of(metric), geodesic_solver=geodesic_solver(metric))
