@@ -11,7 +11,7 @@ from numpy import ndarray
 from riemhuman.plots.figures import new_figure
 from riemhuman.plots.rendering import View, Window, points_picture, render, window_around
 from riemhuman.registration import RegisteredScan, correspondence
-from riemhuman.registration.scan_registration import apply_transform
+from riemhuman.registration.registered_scans import apply_transform
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

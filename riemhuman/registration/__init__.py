@@ -11,26 +11,52 @@ from riemhuman.registration.folders import (
     read_records,
     register_folder,
 )
-from riemhuman.registration.scan_registration import (
-    RegisteredScan,
-    ScanRegistration,
-    TemplateRegistration,
-    transfer_model,
-)
+from riemhuman.registration.registered_scans import RegisteredScan
+from riemhuman.registration.registration_traces import RegistrationTrace
+from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan, find_inward_triangles, load_landmarks, load_scan
+from riemhuman.registration.settings import (
+    ArmSettings,
+    AssignmentSettings,
+    DenseFitSettings,
+    ElasticSettings,
+    MatchingSettings,
+    PreparationSettings,
+    RegistrationSettings,
+    RetrySettings,
+    RivalSettings,
+    SearchRound,
+    SearchSettings,
+    TrustSettings,
+)
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
+from riemhuman.registration.template_registration import TemplateRegistration
 from riemhuman.registration.topology_map import TopologyMap
+from riemhuman.registration.transferred_models import transfer_model
 
 __all__ = [
+    "ArmSettings",
+    "AssignmentSettings",
+    "DenseFitSettings",
+    "ElasticSettings",
     "FolderResult",
+    "MatchingSettings",
+    "PreparationSettings",
     "RegisteredScan",
+    "RegistrationSettings",
+    "RegistrationTrace",
+    "RetrySettings",
+    "RivalSettings",
     "Scan",
     "ScanCorrespondence",
     "ScanRecord",
     "ScanRegistration",
+    "SearchRound",
+    "SearchSettings",
     "SimulatedScan",
     "TemplateRegistration",
     "TopologyMap",
+    "TrustSettings",
     "correspondence",
     "find_inward_triangles",
     "geodesic_errors",

@@ -2,90 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.bodies import BodyModel
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.surface import unit_vectors
-from riemhuman.registration._start_search import StartSearch
+from riemhuman.registration._posed_body import ModelSamples
+from riemhuman.registration._start_poses import BodyParts
+from riemhuman.registration.settings import ArmSettings
 from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
-
-
-@dataclass(frozen=True)
-class ArmSettings:
-    """The constants by which forearms and hands are tried in other ways, and compared.
-
-    Attributes
-    ----------
-    n_samples : int
-        Arms are fitted by their share of so many points of the body.
-    forearm_angles : tuple of float
-        Rotations of the forearm about itself to start from, degrees.
-    wrist_angles : tuple of float
-        Angles by which the wrist bends at the start, degrees.
-    n_first_steps : int
-        Steps of closest points after which starts that lead to the same arm are joined.
-    wrist_degrees : float
-        Standard deviation of the wrist in the dense fit: hands bend back farther than start poses.
-    elbow_degrees, hinge_degrees : float
-        An elbow that bends outward by the first, or a wrist that rotates by the second other than
-        about its hinge, counts as twice the distance from the scan.
-    least_likely : float
-        Arms that lower the log-likelihood by more than this are left out.
-    most_farther : float
-        Arms whose mean distance from points of the scan is this multiple of the nearest one's
-        are left out before the elastic step.
-    n_compared : int
-        About the number of points for that.
-    different_metres : float
-        Two arms are different if their surfaces are this far apart in the mean.
-    least_gain, n_errors : float
-        Another arm or hand must be nearer to the scan by this share, and by so many standard
-        errors: few points tell little.
-    arm_metres, hand_metres : float
-        Distances from an arm, or a hand, beyond which points belong to other parts of the body.
-    unexplained_metres : float
-        A hand whose points are farther in the mean, with distances limited as above, is explained
-        by no pose of it.
-    hand_moves_metres : float
-        Vertices that a pose of a hand moves by more belong to the hand.
-    stiffnesses : tuple of float
-        Stiffness α of each elastic step of an arm.
-    """
-
-    n_samples: int = 1000
-    forearm_angles: tuple[float, ...] = (0.0, 60.0, 120.0, 180.0, 240.0, 300.0)
-    wrist_angles: tuple[float, ...] = (0.0, -50.0, 50.0)
-    n_first_steps: int = 6
-    wrist_degrees: float = 45.0
-    elbow_degrees: float = 30.0
-    hinge_degrees: float = 60.0
-    least_likely: float = 0.06
-    most_farther: float = 1.8
-    n_compared: int = 500
-    different_metres: float = 0.008
-    least_gain: float = 0.05
-    n_errors: float = 2.0
-    arm_metres: float = 0.03
-    hand_metres: float = 0.01
-    unexplained_metres: float = 0.007
-    hand_moves_metres: float = 0.005
-    stiffnesses: tuple[float, ...] = (1e-3, 3e-4, 1e-4, 5e-5)
-
-
-ARM_SETTINGS = ArmSettings()
 
 
 class ArmSurface:
     """The surface of a forearm with its hand, and the axes of the elbow and the wrist."""
 
     def __init__(
-        self, search: StartSearch, joints: np.ndarray, settings: ArmSettings = ARM_SETTINGS
+        self,
+        model: BodyModel,
+        parts: BodyParts,
+        joints: np.ndarray,
+        skin: ModelSamples,
+        few: ModelSamples,
+        settings: ArmSettings,
     ) -> None:
-        model, parts = search.model, search.parts
+        # `skin` are all vertices of the model, `few` some points of it.
         self.joints = joints  # from the collar to the wrist
         self.side = parts.names[joints[-1]].split("_")[0]
         self.settings = settings
@@ -95,9 +37,9 @@ class ArmSurface:
         self.faces = corners.reshape(-1, 3)
         template = Template(model.template.vertices[self.vertices], self.faces)
         self.metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=1.0)
-        self.skin = search.samples(None).only(self.vertices)
+        self.skin = skin.only(self.vertices)
         # A few points of the whole arm, and the vertices that poses of the hand move.
-        few, on_arm = search.samples(settings.n_samples), parts.vertices(joints[1:].tolist())
+        on_arm = parts.vertices(joints[1:].tolist())
         self.samples = few.only(on_arm[few.numbers] & (few.numbers >= 0))
         moves = np.abs(model.hand_directions[self.vertices]).max(axis=(1, 2), initial=0.0)
         self.on_hand = self.vertices[moves > settings.hand_moves_metres]

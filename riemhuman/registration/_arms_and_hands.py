@@ -10,19 +10,11 @@ from scipy.spatial import cKDTree
 
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._arm_surfaces import ArmSurface
-from riemhuman.registration._dense_fit import (
-    MODEL_SCALES,
-    DenseFit,
-    DenseFitter,
-    DenseTask,
-    fit_closest,
-    fit_densely,
-    fit_elastic,
-    leave_model,
-)
+from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest
+from riemhuman.registration._elastic_step import ElasticFit, fit_elastic
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body
-from riemhuman.registration._scan_preparation import N_THREADS, PreparedScan
-from riemhuman.registration._start_search import Candidate
+from riemhuman.registration._scan_preparation import N_THREADS
+from riemhuman.registration._start_search import find_likelihood
 
 # Inverse variance of what does not move while an arm is fitted.
 _FIXED = 1e15
@@ -61,30 +53,38 @@ class HandFit:
 
 
 @dataclass(frozen=True)
-class BodyFit:
-    """A body fitted to a scan, and what else its arms and hands might be."""
+class ArmsFit:
+    """A body whose arms and hands come nearest to a scan, and what else they might be."""
 
     task: DenseTask
-    fit: DenseFit
+    pose: Pose
     doubtful_arms: list[ArmSurface]  # which came near to the scan in several ways
     hand_fits: dict[ArmSurface, list[HandFit]]  # in all poses of the hand
 
 
-def fit_body(fitter: DenseFitter, best: Candidate, scan: PreparedScan) -> BodyFit:
-    """Return a body fitted to all points of a scan from its likeliest start."""
-    task, pose = fit_densely(fitter, best, scan)
-    doubtful: list[ArmSurface] = []
-    hand_fits: dict[ArmSurface, list[HandFit]] = {}
-    if not best.known:  # its arms are as a moment before
-        pose, doubtful = rotate_forearms(task, pose)
-        task, pose, hand_fits = pose_hands(task, pose)
-    return BodyFit(task, leave_model(task, pose), doubtful, hand_fits)
+@dataclass(frozen=True)
+class BodyFit:
+    """A body fitted to a scan, and what else its arms and hands might be."""
+
+    task: DenseTask
+    fit: ElasticFit
+    doubtful_arms: list[ArmSurface]
+    hand_fits: dict[ArmSurface, list[HandFit]]
+
+
+def fit_arms_and_hands(dense: DenseFit, *, known: bool) -> ArmsFit:
+    """Return a body whose forearms and hands come nearest to a scan."""
+    if known:  # its arms are as a moment before
+        return ArmsFit(dense.task, dense.pose, [], {})
+    pose, doubtful = rotate_forearms(dense.task, dense.pose)
+    task, pose, hand_fits = pose_hands(dense.task, pose)
+    return ArmsFit(task, pose, doubtful, hand_fits)
 
 
 def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, list[ArmSurface]]:
     """Return a body whose forearms are turned to come nearest to the scan, and doubtful arms."""
-    doubtful = []
-    for arm in task.fitter.arm_surfaces:
+    doubtful, scales = [], task.body.settings.dense.scales
+    for arm in task.body.arm_surfaces:
         points = points_on(task, pose, arm.vertices)
         if not len(points):
             continue
@@ -95,7 +95,7 @@ def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, list[ArmSurface]
         current, *others = elastic_arms(task, arm, points, [pose, *near])
         nearest = min(others, key=lambda fit: fit.cost)
         if _are_less(arm, nearest.strain * nearest.distances, current.strain * current.distances):
-            pose = fit_closest(task.samples, nearest.pose, task.prior, task.scan)
+            pose = fit_closest(task.samples, nearest.pose, task.prior, task.scan, scales)
     return pose, doubtful
 
 
@@ -108,14 +108,14 @@ def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) 
         for wrist in settings.wrist_angles
     ]
     # Many starts lead to the same arm, soon.
-    first, last = MODEL_SCALES[: settings.n_first_steps], MODEL_SCALES[settings.n_first_steps :]
+    scales = task.body.settings.dense.scales
+    first, last = scales[: settings.n_first_steps], scales[settings.n_first_steps :]
     fit_first = partial(fit_arm, task, arm, task.prior, scales=first)
     early = _different(arm, list(mapped(fit_first, starts, N_THREADS)), [])
     fit_last = partial(fit_arm, task, arm, task.prior, scales=last)
     fitted = _different(arm, list(mapped(fit_last, early, N_THREADS)), [pose])
-    likelihoods = list(
-        mapped(lambda other: task.fitter.likelihood(other, task.scan, task.up), fitted, N_THREADS)
-    )
+    find = partial(find_likelihood, task.body, scan=task.scan, up=task.up)
+    likelihoods = list(mapped(find, fitted, N_THREADS))
     least = max(likelihoods, default=0.0) - settings.least_likely
     likely = [other for other, value in zip(fitted, likelihoods, strict=True) if value > least]
     # The elastic step takes longest, and hardly changes which arms are near.
@@ -165,11 +165,11 @@ def pose_hands(
     """Return a body whose hands come nearest to the scan, with its prior, and all fits of hands."""
     # The elastic step would hide a wrong one: it presses fingers into a fist. Only points on
     # the hand count, because those on the forearm lie as near in all poses.
-    n_betas = task.fitter.model.n_betas
+    n_betas, scales = task.body.model.n_betas, task.body.settings.dense.scales
     # Twice, because the wrist moves with the first change, if there is one.
     tried: dict[ArmSurface, Pose] = {}
     found: dict[ArmSurface, list[HandFit]] = {}
-    for arm in (*task.fitter.arm_surfaces, *task.fitter.arm_surfaces):
+    for arm in (*task.body.arm_surfaces, *task.body.arm_surfaces):
         if tried.get(arm) is pose:
             continue
         tried[arm] = pose
@@ -187,7 +187,7 @@ def pose_hands(
         is_explained = nearest.cost < arm.settings.unexplained_metres
         if is_explained and _are_less(arm, nearest.distances, current.distances):
             task = replace(task, prior=nearest.prior)
-            pose = fit_closest(task.samples, nearest.pose, nearest.prior, task.scan)
+            pose = fit_closest(task.samples, nearest.pose, nearest.prior, task.scan, scales)
     return task, pose, found
 
 
@@ -195,7 +195,7 @@ def _fit_hand(
     task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray, hands: np.ndarray
 ) -> HandFit:
     """Return an arm whose hands have some coefficients, fitted to points of the scan."""
-    n_betas = task.fitter.model.n_betas
+    n_betas = task.body.model.n_betas
     prior = task.prior._replace(betas=np.append(task.prior.betas[:n_betas], hands))
     start = pose._replace(betas=np.append(pose.betas[:n_betas], hands))
     return _hand_as_it_is(prior, fit_arm(task, arm, prior, start), arm, points)
@@ -209,7 +209,7 @@ def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: np.ndarray
 
 def points_on(task: DenseTask, pose: Pose, vertices: np.ndarray) -> np.ndarray:
     """Return the points of the scan that lie near some vertices."""
-    surface = task.fitter.surface(pose)
+    surface = task.body.surface(pose)
     near = cKDTree(surface).query(task.scan.points, distance_upper_bound=_FAR_METRES)[1]
     points: np.ndarray = task.scan.points[np.isin(near, vertices)]
     return points
@@ -220,7 +220,7 @@ def fit_arm(
     arm: ArmSurface,
     prior: Prior,
     start: Pose,
-    scales: tuple[float, ...] = MODEL_SCALES,
+    scales: tuple[float, ...] | None = None,
 ) -> Pose:
     """Fit one arm and its hand; all else stays as it starts."""
     return fit_joints(task, arm.joints[1:], arm.samples, prior, start, scales)
@@ -232,10 +232,10 @@ def fit_joints(
     samples: ModelSamples,
     prior: Prior,
     start: Pose,
-    scales: tuple[float, ...] = MODEL_SCALES,
+    scales: tuple[float, ...] | None = None,
 ) -> Pose:
     """Fit some joints and the hands to the scan by points on them; all else stays as it starts."""
-    model = task.fitter.model
+    model = task.body.model
     moving = np.isin(np.arange(model.n_joints), joints)
     of_hands = np.arange(len(start.betas)) >= model.n_betas
     of_limb = Prior(
@@ -245,6 +245,7 @@ def fit_joints(
         np.where(of_hands, prior.betas_precisions, _FIXED),
     )
     samples = samples._replace(areas=samples.areas * task.visible[samples.numbers])
+    scales = task.body.settings.dense.scales if scales is None else scales
     return fit_closest(samples, start, of_limb, task.scan, scales)
 
 

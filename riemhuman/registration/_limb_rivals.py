@@ -24,43 +24,9 @@ from riemhuman.registration._arms_and_hands import (
 from riemhuman.registration._dense_fit import DenseTask
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._start_poses import BodyParts
+from riemhuman.registration.settings import RivalSettings
 from riemhuman.surfaces.nearest_points import nearest_points
 
-
-@dataclass(frozen=True)
-class RivalSettings:
-    """The constants by which limbs are trusted; `-k trust` of the benchmarks prints what they do.
-
-    Attributes
-    ----------
-    least_margin : float
-        Another explanation must be farther from the scan than the fit by this share of the fit's
-        distance.
-    hand_margin : float
-        The same for another pose of the hand, whose fingers alone are compared.
-    displaced_metres : float
-        Vertices that a rival moves by more are not trusted.
-    least_displaced : float
-        A rival matters if it displaces this share of a forearm and hand.
-    touching_metres, most_touching : float
-        Hands that touch with more than this share of one's vertices hide each other's fingers.
-    crossing_share : float
-        Limbs that touch with a larger share of their vertices are tried exchanged.
-    exchanged_metres : float
-        Distances beyond which points belong to other parts of the body.
-    """
-
-    least_margin: float = 0.35
-    hand_margin: float = 0.10
-    displaced_metres: float = 0.03
-    least_displaced: float = 0.05
-    touching_metres: float = 0.015
-    most_touching: float = 0.10
-    crossing_share: float = 0.02
-    exchanged_metres: float = 0.03
-
-
-RIVAL_SETTINGS = RivalSettings()
 _EQUAL = "two explanations fit almost equally"
 _MIRROR = np.diag([-1.0, 1.0, 1.0])
 
@@ -73,7 +39,7 @@ class LimbDoubt:
     reason: str
 
 
-def find_limb_doubts(body: BodyFit, settings: RivalSettings = RIVAL_SETTINGS) -> list[LimbDoubt]:
+def find_limb_doubts(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
     """Return the limbs of a fitted body that something else explains almost as well."""
     touching = _touching_hands(body, settings)
     others: list[LimbDoubt] = []
@@ -91,7 +57,7 @@ def find_limb_doubts(body: BodyFit, settings: RivalSettings = RIVAL_SETTINGS) ->
 
 def _touching_hands(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
     """Return doubt about both hands if they hide each other's fingers."""
-    parts, points = body.task.fitter.parts, body.fit.points
+    parts, points = body.task.body.parts, body.fit.points
     hands = [np.flatnonzero(parts.vertices([int(arm[-1])])) for arm in parts.arms]
     if len(hands) < 2 or not all(map(len, hands)):
         return []
@@ -158,7 +124,7 @@ def _doubts_about(body: BodyFit, numbers: np.ndarray, reason: str) -> list[LimbD
 
 def _exchanged_limbs(body: BodyFit, joint: str, settings: RivalSettings) -> list[LimbDoubt]:
     """Return doubt about both forearms or shins if they cross, and fit almost as well exchanged."""
-    task, parts = body.task, body.task.fitter.parts
+    task, parts = body.task, body.task.body.parts
     ends = parts.numbers(f"left_{joint}", f"right_{joint}")
     if len(ends) < 2:
         return []
@@ -175,9 +141,9 @@ def _exchanged_limbs(body: BodyFit, joint: str, settings: RivalSettings) -> list
     if not len(seen):
         return []
     rival = _exchange(task, body.fit.pose, joint)
-    surfaces = [task.fitter.surface(pose) for pose in (body.fit.pose, rival)]
-    inside = np.isin(task.fitter.model.faces, both).all(axis=1)
-    faces = task.fitter.model.faces[inside]
+    surfaces = [task.body.surface(pose) for pose in (body.fit.pose, rival)]
+    inside = np.isin(task.body.model.faces, both).all(axis=1)
+    faces = task.body.model.faces[inside]
     costs = [
         np.minimum(nearest_points(seen, surface, faces)[1], settings.exchanged_metres).mean()
         for surface in surfaces
@@ -191,7 +157,7 @@ def _exchanged_limbs(body: BodyFit, joint: str, settings: RivalSettings) -> list
 
 def _exchange(task: DenseTask, pose: Pose, joint: str) -> Pose:
     """Return the body with both arms, or both legs, in each other's place, fitted to the scan."""
-    pairs = _pairs(task.fitter.parts, joint)
+    pairs = _pairs(task.body.parts, joint)
     local, expected = pose.local.copy(), task.prior.local.copy()
     for left, right in pairs:
         for rotations in (local, expected):
@@ -200,7 +166,7 @@ def _exchange(task: DenseTask, pose: Pose, joint: str) -> Pose:
             rotations[[left, right]] = mirrored
     prior = task.prior._replace(local=expected)
     chosen = np.array(pairs).ravel()
-    on_limbs = task.fitter.parts.vertices(chosen.tolist())
+    on_limbs = task.body.parts.vertices(chosen.tolist())
     samples = task.samples.only((task.samples.numbers >= 0) & on_limbs[task.samples.numbers])
     return fit_joints(task, chosen, samples, prior, pose._replace(local=local))
 

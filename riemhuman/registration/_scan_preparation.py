@@ -21,70 +21,17 @@ from riemhuman.registration.scans import (
     find_inward_triangles,
     oriented_alike,
 )
+from riemhuman.registration.settings import (
+    DEFAULT_SETTINGS,
+    PreparationSettings,
+    RegistrationSettings,
+)
 from riemhuman.surfaces.measures import vertex_components
-
-# A fit gains nothing from more points.
-_MOST_POINTS = 20_000
-_FIRST_POINTS = 80_000
-# Only vertices are matched, so triangles of this size, such as those that close soles, are split;
-# larger ones are floors or strays. Metres.
-_LONG_EDGE, _LONGEST_EDGE = 0.05, 0.3
-
-# Points farther from the median than this are strays.
-_FAR_METRES = 10.0
-# The spacing of a point is the distance to this neighbour: on a surface, nearly every place is so
-# near to a point of the scan.
-_N_CLOSE = 6
-# No point stands for an area wider than this, metres.
-_WIDEST_SPACING = 0.06
-# A loose point is a stray if its spacing is more than this, metres, and this multiple of the median
-# over the area, unless such points stand for more than this share of the area, as those of a body
-# do that is sampled less densely there. Beyond the last, metres, it belongs to no surface.
-_SPARSE_METRES, _SPARSE, _FEW_SPARSE, _LONELY_METRES = 0.03, 3.0, 0.03, 0.15
-# Remnants of a floor are in one plane, up to this distance in metres, which holds at least this
-# share of the points with more than this multiple of the median spacing.
-_PLANE_METRES, _IN_PLANE, _SPARSER = 0.02, 0.4, 1.5
-# Width of the cells of a grid in which points are connected, metres; wider for sparse points: at
-# this quantile of the spacing over the area.
-_CELL_METRES, _WIDEST_CELL, _CELL_QUANTILE = 0.05, 0.12, 0.95
-# Separate parts with a smaller share of the area count as strays.
-_STRAY = 0.004
-_FLOOR_METRES, _NEAR_FLOOR_METRES = 0.01, 0.02
-_FLOOR_SHARE, _ABOVE_FLOOR = 0.04, 0.97
-_N_PLANES = 200
-# A floor and two walls.
-_MOST_PLANES = 3
-# A plane is a part of the body if a smaller share of its points is outside the outline of all
-# others, widened by this length, metres.
-_LEAST_OUTSIDE, _OUTLINE_METRES = 0.1, 0.03
-# A body rests on a plane if at least this share of its points is nearer to it, metres; no body
-# rests on a wall beside it.
-_LEAST_RESTING, _RESTING_METRES = 0.004, 0.07
-
-_N_NEIGHBOURS = 14
-# More neighbours are used where these are so nearly on a line, as along the rings of a scanner:
-# the second largest variance is less than this share of the largest.
-_MORE_NEIGHBOURS, _ON_LINE = (40, 110), 0.15
-_NORMAL_METRES = 0.03
-# A mesh has no consistent side if more than this share of its edges join triangles that face
-# different sides.
-_MIXED = 0.05
 
 # Number of bodies that are fitted at once.
 N_THREADS = 2
-# Distance in metres that counts as much as a rotation of the normal by a radian.
-_MATCHED_NORMAL_METRES = 0.05
-# Number of scan points in an average, against noise.
-_N_MATCHED = 4
-# A match may be so much farther along the surface as the scan's points are farther apart than this
-# there, metres.
-_DENSE_METRES = 0.02
-_BLUR_METRES = 0.008
-# Number of points from which noise is estimated, and the median of |x| for a standard normal x.
-_N_NOISE, _MEDIAN = 3000, 0.6745
-# One unit of a coefficient counts as much as one point of the scan that lies so far off: the fewer
-# points, the more the prior counts.
-_PRIOR_METRES = 0.02
+# The median of |x| for a standard normal x.
+_MEDIAN = 0.6745
 
 
 class Matches(NamedTuple):
@@ -113,15 +60,20 @@ class PreparedScan:
     parts: np.ndarray | None = None  # (n,) connected parts of a mesh that has several
     signed: bool = True  # whether the signs of the normals are known
     landmarks: Mapping[int, np.ndarray] = field(default_factory=dict)  # positions of joints
+    settings: RegistrationSettings = DEFAULT_SETTINGS
 
     @cached_property
     def _tree(self) -> cKDTree:
-        return cKDTree(np.concatenate([self.points, _MATCHED_NORMAL_METRES * self.normals], axis=1))
+        return cKDTree(self._places(self.points, self.normals))
+
+    def _places(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return points of six coordinates, whose distances count normals too."""
+        return np.concatenate([points, self.settings.matching.normal_metres * normals], axis=1)
 
     @cached_property
     def spacing(self) -> np.ndarray:
         """The distance within which every point has neighbours on all sides, metres."""
-        return point_spacing(self.points)
+        return point_spacing(self.points, self.settings.preparation)
 
     def even_points(self, n_points: int) -> np.ndarray:
         """Return the numbers of about so many points, as many on every part of the surface."""
@@ -130,14 +82,14 @@ class PreparedScan:
     @property
     def prior_weight(self) -> float:
         """The weight of the prior, square metres."""
-        return _PRIOR_METRES**2 / len(self.points)
+        return self.settings.matching.prior_metres**2 / len(self.points)
 
     @cached_property
     def noise(self) -> float:
         """The standard deviation of the points along their normals, metres."""
         # On a circle, the chord between two points is perpendicular to the mean of their normals,
         # so what is left of it along this mean is noise.
-        chosen = np.linspace(0, len(self.points) - 1, _N_NOISE).astype(int)
+        chosen = np.linspace(0, len(self.points) - 1, self.settings.matching.n_noise).astype(int)
         near = self._tree.query(self._tree.data[chosen], k=5)[1][:, 1:]
         chords = self.points[near] - self.points[chosen, np.newaxis]
         means = 0.5 * (self.normals[near] + self.normals[chosen, np.newaxis])
@@ -146,9 +98,9 @@ class PreparedScan:
 
     def match(self, points: np.ndarray, normals: np.ndarray, scale: float) -> Matches:
         """Match the points of a body; a match at distance `scale` has a quarter of the weight."""
-        places = np.concatenate([points, _MATCHED_NORMAL_METRES * normals], axis=1)
-        far, near = self._tree.query(places, k=_N_MATCHED, workers=N_THREADS)
-        shares = np.exp(-0.5 * (far**2 - far[:, :1] ** 2) / _BLUR_METRES**2)
+        places = self._places(points, normals)
+        far, near = self._tree.query(places, k=self.settings.matching.n_matched, workers=N_THREADS)
+        shares = np.exp(-0.5 * (far**2 - far[:, :1] ** 2) / self.settings.matching.blur_metres**2)
         shares /= shares.sum(axis=1, keepdims=True)
         gaps = np.einsum("nk,nkx->nx", shares, self.points[near]) - points
         mean_normals = unit_vectors(np.einsum("nk,nkx->nx", shares, self.normals[near]))
@@ -175,7 +127,11 @@ class PreparedScan:
 
         Beyond the border of what the scan shows, its points are on one side only: no room is there.
         """
-        allowed = np.clip(self.spacing[nearest] - _DENSE_METRES, 0.0, _WIDEST_SPACING)
+        allowed = np.clip(
+            self.spacing[nearest] - self.settings.matching.dense_metres,
+            0.0,
+            self.settings.preparation.widest_spacing,
+        )
         sparse_parts = np.flatnonzero(allowed > 0.0)
         if not len(sparse_parts):
             return allowed
@@ -193,50 +149,91 @@ class PreparedScan:
         return allowed
 
 
-def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
+@dataclass(frozen=True)
+class _LoosePoints:
+    """Evenly spread points of a scan with its surroundings."""
+
+    everything: np.ndarray  # (M, 3) vertices, of triangles that are split
+    faces: np.ndarray | None
+    numbers: np.ndarray  # (n,) those that are kept
+    normals: np.ndarray  # (n, 3) of these
+    estimated: bool  # whether normals were estimated from the points alone
+    background: np.ndarray  # (M,) points far away
+
+
+def prepare_scan(
+    scan: Scan,
+    settings: RegistrationSettings = DEFAULT_SETTINGS,
+    *,
+    surroundings: bool = True,
+) -> PreparedScan:
     """Return the points of the body, spread evenly, with normals."""
     rng = np.random.default_rng(0)
+    loose = _spread_points(scan, settings.preparation, rng)
+    if surroundings:
+        return _without_surroundings(scan, loose, settings, rng)
+    return PreparedScan(
+        loose.everything[loose.numbers],
+        loose.normals,
+        loose.background[: len(scan)],
+        scan,
+        estimated=loose.estimated,
+        settings=settings,
+    )
+
+
+def _spread_points(
+    scan: Scan, settings: PreparationSettings, rng: np.random.Generator
+) -> _LoosePoints:
     everything, faces, all_normals = scan.points, scan.faces, scan.normals
     numbers = np.arange(len(everything))
     estimated = all_normals is None
     if faces is not None:
-        estimated = bool(np.sum(~oriented_alike(faces)[1]) > _MIXED * 3 * len(faces))
-        everything, faces = _outward_fine_mesh(everything, faces)
+        estimated = bool(np.sum(~oriented_alike(faces)[1]) > settings.mixed * 3 * len(faces))
+        everything, faces = _outward_fine_mesh(everything, faces, settings)
         all_normals = vertex_normals(everything, faces)
         numbers = np.unique(faces)
-    if len(numbers) > _FIRST_POINTS:
-        numbers = np.sort(rng.choice(numbers, _FIRST_POINTS, replace=False))
-    background = np.abs(everything - np.median(scan.points, axis=0)).max(axis=1) > _FAR_METRES
+    if len(numbers) > settings.first_points:
+        numbers = np.sort(rng.choice(numbers, settings.first_points, replace=False))
+    distances = np.abs(everything - np.median(scan.points, axis=0)).max(axis=1)
+    background = distances > settings.far_metres
     numbers = numbers[~background[numbers]]
-    numbers = numbers[thin_points(everything[numbers], _MOST_POINTS, rng)]
+    numbers = numbers[thin_points(everything[numbers], settings.most_points, rng)]
     points = everything[numbers]
     if all_normals is None or estimated:
-        normals = estimate_normals(points)
+        normals = estimate_normals(points, settings)
     else:
-        normals = smooth_normals(points, all_normals[numbers])
+        normals = smooth_normals(points, all_normals[numbers], settings)
         if faces is None and np.sum((points - points.mean(axis=0)) * normals) < 0:
             normals = -normals
-    if not surroundings:
-        return PreparedScan(points, normals, background[: len(scan)], scan, estimated=estimated)
-    planes = find_planes(points, normals, rng)
+    return _LoosePoints(everything, faces, numbers, normals, estimated, background)
+
+
+def _without_surroundings(
+    scan: Scan, loose: _LoosePoints, all_settings: RegistrationSettings, rng: np.random.Generator
+) -> PreparedScan:
+    """Return the points of the body, and the floors and walls beside it."""
+    settings, everything, numbers = all_settings.preparation, loose.everything, loose.numbers
+    background = loose.background.copy()
+    planes = find_planes(everything[numbers], loose.normals, rng, settings)
     for up, height, _ in planes:
-        background |= everything @ up < height + _NEAR_FLOOR_METRES
-    if faces is None:
-        background |= _find_sparse_points(everything, ~background)
-    background |= _find_strays(everything, ~background)
+        background |= everything @ up < height + settings.near_floor_metres
+    if loose.faces is None:
+        background |= _find_sparse_points(everything, ~background, settings)
+    background |= _find_strays(everything, ~background, settings)
     keep = ~background[numbers]
     if keep.sum() < FEWEST_POINTS:
         raise ArgumentError(
             f"scan has {int(keep.sum())} points without the floor and strays; at least "
             f"{FEWEST_POINTS} are needed"
         )
-    points, normals = points[keep], normals[keep]
+    points, normals = everything[numbers[keep]], loose.normals[keep]
     parts = None
-    if estimated and background.any():
-        normals = estimate_normals(points)  # the background may have flipped signs
-    elif faces is not None:
-        parts = vertex_components(faces, len(everything))[numbers[keep]]
-    floors = [plane for plane in planes if plane.resting > _LEAST_RESTING]
+    if loose.estimated and background.any():
+        normals = estimate_normals(points, settings)  # the background may have flipped signs
+    elif loose.faces is not None:
+        parts = vertex_components(loose.faces, len(everything))[numbers[keep]]
+    floors = [plane for plane in planes if plane.resting > settings.least_resting]
     floors.sort(key=lambda plane: -plane.resting)
     return PreparedScan(
         points,
@@ -246,19 +243,22 @@ def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
         up=floors[0].normal if floors else None,
         floor=(floors[0].normal, floors[0].height) if floors else None,
         other_ups=tuple(plane.normal for plane in floors[1:]),
-        estimated=estimated,
+        estimated=loose.estimated,
         parts=parts,
+        settings=all_settings,
     )
 
 
-def _outward_fine_mesh(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _outward_fine_mesh(
+    points: np.ndarray, faces: np.ndarray, settings: PreparationSettings
+) -> tuple[np.ndarray, np.ndarray]:
     """Return a mesh whose triangles face outward, and its large triangles split."""
     inward = find_inward_triangles(points, faces)
     faces = np.where(inward[:, np.newaxis], faces[:, ::-1], faces)
-    while len(points) < _FIRST_POINTS:
+    while len(points) < settings.first_points:
         corners = points[faces]
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-        large = (longest > _LONG_EDGE) & (longest < _LONGEST_EDGE)
+        large = (longest > settings.long_edge) & (longest < settings.longest_edge)
         if not large.any():
             break
         points, parts = split_triangles(points, faces[large])
@@ -285,122 +285,144 @@ class Plane(NamedTuple):
     resting: float  # share of the other points that are near to it
 
 
-def find_planes(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> list[Plane]:
+def find_planes(
+    points: np.ndarray,
+    normals: np.ndarray,
+    rng: np.random.Generator,
+    settings: PreparationSettings,
+) -> list[Plane]:
     """Return floors and walls: wide planes that have all other points on one side of them."""
     planes: list[Plane] = []
-    while len(planes) < _MOST_PLANES and len(points) > FEWEST_POINTS:
-        plane = _find_plane(points, normals, rng)
+    while len(planes) < settings.most_planes and len(points) > FEWEST_POINTS:
+        plane = _find_plane(points, normals, rng, settings)
         if plane is None:
             break
         planes.append(plane)
-        rest = points @ plane.normal > plane.height + _NEAR_FLOOR_METRES
+        rest = points @ plane.normal > plane.height + settings.near_floor_metres
         points, normals = points[rest], normals[rest]
     return planes
 
 
-def _find_plane(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> Plane | None:
+def _find_plane(
+    points: np.ndarray,
+    normals: np.ndarray,
+    rng: np.random.Generator,
+    settings: PreparationSettings,
+) -> Plane | None:
     """Return the floor or wall that holds the most points."""
-    starts = rng.choice(len(points), min(_N_PLANES, len(points)), replace=False)
-    for _ in range(_MOST_PLANES):
-        best, support = None, _FLOOR_SHARE * len(points)
+    starts = rng.choice(len(points), min(settings.n_planes, len(points)), replace=False)
+    for _ in range(settings.most_planes):
+        best, support = None, settings.floor_share * len(points)
         for start in starts:
-            near = _near_plane(points, normals, start) & (np.abs(normals @ normals[start]) > 0.9)
+            near = _near_plane(points, normals, start, settings) & (
+                np.abs(normals @ normals[start]) > 0.9
+            )
             if near.sum() > support:
                 best, support = start, near.sum()
         if best is None:
             return None
-        near = _near_plane(points, normals, best)
-        plane = _as_plane(points, near)
+        near = _near_plane(points, normals, best, settings)
+        plane = _as_plane(points, near, settings)
         if plane is not None:
             return plane
         starts = starts[~near[starts]]  # such as a wall, behind which the floor goes on
     return None
 
 
-def _near_plane(points: np.ndarray, normals: np.ndarray, start: int) -> np.ndarray:
+def _near_plane(
+    points: np.ndarray, normals: np.ndarray, start: int, settings: PreparationSettings
+) -> np.ndarray:
     """Return which points are in the plane across the normal of one of them."""
-    near: np.ndarray = np.abs((points - points[start]) @ normals[start]) < _FLOOR_METRES
+    near: np.ndarray = np.abs((points - points[start]) @ normals[start]) < settings.floor_metres
     return near
 
 
-def _as_plane(points: np.ndarray, near: np.ndarray) -> Plane | None:
+def _as_plane(points: np.ndarray, near: np.ndarray, settings: PreparationSettings) -> Plane | None:
     """Return the plane of the points near to it, if it is a floor or a wall."""
     centre = points[near].mean(axis=0)
     axes = np.linalg.svd(points[near] - centre, full_matrices=False)[2]
     heights = (points - centre) @ axes[2]
     sign = -1.0 if np.median(heights[~near]) < 0 else 1.0
-    above = sign * heights[~near] > -_NEAR_FLOOR_METRES
+    above = sign * heights[~near] > -settings.near_floor_metres
     is_wide = np.sort(points[near].std(axis=0))[1] > 0.2
-    higher = sign * heights > _NEAR_FLOOR_METRES
-    if above.mean() < _ABOVE_FLOOR or not is_wide or higher.sum() < FEWEST_POINTS:
+    higher = sign * heights > settings.near_floor_metres
+    if above.mean() < settings.above_floor or not is_wide or higher.sum() < FEWEST_POINTS:
         return None
     flat = (points - centre) @ axes[:2].T
-    if _share_outside(flat[near], flat[higher]) < _LEAST_OUTSIDE:
+    if _share_outside(flat[near], flat[higher], settings) < settings.least_outside:
         return None
-    resting = float(np.mean(sign * heights[higher] < _RESTING_METRES))
+    resting = float(np.mean(sign * heights[higher] < settings.resting_metres))
     return Plane(sign * axes[2], float(centre @ (sign * axes[2])), resting)
 
 
-def _share_outside(points: np.ndarray, others: np.ndarray) -> float:
+def _share_outside(points: np.ndarray, others: np.ndarray, settings: PreparationSettings) -> float:
     """Return the share of points in the plane, (n, 2), outside the convex outline of others."""
     low, high = np.percentile(others, [0.5, 99.5], axis=0)
     inside = ((others >= low) & (others <= high)).all(axis=1)  # without strays
     equations = ConvexHull(others[inside]).equations
     distances = points @ equations[:, :2].T + equations[:, 2]
-    return float(np.mean(distances.max(axis=1) > _OUTLINE_METRES))
+    return float(np.mean(distances.max(axis=1) > settings.outline_metres))
 
 
-def point_spacing(points: np.ndarray) -> np.ndarray:
+def point_spacing(points: np.ndarray, settings: PreparationSettings) -> np.ndarray:
     """Return the distance of each point to its sixth neighbour, metres."""
-    count = min(_N_CLOSE + 1, len(points))
+    count = min(settings.n_close + 1, len(points))
     distances: np.ndarray = cKDTree(points).query(points, k=[count])[0][:, 0]
     return distances
 
 
-def _areas(spacing: np.ndarray) -> np.ndarray:
+def _areas(spacing: np.ndarray, settings: PreparationSettings) -> np.ndarray:
     """Return the areas for which points stand, up to a factor, from their spacing."""
-    return np.minimum(spacing, _WIDEST_SPACING) ** 2
+    return np.minimum(spacing, settings.widest_spacing) ** 2
 
 
-def _quantile_over_area(spacing: np.ndarray, share: float) -> float:
+def _quantile_over_area(spacing: np.ndarray, share: float, settings: PreparationSettings) -> float:
     """Return the spacing below which it is on a share of the area."""
     order = np.argsort(spacing)
-    below = np.cumsum(_areas(spacing[order]))
+    below = np.cumsum(_areas(spacing[order], settings))
     return float(spacing[order[np.searchsorted(below, share * below[-1])]])
 
 
-def _find_sparse_points(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def _find_sparse_points(
+    points: np.ndarray, wanted: np.ndarray, settings: PreparationSettings
+) -> np.ndarray:
     """Return which loose points are remnants of floors and stands, far from their neighbours."""
     sparse_points = np.zeros(len(points), dtype=bool)
     chosen = points[wanted]
-    spacing = point_spacing(chosen)
-    usual, areas = _quantile_over_area(spacing, 0.5), _areas(spacing)
-    is_remnant = spacing > max(_SPARSE_METRES, _SPARSE * usual)
-    if areas[is_remnant].sum() > _FEW_SPARSE * areas.sum():
-        is_remnant &= spacing > _LONELY_METRES
-    is_remnant |= _find_sparse_floor(chosen, spacing > max(_SPARSE_METRES, _SPARSER * usual))
+    spacing = point_spacing(chosen, settings)
+    usual, areas = _quantile_over_area(spacing, 0.5, settings), _areas(spacing, settings)
+    is_remnant = spacing > max(settings.sparse_metres, settings.sparse * usual)
+    if areas[is_remnant].sum() > settings.few_sparse * areas.sum():
+        is_remnant &= spacing > settings.lonely_metres
+    is_remnant |= _find_sparse_floor(
+        chosen, spacing > max(settings.sparse_metres, settings.sparser * usual), settings
+    )
     sparse_points[wanted] = is_remnant
     return sparse_points
 
 
-def _find_sparse_floor(points: np.ndarray, is_sparse: np.ndarray) -> np.ndarray:
+def _find_sparse_floor(
+    points: np.ndarray, is_sparse: np.ndarray, settings: PreparationSettings
+) -> np.ndarray:
     """Return which sparse points are in one plane that has nearly all points on one side."""
     rng, numbers = np.random.default_rng(0), np.flatnonzero(is_sparse)
-    best, most = np.zeros(len(points)), int(_IN_PLANE * len(numbers))
-    for _ in range(_N_PLANES if len(numbers) > _N_NEIGHBOURS else 0):
+    best, most = np.zeros(len(points)), int(settings.in_plane * len(numbers))
+    for _ in range(settings.n_planes if len(numbers) > settings.n_neighbours else 0):
         corners = points[rng.choice(numbers, 3, replace=False)]
         normal = unit_vectors(np.cross(corners[1] - corners[0], corners[2] - corners[0]))
         heights = (points[numbers] - corners[0]) @ normal
-        count = int(np.sum(np.abs(heights) < _PLANE_METRES))
+        count = int(np.sum(np.abs(heights) < settings.plane_metres))
         if count > most:
             best, most = (points - corners[0]) @ normal, count
-    in_plane = is_sparse & (np.abs(best) < _PLANE_METRES)
-    sides = np.sign(best) * (np.abs(best) > _PLANE_METRES)
-    is_floor = abs(sides.sum()) > (2.0 * _ABOVE_FLOOR - 1.0) * np.abs(sides).sum()
+    in_plane = is_sparse & (np.abs(best) < settings.plane_metres)
+    sides = np.sign(best) * (np.abs(best) > settings.plane_metres)
+    is_floor = abs(sides.sum()) > (2.0 * settings.above_floor - 1.0) * np.abs(sides).sum()
     return in_plane if is_floor else np.zeros_like(in_plane)
 
 
-def _find_strays(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def _find_strays(
+    points: np.ndarray, wanted: np.ndarray, settings: PreparationSettings
+) -> np.ndarray:
     """Return which points belong to small separate parts."""
     strays = np.zeros(len(points), dtype=bool)
     chosen = points[wanted]
@@ -409,33 +431,37 @@ def _find_strays(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     low, high = np.percentile(chosen, [0.5, 99.5], axis=0)
     low, high = low - 0.5, high + 0.5
     inside = ((chosen >= low) & (chosen <= high)).all(axis=1)
-    spacing = point_spacing(chosen)
-    width = np.clip(_quantile_over_area(spacing, _CELL_QUANTILE), _CELL_METRES, _WIDEST_CELL)
+    spacing = point_spacing(chosen, settings)
+    width = np.clip(
+        _quantile_over_area(spacing, settings.cell_quantile, settings),
+        settings.cell_metres,
+        settings.widest_cell,
+    )
     cells = np.floor((chosen[inside] - low) / width).astype(np.int64)
     grid = np.zeros(np.ceil((high - low) / width).astype(int) + 1, dtype=bool)
     grid[tuple(cells.T)] = True
     labels, _ = ndimage.label(grid, structure=np.ones((3, 3, 3)))
     parts = labels[tuple(cells.T)]
-    areas = _areas(spacing)
+    areas = _areas(spacing, settings)
     sizes = np.bincount(parts, areas[inside])
     is_stray = np.ones(len(chosen), dtype=bool)
-    is_stray[inside] = sizes[parts] < _STRAY * areas.sum()
+    is_stray[inside] = sizes[parts] < settings.stray * areas.sum()
     strays[wanted] = is_stray
     return strays
 
 
-def estimate_normals(points: np.ndarray) -> np.ndarray:
+def estimate_normals(points: np.ndarray, settings: PreparationSettings) -> np.ndarray:
     """Return outward normals of loose points on a surface."""
     n = len(points)
     tree = cKDTree(points)
-    neighbours = tree.query(points, k=min(_N_NEIGHBOURS, n))[1]
-    normals, on_line = _normals_of(points[neighbours])
-    for count in _MORE_NEIGHBOURS:
+    neighbours = tree.query(points, k=min(settings.n_neighbours, n))[1]
+    normals, on_line = _normals_of(points[neighbours], settings)
+    for count in settings.more_neighbours:
         rest = np.flatnonzero(on_line)
         if not len(rest) or count > n:
             break
         more = tree.query(points[rest], k=count)[1]
-        normals[rest], on_line[rest] = _normals_of(points[more])
+        normals[rest], on_line[rest] = _normals_of(points[more], settings)
 
     first = np.repeat(np.arange(n), neighbours.shape[1] - 1)
     second = neighbours[:, 1:].ravel()
@@ -460,17 +486,19 @@ def estimate_normals(points: np.ndarray) -> np.ndarray:
     return np.where(outward < 0, -1.0, 1.0)[part][:, np.newaxis] * normals
 
 
-def _normals_of(groups: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _normals_of(groups: np.ndarray, settings: PreparationSettings) -> tuple[np.ndarray, np.ndarray]:
     """Return the normals of groups of points, (n, k, 3), and whether these are nearly on a line."""
     around = groups - groups.mean(axis=1, keepdims=True)
     variances, axes = np.linalg.eigh(np.einsum("nkx,nky->nxy", around, around))
-    return axes[:, :, 0], variances[:, 1] < _ON_LINE * variances[:, 2]
+    return axes[:, :, 0], variances[:, 1] < settings.on_line * variances[:, 2]
 
 
-def smooth_normals(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def smooth_normals(
+    points: np.ndarray, normals: np.ndarray, settings: PreparationSettings
+) -> np.ndarray:
     """Return normals averaged over neighbours with similar normals."""
-    places = np.concatenate([points, _NORMAL_METRES * normals], axis=1)
-    neighbours = cKDTree(places).query(places, k=min(_N_NEIGHBOURS, len(points)))[1]
+    places = np.concatenate([points, settings.normal_metres * normals], axis=1)
+    neighbours = cKDTree(places).query(places, k=min(settings.n_neighbours, len(points)))[1]
     return unit_vectors(normals[neighbours].mean(axis=1))
 
 

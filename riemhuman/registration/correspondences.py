@@ -14,7 +14,7 @@ from riemhuman.checks import integer_array, refuse_type
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.registration.scan_registration import RegisteredScan
+from riemhuman.registration.registered_scans import RegisteredScan
 from riemhuman.registration.scans import Scan, find_inward_triangles
 from riemhuman.surfaces.measures import adjacent_triangles, triangle_areas
 from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points_around

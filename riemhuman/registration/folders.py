@@ -25,17 +25,14 @@ from riemhuman.io.fingerprint import describe
 from riemhuman.io.meshes import POINT_SUFFIXES, save_mesh
 from riemhuman.progress import ProgressBar
 from riemhuman.registration._scan_preparation import thin_points
-from riemhuman.registration.scan_registration import (
-    RegisteredScan,
-    ScanRegistration,
-    apply_transform,
-)
+from riemhuman.registration.registered_scans import RegisteredScan, apply_transform
+from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan, load_scan
 from riemhuman.solvers.results import Result, interruptible
 from riemhuman.surfaces.nearest_points import nearest_points
 
 UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
-_VERSION = 8
+_VERSION = 9
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
 # Points of a scan and of its record are in single precision. Farther points are background.
@@ -308,7 +305,14 @@ def _record(
 
 def _identity(registration: ScanRegistration, sequence: bool, keep_axes: bool) -> bytes:
     """Return a digest of what a registration depends on beside the scan."""
-    options = (_VERSION, registration.unit, registration.up, sequence, keep_axes)
+    options = (
+        _VERSION,
+        registration.unit,
+        registration.up,
+        registration.settings,
+        sequence,
+        keep_axes,
+    )
     model = registration.model
     parts = [model.template.vertices, model.parents, model]
     return hashlib.sha256(repr([options, *map(describe, parts)]).encode()).digest()

@@ -30,7 +30,8 @@ from riemhuman.registration._vertex_places import (
     mirrored_vertices,
     place_vertices,
 )
-from riemhuman.registration.scan_registration import RegisteredScan, ScanRegistration
+from riemhuman.registration.registered_scans import RegisteredScan
+from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.surfaces.measures import triangle_areas
 from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
 from riemhuman.surfaces.procrustes import AXES, make_upright

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scanned_people import settings_with
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration, simulated_scan
@@ -38,11 +39,7 @@ def registration_from(model):
     """Return a function that makes registrations which start from few poses, and try no arms."""
 
     def make(*poses, up="y"):
-        registration = ScanRegistration(model, up=up)
-        for fitter in (registration._fitter, *registration._partial_fitters):
-            fitter.poses = {name: fitter.poses[name] for name in poses}
-            fitter.arms = []
-        return registration
+        return ScanRegistration(model, up=up, settings=settings_with(poses=poses, tries_arms=False))
 
     return make
 

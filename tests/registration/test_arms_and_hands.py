@@ -6,17 +6,20 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration import Scan, _arms_and_hands
-from riemhuman.registration._arm_surfaces import ARM_SETTINGS
 from riemhuman.registration._arms_and_hands import pose_hands
-from riemhuman.registration._dense_fit import DenseFitter, fit_densely
+from riemhuman.registration._dense_fit import fit_densely
 from riemhuman.registration._posed_body import Pose, pose_body
+from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._start_search import Candidate
+from riemhuman.registration._starts import Candidate
+from riemhuman.registration.settings import ArmSettings
+
+ARM_SETTINGS = ArmSettings()
 
 
 @pytest.fixture(scope="module")
 def fitter(model):
-    return DenseFitter(model)
+    return RegistrationModel(model)
 
 
 def test_rotating_a_forearm_moves_no_joint(fitter):
@@ -81,8 +84,9 @@ def test_arms_of_people_are_hardly_strained(fitter):
 def test_an_arm_that_fits_worse_alone_stays_as_it_is(fitter, monkeypatch):
     pose = Pose(fitter.poses["a"], np.zeros(len(fitter.betas_precisions)), np.zeros(3))
     scan = prepare_scan(Scan(fitter.surface(pose), fitter.model.faces))
-    best = Candidate(pose, fitter._prior(pose), 0.0, np.array([0.0, 1.0, 0.0]))
-    task, pose = fit_densely(fitter, best, scan)
+    best = Candidate(pose, fitter.prior(pose), 0.0, np.array([0.0, 1.0, 0.0]))
+    dense = fit_densely(fitter, best, scan)
+    task, pose = dense.task, dense.pose
     offsets = iter(np.tile([0.03, 0.02, 0.02, 0.02, 0.02], 2))
 
     def astray(task, arm, prior, start):

@@ -2,17 +2,19 @@
 
 import numpy as np
 import pytest
-from scanned_people import foreign_bodies, points_at
+from scanned_people import fit_body, foreign_bodies, points_at
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration import simulated_scan
-from riemhuman.registration._arms_and_hands import fit_body
-from riemhuman.registration._dense_fit import DenseFitter, last_stiffness
+from riemhuman.registration._dense_fit import expect_feet
+from riemhuman.registration._elastic_step import last_stiffness
 from riemhuman.registration._posed_body import Pose
+from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._start_search import Candidate
+from riemhuman.registration._starts import Candidate
+from riemhuman.registration.settings import ElasticSettings
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -34,20 +36,19 @@ def test_triangles_of_a_usual_size_add_no_points(model):
 
 @pytest.mark.parametrize(("noise", "stiffness"), [(0.0, 2e-5), (0.0014, 2e-5), (0.0028, 8e-5)])
 def test_the_last_step_stiffens_with_much_noise(noise, stiffness):
-    np.testing.assert_allclose(last_stiffness(noise), stiffness)
+    np.testing.assert_allclose(last_stiffness(noise, ElasticSettings()), stiffness)
 
 
 def start_from(fitter, local, betas, trans=(0.0, 0.0, 0.0)):
     pose = Pose(local, betas, np.array(trans))
-    return Candidate(pose, fitter._prior(pose), 0.0, UP)
+    return Candidate(pose, fitter.prior(pose), 0.0, UP)
 
 
 def test_turned_hands_come_back(model):
     """Of a person whom the model cannot make, with curled fingers."""
     bodies, triangles, places = foreign_bodies(model, 1, 1, 1)
-    body, fitter = bodies[0, 0], DenseFitter(model)
+    body, fitter = bodies[0, 0], RegistrationModel(model)
     scan = simulated_scan(body, triangles, 0, n_points=6000, rotate=False)
-    fitter.arms = fitter.arms[:1]
     elbow, wrist = fitter.arms[0][2:]
     known = model.fit(body, correspondence=places, hands_prior=1e3)
     forearm = unit_vectors(model.joints()[wrist] - model.joints()[elbow])
@@ -64,7 +65,7 @@ def test_turned_hands_come_back(model):
 
 def test_hands_come_out_as_they_are(model):
     """Of a scan with an open hand and a fist, from a start with relaxed hands."""
-    fitter, hands = DenseFitter(model), model.hand_pose("open", "fist")
+    fitter, hands = RegistrationModel(model), model.hand_pose("open", "fist")
     local = fitter.poses["a"]
     body = model(pose=Rotation.from_matrix(local).as_rotvec(), hands=hands)
     scan = simulated_scan(body, model.faces, 0, n_points=8000, rotate=False)
@@ -77,7 +78,7 @@ def test_hands_come_out_as_they_are(model):
 
 def test_feet_are_expected_as_in_the_start_pose_whose_legs_are_nearest(model):
     """A scan may not show feet, and standing legs come from a start that kneels too."""
-    fitter = DenseFitter(model)
+    fitter = RegistrationModel(model)
     ankles = fitter.parts.numbers("left_ankle", "right_ankle")
     legs = fitter.parts.numbers("left_hip", "left_knee", "right_hip", "right_knee")
     standing, kneeling = fitter.poses["a"], fitter.poses["kneel"]
@@ -85,8 +86,8 @@ def test_feet_are_expected_as_in_the_start_pose_whose_legs_are_nearest(model):
     mixed[legs] = standing[legs]
     for local, feet in ((mixed, standing), (kneeling, kneeling)):
         betas = np.zeros(len(fitter.betas_precisions))
-        prior = fitter._prior(Pose(kneeling, betas, np.zeros(3)))
+        prior = fitter.prior(Pose(kneeling, betas, np.zeros(3)))
         best = Candidate(Pose(local, betas, np.zeros(3)), prior, 0.0, np.array([0.0, 1.0, 0.0]))
-        expected = fitter.expect_feet(best)
+        expected = expect_feet(fitter, best)
         np.testing.assert_array_equal(expected[ankles], feet[ankles])
         np.testing.assert_array_equal(expected[legs], kneeling[legs])

@@ -5,24 +5,33 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from people_who_touch import any_person, scan_of_touching, touching_pose
+from scanned_people import fit_body
 from scipy.spatial import cKDTree
 
 import riemhuman as rh
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration import Scan, _limb_rivals
-from riemhuman.registration._arms_and_hands import ArmFit, BodyFit, HandFit, fit_body
-from riemhuman.registration._dense_fit import DenseFitter, fit_densely, leave_model
-from riemhuman.registration._limb_rivals import _exchange, find_limb_doubts
+from riemhuman.registration._arms_and_hands import ArmFit, BodyFit, HandFit
+from riemhuman.registration._dense_fit import fit_densely
+from riemhuman.registration._elastic_step import leave_model
+from riemhuman.registration._limb_rivals import _exchange
+from riemhuman.registration._limb_rivals import find_limb_doubts as find_limb_doubts_with
 from riemhuman.registration._posed_body import Pose, pose_body
+from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._start_search import Candidate
+from riemhuman.registration._starts import Candidate
+from riemhuman.registration.settings import RivalSettings
 
 UP = np.array([0.0, 1.0, 0.0])
 
 
+def find_limb_doubts(body):
+    return find_limb_doubts_with(body, RivalSettings())
+
+
 @pytest.fixture(scope="module")
 def fitter(model):
-    return DenseFitter(model)
+    return RegistrationModel(model)
 
 
 def fitted(model, fitter, posture, seed=3):
@@ -35,7 +44,7 @@ def fitted(model, fitter, posture, seed=3):
     points = scan_of_touching(model, surface, rng, n_points=6000)
     betas = np.append(person.betas, np.zeros(model.hand_directions.shape[2]))
     start = Pose(rh.bodies.rotation_matrix(pose), betas, np.zeros(3))
-    best = Candidate(start, fitter._prior(start), 0.0, UP)
+    best = Candidate(start, fitter.prior(start), 0.0, UP)
     prepared = prepare_scan(Scan(points))
     outward = vertex_normals(surface, model.faces)[cKDTree(surface).query(prepared.points)[1]]
     inward = np.einsum("nx,nx->n", prepared.normals, outward) < 0.0
@@ -61,7 +70,8 @@ def upright(model, fitter):
     """Return the fit to a scan without noise of a start pose, in which the left arm is in doubt."""
     pose = Pose(fitter.poses["a"], np.zeros(len(fitter.betas_precisions)), np.zeros(3))
     scan = prepare_scan(Scan(fitter.surface(pose), model.faces))
-    task, pose = fit_densely(fitter, Candidate(pose, fitter._prior(pose), 0.0, UP), scan)
+    dense = fit_densely(fitter, Candidate(pose, fitter.prior(pose), 0.0, UP), scan)
+    task, pose = dense.task, dense.pose
     return BodyFit(task, leave_model(task, pose), [fitter.arm_surfaces[0]], {})
 
 

@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
+from scanned_people import result_of_one_search, settings_with
 
 import riemhuman as rh
-from riemhuman.registration import simulated_scan
-from riemhuman.registration._trust import LARGEST_OVERLAP, find_overlaps
-from riemhuman.registration.scans import as_scan
+from riemhuman.registration import ScanRegistration, simulated_scan
+from riemhuman.registration._start_poses import BodyParts
+from riemhuman.registration._trust import find_overlaps
+from riemhuman.registration.settings import TrustSettings
+
+SETTINGS = TrustSettings()
 
 HANDS_ON_HIPS, HAND_ON_EAR = 4, 6
 FAR = 0.03
@@ -28,13 +32,13 @@ def error(result, scan):
 
 def test_hands_on_the_head_are_no_overlap(registration, bodies):
     """A finger is so thin that the skin beneath it counts as matched; other parts are not."""
-    template, on_hands = registration.model.template, registration._parts.on_hands
+    template, on_hands = registration.model.template, BodyParts(registration.model).on_hands
     whole = np.ones(template.n_vertices, dtype=bool)
     poses = [k for k in range(100) if bodies.pose_names[bodies.pose[k]] == "hands_on_head"]
-    shares = [find_overlaps(template, bodies[k], whole).mean() for k in poses]
-    assert max(shares) > LARGEST_OVERLAP
+    shares = [find_overlaps(template, bodies[k], whole, SETTINGS).mean() for k in poses]
+    assert max(shares) > SETTINGS.largest_overlap
     for k in poses:
-        assert not find_overlaps(template, bodies[k], ~on_hands).any()
+        assert not find_overlaps(template, bodies[k], ~on_hands, SETTINGS).any()
 
 
 @pytest.mark.slow
@@ -45,10 +49,10 @@ def test_hands_on_hips(registration, bodies):
     assert error(result, scan) < 0.02
 
 
-def test_a_hand_on_the_ear(registration, bodies, monkeypatch):
+def test_a_hand_on_the_ear(model, bodies):
     """No start pose has one hand on the ear and the other arm hanging: arms are tried alone."""
-    search, names = registration._fitter, ("a", "down", "head", "elbows")
-    monkeypatch.setattr(search, "poses", {name: search.poses[name] for name in names})
+    settings = settings_with(poses=("a", "down", "head", "elbows"))
+    registration = ScanRegistration(model, up="y", settings=settings)
     scan = scan_of(bodies, HAND_ON_EAR)
     result = registration.solve(scan.points)
     assert result.trusted, result.message
@@ -57,22 +61,18 @@ def test_a_hand_on_the_ear(registration, bodies, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_wrong_arm_is_not_trusted(registration, bodies, monkeypatch):
+def test_a_wrong_arm_is_not_trusted(registration_from, bodies):
     """From one start pose alone, an arm is not found, and missed."""
-    search = registration._fitter
-    monkeypatch.setattr(search, "arms", [])
-    monkeypatch.setattr(search, "poses", {"hips": search.poses["hips"]})
     scan = scan_of(bodies, HAND_ON_EAR)
-    prepared = registration._prepare(as_scan(scan.points), {})
-    result = registration._solve(registration._fitter, prepared)
+    result = result_of_one_search(registration_from("hips"), scan.points)
     assert error(result, scan) > FAR
     assert not result.trusted
     assert "its right elbow matches hardly anything in the scan" in result.message
 
 
 @pytest.mark.slow
-def test_landmarks_bring_the_arm_where_it_is(registration, bodies, monkeypatch):
-    monkeypatch.setattr(registration._fitter, "arms", [])
+def test_landmarks_bring_the_arm_where_it_is(model, bodies):
+    registration = ScanRegistration(model, up="y", settings=settings_with(tries_arms=False))
     scan = scan_of(bodies, HAND_ON_EAR)
     joints = registration.model.joint_regressor @ scan.body
     names = list(registration.model.joint_names)

@@ -5,16 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.registration._posed_body import (
-    KAPPA,
-    OUTLIERS,
-    Pose,
-    Prior,
-    assign,
-    pose_body,
-    sample_model,
-    take_step,
-)
+from riemhuman.registration._posed_body import Pose, Prior, pose_body, sample_model, take_step
+from riemhuman.registration._soft_assignment import KAPPA, OUTLIERS, assign
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 import riemhuman as rh
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.registration import ScanRegistration, simulated_scan
+from riemhuman.registration import ScanRegistration, _start_search, simulated_scan
 
 
 def errors(result, scan):
@@ -50,7 +50,7 @@ def test_a_sequence_starts_from_the_scan_before(registration, scan, result, fram
     rotation = np.linalg.lstsq(frames[0], scan.body)[0]
     faces = registration.model.faces
     later = simulated_scan(frames[1] @ rotation, faces, rng=5, n_points=6000, rotate=False)
-    monkeypatch.setattr(registration._fitter, "run", None)  # no cold start any more
+    monkeypatch.setattr(_start_search, "search_starts", None)  # no cold start any more
     second = registration.solve(later.points, start=result)
     assert second.trusted
     assert errors(second, later).mean() < 0.008
@@ -124,3 +124,22 @@ def test_offsets_are_removed_in_double_precision(registration, scan, result):
     np.testing.assert_allclose(far.fit.trans - offset, result.fit.trans, atol=1e-6)
     np.testing.assert_allclose(far.upright_points, result.upright_points, atol=1e-6)
     np.testing.assert_allclose(far.distances, result.distances, atol=1e-6)
+
+
+def test_a_trace_keeps_every_stage(registration, scan, result):
+    found = registration.solve(scan.surface, trace=True)
+    assert result.trace is None
+    np.testing.assert_array_equal(found.points, result.points)
+    trace = found.trace
+    surfaces = trace.surfaces()
+    assert list(surfaces) == ["start", "search", "dense fit", "arms and hands", "elastic step"]
+    np.testing.assert_array_equal(surfaces["elastic step"], found.points)
+    off = [np.linalg.norm(points - scan.body, axis=1).mean() for points in surfaces.values()]
+    assert off[0] > 3.0 * off[1]  # the search brings the start to the scan
+    assert max(off[2:]) < off[1]  # and the later stages bring it closer
+    counts = [len(trace.search.starts), *map(len, trace.search.rounds)]
+    assert counts == sorted(counts, reverse=True)
+    assert trace.search.candidates[0].likelihood == max(
+        candidate.likelihood for candidate in trace.search.candidates
+    )
+    assert trace.verdict.trusted == found.trusted

@@ -11,9 +11,11 @@ from scipy.spatial.transform import Rotation
 import riemhuman as rh
 from riemhuman.registration import find_inward_triangles, simulated_scan
 from riemhuman.registration._scan_preparation import prepare_scan
+from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration._trust import find_lost_limbs
-from riemhuman.registration.scan_registration import _other_units
+from riemhuman.registration._verdict import _other_units
 from riemhuman.registration.scans import as_scan
+from riemhuman.registration.settings import TrustSettings
 
 
 @pytest.fixture(scope="module")
@@ -181,9 +183,10 @@ def test_a_forearm_folded_into_its_upper_arm_is_lost(registration):
     axis = np.cross(joints[wrist] - joints[elbow], [0.0, 0.0, 1.0])
     whole = np.ones(model.n_vertices, dtype=bool)
     forearm = np.isin(model.weights.argmax(axis=1), [elbow, wrist])
+    parts = BodyParts(model)
     for degrees, expected in ((90.0, 0.0), (130.0, 1.0)):
         pose[elbow] = np.radians(degrees) * axis / np.linalg.norm(axis)
-        lost = find_lost_limbs(registration._parts, model(pose=pose), whole, ~whole)
+        lost = find_lost_limbs(parts, model(pose=pose), whole, ~whole, TrustSettings())
         assert lost[forearm].mean() == expected
         assert not lost[~forearm].any()
 

@@ -4,13 +4,14 @@ import numpy as np
 from scanned_people import with_other_names, with_smpls_tree
 
 from riemhuman.bodies.skinning import SMPL_JOINTS, usual_joint_names
-from riemhuman.registration._posed_body import _landmark_cost
+from riemhuman.registration._soft_assignment import landmark_cost
 from riemhuman.registration._start_poses import (
     BodyParts,
     joint_precisions,
     other_arms,
     start_poses,
 )
+from riemhuman.registration.settings import AssignmentSettings
 
 
 def test_arms_reach_from_the_collar_to_the_wrist(model):
@@ -38,9 +39,10 @@ def test_every_way_to_hold_an_arm_is_tried_once(model):
 
 
 def test_landmarks_far_from_their_joints_lower_the_likelihood():
-    joints = np.zeros((2, 3))
+    joints, settings = np.zeros((2, 3)), AssignmentSettings()
     costs = [
-        _landmark_cost(joints, {1: np.array([0.0, x, 0.0])}) for x in (0.0, 0.1, 0.3, 2.0, 9.0)
+        landmark_cost(joints, {1: np.array([0.0, x, 0.0])}, settings)
+        for x in (0.0, 0.1, 0.3, 2.0, 9.0)
     ]
     assert costs[0] == 0.0
     assert costs[1] > 0.05  # more than likelihoods of neighbouring starts differ

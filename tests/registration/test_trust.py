@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+from scanned_people import result_of_one_search, settings_with
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._trust import find_doubts, find_seen, join_reasons
-from riemhuman.registration.scans import as_scan
+from riemhuman.registration._trust import FitQuality, find_seen, join_reasons
+from riemhuman.registration._trust import find_doubts as find_doubts_of
+from riemhuman.registration.settings import TrustSettings
+
+SETTINGS = TrustSettings()
 
 GOOD = {
     "likelihood": 3.2,
@@ -19,6 +23,10 @@ GOOD = {
     "limb": "left wrist",
     "limb_matched": 0.5,
 }
+
+
+def find_doubts(**qualities):
+    return find_doubts_of(FitQuality(**qualities), SETTINGS)
 
 
 @pytest.mark.parametrize("change", [{}, {"near": 1.0, "limb_matched": 0.0}])
@@ -66,7 +74,9 @@ def test_straight_fingers_are_not_seen_in_a_scan_of_a_fist(model):
     straight, fist = (model(hands=model.hand_pose(name)) for name in ("open", "fist"))
     scan = prepare_scan(rh.registration.Scan(fist, model.faces))
     gaps = np.linalg.norm(straight - fist, axis=1)
-    found = [find_seen(model.template, each, gaps < 0.04, scan) for each in (straight, fist)]
+    found = [
+        find_seen(model.template, each, gaps < 0.04, scan, SETTINGS) for each in (straight, fist)
+    ]
     assert found[0][gaps > 0.04].mean() < 0.1
     assert found[1].all()  # as in a hole, where fists are right
 
@@ -75,21 +85,12 @@ def test_straight_fingers_are_not_seen_in_a_scan_of_a_fist(model):
 def test_a_body_the_wrong_way_round_is_refused():
     """The right start is left out, so that only the flipped body is there to be found."""
     model = rh.datasets.load_open_model("coarse")
-    registration = ScanRegistration(model, up="y")
+    # Of six headings the one backwards.
+    registration = ScanRegistration(model, up="y", settings=settings_with(headings=(3,)))
     bodies = rh.datasets.load_open_bodies("coarse")
     # Both arms forward, no heading: a body that looks the other way is half a metre off.
     points = bodies[2]
     scan = rh.registration.simulated_scan(points, model.faces, 4, n_points=6000, rotate=False)
-    search = registration._fitter
-    everything = search._starts
-
-    def backwards(*options):
-        starts = everything(*options)
-        facing = [start.pose.local[0] @ [0.0, 0.0, 1.0] for start in starts]
-        return [start for start, way in zip(starts, facing, strict=True) if way[2] < -0.9]
-
-    search._starts = backwards
-    prepared = registration._prepare(as_scan(scan.points), {})
-    result = registration._solve(registration._fitter, prepared)
+    result = result_of_one_search(registration, scan.points)
     assert np.linalg.norm(result.points - scan.body, axis=1).mean() > 0.2
     assert not result.trusted

@@ -1,7 +1,6 @@
 """People who are in no data set, in moments of motions that are no start poses, and their scans."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -10,7 +9,14 @@ from scipy.spatial.transform import Rotation
 import riemhuman as rh
 from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS, usual_joint_names
 from riemhuman.datasets.open_bodies import surface_noise
+from riemhuman.registration import RegistrationSettings
+from riemhuman.registration._arms_and_hands import BodyFit, fit_arms_and_hands
+from riemhuman.registration._dense_fit import fit_densely
+from riemhuman.registration._elastic_step import leave_model
+from riemhuman.registration._pipeline import fit_and_judge, register_whole
 from riemhuman.registration._start_poses import rename_joints
+from riemhuman.registration._start_search import search_scan
+from riemhuman.registration.scan_registration import known_body, result_of
 from riemhuman.registration.scans import as_scan
 from riemhuman.registration.simulated_scans import remesh
 from riemhuman.surfaces.nearest_points import nearest_points
@@ -225,8 +231,7 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
     error is that of the trusted vertices, of all if none is trusted; that of a limb is of what the
     scan shows, trusted or not.
     """
-    prepared, fitters = registration._prepare(as_scan(points), {}), registration._partial_fitters
-    half = cache(lambda number: registration._solve(fitters[number], prepared))
+    task = registration._task(as_scan(points), {})
     model = registration.model
     faces, owners = model.faces, model.weights.argmax(axis=1)
     if places is not None:
@@ -238,7 +243,7 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
         if start is None:
             result = registration.solve(points)
         else:
-            result = registration._solve_whole(half, prepared, start)
+            result = result_of(register_whole(task, known_body(start)), trace=False)
         own, chosen = result.points, result.trusted_vertices
         if places is not None:
             own, chosen = points_at(places, own, faces), chosen[faces[places.triangles, 0]]
@@ -254,6 +259,26 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
         *other_starts(registration, first, rng),
     ]:
         yield name, *solved(start)
+
+
+def settings_with(**search):
+    """Return settings with some of the search."""
+    settings = RegistrationSettings()
+    return replace(settings, search=replace(settings.search, **search))
+
+
+def result_of_one_search(registration, points):
+    """Return the result of the first search, before `solve` would try others."""
+    task = registration._task(as_scan(points), {})
+    search = search_scan(task.models.whole, task.scan)
+    return result_of(fit_and_judge(search), trace=False)
+
+
+def fit_body(body, start, scan):
+    """Return the fit of a body to a prepared scan from one candidate."""
+    arms = fit_arms_and_hands(fit_densely(body, start, scan), known=False)
+    elastic = leave_model(arms.task, arms.pose)
+    return BodyFit(arms.task, elastic, arms.doubtful_arms, arms.hand_fits)
 
 
 def with_smpls_tree(model):

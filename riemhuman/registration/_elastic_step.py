@@ -1,0 +1,137 @@
+"""The elastic step, in which the surface of a fitted body leaves the model towards a scan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import cg
+
+from riemhuman.geometry import ElasticMetric
+from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration._dense_fit import DenseTask
+from riemhuman.registration._posed_body import Pose, pose_body, take_step
+from riemhuman.registration._scan_preparation import Matches, PreparedScan
+from riemhuman.registration.settings import ElasticSettings
+
+
+@dataclass(frozen=True)
+class ElasticFit:
+    """A body whose surface left the model towards a scan."""
+
+    pose: Pose
+    model_points: np.ndarray  # (V, 3) surface of the model
+    points: np.ndarray  # (V, 3) surface that left the model
+    matches: Matches  # of the vertices
+
+
+def leave_model(task: DenseTask, pose: Pose) -> ElasticFit:
+    """Take the elastic step, and fit the model to its result again, twice."""
+    metric, scan, settings = task.body.metric, task.scan, task.body.settings.elastic
+    softer = np.geomspace(
+        settings.first_stiffness, last_stiffness(scan.noise, settings), settings.n_steps
+    )
+    reference = task.body.surface(pose)
+    points, matches = fit_elastic(metric, reference, reference, scan, softer, visible=task.visible)
+    for _ in range(settings.n_repeats):
+        weights = np.maximum(matches.weights, settings.unmatched)
+        pose = _fit_surface(task, pose, points, weights)
+        reference = task.body.surface(pose)
+        points, matches = fit_elastic(
+            metric,
+            points,
+            reference,
+            scan,
+            softer[-settings.n_steps_again :],
+            visible=task.visible,
+        )
+    return ElasticFit(pose, reference, points, matches)
+
+
+def last_stiffness(noise: float, settings: ElasticSettings) -> float:
+    """Return the stiffness α of the last elastic steps for a scan with such noise, metres."""
+    softest = settings.last_stiffness * max(1.0, noise / settings.noise_metres) ** 2
+    return min(softest, settings.first_stiffness)
+
+
+def _fit_surface(task: DenseTask, pose: Pose, points: np.ndarray, weights: np.ndarray) -> Pose:
+    """Return the pose whose vertices come to those that left the model, with weights (V,)."""
+    settings, numbers = task.body.settings, task.samples.numbers
+    is_vertex = (numbers >= 0)[:, np.newaxis]
+    shares = task.samples.areas * weights[numbers]
+    longest = settings.dense.longest_rotation
+    for _ in range(settings.elastic.n_surface_steps):
+        posed = pose_body(task.samples, pose)
+        gaps = np.where(is_vertex, points[numbers] - posed.points, 0.0)
+        prior_weight = task.scan.prior_weight
+        pose = take_step(posed, task.prior, prior_weight, shares, gaps, gaps, 1.0, longest)
+    return pose
+
+
+def fit_elastic(
+    metric: ElasticMetric,
+    start: np.ndarray,
+    reference: np.ndarray,
+    scan: PreparedScan,
+    stiffnesses: Sequence[float] | np.ndarray,
+    scale: float | None = None,
+    visible: np.ndarray | bool = True,
+) -> tuple[np.ndarray, Matches]:
+    """Return a surface near a scan, elastically near a reference, and the matches of vertices."""
+    # Gauss–Newton steps, one for each stiffness, minimise the cost of `TemplateRegistration` with
+    # the matrix of the metric at the reference.
+    settings, template = scan.settings.elastic, metric.space.template
+    scale = settings.scale if scale is None else scale
+    faces, areas = template.faces, template.vertex_areas
+
+    def match(points: np.ndarray) -> Matches:
+        matches = scan.match(points, vertex_normals(points, faces), scale)
+        return matches._replace(
+            weights=matches.weights * visible, reliable=matches.reliable * visible
+        )
+
+    # Single precision suffices for steps.
+    system = sparse.bsr_array(metric.metric_matrix(reference), blocksize=(3, 3)).astype(np.float32)
+    elastic, numbers = system.data, np.arange(len(start) + 1)
+    on_diagonal = np.repeat(numbers[:-1], np.diff(system.indptr)) == system.indices
+
+    def pull_to(points: np.ndarray) -> tuple[float, np.ndarray]:
+        energy, gradient = metric.energy_and_gradient(np.stack([reference, points]))
+        return energy, gradient[1]
+
+    points, matches = start, match(start)
+    energy, pull = pull_to(start)
+    for stiffness in stiffnesses:
+        weights = areas * matches.weights
+        blocks = matches.normals[:, :, np.newaxis] * matches.normals[:, np.newaxis]
+        blocks = weights[:, np.newaxis, np.newaxis] * (blocks + settings.along * np.eye(3))
+        right = np.einsum("nxy,ny->nx", blocks, matches.gaps) - 0.5 * stiffness * pull
+        system.data = np.float32(stiffness) * elastic
+        system.data[on_diagonal] += blocks
+        inverse = np.linalg.inv(system.data[on_diagonal])
+        step, _ = cg(
+            system,
+            right.ravel().astype(np.float32),
+            rtol=settings.conjugate_tolerance,
+            maxiter=settings.n_conjugate,
+            M=sparse.bsr_array((inverse, numbers[:-1], numbers)),
+        )
+        step = step.reshape(-1, 3)
+        cost = _squares(matches.gaps, blocks) + stiffness * energy
+        # Where triangles nearly vanish, a whole step may go too far.
+        energy, pull = pull_to(points + step)
+        for _ in range(settings.most_halvings):
+            if _squares(matches.gaps - step, blocks) + stiffness * energy <= cost:
+                break
+            step = 0.5 * step
+            energy, pull = pull_to(points + step)
+        points = points + step
+        matches = match(points)
+    return points, matches
+
+
+def _squares(gaps: np.ndarray, blocks: np.ndarray) -> float:
+    """Return the sum of weighted squares of gaps, with a matrix of weights for each."""
+    return float(np.einsum("nx,nxy,ny->", gaps, blocks, gaps, optimize=True))

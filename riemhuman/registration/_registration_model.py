@@ -1,0 +1,107 @@
+"""A body model as registration uses it: what follows from the model alone is computed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from riemhuman.bodies import BodyModel
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
+from riemhuman.registration._arm_surfaces import ArmSurface
+from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, sample_model
+from riemhuman.registration._soft_assignment import End
+from riemhuman.registration._start_poses import BodyParts, joint_precisions, start_poses
+from riemhuman.registration.settings import DEFAULT_SETTINGS, RegistrationSettings
+
+
+@dataclass(frozen=True, eq=False)
+class RegistrationModel:
+    """A body model with the settings of its registration."""
+
+    model: BodyModel
+    settings: RegistrationSettings = DEFAULT_SETTINGS
+    cut: int = 0  # -1 for a body without legs, 1 for one without all above the waist
+
+    @cached_property
+    def parts(self) -> BodyParts:
+        return BodyParts(self.model)
+
+    @cached_property
+    def root(self) -> int:
+        return int(np.flatnonzero(self.model.parents < 0)[0])
+
+    @cached_property
+    def arms(self) -> list[np.ndarray]:
+        """The joints of the arms that are tried in other ways."""
+        return self.parts.arms if self.settings.search.tries_arms else []
+
+    @cached_property
+    def arm_surfaces(self) -> list[ArmSurface]:
+        settings, model, parts = self.settings.arms, self.model, self.parts
+        skin, few = self.samples(None), self.samples(settings.n_samples)
+        return [ArmSurface(model, parts, joints, skin, few, settings) for joints in self.arms]
+
+    @cached_property
+    def poses(self) -> dict[str, np.ndarray]:
+        """The start poses, rotations of the joints."""
+        poses, chosen = start_poses(self.model), self.settings.search.poses
+        unknown = [] if chosen is None else [name for name in chosen if name not in poses]
+        if unknown:
+            raise ArgumentError(
+                f"settings.search.poses has {unknown[0]!r}; the model has {', '.join(poses)}"
+            )
+        return poses if chosen is None else {name: poses[name] for name in chosen}
+
+    @cached_property
+    def precisions(self) -> np.ndarray:
+        """Inverse variances of the joints' rotations from a start pose."""
+        return joint_precisions(self.model)
+
+    @cached_property
+    def betas_precisions(self) -> np.ndarray:
+        """Inverse variances of the coefficients; hands stay relaxed until the dense fit."""
+        counts = [self.model.n_betas, self.model.hand_directions.shape[2]]
+        return np.repeat([1.0, self.settings.search.still_hands], counts)
+
+    @cached_property
+    def metric(self) -> ElasticMetric:
+        return ElasticMetric(AlignedSurfaces(self.model.template), a=1.0, lam=1.0, c=1.0)
+
+    @cached_property
+    def _shown(self) -> np.ndarray:
+        """Which vertices belong to the body, without its legs if they are cut off."""
+        if self.cut < 0:
+            return ~self.parts.halves[0]
+        return np.ones(self.model.n_vertices, dtype=bool)
+
+    @cached_property
+    def _samples(self) -> dict[int | None, ModelSamples]:
+        return {}
+
+    def samples(self, n_samples: int | None) -> ModelSamples:
+        """Return about this number of points of the model, all by None; computed once."""
+        if n_samples not in self._samples:
+            samples = sample_model(self.model, n_samples)
+            areas = samples.areas * self._shown[samples.numbers]
+            self._samples[n_samples] = samples._replace(areas=areas / areas.sum())
+        return self._samples[n_samples]
+
+    def surface(self, pose: Pose) -> np.ndarray:
+        return pose_body(self.samples(None), pose).points[: self.model.n_vertices]
+
+    def prior(self, pose: Pose) -> Prior:
+        """Return the prior of a search around a pose."""
+        return Prior(pose.local, self.precisions, pose.betas, self.betas_precisions)
+
+    def end_of(self, scan: np.ndarray, up: np.ndarray) -> End | None:
+        """Return where a scan of a part of a body ends."""
+        direction = self.cut * up
+        return End(direction, float((scan @ direction).max())) if self.cut else None
+
+    def find_visible(self, surface: np.ndarray, scan: np.ndarray, up: np.ndarray) -> np.ndarray:
+        """Return which vertices a scan can show."""
+        end = self.end_of(scan, up)
+        return self._shown if end is None else self._shown & end.shows(surface)

@@ -1,0 +1,157 @@
+"""Soft assignment of a scan's points to a body, by which starts are fitted and compared.
+
+In the soft assignment, a scan point x with normal m belongs to the body's point v with normal n and
+share of area A with the probability P ∝ A exp(−|v − x|²/2σ² + κ (n·m − 1)); a uniform density
+models points that belong to none. This is the mixture of coherent point drift (Myronenko and Song
+2010, equations 2 to 4) with areas as weights and a von Mises–Fisher factor for the normals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from riemhuman.kernels.compilation import SUM, compiled
+from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, take_step
+from riemhuman.registration._scan_preparation import PreparedScan
+from riemhuman.registration.settings import AssignmentSettings
+
+# Exponents that are larger count for nothing in the soft assignment: e⁻³⁰ is far below the share of
+# outliers, and still smaller ones become denormal numbers, which are slow.
+_NEGLIGIBLE = 30.0
+# Concentration κ of the normals, and the expected share of scan points that do not belong to the
+# body, spread over a cubic metre. They are compiled in.
+KAPPA, OUTLIERS = 2.0, 0.05
+
+
+class End(NamedTuple):
+    """A plane beyond which a scan shows nothing of a body."""
+
+    direction: np.ndarray  # (3,) away from the scan
+    height: float  # along the direction, metres
+
+    def shows(self, points: np.ndarray, distance: float = 0.0) -> np.ndarray:
+        """Return which points are at least so far before the plane, metres."""
+        shown: np.ndarray = points @ self.direction <= self.height - distance
+        return shown
+
+
+@compiled(fastmath=SUM)
+def assign(
+    points: np.ndarray,
+    normals: np.ndarray,
+    areas: np.ndarray,
+    scan: np.ndarray,
+    scan_normals: np.ndarray,
+    sigma: float,
+    signed: bool,
+    masses: np.ndarray,
+    targets: np.ndarray,
+) -> float:
+    """Fill masses and targets of the body's points, and return the mean log-likelihood."""
+    # Masses are the expected numbers of scan points that belong to each point of the body, targets
+    # the sums of these scan points.
+    n = points.shape[1]
+    share = np.empty(n, np.float32)
+    # exp(−t) as (1 − t/1024)^1024, which needs only multiplications.
+    scale = np.float32(0.5 / (sigma * sigma) / 1024.0)
+    angular = np.float32(KAPPA / 1024.0)
+    one, zero = np.float32(1.0), np.float32(0.0)
+    least = np.float32(1.0 - _NEGLIGIBLE / 1024.0)
+    # The mean of exp(κ (n·m − 1)) over all directions.
+    mean_angular = (1.0 - math.exp(-2.0 * KAPPA)) / (2.0 * KAPPA)
+    volume = (2.0 * math.pi * sigma * sigma) ** 1.5 * mean_angular / (1.0 - OUTLIERS)
+    outliers = np.float32(OUTLIERS * volume)
+    point_x, point_y, point_z = points[0], points[1], points[2]
+    normal_x, normal_y, normal_z = normals[0], normals[1], normals[2]
+    target_x, target_y, target_z = targets[0], targets[1], targets[2]
+    masses[:] = zero
+    targets[:] = zero
+    likelihood = 0.0
+    for j in range(scan.shape[0]):
+        x, y, z = scan[j, 0], scan[j, 1], scan[j, 2]
+        p, q, r = scan_normals[j, 0], scan_normals[j, 1], scan_normals[j, 2]
+        total = zero
+        for i in range(n):
+            dx, dy, dz = point_x[i] - x, point_y[i] - y, point_z[i] - z
+            cosine = normal_x[i] * p + normal_y[i] * q + normal_z[i] * r
+            cosine = cosine if signed else abs(cosine)
+            t = one - (dx * dx + dy * dy + dz * dz) * scale - (one - cosine) * angular
+            t = t if t > least else zero
+            for _ in range(10):
+                t *= t
+            t *= areas[i]
+            share[i] = t
+            total += t
+        likelihood += math.log(total + outliers)
+        factor = one / (total + outliers)
+        for i in range(n):
+            t = share[i] * factor
+            masses[i] += t
+            target_x[i] += t * x
+            target_y[i] += t * y
+            target_z[i] += t * z
+    return likelihood / scan.shape[0] - math.log(volume)
+
+
+def anneal(
+    body: ModelSamples,
+    pose: Pose,
+    prior: Prior,
+    scan: PreparedScan,
+    sigmas: np.ndarray,
+    end: End | None,
+) -> tuple[Pose, float]:
+    """Fit a body to a scan by a step for each deviation but the last, that of the likelihood."""
+    settings = scan.settings.assignment
+    n, n_joints = body.weights.shape
+    areas = body.areas.astype(np.float32)
+    points, scan_normals = scan.points.astype(np.float32), scan.normals.astype(np.float32)
+    masses, targets = np.empty(n, np.float32), np.empty((3, n), np.float32)
+    landmarks = np.full((n, 3), np.nan)
+    for joint, position in scan.landmarks.items():
+        landmarks[n - n_joints + joint] = position
+    known = ~np.isnan(landmarks[:, 0])
+    for number, sigma in enumerate(sigmas):
+        posed = pose_body(body, pose)
+        if end is not None:
+            shown = body.areas * end.shows(posed.points)
+            areas = (shown / max(shown.sum(), settings.least_shown)).astype(np.float32)
+        likelihood = assign(
+            np.ascontiguousarray(posed.points.T, np.float32),
+            np.ascontiguousarray(posed.normals.T, np.float32),
+            areas,
+            points,
+            scan_normals,
+            sigma,
+            scan.signed,
+            masses,
+            targets,
+        )
+        if number == len(sigmas) - 1:
+            likelihood -= landmark_cost(posed.points[-n_joints:], scan.landmarks, settings)
+            break
+        # The smallest positive number stands for a mass of 0, whose share is 0.
+        means = targets.T / np.maximum(masses, np.finfo(np.float32).tiny)[:, np.newaxis]
+        gaps = np.where(known[:, np.newaxis], landmarks, means) - posed.points
+        shares = np.where(known, settings.landmark_weight, masses / len(points))
+        if end is not None:
+            # Near the end, the points that belong to a point of the body are on one side of it.
+            shares = np.where(known | end.shows(posed.points, sigma), shares, 0.0)
+        weight = sigma * sigma / settings.worth
+        pose = take_step(
+            posed, prior, weight, shares, gaps, posed.normals, 1.0, settings.longest_rotation
+        )
+    return pose, likelihood
+
+
+def landmark_cost(
+    joints: np.ndarray, landmarks: Mapping[int, np.ndarray], settings: AssignmentSettings
+) -> float:
+    """Return by how much landmarks far from their joints lower the log-likelihood."""
+    misses = [np.linalg.norm(joints[joint] - place) for joint, place in landmarks.items()]
+    squares = np.minimum(misses, settings.far_miss) ** 2
+    return settings.landmark_weight * float(np.sum(squares)) / (2.0 * settings.miss_metres**2)

@@ -1,0 +1,63 @@
+"""The direction up of a registered body, and the rigid motion to upright axes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from riemhuman.registration._posed_body import Pose, pose_body
+from riemhuman.registration._registration_model import RegistrationModel
+from riemhuman.registration._scan_preparation import PreparedScan
+
+_SIDES = ("left", "right")
+# Cosine of the pelvis' left with the horizontal below which the forward direction is used instead.
+_LEAST_LEVEL = 0.3
+# Points of the model whose joints alone are looked at.
+_N_FEW = 1000
+
+
+def find_up(
+    body: RegistrationModel, pose: Pose, scan: PreparedScan, start_up: np.ndarray
+) -> np.ndarray:
+    """Return the direction up of a body in a scan, that of its start or a better one."""
+    if scan.up is None:
+        return _standing_up(body, pose, start_up)
+    return _upright_plane(body, pose, scan.up, scan.other_ups) if scan.other_ups else start_up
+
+
+def _standing_up(body: RegistrationModel, pose: Pose, up: np.ndarray) -> np.ndarray:
+    """Return an axis, or the direction up of the feet if they and the trunk lean from it."""
+    names, settings = body.parts.names, body.settings.trust
+    if not {"left_ankle", "right_ankle", "neck"} <= {*names}:
+        return up
+    motions = pose_body(body.samples(_N_FEW), pose).motions
+    left, right = (motions.rotations[names.index(f"{s}_ankle")][:, 1] for s in _SIDES)
+    trunk = motions.positions[names.index("neck")] - motions.positions[body.root]
+    trunk, feet = (way / np.linalg.norm(way) for way in (trunk, left + right))
+    leans = max(feet @ up, trunk @ up) < settings.leaning and left @ right > settings.feet_agree
+    return feet if leans else up
+
+
+def _upright_plane(
+    body: RegistrationModel, pose: Pose, up: np.ndarray, other_ups: tuple[np.ndarray, ...]
+) -> np.ndarray:
+    """Return the normal of the plane on which the trunk is upright, or that with most rest."""
+    root = pose_body(body.samples(_N_FEW), pose).motions.rotations[body.root]
+    best = max((up, *other_ups), key=lambda normal: float(root[:, 1] @ normal))
+    return best if root[:, 1] @ best > body.settings.trust.leaning else up
+
+
+def upright_transform(points: np.ndarray, root: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Return the rigid motion to y up, facing z, of a body with this rotation of its pelvis."""
+    # The left side stays level in people who bend forward; models have x to the left, z forward.
+    left = root[:, 0] - (root[:, 0] @ up) * up
+    if np.linalg.norm(left) < _LEAST_LEVEL:  # someone who lies on one side
+        left = np.cross(up, root[:, 2])
+    left /= np.linalg.norm(left)
+    rotation = np.stack([left, up, np.cross(left, up)])
+    rotated = points @ rotation.T
+    low, high = rotated.min(axis=0), rotated.max(axis=0)
+    transform = np.eye(4)
+    transform[:3, :3] = rotation
+    transform[:3, 3] = -0.5 * (low + high)
+    transform[1, 3] = -low[1]
+    return transform

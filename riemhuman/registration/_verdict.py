@@ -1,0 +1,185 @@
+"""The last stage: which bodies, limbs and vertices are trusted, and what is said of others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from riemhuman.checks import UNITS, likely_units
+from riemhuman.registration._arms_and_hands import BodyFit
+from riemhuman.registration._dense_fit import find_hair
+from riemhuman.registration._limb_rivals import find_limb_doubts
+from riemhuman.registration._messages import in_words, say_unseen
+from riemhuman.registration._posed_body import Pose, pose_body
+from riemhuman.registration._registration_model import RegistrationModel
+from riemhuman.registration._scan_preparation import PreparedScan
+from riemhuman.registration._start_search import Search, find_likelihood_of_area
+from riemhuman.registration._trust import (
+    FitQuality,
+    find_doubts,
+    find_lost_limbs,
+    find_overlaps,
+    find_seen,
+    join_reasons,
+)
+from riemhuman.registration.scans import Scan
+from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
+
+# Points of the model whose joints alone are looked at.
+_N_FEW = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What is trusted of a registered scan."""
+
+    trusted: bool
+    trusted_vertices: np.ndarray  # (V,)
+    message: str
+    likelihood: float
+    matched: np.ndarray  # (V,)
+    correspondence: SurfacePoints  # of all points of the scan
+    distances: np.ndarray  # (N,)
+    background: np.ndarray  # (N,)
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Which vertices of a registered body are where."""
+
+    matched: np.ndarray
+    overlaps: np.ndarray
+    lost: np.ndarray
+    seen: np.ndarray
+
+
+def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
+    """Return what is trusted of a body fitted to the scan of a search."""
+    body, scan, fit = search.body, search.scan, fitted.fit
+    settings, parts, whole = body.settings.trust, body.parts, scan.whole
+    limb_rivals = find_limb_doubts(fitted, body.settings.rivals)
+    places, distances = nearest_points(whole.points, fit.points, body.model.faces)
+    background = scan.background | find_hair(body, fit.model_points, whole.points)
+    visible = body.find_visible(fit.model_points, scan.points, search.candidates[0].up)
+    found = _find_parts(search, fitted, visible)
+    likelihood = find_likelihood_of_area(body, fit.pose, scan, search.candidates[0].up, visible)
+    quality = _measure(search, fitted, found, likelihood)
+    doubts, limb_doubts = find_doubts(quality, settings)
+    doubts += _landmark_doubts(body, fit.pose, scan)
+    if doubts and not unit_is_known:
+        doubts = [*_other_units(whole, background), *doubts]
+    trusted_vertices = found.seen & (not doubts)
+    if limb_doubts:
+        limb = int(np.argmin(parts.shares(found.matched)))
+        trusted_vertices &= ~parts.limb_vertices(limb)
+    rivals = [doubt for doubt in limb_rivals if (doubt.vertices & trusted_vertices).any()]
+    for doubt in rivals:
+        trusted_vertices = trusted_vertices & ~doubt.vertices
+    reasons = [
+        *doubts,
+        *limb_doubts,
+        *(f"{doubt.reason} (not trusted)" for doubt in rivals),
+        *_unseen_parts(body, found, scan),
+    ]
+    return Verdict(
+        trusted=not doubts and not limb_doubts,
+        trusted_vertices=trusted_vertices,
+        message=join_reasons(reasons),
+        likelihood=likelihood,
+        matched=found.matched,
+        correspondence=places,
+        distances=distances,
+        background=background,
+    )
+
+
+def _find_parts(search: Search, fitted: BodyFit, visible: np.ndarray) -> _Parts:
+    """Return which vertices are matched, where another part is, lost, and seen."""
+    body, fit = search.body, fitted.fit
+    settings, parts, template = body.settings.trust, body.parts, body.model.template
+    near = fit.matches.distances < settings.matched_metres
+    matched = visible & near & (fit.matches.reliable > settings.least_reliable)
+    # Hands that lie on the body are thin enough to be where it is, though they are right.
+    overlaps = find_overlaps(template, fit.points, matched & ~parts.on_hands, settings)
+    lost = find_lost_limbs(parts, fit.points, matched, overlaps, settings)
+    if lost.any():
+        chosen = matched & ~parts.on_hands & ~lost
+        overlaps = find_overlaps(template, fit.points, chosen, settings)
+    seen = find_seen(template, fit.points, matched, search.scan, settings) & visible & ~lost
+    return _Parts(matched, overlaps, lost, seen)
+
+
+def _measure(search: Search, fitted: BodyFit, found: _Parts, likelihood: float) -> FitQuality:
+    """Return what tells whether a body is right."""
+    body, scan, fit = search.body, search.scan, fitted.fit
+    settings, model = body.settings.trust, body.model
+    some = scan.points[scan.even_points(settings.n_samples)]
+    some = some[~find_hair(body, fit.model_points, some)]
+    _, gaps = nearest_points(some, fit.points, model.faces)
+    _, model_distances = nearest_points(some, fit.model_points, model.faces)
+    betas = fit.pose.betas[: model.n_betas]
+    shares = body.parts.shares(found.matched)
+    limb = int(np.argmin(shares))
+    return FitQuality(
+        likelihood=likelihood,
+        margin=_margin(search),
+        near=float(np.mean(gaps < settings.near_metres)),
+        betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
+        far=float(np.quantile(model_distances, settings.far_share)),
+        overlap=float(found.overlaps.sum() / max(found.matched.sum(), 1)),
+        limb=in_words(body.parts.names[limb]),
+        limb_matched=float(shares[limb]),
+    )
+
+
+def _margin(search: Search) -> float:
+    """Return how much likelier the best body is than all whose visible part is elsewhere."""
+    candidates, samples = search.candidates, search.body.samples(_N_FEW)
+    surface = pose_body(samples, candidates[0].pose).points
+    end = search.body.end_of(search.scan.points, candidates[0].up)
+    shown = np.ones(len(surface), bool)
+    if end is not None:
+        shown = (samples.areas > 0) & end.shows(surface)
+    farthest = search.body.settings.trust.rival_metres
+    elsewhere = [
+        candidate.likelihood
+        for candidate in candidates[1:]
+        if np.linalg.norm(
+            (pose_body(samples, candidate.pose).points - surface)[shown], axis=1
+        ).mean()
+        > farthest
+    ]
+    return candidates[0].likelihood - max(elsewhere, default=-np.inf)
+
+
+def _landmark_doubts(body: RegistrationModel, pose: Pose, scan: PreparedScan) -> list[str]:
+    joints = pose_body(body.samples(_N_FEW), pose).points[-body.model.n_joints :]
+    misses = {k: np.linalg.norm(joints[k] - place) for k, place in scan.landmarks.items()}
+    return [
+        f"the {in_words(body.parts.names[k])} is {100 * miss:.0f} cm from its landmark"
+        for k, miss in misses.items()
+        if miss > body.settings.trust.farthest_miss
+    ]
+
+
+def _unseen_parts(body: RegistrationModel, found: _Parts, scan: PreparedScan) -> list[str]:
+    """Return what to say about the parts that a scan does not show."""
+    areas, settings = body.model.template.vertex_areas, body.settings.trust
+    share = 1.0 - areas @ found.seen / areas.sum()
+    if share < settings.least_unseen and not found.lost.any():
+        return []
+    unseen = [body.parts.names[k] for k in np.flatnonzero(body.parts.shares(found.seen) < 0.5)]
+    guessed_up = bool(share > settings.guessed_up and scan.up is None)
+    return [say_unseen(unseen, share, guessed_up=guessed_up)]
+
+
+def _other_units(scan: Scan, background: np.ndarray) -> list[str]:
+    """Return what to say if the size of a scan is that of a body in another unit too."""
+    extent = float(np.ptp(scan.points[~background], axis=0).max())
+    others = [unit for unit in likely_units(extent * UNITS[scan.unit]) if unit != scan.unit]
+    return [
+        f"the scan may be in {unit}: it is {extent:.2f} m long, and {scan.unit} were inferred "
+        "from this size; the argument unit, or --unit, decides"
+        for unit in others[:1]
+    ]

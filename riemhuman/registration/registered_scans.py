@@ -1,0 +1,105 @@
+"""Registered scans: surfaces of a body model or template at the places of scans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from riemhuman.bodies import ModelFit
+from riemhuman.registration.registration_traces import RegistrationTrace
+from riemhuman.registration.scans import Scan
+from riemhuman.surfaces.nearest_points import SurfacePoints
+
+
+@dataclass(frozen=True, eq=False)
+class RegisteredScan:
+    """A registered scan, and whether to trust it.
+
+    Attributes
+    ----------
+    points : array, shape (V, 3)
+        The registered surface at the place of the scan, metres.
+    trusted : bool
+        Whether the body passed all checks. Hands that something else explains almost as well
+        leave it trusted: `trusted_vertices` lacks them, and the message names them.
+    trusted_vertices : array of bool, shape (V,)
+        Vertices that the scan shows, or that are within 6 cm of these along the surface and not
+        more than 1.5 cm outside what it shows, as straight fingers of a fist are. False for limbs
+        in doubt: another turn of a forearm, another pose of a hand, or both arms exchanged, is
+        almost as near to the scan, or hands hide each other's fingers. All False if the body is
+        not trusted, but for a limb alone in doubt.
+    message : str
+        The checks that the result failed, limbs in doubt, and parts that the scan does not show.
+    likelihood : float
+        Mean log-likelihood of the scan points for a body of 1.8 square metres; NaN without a model.
+    fit : ModelFit or None
+        Betas, pose, trans and hands of the model, and the distances of `points` from it.
+    distances : array, shape (N,)
+        Distance of each point of the scan from the registered surface, metres.
+    matched : array of bool, shape (V,)
+        Vertices within 2 cm of matching points of the scan; the positions of the others follow from
+        the model and the elastic metric.
+    correspondence : SurfacePoints
+        The nearest point on the surface for each point of the scan.
+    background : array of bool, shape (N,)
+        Points of the scan classified as floor, strays or hair.
+    up : array, shape (3,)
+        The direction up in the scan.
+    transform : array, shape (4, 4)
+        The rigid motion from the axes of the scan, metres, to upright ones: y up, the body facing
+        z, standing on the ground in the middle of the axes. The identity without a model.
+    unit : str
+        The unit of the scan.
+    faces : array of int, shape (F, 3)
+        Triangles of the registered surface.
+    scan : Scan
+        The scan, metres.
+    trace : RegistrationTrace or None
+        The results of all stages, if they were asked for.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> registration = rh.registration.TemplateRegistration(bodies.template)
+    >>> result = registration.solve((bodies[0], bodies.template.faces), start=bodies[0])
+    >>> result.trusted, result.points.shape
+    (True, (1202, 3))
+    """
+
+    points: np.ndarray
+    trusted: bool
+    trusted_vertices: np.ndarray
+    message: str
+    likelihood: float
+    fit: ModelFit | None
+    distances: np.ndarray
+    matched: np.ndarray
+    correspondence: SurfacePoints
+    background: np.ndarray
+    up: np.ndarray
+    transform: np.ndarray
+    unit: str
+    faces: np.ndarray
+    scan: Scan
+    trace: RegistrationTrace | None = None
+
+    @property
+    def upright_points(self) -> np.ndarray:
+        """The registered surface in upright axes, facing z, on the ground; shape (V, 3), metres."""
+        return apply_transform(self.transform, self.points)
+
+    def __repr__(self) -> str:
+        share = 100.0 * self.matched.mean()
+        body = self.distances[~self.background]
+        return (
+            f"<RegisteredScan: {'trusted' if self.trusted else 'not trusted'}, "
+            f"{1000.0 * np.median(body):.1f} mm median distance, {share:.0f} % of the vertices "
+            f"matched{'; ' + self.message if self.message else ''}>"
+        )
+
+
+def apply_transform(transform: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return points, shape (n, 3), after a rigid motion, shape (4, 4)."""
+    moved: np.ndarray = points @ transform[:3, :3].T + transform[:3, 3]
+    return moved
