@@ -20,7 +20,8 @@ from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels import surface
 from riemhuman.kernels.projections import field_coordinates
-from riemhuman.kernels.rotations import nearest_rotations, quaternions, transpose
+from riemhuman.kernels.rotations import fill_quaternions, nearest_rotations, transpose
+from riemhuman.kernels.threads import of_one_kind
 from riemhuman.terms._sum import SumOfTerms, area_ratios
 from riemhuman.terms.normals import RotationTerm
 
@@ -115,7 +116,8 @@ class RotationMetric(SmoothedMetric):
     ) -> None:
         surfaces: Any = space
         template = surfaces.template
-        self._axes = surface.polar_frames(*surfaces.partial_derivatives(template.vertices))
+        axes = surface.polar_frames(*surfaces.partial_derivatives(template.vertices))
+        self._axes = of_one_kind(axes)
         super().__init__(space, RotationFields(template).metric, self.rotations, time, **solvers)
 
     def rotations(self, f: ndarray) -> ndarray:
@@ -127,7 +129,9 @@ class RotationMetric(SmoothedMetric):
         """
         f_u, f_v = self.space.partial_derivatives(f)
         surface.refuse_degenerate(surface.is_degenerate(values_of(f_u), values_of(f_v)))
-        rotations = np.matmul(surface.polar_frames(f_u, f_v), transpose(self._axes))
+        return self._diffused(np.matmul(surface.polar_frames(f_u, f_v), transpose(self._axes)))
+
+    def _diffused(self, rotations: ndarray) -> ndarray:
         if self.time == 0:
             return rotations
         flat = np.reshape(rotations, (*np.shape(rotations)[:-2], 9))
@@ -139,9 +143,14 @@ class RotationMetric(SmoothedMetric):
 
         def fields(points: ndarray) -> tuple[ndarray]:
             surfaces = self.space.check_point(points, "points")
-            components = np.empty((len(surfaces), self.space.template.n_faces, 4))
-            for i, f in enumerate(surfaces):
-                components[i] = quaternions(self.rotations(f))
+            n_faces = self.space.template.n_faces
+            components, rotations = np.empty((len(surfaces), n_faces, 4)), np.empty((n_faces, 3, 3))
+            for f, quaternions in zip(surfaces, components, strict=True):
+                f_u, f_v = (of_one_kind(part) for part in self.space.partial_derivatives(f))
+                if surface.fill_rotations(f_u, f_v, self._axes, rotations):
+                    fill_quaternions(of_one_kind(self._diffused(rotations)), quaternions)
+                else:  # the definition says which triangle has no area
+                    fill_quaternions(of_one_kind(self.rotations(f)), quaternions)
             return (components,)
 
         return SumOfTerms([RotationTerm()], self.space.template, fields)

@@ -7,6 +7,7 @@ quaternion, and the angle is twice that between the quaternions, up to sign.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import autograd.numpy as np
@@ -135,6 +136,34 @@ def quaternions(rotations: ndarray) -> ndarray:
     chosen = [sum(np.where(largest == k, columns[k][i], 0.0) for k in range(4)) for i in range(4)]
     column = np.stack(chosen, axis=-1)
     return column / np.sqrt(dot(column, column))[..., None]
+
+
+@compiled
+def fill_quaternions(rotations: ndarray, found: ndarray) -> None:
+    """Fill `quaternions` of rotations, shape (n, 3, 3)."""
+    q = onp.empty(4)
+    for t in range(len(rotations)):
+        r = rotations[t]
+        trace = r[0, 0] + r[1, 1] + r[2, 2]
+        # The component whose column of 4 q qᵀ is taken, and its square times four.
+        chosen, largest = 0, 1.0 + trace
+        for k in range(3):
+            square = 1.0 + 2.0 * r[k, k] - trace
+            if square > largest:
+                chosen, largest = k + 1, square
+        x, y, z = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+        xy, xz, yz = r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1]
+        if chosen == 0:
+            q[0], q[1], q[2], q[3] = largest, x, y, z
+        elif chosen == 1:
+            q[0], q[1], q[2], q[3] = x, largest, xy, xz
+        elif chosen == 2:
+            q[0], q[1], q[2], q[3] = y, xy, largest, yz
+        else:
+            q[0], q[1], q[2], q[3] = z, xz, yz, largest
+        length = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        for k in range(4):
+            found[t, k] = q[k] / length
 
 
 def log(r1: ndarray, r2: ndarray) -> ndarray:

@@ -24,6 +24,7 @@ from numpy import ndarray
 from scipy.sparse import csr_array, csr_matrix
 
 from riemhuman.errors import DegenerateSurfaceError
+from riemhuman.kernels.compilation import compiled
 
 DEGENERATE = 8 * np.finfo(float).eps
 """Triangles count as degenerate below this squared sine of the angle between f_u and f_v."""
@@ -269,6 +270,37 @@ def polar_frames(f_u: ndarray, f_v: ndarray) -> ndarray:
     q_u, q_v = f_u + np.cross(f_v, n), f_v + np.cross(n, f_u)
     trace = np.sqrt(dot(q_u, q_u))[..., None]
     return np.stack([q_u / trace, q_v / trace, n], axis=-1)
+
+
+@compiled
+def fill_rotations(f_u: ndarray, f_v: ndarray, axes: ndarray, rotations: ndarray) -> bool:
+    """Fill `polar_frames` times axes transposed; return whether every triangle has an area."""
+    for t in range(len(f_u)):
+        u, v = f_u[t], f_v[t]
+        n0, n1, n2 = _cross(u[0], u[1], u[2], v[0], v[1], v[2])
+        squared = n0 * n0 + n1 * n1 + n2 * n2
+        e, g = u[0] * u[0] + u[1] * u[1] + u[2] * u[2], v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+        if squared <= DEGENERATE * e * g:
+            return False
+        length = math.sqrt(squared)
+        n0, n1, n2 = n0 / length, n1 / length, n2 / length
+        a0, a1, a2 = _cross(v[0], v[1], v[2], n0, n1, n2)
+        b0, b1, b2 = _cross(n0, n1, n2, u[0], u[1], u[2])
+        a0, a1, a2, b0, b1, b2 = a0 + u[0], a1 + u[1], a2 + u[2], b0 + v[0], b1 + v[1], b2 + v[2]
+        trace = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
+        for j in range(3):
+            x, y, z = axes[t, j, 0] / trace, axes[t, j, 1] / trace, axes[t, j, 2]
+            rotations[t, 0, j] = a0 * x + b0 * y + n0 * z
+            rotations[t, 1, j] = a1 * x + b1 * y + n1 * z
+            rotations[t, 2, j] = a2 * x + b2 * y + n2 * z
+    return True
+
+
+@compiled(forceinline=True)
+def _cross(
+    x0: float, x1: float, x2: float, y0: float, y1: float, y2: float
+) -> tuple[float, float, float]:
+    return x1 * y2 - x2 * y1, x2 * y0 - x0 * y2, x0 * y1 - x1 * y0
 
 
 def deformation_gradients(before: ndarray, after: ndarray) -> ndarray:

@@ -109,3 +109,23 @@ def test_poses_of_people_nothing_was_tuned_on():
     assert rotations.nn >= normals.nn + 5
     assert rotations.first_tier > normals.first_tier
     assert rotations.second_tier > 99
+
+
+@pytest.mark.parametrize("time", [0.0, None])
+def test_compiled_features_are_those_of_the_definition(time):
+    bodies = load_open_bodies("coarse")
+    metric = RotationMetric(AlignedSurfaces(bodies.template, equip=False), time=time)
+    points = bodies.points[:4]
+    expected = [[metric.dist(one, other) for other in points] for one in points]
+    found = metric.dist_pairwise(points, precision="double")
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=0)
+
+
+def test_compiled_features_refuse_triangles_without_area():
+    bodies = load_open_bodies("coarse")
+    metric = RotationMetric(AlignedSurfaces(bodies.template, equip=False))
+    points = bodies.points[:2].copy()
+    one, two, _ = bodies.template.faces[7]
+    points[1, two] = points[1, one]
+    with pytest.raises(DegenerateSurfaceError, match="must have an area"):
+        metric.dist_pairwise(points)

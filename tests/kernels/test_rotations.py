@@ -109,6 +109,18 @@ def random_rotations(n=40, seed=0):
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-6, 0.3, 2.0, 3.1, np.pi - 1e-9, np.pi])
+def test_filled_quaternions(angle):
+    axes = np.random.default_rng(41).normal(size=(200, 3))
+    axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
+    r = rotation_matrix(angle * np.concatenate([axes, np.eye(3), -np.eye(3)]))
+    found = np.empty((len(r), 4))
+    so3.fill_quaternions(r, found)
+    expected = so3.quaternions(r)
+    same_sign = np.sign(np.sum(found * expected, axis=-1, keepdims=True))
+    np.testing.assert_allclose(found, same_sign * expected, rtol=0, atol=4e-16)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-6, 0.3, 2.0, 3.1, np.pi - 1e-9, np.pi])
 def test_quaternions(angle):
     vectors = turns(angle)
     found = so3.quaternions(Rotation.from_rotvec(vectors).as_matrix())
