@@ -11,6 +11,7 @@ from riemhuman.datasets.motions import ArrayMotion, Motion, Motions, load_mesh_m
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
 from riemhuman.datasets.open_motions import load_open_motions
 from riemhuman.datasets.open_poses import joint_rotations, pose_vectors
+from riemhuman.datasets.photographed_bodies import PhotographedBodies, load_photographed_bodies
 from riemhuman.datasets.recordings import load_recording
 from riemhuman.datasets.registered_meshes import (
     RegisteredMeshes,
@@ -33,6 +34,7 @@ __all__ = [
     "MatchedMeshes",
     "Motion",
     "Motions",
+    "PhotographedBodies",
     "RegisteredMeshes",
     "RetargetedMotion",
     "RetargetingErrors",
@@ -50,6 +52,7 @@ __all__ = [
     "load_open_bodies",
     "load_open_model",
     "load_open_motions",
+    "load_photographed_bodies",
     "load_recording",
     "load_shrec14",
     "load_shrec19",

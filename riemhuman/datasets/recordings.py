@@ -158,6 +158,11 @@ def _video_motion(
     """Return the motion of one person in a file of a method that watches videos."""
     content = _read(file, suffix)
     people = list(_people(content, ""))
+    if not people and isinstance(content, dict) and "pred_vertices" in content:
+        raise FileFormatError(
+            f"{file} holds bodies of SAM 3D Body, without poses of SMPL: "
+            "load_photographed_bodies(path, faces) reads them"
+        )
     if not people:
         raise FileFormatError(
             f"{file} holds no motion that is known: poses in SMPL's joint order, such as poses, "
