@@ -245,6 +245,21 @@ def _npz_facts(file: Path) -> dict[str, Any]:
         }
     if {"v_template", "shapedirs"} <= names:
         return _model_facts(file)
+    if {"to_model_triangles", "to_template_triangles"} <= names:
+        sizes = array_shapes(file, ("template", "registered"))[1]
+        return {
+            "kind": "map between topologies",
+            "vertices": sizes["template"][0],
+            "model_vertices": sizes["registered"][0],
+        }
+    if "pred_vertices" in names:
+        expected = ("pred_cam_t", "pred_keypoints_3d", "shape_params")
+        return {
+            "kind": "bodies of SAM 3D Body",
+            "vertices": array_shapes(file, ("pred_vertices",))[1]["pred_vertices"][-2],
+            "lacks": ", ".join(["triangles", *(each for each in expected if each not in names)]),
+            "next": f"riemhuman convert {file} -o body.ply --faces MESH",
+        }
     if {"distances", "names"} <= names:
         arrays = rh.io.load_arrays(file, ("distances", "names"), ("metric",))
         return {
