@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from operator import attrgetter
 from typing import Any, cast
 
 import autograd.numpy as np
@@ -49,11 +48,6 @@ from riemhuman.representation import Unchanging, constructor_text
 
 def _is_overridden(metric: RiemannianMetric, name: str) -> bool:
     return getattr(type(metric), name) is not getattr(RiemannianMetric, name)
-
-
-def _defines(*names: str, doc: str) -> property:
-    """Return a property: whether the class of a metric overrides one of some methods."""
-    return property(lambda self: any(_is_overridden(self, name) for name in names), doc=doc)
 
 
 class RiemannianMetric(Unchanging):
@@ -151,15 +145,30 @@ class RiemannianMetric(Unchanging):
             given["transport_solver"] = self.transport_solver
         return given
 
-    has_closed_form_dist = _defines("squared_dist", doc="Whether the class has distances itself.")
-    has_inner_product = _defines("inner_product", doc="Whether it has inner products itself.")
-    has_closed_form_transport = _defines(
-        "parallel_transport", "_transport", doc="Whether parallel transport needs no solver."
-    )
-    has_metric_matrix = _defines("metric_matrix", doc="Whether `metric_matrix` is defined.")
-    has_lower_bound_coordinates = _defines(
-        "lower_bound_coordinates", doc="Whether `lower_bound_coordinates` is defined."
-    )
+    @property
+    def has_closed_form_dist(self) -> bool:
+        """Whether the class has distances itself."""
+        return _is_overridden(self, "squared_dist")
+
+    @property
+    def has_inner_product(self) -> bool:
+        """Whether it has inner products itself."""
+        return _is_overridden(self, "inner_product")
+
+    @property
+    def has_closed_form_transport(self) -> bool:
+        """Whether parallel transport needs no solver."""
+        return _is_overridden(self, "parallel_transport") or _is_overridden(self, "_transport")
+
+    @property
+    def has_metric_matrix(self) -> bool:
+        """Whether `metric_matrix` is defined."""
+        return _is_overridden(self, "metric_matrix")
+
+    @property
+    def has_lower_bound_coordinates(self) -> bool:
+        """Whether `lower_bound_coordinates` is defined."""
+        return _is_overridden(self, "lower_bound_coordinates")
 
     @property
     def has_closed_form_geodesic(self) -> bool:
@@ -770,6 +779,11 @@ class ScalarProductMetric(RiemannianMetric):
         super().__init__(metric.space, **metric.solvers)
         self.underlying_metric = metric
         self.scale = metric_weight(scale, "scale", strict=True)
+        self.is_translation_invariant = metric.is_translation_invariant
+        self.is_rotation_invariant = metric.is_rotation_invariant
+        self.is_stretch_invariant = metric.is_stretch_invariant
+        self.is_reparametrization_invariant = metric.is_reparametrization_invariant
+        self.has_target_metric = metric.has_target_metric
 
     @property
     def target_metric(self) -> RiemannianMetric:
@@ -791,26 +805,98 @@ class ScalarProductMetric(RiemannianMetric):
         energy, gradient = self.underlying_metric.energy_and_gradient(path)
         return self.scale * energy, self.scale * gradient
 
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
+    ) -> ndarray:
+        return self.scale * self.underlying_metric.inner_product(
+            tangent_vec_a, tangent_vec_b, base_point
+        )
 
-def _scaled(name: str, power: float) -> Callable[..., Any]:
-    def method(self: ScalarProductMetric, *arguments: Any, **keywords: Any) -> Any:
-        result = getattr(self.underlying_metric, name)(*arguments, **keywords)
-        return result if power == 0 else self.scale**power * result
+    def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        return self.scale * self.underlying_metric.covector(tangent_vec, base_point)
 
-    return method
+    def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
+        return self.scale * self.underlying_metric.gram_matrix(vectors, base_point)
 
+    def metric_matrix(self, base_point: ndarray) -> Any:
+        return self.scale * self.underlying_metric.metric_matrix(base_point)
 
-# By which power of the number the results of each method grow.
-for _power, _names in {
-    1.0: "inner_product covector gram_matrix metric_matrix squared_dist energy curvature_form",
-    0.5: "length injectivity_radius lower_bound_coordinates",
-    0.0: "exp log parallel_transport remove_drift map differential _geodesic_between",
-}.items():
-    for _name in _names.split():
-        setattr(ScalarProductMetric, _name, _scaled(_name, _power))
-for _name in dir(RiemannianMetric):
-    if _name.startswith(("has_", "is_")):
-        setattr(ScalarProductMetric, _name, property(attrgetter(f"underlying_metric.{_name}")))
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        return self.scale * self.underlying_metric.squared_dist(point_a, point_b)
+
+    def energy(self, path: ndarray) -> ndarray:
+        return self.scale * self.underlying_metric.energy(path)
+
+    def curvature_form(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        return self.scale * self.underlying_metric.curvature_form(
+            tangent_vec_a, tangent_vec_b, base_point
+        )
+
+    def length(self, path: ndarray) -> ndarray:
+        return self.scale**0.5 * self.underlying_metric.length(path)
+
+    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+        return self.scale**0.5 * self.underlying_metric.injectivity_radius(base_point)
+
+    def lower_bound_coordinates(self, points: ndarray) -> ndarray:
+        return self.scale**0.5 * self.underlying_metric.lower_bound_coordinates(points)
+
+    # A multiple has the same geodesics.
+
+    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        return self.underlying_metric.exp(tangent_vec, base_point)
+
+    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
+        return self.underlying_metric.log(point, base_point)
+
+    def parallel_transport(
+        self,
+        tangent_vec: ndarray,
+        base_point: ndarray,
+        direction: ndarray | None = None,
+        end_point: ndarray | None = None,
+    ) -> ndarray:
+        return self.underlying_metric.parallel_transport(
+            tangent_vec, base_point, direction, end_point
+        )
+
+    def remove_drift(self, path: ndarray) -> ndarray:
+        return self.underlying_metric.remove_drift(path)
+
+    def map(self, point: ndarray) -> ndarray:
+        return self.underlying_metric.map(point)
+
+    def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        return self.underlying_metric.differential(tangent_vec, base_point)
+
+    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        return self.underlying_metric._geodesic_between(start, end)
+
+    @property
+    def has_closed_form_dist(self) -> bool:
+        return self.underlying_metric.has_closed_form_dist
+
+    @property
+    def has_closed_form_geodesic(self) -> bool:
+        return self.underlying_metric.has_closed_form_geodesic
+
+    @property
+    def has_closed_form_transport(self) -> bool:
+        return self.underlying_metric.has_closed_form_transport
+
+    @property
+    def has_inner_product(self) -> bool:
+        return self.underlying_metric.has_inner_product
+
+    @property
+    def has_metric_matrix(self) -> bool:
+        return self.underlying_metric.has_metric_matrix
+
+    @property
+    def has_lower_bound_coordinates(self) -> bool:
+        return self.underlying_metric.has_lower_bound_coordinates
 
 
 def check_metric(metric: Any, name: str = "metric") -> None:
