@@ -36,9 +36,7 @@ def main(target: Path) -> int:
         shutil.copy(SOURCES / "conf.py", source)
         for name in ("three.min.js", "three.LICENSE", "viewer.css"):
             shutil.copy(WEB / name, source / "_static" / name)
-        names = ("viewer_body.js", "viewer_gestures.js", "viewer.js")
-        script = "".join((WEB / name).read_text(encoding="utf-8") for name in names)
-        script = f"(() => {{\n{script}}})();\n"
+        script = rh.plots.viewer.viewer_script()
         (source / "_static" / "viewer.js").write_text(script, encoding="utf-8")
         notebooks = sorted(source.glob("*.ipynb"), key=lambda path: int(path.stem.split("_")[0]))
         (source / "gallery.md").write_text(gallery(notebooks), encoding="utf-8")

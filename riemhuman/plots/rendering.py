@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from html import escape
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -25,9 +28,7 @@ from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.plots.figures import SKIN
 
-# Directions to the lights in the viewer's frame (right, up, towards the eye), and their strengths.
-_LIGHTS = ((-0.45, 0.65, 0.61, 0.70), (0.80, 0.10, 0.59, 0.26))
-_AMBIENT = 0.36
+_REFLECTED = 0.04  # share of the light that skin mirrors when seen from the front
 _SAMPLES = 2  # of a pixel in each direction, which smooth the outline
 _STRIP_HEIGHT = 160  # pixels
 _MOST_SHOWN = 8  # surfaces in a strip
@@ -159,8 +160,32 @@ def render(
     corners = np.stack([columns, rows, rotated[:, 2]], axis=1)[faces]
     owner, picture = np.full(shape, -1), np.empty((height, width, 4), dtype=np.uint8)
     _draw_triangles(corners, np.full(shape, -np.inf), owner)
-    _paint(corners, normals[faces], colors, owner, picture)
+    _paint(corners, normals[faces], _linear(colors), *_light(), owner, picture)
     return picture
+
+
+@cache
+def _light() -> tuple[ndarray, ndarray, float]:
+    """Return the light of the viewer's page, in the viewer's frame: right, up, towards the eye.
+
+    Lights, shape (n, 6), are unit vectors towards them, and their red, green and blue; the
+    hemisphere, shape (2, 3), is the light from above and from below; and the roughness of skin.
+    """
+    text = (files("riemhuman.plots") / "web" / "light.json").read_text(encoding="utf-8")
+    light = json.loads(text)
+    rows = []
+    for each in light["lights"]:
+        towards = np.array(each["towards"])
+        shone = each["strength"] * np.array(each["color"])
+        rows.append([*(towards / np.linalg.norm(towards)), *shone])
+    hemisphere = light["hemisphere"]
+    halves = hemisphere["strength"] * np.array([hemisphere["sky"], hemisphere["ground"]])
+    return np.array(rows), halves, float(light["roughness"])
+
+
+def _linear(colors: ndarray) -> ndarray:
+    """Return shares of light from values of sRGB."""
+    return np.where(colors > 0.04045, ((colors + 0.055) / 1.055) ** 2.4, colors / 12.92)
 
 
 @compiled
@@ -199,10 +224,17 @@ def _shares(corners: ndarray, y: float, x: float) -> tuple[float, float, float]:
 
 @compiled
 def _paint(
-    corners: ndarray, normals: ndarray, colors: ndarray, owner: ndarray, picture: ndarray
+    corners: ndarray,
+    normals: ndarray,
+    colors: ndarray,
+    lights: ndarray,
+    hemisphere: ndarray,
+    roughness: float,
+    owner: ndarray,
+    picture: ndarray,
 ) -> None:
     """Give each pixel the mean colour of its covered samples; it is as opaque as they are many."""
-    sums = np.empty(4)
+    sums, diffuse, mirrored = np.empty(4), np.empty(3), np.empty(3)
     for row in range(picture.shape[0]):
         for column in range(picture.shape[1]):
             sums[:] = 0.0
@@ -211,28 +243,73 @@ def _paint(
                 j = column * _SAMPLES + sample % _SAMPLES
                 f = owner[i, j]
                 if f >= 0:
-                    light = _light(normals[f], _shares(corners[f], i + 0.5, j + 0.5))
+                    normal = _normal(normals[f], _shares(corners[f], i + 0.5, j + 0.5))
+                    _shade(normal, lights, hemisphere, roughness, diffuse, mirrored)
                     sums[3] += 1.0
                     for channel in range(3):
-                        sums[channel] += min(colors[f, channel] * light, 1.0)
+                        light = colors[f, channel] * diffuse[channel] + mirrored[channel]
+                        sums[channel] += _encoded(min(light, 1.0))
             for channel in range(3):
                 picture[row, column, channel] = np.round(255 * sums[channel] / max(sums[3], 1.0))
             picture[row, column, 3] = np.round(255 * sums[3] / _SAMPLES**2)
 
 
 @compiled
-def _light(normals: ndarray, shares: tuple[float, float, float]) -> float:
-    """Return the brightness where the corners of a triangle have these shares."""
+def _encoded(light: float) -> float:
+    """Return the value of sRGB of a share of light."""
+    return 1.055 * light ** (1.0 / 2.4) - 0.055 if light > 0.0031308 else 12.92 * light
+
+
+@compiled
+def _normal(normals: ndarray, shares: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return the unit normal where the corners of a triangle have these shares."""
     a, b, c = shares
     x = a * normals[0, 0] + b * normals[1, 0] + c * normals[2, 0]
     y = a * normals[0, 1] + b * normals[1, 1] + c * normals[2, 1]
     z = a * normals[0, 2] + b * normals[1, 2] + c * normals[2, 2]
     length = max(np.sqrt(x * x + y * y + z * z), 1e-300)  # normals may cancel
-    light = _AMBIENT
-    for right, up, towards, strength in _LIGHTS:
-        light += strength * max((right * x + up * y + towards * z) / length, 0.0)
-    # Darken the outline, as in a drawing.
-    return light * (0.68 + 0.32 * np.sqrt(max(z / length, 0.0)))
+    return x / length, y / length, z / length
+
+
+@compiled
+def _shade(
+    normal: tuple[float, float, float],
+    lights: ndarray,
+    hemisphere: ndarray,
+    roughness: float,
+    diffuse: ndarray,
+    mirrored: ndarray,
+) -> None:
+    """Write the light that a white surface scatters towards the eye, and what any colour mirrors.
+
+    Lambert's law and the mirrored light of rough surfaces (Walter et al., "Microfacet models for
+    refraction through rough surfaces", EGSR 2007), as three.js draws them.
+    """
+    x, y, z = normal
+    square = roughness**4
+    facing = max(z, 1e-4)
+    for channel in range(3):
+        from_above = 0.5 + 0.5 * y
+        diffuse[channel] = (
+            from_above * hemisphere[0, channel] + (1.0 - from_above) * hemisphere[1, channel]
+        ) / np.pi
+        mirrored[channel] = 0.0
+    for light in lights:
+        right, up, towards = light[0], light[1], light[2]
+        along = right * x + up * y + towards * z
+        if along <= 0.0:
+            continue
+        # Halfway between the light and the eye, which is at (0, 0, 1).
+        half = max(np.sqrt(2.0 + 2.0 * towards), 1e-9)
+        on_half = (along + z) / half
+        spread = on_half**2 * (square - 1.0) + 1.0
+        hidden = along * np.sqrt(square + (1.0 - square) * facing**2)
+        hidden += facing * np.sqrt(square + (1.0 - square) * along**2)
+        fresnel = _REFLECTED + (1.0 - _REFLECTED) * (1.0 - min(half / 2.0, 1.0)) ** 5
+        share = square / (np.pi * spread**2) * 0.5 / max(hidden, 1e-9) * fresnel
+        for channel in range(3):
+            diffuse[channel] += along * light[3 + channel] / np.pi
+            mirrored[channel] += along * light[3 + channel] * share
 
 
 def points_picture(

@@ -6,6 +6,7 @@ A page contains the surfaces, and three.js draws them; pictures replace them wit
 from __future__ import annotations
 
 import base64
+import json
 import os
 import zlib
 from collections.abc import Mapping, Sequence
@@ -54,6 +55,7 @@ _LEVELS = 2**16 - 1  # of coordinates
 _SECONDS = 2.4  # a path is played in, unless its duration is given
 _STILL_HEIGHT = 480
 _MOST_IN_PICTURE = 8
+_SCRIPTS = ("_ground", "_body", "_gestures", "")  # parts of the script, in their order
 _N_MATCHES = 8  # pairs of frames on the page of two motions
 _MATCH_HEIGHT = 200
 
@@ -88,11 +90,17 @@ def page_styles() -> str:
 
 def page_scripts() -> str:
     """Return three.js and the scripts of viewers, as elements for the end of a page."""
-    own = "".join(web_file("plots", f"viewer{part}.js") for part in ("_body", "_gestures", ""))
     return (
         "<script>/* three.js 0.187.0, MIT licence, Copyright 2010-2026 three.js authors */\n"
-        f"{web_file('plots', 'three.min.js')}</script>\n<script>(() => {{\n{own}}})();\n</script>"
+        f"{web_file('plots', 'three.min.js')}</script>\n<script>{viewer_script()}</script>"
     )
+
+
+def viewer_script() -> str:
+    """Return the script of viewers, which needs three.js: the light, then one file a subject."""
+    own = "".join(web_file("plots", f"viewer{part}.js") for part in _SCRIPTS)
+    light = json.dumps(json.loads(web_file("plots", "light.json")))
+    return f"(() => {{\nconst LIGHT = {light};\n{own}}})();\n"
 
 
 @dataclass(frozen=True)

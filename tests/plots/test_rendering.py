@@ -70,7 +70,7 @@ def test_nearer_triangles_hide_farther_ones_wherever_they_cross():
         )
         inside = picture[..., 3] == 255
         assert (picture[inside][:, 0] > 100).all()
-        assert (picture[inside][:, 2] == 0).all()
+        assert (picture[inside][:, 2] < 80).all()  # of the light that any colour mirrors
 
 
 def test_back_faces_are_not_drawn():

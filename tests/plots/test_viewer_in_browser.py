@@ -1,10 +1,15 @@
 """Every ability of the viewer, by events of a real mouse, keyboard and fingers."""
 
+import base64
+import io
+
 import numpy as np
 import pytest
+from PIL import Image
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.plots import ViewedBody, Viewer, view_bodies, view_path
+from riemhuman.plots import View, ViewedBody, Viewer, render, view_bodies, view_path
+from riemhuman.plots.rendering import Window
 
 BODIES = load_open_bodies("coarse")
 FACES = BODIES.template.faces
@@ -22,6 +27,7 @@ def pages(tmp_path_factory):
         for name, surface in zip(["Anna, standing", "Ben, on a chair"], BODIES.points, strict=False)
     ]
     Viewer(FACES, {"": coloured}).save(folder / "bodies.html")
+    view_bodies(BODIES.points[0], FACES).save(folder / "one.html")
     heights = BODIES.points[0, FACES, 1].mean(axis=1)
     heights -= (heights.min() + heights.max()) / 2
     signed = ViewedBody("heights", BODIES.points[:1], values=heights, value_label="m")
@@ -142,6 +148,63 @@ def test_signs_are_said_on_the_scale_and_under_the_pointer(browser, opened):
                 break
         assert text.removeprefix("heights: ").startswith(sign)
         assert text.endswith(" m")
+
+
+def screenshot(browser):
+    shot = base64.b64decode(browser.devtools("Page.captureScreenshot", format="png")["data"])
+    return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_the_light_is_that_of_our_own_pictures(browser, pages, dark):
+    """Compare the body's middle in the page with our renderer's: it stands on no ground there."""
+    browser.open(pages / "one.html", 600, 700, dark=dark)
+    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    left, top, right, bottom = (round(x) for x in boxes(browser, "canvas")[0])
+    shown = screenshot(browser)[top:bottom, left:right]
+    surface = BODIES.points[0]
+    middle = View().rotate((surface.min(axis=0) + surface.max(axis=0)) / 2)
+    scale = state(browser, "scale")
+    height, width = shown.shape[:2]
+    lifted = 0.07 * 1.2 * np.ptp(surface[:, 1])  # room for the label
+    window = Window((middle[0], middle[1] - lifted), width / scale, height / scale)
+    drawn = render(surface, FACES, height=height, window=window)
+    drawn = drawn[:, :width].astype(int)
+    inside = drawn[..., 3] == 255
+    apart = np.abs(shown[:, : drawn.shape[1]] - drawn[..., :3]).max(axis=-1)[inside]
+    assert inside.sum() > 5000
+    assert np.median(apart) < 8
+    assert np.mean(apart > 40) < 0.1  # at outlines, which a perspective moves
+    assert browser.console() == []
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_bodies_stand_on_a_ground_with_their_shadow(browser, pages, dark):
+    browser.open(pages / "one.html", 600, 700, dark=dark)
+    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    left, top, right, bottom = (round(x) for x in boxes(browser, "canvas")[0])
+    shown = screenshot(browser)[top:bottom, left:right]
+    paper = shown[2, 2]
+    differs = np.abs(shown - paper).max(axis=-1) > 6
+    widths = differs.sum(axis=1)
+    rows = np.flatnonzero(widths)
+    lowest = rows[-1] - rows[0]
+    # The ground is wider than the feet that stand on it, and fades before the sides.
+    assert widths[rows[0] + 8 * lowest // 10 :].max() > 150
+    assert not differs[:, :2].any()
+
+
+def test_paths_play_smoothly_without_a_graphics_card(browser, opened):
+    opened("paths")
+    browser.run("document.querySelector('[data-part=loop]').click()")
+    browser.run("document.querySelector('[data-part=play]').click()")
+    frames = browser.driver.execute_async_script(
+        "const done = arguments[0]; let n = 0; const start = performance.now();"
+        "const count = (now) => { n += 1; if (now - start < 1000) requestAnimationFrame(count);"
+        " else done(n / ((now - start) / 1000)); }; requestAnimationFrame(count);"
+    )
+    assert frames > 5  # 15 and more on an idle machine; tests share it
+    browser.run("document.querySelector('[data-part=play]').click()")
 
 
 def test_fingers_turn_zoom_move_and_frame(browser, opened):

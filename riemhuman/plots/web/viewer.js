@@ -47,12 +47,14 @@ class Viewer {
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(8, 1, 0.1, 400);
     this.ray = new THREE.Raycaster();
-    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x6a6560, 1.15));
-    const key = new THREE.DirectionalLight(0xffffff, 2.1);
-    key.position.set(-0.45, 0.65, 0.61);
-    const fill = new THREE.DirectionalLight(0xffffff, 0.7);
-    fill.position.set(0.8, 0.1, 0.59);
-    this.scene.add(key, fill);
+    const { sky, ground, strength } = LIGHT.hemisphere;
+    const color = (channels) => new THREE.Color().fromArray(channels);
+    this.scene.add(new THREE.HemisphereLight(color(sky), color(ground), strength));
+    LIGHT.lights.forEach((each) => {
+      const light = new THREE.DirectionalLight(color(each.color), each.strength);
+      light.position.fromArray(each.towards);
+      this.scene.add(light);
+    });
     return true;
   }
 

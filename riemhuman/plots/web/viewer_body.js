@@ -22,7 +22,9 @@ async function unpack(text, Kind, width) {
   return numbers;
 }
 
-const linear = (value) => Math.pow(value / 255, 2.2);
+// Part of the light that a channel of a colour means.
+const linear = (value) =>
+  value > 10 ? Math.pow((value / 255 + 0.055) / 1.055, 2.4) : value / 255 / 12.92;
 
 // Vertices of one body at all times, and its surface in the scene.
 class Body {
@@ -51,7 +53,7 @@ class Body {
     this.positions = new Float32Array(this.size);
     this.geometry.setAttribute("position", new THREE.BufferAttribute(this.positions, 3));
     this.geometry.setIndex(new THREE.BufferAttribute(faces, 1));
-    const material = new THREE.MeshStandardMaterial({ roughness: 0.82, metalness: 0 });
+    const material = new THREE.MeshStandardMaterial({ roughness: LIGHT.roughness, metalness: 0 });
     if (colors) {
       this.geometry.setAttribute("color", new THREE.BufferAttribute(Float32Array.from(colors, linear), 3));
       material.vertexColors = true;
@@ -65,6 +67,9 @@ class Body {
     this.holder.add(this.turning);
     this.pivot = null;
     this.measure();
+    this.show(0);
+    this.ground = new Ground(this, faces);
+    this.mesh.add(this.ground.disc);
     this.show(0);
   }
 
@@ -103,6 +108,7 @@ class Body {
     this.geometry.attributes.position.needsUpdate = true;
     this.geometry.computeVertexNormals();
     this.geometry.computeBoundingSphere();
+    if (this.ground) this.ground.cast(this.positions);
     this.turnAbout(this.pivot);
   }
 
