@@ -245,21 +245,10 @@ def _npz_facts(file: Path) -> dict[str, Any]:
         }
     if {"v_template", "shapedirs"} <= names:
         return _model_facts(file)
-    if {"to_model_triangles", "to_template_triangles"} <= names:
-        sizes = array_shapes(file, ("template", "registered"))[1]
-        return {
-            "kind": "map between topologies",
-            "vertices": sizes["template"][0],
-            "model_vertices": sizes["registered"][0],
-        }
+    if {"to_model_triangles", "template", "registered"} <= names:
+        return _map_facts(file)
     if "pred_vertices" in names:
-        expected = ("pred_cam_t", "pred_keypoints_3d", "shape_params")
-        return {
-            "kind": "bodies of SAM 3D Body",
-            "vertices": array_shapes(file, ("pred_vertices",))[1]["pred_vertices"][-2],
-            "lacks": ", ".join(["triangles", *(each for each in expected if each not in names)]),
-            "next": f"riemhuman convert {file} -o body.ply --faces MESH",
-        }
+        return _photograph_facts(file, names)
     if {"distances", "names"} <= names:
         arrays = rh.io.load_arrays(file, ("distances", "names"), ("metric",))
         return {
@@ -277,6 +266,34 @@ def _npz_facts(file: Path) -> dict[str, Any]:
     facts |= {name: f"{dtype} {shape}" for name, (shape, dtype) in headers.items()}
     n_others = len(every_name) - len(headers)
     return facts | ({"others": f"{n_others:,} more arrays"} if n_others else {})
+
+
+def _map_facts(file: Path) -> dict[str, Any]:
+    from riemhuman.io.arrays import array_shapes
+
+    shapes = array_shapes(file, ("template", "registered"))[1]
+    if not (shapes["template"] and shapes["registered"]):
+        raise FileFormatError(f"{file} holds no map between topologies: its surfaces are no arrays")
+    counts = {"vertices": shapes["template"][0], "model_vertices": shapes["registered"][0]}
+    return {"kind": "map between topologies", **counts}
+
+
+def _photograph_facts(file: Path, names: set[str]) -> dict[str, Any]:
+    from riemhuman.io.arrays import array_shapes
+
+    shape = array_shapes(file, ("pred_vertices",))[1]["pred_vertices"]
+    if len(shape) < 2 or shape[-1] != 3:
+        raise FileFormatError(
+            f"{file}: pred_vertices of SAM 3D Body must have shape (V, 3) or (n, V, 3); found "
+            f"{shape}"
+        )
+    expected = ("pred_cam_t", "pred_keypoints_3d", "shape_params")
+    return {
+        "kind": "bodies of SAM 3D Body",
+        "vertices": shape[-2],
+        "lacks": ", ".join(["triangles", *(each for each in expected if each not in names)]),
+        "next": f"riemhuman convert {file} -o body.ply --faces MESH",
+    }
 
 
 def _model_facts(file: Path) -> dict[str, Any]:

@@ -51,9 +51,11 @@ def test_motions_change_their_format(run, refused, tmp_path):
     assert "must be a motion" in said
 
 
-def test_info_knows_maps_and_photographs(smpl_map, bodies, run, tmp_path):
+def test_info_knows_maps_and_photographs(smpl_map, bodies, run, refused, tmp_path):
     assert "map between topologies" in run("info", smpl_map).out
     rh.io.save_arrays(tmp_path / "photograph.npz", {"pred_vertices": bodies[0]})
     said = run("info", tmp_path / "photograph.npz").out
     assert "SAM 3D Body" in said
     assert "triangles, pred_cam_t" in said
+    rh.io.save_arrays(tmp_path / "number.npz", {"pred_vertices": 3.0})
+    assert "must have shape (V, 3)" in refused("info", tmp_path / "number.npz")
