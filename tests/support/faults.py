@@ -8,6 +8,7 @@ write to a table of a job.
 
 import multiprocessing
 import os
+import resource
 import signal
 import sys
 import time
@@ -37,7 +38,27 @@ def align(inputs, outputs):
     return cli("align", inputs, "-o", outputs / "aligned", "--force", "-q")
 
 
-OPERATIONS = {function.__name__: function for function in (resumable_matrix, align)}
+def mean(inputs, outputs):
+    """Write a mesh."""
+    return cli("mean", inputs, "-o", outputs / "mean.ply", "--force", "-q", "--n-components", 4)
+
+
+def geodesic(inputs, outputs):
+    """Write a folder of meshes, figures and a page."""
+    ends = inputs / "body_0.ply", inputs / "body_1.ply"
+    few = ("--n-components", 4, "--n-nodes", 3)
+    return cli("geodesic", *ends, "-o", outputs / "path", "--force", "-q", *few)
+
+
+def basis(inputs, outputs):
+    """Write an archive of arrays."""
+    few = ("--n-components", 4, "--step", 1)
+    return cli("basis", inputs, "-o", outputs / "basis.npz", "--force", "-q", *few)
+
+
+OPERATIONS = {
+    function.__name__: function for function in (resumable_matrix, align, mean, geodesic, basis)
+}
 
 
 def make_inputs(folder, seed):
@@ -78,10 +99,14 @@ class Changes:
         time.sleep(self._pause)
 
 
-def child(operation, inputs, outputs, kill_at, pause, said, pipe):
+def child(operation, inputs, outputs, kill_at, pause, largest_file, said, pipe):
     """Run an operation with its faults, and end the process with its code."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT), 2)
+    if largest_file is not None:
+        # Beyond the limit, writing fails as on a full disk, and would end the process by a signal.
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
     changes = Changes(outputs, kill_at, pause)
     sys.addaudithook(changes)
     write = JobFolder.write
@@ -106,27 +131,42 @@ class Processes:
         """Run an operation, and return how its process ended, see `race`."""
         return self.race(operation, outputs, 1, **options)[0]
 
-    def race(self, operation, outputs, n_processes, inputs=None, kill_at=None, pause=0):
+    def race(
+        self,
+        operation,
+        outputs,
+        n_processes,
+        inputs=None,
+        kill_at=None,
+        pause=0,
+        kill_after=None,
+        largest_file=None,
+    ):
         """Run an operation in some processes at once, and return how they ended.
 
         `kill_at` is the change of a file before which a process dies, and `pause` the seconds
-        before each change. The answers are the exit code or minus the signal, what was written to
-        standard error, and the number of changes.
+        before each change. After `kill_after` seconds, processes are killed wherever they are, and
+        none can write a file of more than `largest_file` bytes. The answers are the exit code or
+        minus the signal, what was written to standard error, and the number of changes.
         """
         outputs.mkdir(parents=True, exist_ok=True)
         started = []
         for number in range(n_processes):
             said = self._folder / f"said_{number}"
-            said.unlink(missing_ok=True)
+            said.write_text("")
             ours, theirs = self._context.Pipe(duplex=False)
-            task = operation, inputs or self.inputs, outputs, kill_at, pause, said, theirs
+            faults = kill_at, pause, largest_file
+            task = operation, inputs or self.inputs, outputs, *faults, said, theirs
             process = self._context.Process(target=child, args=task)
             process.start()
             theirs.close()
             started.append((process, said, ours))
         answers = []
         for process, said, ours in started:
-            process.join()
+            process.join(kill_after)
+            if process.exitcode is None:
+                process.kill()
+                process.join()
             changes = 0 if process.exitcode < 0 else ours.recv()
             answers.append((process.exitcode, said.read_text(), changes))
         return answers

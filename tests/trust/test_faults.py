@@ -1,4 +1,4 @@
-"""Commands that are killed or run twice at once.
+"""Commands that are killed, run twice at once, or out of space.
 
 A file or folder that a killed process writes is absent or whole, the old or the new; the
 same command then ends as if nothing had happened.
@@ -9,14 +9,26 @@ import re
 import shutil
 import signal
 import sys
+import time
 from itertools import islice, product
 from pathlib import Path
 
+import numpy as np
 import pytest
 from faults import OPERATIONS, Processes
 
 SUPPORT = Path(__file__).parents[1] / "support"
 ROOT = Path(__file__).parents[2]
+
+# Others write their files by the same functions; they are tried at night.
+EVERYDAY = ("resumable_matrix", "align")
+each_operation = pytest.mark.parametrize(
+    "operation",
+    [
+        name if name in EVERYDAY else pytest.param(name, marks=pytest.mark.slow)
+        for name in OPERATIONS
+    ],
+)
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="processes fork, and the sizes of files are limited"
@@ -54,7 +66,8 @@ def content(folder):
     files = (file for file in sorted(folder.rglob("*")) if file.is_file())
     names = {str(file.relative_to(folder)): file for file in files}
     return {
-        name: file.read_bytes()
+        # A geodesic says how long it took.
+        name: re.sub(rb'"seconds": [0-9.e-]+', b'"seconds": 0', file.read_bytes())
         for name, file in names.items()
         if not any(part.startswith(".") for part in name.split("/"))
         and not name.startswith("work/")
@@ -73,7 +86,7 @@ def is_old_or_new(found, old, new):
 
 
 @pytest.mark.parametrize("step", [19, pytest.param(1, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("operation", OPERATIONS)
+@each_operation
 def test_killed_before_every_change_of_a_file(server, undisturbed, operation, step, tmp_path):
     new, n_changes = undisturbed(operation, server.inputs)
     old, _ = undisturbed(operation, server.others)
@@ -100,7 +113,7 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, st
         shutil.rmtree(outputs)
 
 
-@pytest.mark.parametrize("operation", OPERATIONS)
+@each_operation
 def test_two_at_once(server, undisturbed, operation, tmp_path):
     answers = server.race(operation, tmp_path, 2, pause=0.02)
     winner, loser = sorted(answers)
@@ -108,3 +121,50 @@ def test_two_at_once(server, undisturbed, operation, tmp_path):
     if operation == "resumable_matrix":
         assert re.search(rf"{re.escape(str(tmp_path))}\S* is in use: another process", loser[1])
     assert content(tmp_path) == undisturbed(operation, server.inputs)[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_killed_at_random_moments(server, undisturbed, operation, tmp_path):
+    new, _ = undisturbed(operation, server.inputs)
+    moments, n_killed = np.random.default_rng(52).uniform(0.0, 1.0, 15), 0
+    start = time.perf_counter()
+    assert server.run(operation, tmp_path / "whole")[0] == 0
+    duration = time.perf_counter() - start
+    for number, moment in enumerate(moments):
+        outputs = tmp_path / str(number)
+        code, said, _ = server.run(operation, outputs, kill_after=moment * duration)
+        assert code in (0, -signal.SIGKILL), said
+        n_killed += code != 0
+        assert is_old_or_new(content(outputs), {}, new), moment
+        code, said, _ = server.run(operation, outputs)
+        assert code == 0, said
+        assert content(outputs) == new
+        assert not [place for place in outputs.glob(".*") if place.is_dir()]
+    sys.stdout.write(f"{operation}: {n_killed} of {len(moments)} runs killed; whole or no files\n")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_full_disks(server, undisturbed, operation, tmp_path):
+    new, _ = undisturbed(operation, server.inputs)
+    largest, n_refused = max(map(len, new.values())), 0
+    # What the process says is in a file, too, of less than a thousand bytes.
+    limits = {1000, *(max(1000, int(share * largest)) for share in (0.5, 0.9)), largest - 1}
+    for limit in limits:
+        outputs = tmp_path / str(limit)
+        code, said, _ = server.run(operation, outputs, largest_file=limit)
+        assert code in (0, 2), said
+        n_refused += code != 0
+        assert content(outputs) == (new if code == 0 else {}), (limit, said)
+        assert code == 0 or "File too large" in said, said
+        assert "Traceback" not in said
+        assert "unexpected" not in said
+        code, said, _ = server.run(operation, outputs)
+        assert code == 0, said
+        assert content(outputs) == new
+        assert not [place for place in outputs.glob(".*") if place.is_dir()]
+    assert n_refused > 0
+    sys.stdout.write(
+        f"{operation}: {n_refused} of {len(limits)} full disks said; no partial files\n"
+    )
