@@ -30,6 +30,8 @@ from riemhuman.surfaces.measures import vertex_components
 
 # Number of bodies that are fitted at once.
 N_THREADS = 2
+# Fewer points are matched sooner than threads start.
+_MANY_POINTS = 1000
 # The median of |x| for a standard normal x.
 _MEDIAN = 0.6745
 
@@ -99,7 +101,8 @@ class PreparedScan:
     def match(self, points: np.ndarray, normals: np.ndarray, scale: float) -> Matches:
         """Match the points of a body; a match at distance `scale` has a quarter of the weight."""
         places = self._places(points, normals)
-        far, near = self._tree.query(places, k=self.settings.matching.n_matched, workers=N_THREADS)
+        count = self.settings.matching.n_matched
+        far, near = self._tree.query(places, k=count, workers=_n_workers(len(places)))
         shares = np.exp(-0.5 * (far**2 - far[:, :1] ** 2) / self.settings.matching.blur_metres**2)
         shares /= shares.sum(axis=1, keepdims=True)
         gaps = np.einsum("nk,nkx->nx", shares, self.points[near]) - points
@@ -140,13 +143,17 @@ class PreparedScan:
         away = unit_vectors(away - np.einsum("nx,nx->n", away, normals)[:, np.newaxis] * normals)
         ahead = places[sparse_parts]
         ahead[:, :3] += self.spacing[nearest, np.newaxis] * away
-        across = self._tree.query(ahead, workers=N_THREADS)[1]
+        across = self._tree.query(ahead, workers=_n_workers(len(ahead)))[1]
         onward = self.points[across] - places[sparse_parts, :3]
         between = np.einsum("nx,nx->n", onward, away) > 0.0
         between &= np.linalg.norm(onward, axis=1) < self.spacing[nearest]
         between &= np.einsum("nx,nx->n", self.normals[across], normals) > 0.5
         allowed[sparse_parts[~between]] = 0.0
         return allowed
+
+
+def _n_workers(n_points: int) -> int:
+    return N_THREADS if n_points > _MANY_POINTS else 1
 
 
 @dataclass(frozen=True)
