@@ -91,6 +91,9 @@ class ScanRegistration:
     ) -> RegisteredScan:
         """Register a scan.
 
+        Stopping it from the keyboard raises KeyboardInterrupt and keeps nothing: only the dense fit
+        at the end makes a surface. Folders and sequences keep the scans that are finished.
+
         Parameters
         ----------
         scan : path, Scan, mesh, array_like or pair
