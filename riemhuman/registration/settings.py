@@ -119,6 +119,11 @@ class PreparationSettings:
         A mesh has no consistent side if more of its edges join triangles that face different ways.
     least_level_floor : float
         Cosine between a given direction up and a floor's normal; a plane that leans more is a wall.
+
+    Examples
+    --------
+    >>> rh.registration.PreparationSettings().most_points
+    20000
     """
 
     most_points: int = 20_000
@@ -219,6 +224,11 @@ class MatchingSettings:
     prior_metres : float
         A coefficient of 1 counts as much as a point of the scan at this distance, so that the prior
         counts more the fewer points there are, metres.
+
+    Examples
+    --------
+    >>> rh.registration.MatchingSettings(n_matched=8).n_matched
+    8
     """
 
     normal_metres: float = 0.05
@@ -256,6 +266,11 @@ class AssignmentSettings:
         Standard deviation of landmarks, metres.
     far_miss : float
         A landmark farther from its joint counts no more than at this distance, metres.
+
+    Examples
+    --------
+    >>> rh.registration.AssignmentSettings().worth
+    300.0
     """
 
     worth: float = 300.0
@@ -294,6 +309,11 @@ class SearchRound:
         Steps from the first to the last; 0 only evaluates the likelihood.
     n_best : int
         Candidates that are kept.
+
+    Examples
+    --------
+    >>> rh.registration.SearchRound(250, 400, (0.2, 0.1), n_steps=5, n_best=24).n_steps
+    5
     """
 
     n_model: int
@@ -343,6 +363,11 @@ class SearchSettings:
         Inverse variance of the shape coefficients for a scan of the same person a moment later.
     still_hands : float
         Inverse variance of the coefficients of hands, which stay relaxed in the search.
+
+    Examples
+    --------
+    >>> rh.registration.SearchSettings(poses=("a", "sit")).poses
+    ('a', 'sit')
     """
 
     poses: tuple[str, ...] | None = None
@@ -419,6 +444,11 @@ class DenseFitSettings:
         Points farther away than this are no hair, metres.
     most_hair : float
         If more of the scan would be hair, none is.
+
+    Examples
+    --------
+    >>> len(rh.registration.DenseFitSettings().scales)
+    13
     """
 
     scales: tuple[float, ...] = (0.04, 0.03, 0.03, 0.03, *(0.02,) * 5, *(0.012,) * 4)
@@ -487,6 +517,11 @@ class ArmSettings:
         Vertices that a pose of a hand moves by more belong to the hand, metres.
     stiffnesses : tuple of float
         Stiffness α of each elastic step of an arm.
+
+    Examples
+    --------
+    >>> rh.registration.ArmSettings().wrist_degrees
+    45.0
     """
 
     n_samples: int = 1000
@@ -566,6 +601,11 @@ class ElasticSettings:
         Relative residual at which they end: steps need not be exact.
     most_halvings : int
         Halvings of a step after which it is taken although the cost has not fallen.
+
+    Examples
+    --------
+    >>> rh.registration.ElasticSettings(last_stiffness=1e-4).last_stiffness
+    0.0001
     """
 
     first_stiffness: float = 1e-3
@@ -624,6 +664,11 @@ class RivalSettings:
         Limbs that touch with a larger share of their vertices are tried exchanged.
     exchanged_metres : float
         Points farther away belong to other parts of the body, metres.
+
+    Examples
+    --------
+    >>> rh.registration.RivalSettings().least_margin
+    0.35
     """
 
     least_margin: float = 0.35
@@ -717,6 +762,11 @@ class TrustSettings:
         Cosine of 25°, by which feet and trunk lean from an axis that is not the direction up.
     feet_agree : float
         Cosine of 30°, the largest angle between the feet for that.
+
+    Examples
+    --------
+    >>> rh.registration.TrustSettings().near_metres
+    0.05
     """
 
     area: float = 1.8
@@ -800,6 +850,11 @@ class RetrySettings:
         searched from scratch.
     agreement : float
         If a smaller share of the estimated normals agrees with the body, their signs are ignored.
+
+    Examples
+    --------
+    >>> rh.registration.RetrySettings().warm_loss
+    0.25
     """
 
     least_matched_half: float = 0.4
