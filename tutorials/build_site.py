@@ -44,6 +44,8 @@ def main(target: Path) -> int:
         for path in notebooks:
             shutil.copy(path, source / "notebooks")
             with_viewers(path)
+        tour = source / "architecture.md"
+        tour.write_text(without_line_links(tour.read_text(encoding="utf-8")), encoding="utf-8")
         (source / "reference.md").write_text(reference(), encoding="utf-8")
         options = ["-W", "--keep-going", "-q", "-j", "auto", "-d", str(Path(folder) / "doctrees")]
         built = Path(folder) / "site"  # notebooks leave pictures beside it, which nothing needs
@@ -51,6 +53,11 @@ def main(target: Path) -> int:
         if code == 0:
             shutil.copytree(built, target, dirs_exist_ok=True)
         return code
+
+
+def without_line_links(text: str) -> str:
+    """Return a page without links to lines of source files, which the site does not hold."""
+    return re.sub(r"\[(`[^`]+`)\]\(\.\./riemhuman/[^)]+\)", r"\1", text)
 
 
 def with_viewers(path: Path) -> None:

@@ -589,9 +589,9 @@ def nearest_body(
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> own = rh.measurements.Measurements(bodies.model, ["waist girth", "hip girth"])
+    >>> girths = rh.measurements.Measurements(bodies.model, ["waist girth", "hip girth"])
     >>> metric = rh.SobolevMetric(rh.AlignedSurfaces(bodies.template), a0=1.0, a2=0.01)
-    >>> result = rh.measurements.nearest_body(own, metric, bodies[0], {"waist girth": 0.7})
+    >>> result = rh.measurements.nearest_body(girths, metric, bodies[0], {"waist girth": 0.7})
     >>> round(result.after["waist girth"], 3)
     0.7
     """
