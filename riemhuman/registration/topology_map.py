@@ -122,8 +122,8 @@ class TopologyMap:
         ----------
         template : path, Template, mesh, array_like or pair
             A body of the other topology in any pose and any axes, metres: a file, a mesh, or
-            vertices and triangles. Several bodies, shape (n, V, 3), in other poses or of other
-            people make the map more accurate: their places are averaged.
+            vertices and triangles. The places on several bodies, shape (n, V, 3), are averaged:
+            on simulated people, that was no more accurate than one body.
         model : BodyModel, optional
             By default the open model at full resolution.
         faces : array_like of int, shape (F, 3), optional
