@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from html import escape
-from typing import Any, Self, TypeVar, cast
+from typing import Any, Self, TypeVar, cast, get_type_hints
 
 import numpy as np
 from numpy import ndarray
@@ -25,8 +25,6 @@ from riemhuman.representation import Record, field_texts
 INTERRUPTED_MESSAGE = "interrupted from the keyboard"
 
 _CLASS = "result_class"
-# Kinds of arrays that the single values of a result may be in a file; all others are numbers.
-_KINDS = {"int": "iu", "bool": "b", "float": "fiu", "str": "U", "Status": "U"}
 # Smaller arrays are points of other spaces.
 _FEWEST_VERTICES = 100
 
@@ -48,6 +46,10 @@ class Status(StrEnum):
     STALLED = "stalled"
     OUTSIDE_MANIFOLD = "outside_manifold"
     INTERRUPTED = "interrupted"
+
+
+# Kinds of arrays that the single values of a result may be in a file; all others are numbers.
+_KINDS: dict[type, str] = {int: "iu", bool: "b", float: "fiu", str: "U", Status: "U"}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -108,10 +110,11 @@ class Result(Record):
         if name != cls.__name__:
             raise FileFormatError(f"{path} must hold a {cls.__name__}; found a {name[:60]}")
         values: dict[str, Any] = {}
+        types = get_type_hints(cls)
         for field in fields(cls):
             if (array := arrays.get(field.name)) is not None:
-                single = field.type in _KINDS
-                kinds = _KINDS.get(str(field.type), "fiub")
+                single = types[field.name] in _KINDS
+                kinds = _KINDS.get(types[field.name], "fiub")
                 if array.dtype.kind not in kinds or (single and array.ndim):
                     raise FileFormatError(
                         f"{path}: {field.name} cannot be {array.dtype} of shape {array.shape}"
