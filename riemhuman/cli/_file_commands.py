@@ -54,9 +54,9 @@ def _view(options: argparse.Namespace) -> cli.Answer:
         if ending in rh.datasets.recordings.RECORDING_ENDINGS:
             if len(options.meshes) > 1:
                 raise ArgumentError(f"give either one {ending} file with a path, or meshes")
-            motion, faces, duration = inputs.read_motion(first)
+            motion, faces, timing = inputs.read_motion(first)
             title = first.parent.resolve().name if first.name == _PATH_FILE else first.name
-            viewer = rh.plots.view_path(motion[:], faces, title=title, **duration)
+            viewer = rh.plots.view_path(motion[:], faces, title=title, **timing)
         else:
             surfaces = inputs.read_surfaces(options, options.meshes)
             names = [file.stem for file in surfaces.files]

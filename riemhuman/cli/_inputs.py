@@ -37,18 +37,22 @@ def is_recording(file: Path) -> bool:
     return not rh.io.load_arrays(file, (), ("path",))
 
 
-def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, dict[str, float]]:
-    """Return the frames in a file, their triangles, and the seconds of a recording."""
+def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, dict[str, Any]]:
+    """Return the frames in a file, their triangles, and what a page says of a recording's time."""
     if not is_recording(file):
         arrays = rh.io.load_arrays(file, ("path", "faces"))
         return arrays["path"], arrays["faces"], {}
     motion = rh.datasets.load_recording(file)
+    timing: dict[str, Any] = {}
     if motion.frames_per_second > _RECORDED_RATE:
+        timing["description"] = (
+            f"{_RECORDED_RATE:g} of the {motion.frames_per_second:g} frames recorded per second."
+        )
         motion = rh.datasets.load_recording(file, frames_per_second=_RECORDED_RATE)
     # An average adult performs recordings of skeletons; for comparisons of movements, all others.
     if is_mean:
         motion = motion.performed_by([0.0] * motion.model.n_betas)
-    return motion, motion.faces, {"seconds": len(motion) / motion.frames_per_second}
+    return motion, motion.faces, timing | {"frames_per_second": motion.frames_per_second}
 
 
 class Surfaces:

@@ -156,9 +156,12 @@ class Viewer:
     legend, title, description : str
         Label of the choices, title of the view, and text below the title of the page.
     seconds : float
-        Duration of paths at speed 1.
+        Duration of paths at speed 1, unless `frames_per_second` tells it.
     below : str
         HTML below the bodies on the page.
+    frames_per_second : float, optional
+        Rate of recordings: the page then shows seconds and numbers of frames, and at speed 1 plays
+        them as long as they took. Without it, paths are shown from t = 0 to 1.
 
     Examples
     --------
@@ -172,6 +175,7 @@ class Viewer:
     description: str = ""
     seconds: float = _SECONDS
     below: str = ""
+    frames_per_second: float | None = None
 
     def __post_init__(self) -> None:
         if not (self.choices and all(self.choices.values())):
@@ -194,7 +198,7 @@ class Viewer:
             Identifier of the viewer, unique in the page.
         """
         shown_first, view = next(iter(self.choices.values())), View()
-        data = {
+        data: dict[str, Any] = {
             # Neighbouring triangles have similar numbers.
             "faces": _packed(self.faces.astype("<u4")),
             "n_vertices": len(shown_first[0].frames[0]),
@@ -207,6 +211,8 @@ class Viewer:
             ],
             "seconds": self.seconds,
         }
+        if self.frames_per_second is not None:
+            data["frames_per_second"] = self.frames_per_second
         return _fill(
             "viewer.html",
             identifier=identifier,
@@ -329,7 +335,8 @@ def view_path(
     legend: str = "Path",
     title: str = "Path of bodies",
     description: str = "",
-    seconds: float = _SECONDS,
+    seconds: float | None = None,
+    frames_per_second: float | None = None,
 ) -> Viewer:
     """Return an interactive view that plays a path, or several to choose from.
 
@@ -343,13 +350,18 @@ def view_path(
         Whether to play several paths beside each other instead.
     legend, title, description : str
         As for `Viewer`.
-    seconds : float
-        Duration of the path at speed 1.
+    seconds : float, optional
+        Duration of the path at speed 1, by default 2.4.
+    frames_per_second : float, optional
+        Rate of a recording, instead of `seconds`: the page shows seconds and numbers of frames.
 
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> viewer = rh.plots.view_path(bodies.points[:4], bodies.template.faces)
+    >>> motion = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
+    >>> rate = motion.frames_per_second
+    >>> viewer = rh.plots.view_path(motion[:30], motion.faces, frames_per_second=rate)
     """
     paths = path if isinstance(path, Mapping) else {"": path}
     frames = {}
@@ -361,8 +373,15 @@ def view_path(
         choices = {title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
     else:
         choices = {name: [ViewedBody("", surfaces)] for name, surfaces in frames.items()}
-    real_number(seconds, "seconds", minimum=0, strict=True)
-    return Viewer(triangles, choices, legend, title, description, seconds)
+    viewer = Viewer(triangles, choices, legend, title, description)
+    if frames_per_second is not None:
+        if seconds is not None:
+            raise ArgumentError("give either seconds or frames_per_second; found both")
+        rate = real_number(frames_per_second, "frames_per_second", minimum=0, strict=True)
+        return replace(viewer, frames_per_second=rate)
+    if seconds is not None:
+        viewer = replace(viewer, seconds=real_number(seconds, "seconds", minimum=0, strict=True))
+    return viewer
 
 
 def view_bodies(

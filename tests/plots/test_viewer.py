@@ -53,6 +53,16 @@ def test_a_path_travels_whole():
         assert np.abs(found - path).max() <= 0.5001 * max(body["step"])
 
 
+def test_recordings_say_their_rate_and_other_paths_do_not():
+    recorded = payload_of(view_path(PATH, TEMPLATE.faces, frames_per_second=30))
+    assert recorded["frames_per_second"] == 30
+    assert "frames_per_second" not in payload_of(view_path(PATH, TEMPLATE.faces, seconds=3))
+    with pytest.raises(ArgumentError, match="either seconds or frames_per_second"):
+        view_path(PATH, TEMPLATE.faces, seconds=3, frames_per_second=30)
+    with pytest.raises(ArgumentError, match="frames_per_second"):
+        view_path(PATH, TEMPLATE.faces, frames_per_second=0)
+
+
 def test_values_become_colours_of_vertices():
     values = np.zeros(TEMPLATE.n_faces)
     values[(TEMPLATE.faces == 5).any(axis=1)] = 1.0

@@ -37,6 +37,8 @@ def pages(tmp_path_factory):
     paths = {"there": path, "back": path[::-1]}
     texts = {"title": "Two paths", "description": "From one to another."}
     view_path(paths, FACES, **texts, seconds=1.2).save(folder / "paths.html")
+    knees = {"all": path, "half": path[:3]}
+    view_path(knees, FACES, side_by_side=True, frames_per_second=2).save(folder / "recorded.html")
     many = [f"body number {index} with a long name" for index in range(9)]
     view_bodies(BODIES.points[:9], FACES, many).save(folder / "many.html")
     return folder
@@ -270,6 +272,32 @@ def test_paths_play_by_key_slider_speed_and_loop(browser, opened):
     browser.find("[data-part=loop]").click()
     browser.wait_for("return document.querySelector('.viewer').dataset.time === '1.000'")
     browser.wait_for("return document.querySelector('[data-part=play]').textContent === 'Play'")
+
+
+def test_time_of_a_path_is_a_share_and_of_a_recording_seconds_and_frames(browser, opened):
+    opened("paths")
+    assert text_of(browser, "moment") == "t = 0.00"
+    opened("recorded")
+    assert text_of(browser, "moment") == "0.00 s of 2.00 s, frame 1 of 5"
+    slider = browser.find("input[type=range]")
+    browser.run("arguments[0].focus()", slider)
+    browser.press("\ue014")  # right: one frame
+    assert text_of(browser, "moment") == "0.50 s of 2.00 s, frame 2 of 5"
+    assert slider.get_attribute("aria-valuetext") == "0.50 seconds, frame 2 of 5"
+    browser.press("\ue010")  # End
+    assert text_of(browser, "moment") == "2.00 s of 2.00 s, frame 5 of 5"
+
+
+def test_the_ground_follows_a_change_of_theme(browser, pages):
+    shots = []
+    for first in (True, False):
+        browser.open(pages / "one.html", 600, 700, dark=first)
+        browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+        dark = [{"name": "prefers-color-scheme", "value": "dark"}]
+        browser.devtools("Emulation.setEmulatedMedia", features=dark)
+        browser.wait_for("return matchMedia('(prefers-color-scheme: dark)').matches")
+        shots.append(screenshot(browser))
+    assert np.abs(shots[0] - shots[1]).max() < 4
 
 
 @pytest.mark.parametrize("width", [400, 1000])

@@ -9,6 +9,7 @@ const FRAMED = 0.22; // height of what is framed, as a share of the tallest body
 class Viewer {
   constructor(element) {
     this.element = element;
+    element.viewer = this;
     this.find = (name) => element.querySelector(`[data-part="${name}"]`);
     const data = JSON.parse(this.find("data").textContent);
     this.data = data;
@@ -33,6 +34,10 @@ class Viewer {
     this.faces = await unpack(this.data.faces, Uint32Array, 3);
     await this.choose(0);
     listen(this);
+    DARK.addEventListener("change", () => {
+      this.built.forEach((bodies) => bodies.forEach((body) => body.ground.ink()));
+      this.draw();
+    });
     new ResizeObserver(() => this.resize()).observe(this.stage);
     this.element.dataset.ready = "true";
   }
@@ -94,6 +99,8 @@ class Viewer {
     const moving = bodies.some((body) => body.nFrames > 1);
     this.find("running").hidden = !moving;
     if (!moving) this.pause();
+    // The arrow keys then go from frame to frame.
+    if (moving && this.isRecorded()) this.find("time").max = String(this.lastFrame());
     this.element.dataset.choice = this.data.choices[index].name;
     this.find("labels").replaceChildren(...bodies.map((body) => this.label(body)));
     this.hush();
@@ -130,11 +137,43 @@ class Viewer {
     this.time = Math.min(1, Math.max(0, time));
     const slider = this.find("time");
     slider.value = String(Math.round(this.time * Number(slider.max)));
-    slider.setAttribute("aria-valuetext", `${Math.round(100 * this.time)} % of the path`);
-    this.find("moment").textContent = this.time.toFixed(2);
+    this.sayTime(slider);
     this.element.dataset.time = this.time.toFixed(3);
-    this.bodies().forEach((body) => body.show(this.time));
+    const last = this.lastFrame();
+    // Recordings keep their pace: the shorter one waits in its last frame.
+    this.bodies().forEach((body) => body.show(
+      this.isRecorded() ? Math.min(1, (this.time * last) / Math.max(body.nFrames - 1, 1)) : this.time,
+    ));
     this.draw();
+  }
+
+  // Whether time is that of a recording, in seconds, rather than a share of a path.
+  isRecorded() {
+    return Boolean(this.data.frames_per_second);
+  }
+
+  lastFrame() {
+    return Math.max(...this.bodies().map((body) => body.nFrames)) - 1;
+  }
+
+  // Seconds at speed 1.
+  duration() {
+    return this.isRecorded() ? this.lastFrame() / this.data.frames_per_second : this.data.seconds;
+  }
+
+  // Frames are counted from 1.
+  sayTime(slider) {
+    let said = `t = ${this.time.toFixed(2)}`;
+    let read = `${Math.round(100 * this.time)} % of the path`;
+    if (this.isRecorded()) {
+      const duration = this.duration();
+      const frame = Math.round(this.time * this.lastFrame()) + 1;
+      const count = `frame ${frame} of ${this.lastFrame() + 1}`;
+      said = `${(this.time * duration).toFixed(2)} s of ${duration.toFixed(2)} s, ${count}`;
+      read = `${(this.time * duration).toFixed(2)} seconds, ${count}`;
+    }
+    this.find("moment").textContent = said;
+    slider.setAttribute("aria-valuetext", read);
   }
 
   toggle() {
@@ -147,7 +186,7 @@ class Viewer {
     if (this.time >= 1) this.seek(0);
     let before = performance.now();
     const advance = (now) => {
-      const passed = ((now - before) / (this.data.seconds * 1000)) * Number(this.find("speed").value);
+      const passed = ((now - before) / (this.duration() * 1000)) * Number(this.find("speed").value);
       before = now;
       const time = this.time + Math.max(passed, 0);
       if (time < 1) this.seek(time);

@@ -12,6 +12,8 @@ const LAYERS = [
 const DARKEST = 0.62;
 const GRID = { metres: 0.25, strong: 4 }; // every fourth line is a metre
 
+const DARK = window.matchMedia("(prefers-color-scheme: dark)");
+
 const GROUND_VERTEX = `
 varying vec2 place;
 void main() {
@@ -59,7 +61,6 @@ class Ground {
       this.shadow, CELLS, CELLS, THREE.RedFormat, THREE.UnsignedByteType,
     );
     this.texture.magFilter = this.texture.minFilter = THREE.LinearFilter;
-    const dark = window.matchMedia("(prefers-color-scheme: dark)").matches;
     const material = new THREE.ShaderMaterial({
       vertexShader: GROUND_VERTEX,
       fragmentShader: GROUND_FRAGMENT,
@@ -69,15 +70,22 @@ class Ground {
       uniforms: {
         shadow: { value: this.texture },
         centre: { value: new THREE.Vector2(body.centre[0], -body.centre[2]) },
-        ink: { value: new THREE.Color(dark ? "#c9d3de" : "#3b4652") },
+        ink: { value: new THREE.Color() },
         radius: { value: this.radius },
         spacing: { value: GRID.metres },
         darkest: { value: DARKEST },
       },
     });
+    this.uniforms = material.uniforms;
+    this.ink();
     this.disc = new THREE.Mesh(new THREE.CircleGeometry(this.radius, 64), material);
     this.disc.rotation.x = -Math.PI / 2;
     this.disc.position.y = this.floor;
+  }
+
+  // Lines and shadow have the ink of the theme.
+  ink() {
+    this.uniforms.ink.value.set(DARK.matches ? "#c9d3de" : "#3b4652");
   }
 
   // Shadow of a surface: how much of it is above each cell, the lower the darker.
