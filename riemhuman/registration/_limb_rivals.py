@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.bodies import rotation_matrix
+from riemhuman.kernels.threads import mapped
 from riemhuman.registration._arm_surfaces import ArmSurface
 from riemhuman.registration._arms_and_hands import (
     BodyFit,
@@ -23,6 +25,7 @@ from riemhuman.registration._arms_and_hands import (
 )
 from riemhuman.registration._dense_fit import DenseTask
 from riemhuman.registration._posed_body import Pose, pose_body
+from riemhuman.registration._scan_preparation import N_THREADS
 from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration.settings import RivalSettings
 from riemhuman.surfaces.nearest_points import nearest_points
@@ -47,6 +50,7 @@ def find_limb_doubts(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
         others += _turned_arm(body, arm, settings)
     for arm, fits in body.hand_fits.items():
         others += _other_hand(body, arm, fits, settings)
+    others += _turned_head(body, settings)
     for joint in ("elbow", "knee"):
         others += _exchanged_limbs(body, joint, settings)
     # What is said of both hands need not be said of one.
@@ -100,7 +104,7 @@ def _other_hand(
 ) -> list[LimbDoubt]:
     """Return doubt about fingers that are almost as near to the scan in another pose."""
     best = min(fits, key=lambda fit: fit.cost)
-    if best.cost > arm.settings.unexplained_metres:
+    if best.cost > np.hypot(settings.doubtful_hand_metres, body.task.scan.noise):
         return _doubts_about(body, arm.on_hand, f"{arm.side} hand: no pose of it fits the scan")
     displaced = np.zeros(len(arm.vertices), dtype=bool)
     for rival in fits:
@@ -108,6 +112,55 @@ def _other_hand(
             displaced |= _displaced(best.surface, rival.surface, settings)
     reason = f"{arm.side} hand: {_EQUAL}, in which its fingers are open or bent"
     return _doubts_about(body, arm.vertices[displaced], reason)
+
+
+def _turned_head(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
+    """Return doubt about a head that is almost as near to the scan turned or nodded otherwise."""
+    task, parts, pose = body.task, body.task.body.parts, body.fit.pose
+    joints = parts.numbers("neck", "head")
+    if len(joints) < 2:
+        return []
+    head = np.flatnonzero(parts.vertices(joints[1:]))
+    seen = points_on(task, pose, head)
+    if not len(seen):
+        return []
+    seen = seen[:: max(len(seen) // settings.n_compared, 1)]
+    on_neck = parts.vertices(joints)
+    samples = task.samples.only((task.samples.numbers >= 0) & on_neck[task.samples.numbers])
+
+    def fit_from(turn: tuple[float, float]) -> Pose:
+        local = pose.local.copy()
+        local[joints[1]] = local[joints[1]] @ rotation_matrix(np.radians([*turn, 0.0]))
+        start = pose._replace(local=local)
+        return fit_joints(task, np.array(joints), samples, task.prior, start)
+
+    poses = [pose, *mapped(fit_from, ((0.0, 0.0), *settings.head_turns), N_THREADS)]
+    surfaces = [task.body.surface(each) for each in poses]
+    costs = _mean_distances(body, seen, head, surfaces, settings)
+    displaced = np.zeros(len(head), dtype=bool)
+    for surface, cost in zip(surfaces, costs, strict=True):
+        if cost < (1.0 + settings.head_margin) * min(costs[:2]):
+            displaced |= _displaced(surfaces[0][head], surface[head], settings)
+    reason = f"head: {_EQUAL}, in which it is turned or nods differently"
+    return _doubts_about(body, head[displaced], reason)
+
+
+def _mean_distances(
+    body: BodyFit,
+    points: np.ndarray,
+    vertices: np.ndarray,
+    surfaces: list[np.ndarray],
+    settings: RivalSettings,
+) -> list[float]:
+    """Return the mean distance of points from some vertices' part of each surface, metres."""
+    faces = body.task.body.model.faces
+    faces = faces[np.isin(faces, vertices).all(axis=1)]
+    return [
+        float(
+            np.minimum(nearest_points(points, surface, faces)[1], settings.exchanged_metres).mean()
+        )
+        for surface in surfaces
+    ]
 
 
 def _displaced(surface: np.ndarray, rival: np.ndarray, settings: RivalSettings) -> np.ndarray:
@@ -142,12 +195,7 @@ def _exchanged_limbs(body: BodyFit, joint: str, settings: RivalSettings) -> list
         return []
     rival = _exchange(task, body.fit.pose, joint)
     surfaces = [task.body.surface(pose) for pose in (body.fit.pose, rival)]
-    inside = np.isin(task.body.model.faces, both).all(axis=1)
-    faces = task.body.model.faces[inside]
-    costs = [
-        np.minimum(nearest_points(seen, surface, faces)[1], settings.exchanged_metres).mean()
-        for surface in surfaces
-    ]
+    costs = _mean_distances(body, seen, both, surfaces, settings)
     if costs[1] > (1.0 + settings.least_margin) * costs[0]:
         return []
     displaced = _displaced(surfaces[0][both], surfaces[1][both], settings)

@@ -26,9 +26,9 @@ class RegisteredScan:
     trusted_vertices : array of bool, shape (V,)
         Vertices that the scan shows, or that are within 6 cm of these along the surface and not
         more than 1.5 cm outside what it shows, as straight fingers of a fist are. False for limbs
-        in doubt: another turn of a forearm, another pose of a hand, or both arms exchanged, is
-        almost as near to the scan, or hands hide each other's fingers. All False if the body is
-        not trusted, but for a limb alone in doubt.
+        in doubt: another turn of a forearm or the head, another pose of a hand, or both arms
+        exchanged, is almost as near to the scan, no pose of a hand is near, or hands hide each
+        other's fingers. All False if the body is not trusted, but for a limb alone in doubt.
     message : str
         The checks that the result failed, limbs in doubt, and parts that the scan does not show.
     likelihood : float

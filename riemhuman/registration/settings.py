@@ -652,6 +652,15 @@ class RivalSettings:
         distance.
     hand_margin : float
         The same for another pose of the hand, whose fingers alone are compared.
+    doubtful_hand_metres : float
+        Fingers are not trusted if their points are farther in the mean than this from the nearest
+        pose of the hand, without noise, distances limited as where hands are fitted, metres.
+    head_margin : float
+        The same share for another rotation of the head.
+    head_turns : tuple of tuple of float
+        Angles about the axes to the left and up by which other heads start, degrees.
+    n_compared : int
+        About the number of points by which heads are compared.
     displaced_metres : float
         Vertices that a rival moves by more are not trusted, metres.
     least_displaced : float
@@ -673,6 +682,10 @@ class RivalSettings:
 
     least_margin: float = 0.35
     hand_margin: float = 0.10
+    doubtful_hand_metres: float = 0.0052
+    head_margin: float = 0.10
+    head_turns: tuple[tuple[float, float], ...] = ((0, 60), (0, -60), (35, 0), (-35, 0))
+    n_compared: int = 500
     displaced_metres: float = 0.03
     least_displaced: float = 0.05
     touching_metres: float = 0.015
@@ -684,6 +697,9 @@ class RivalSettings:
         _check_amounts(
             least_margin=self.least_margin,
             hand_margin=self.hand_margin,
+            doubtful_hand_metres=self.doubtful_hand_metres,
+            head_margin=self.head_margin,
+            n_compared=self.n_compared,
             displaced_metres=self.displaced_metres,
             touching_metres=self.touching_metres,
             exchanged_metres=self.exchanged_metres,

@@ -133,6 +133,18 @@ def test_hands_that_no_pose_explains_are_not_trusted(upright):
     np.testing.assert_array_equal(np.flatnonzero(doubt.vertices), arm.on_hand)
 
 
+def test_a_head_that_another_turn_explains_better_is_not_trusted(fitter, upright):
+    fit = upright.fit
+    head = fitter.parts.numbers("head")
+    turned = fit.pose.local.copy()
+    turned[head] = turned[head] @ rh.bodies.rotation_matrix(np.radians([0.0, 70.0, 0.0]))
+    elsewhere = replace(fit, pose=fit.pose._replace(local=turned))
+    (doubt,) = find_limb_doubts(replace(upright, fit=elsewhere, doubtful_arms=[]))
+    assert doubt.reason.startswith("head: two explanations fit almost equally")
+    assert fitter.parts.vertices(head)[doubt.vertices].all()
+    assert find_limb_doubts(replace(upright, doubtful_arms=[])) == []
+
+
 @pytest.mark.parametrize("joint", ["elbow", "knee"])
 def test_exchanged_limbs_fit_the_scan(fitter, upright, joint):
     """Of a body that is the same on both sides, exchanging its limbs changes nothing."""
