@@ -25,7 +25,7 @@ from riemhuman.plots.figures import (
     scale_ends,
     value_colors,
 )
-from riemhuman.plots.rendering import View, as_surfaces, render, window_around
+from riemhuman.plots.rendering import View, as_surfaces, render, surface_values, window_around
 from riemhuman.representation import Record
 from riemhuman.surfaces.measures import triangle_areas
 from riemhuman.terms import EbinTerm, NormalTerm
@@ -54,7 +54,7 @@ def plot_body(
     ax: Axes | None = None,
     height: int = 480,
 ) -> Axes:
-    """Draw a body, coloured by values of its triangles if they are given.
+    """Draw a body, coloured by values of its triangles or vertices if they are given.
 
     Parameters
     ----------
@@ -62,10 +62,10 @@ def plot_body(
         Surface, metres, y up; meshes as in `rh.io.as_arrays`.
     faces : array_like, shape (F, 3), optional
         Triangles; none for a mesh.
-    values : array_like, shape (F,), optional
-        Values of the triangles; 1 % of their sizes exceed that of the last colour. The scale
-        begins at 0 or, if some are negative, goes to both sides of it.
-    color : array_like, shape (3,) or (F, 3)
+    values : array_like, shape (F,) or (V,), optional
+        Values of the triangles, or of the vertices; 1 % of their sizes exceed that of the last
+        colour. The scale begins at 0 or, if some are negative, goes to both sides of it.
+    color : array_like, shape (3,), (F, 3) or (V, 3)
         Red, green and blue between 0 and 1, used without `values`.
     view : View, optional
     label : str, optional
@@ -85,7 +85,9 @@ def plot_body(
     window = window_around(vertices, view)
     low, limit = 0.0, 0.0
     if values is not None:
-        shades = real_array(values, "values", (len(np.asarray(faces)),), batched=False)
+        shades = surface_values(values, len(vertices), len(np.asarray(faces)))
+        if shades.ndim != 1:
+            raise ArgumentError(f"values of one body must be one row; found shape {shades.shape}")
         low, limit = scale_ends(shades)
         color = value_colors(shades, limit, signed=low < 0)
     picture = render(vertices, faces, height=height, view=view, window=window, color=color)
@@ -118,7 +120,7 @@ def plot_path(
     ----------
     path : array_like, shape (n_times, V, 3), or sequence of meshes
     faces : array_like, shape (F, 3), optional
-    values : array_like, shape (n_times, F), optional
+    values : array_like, shape (n_times, F) or (n_times, V), optional
         As for `plot_body`, of each surface; all share one scale.
     n_shown : int, optional
         Number of surfaces shown, evenly spaced including both ends; by default all.
@@ -157,8 +159,12 @@ def plot_path(
         step = real_number(spacing, "spacing", minimum=0, strict=True)
         middles = widths[0] / 2 + step * np.arange(len(chosen))
     if values is not None:
-        shape = (len(surfaces), len(np.asarray(faces)))
-        shades = real_array(values, "values", shape, batched=False)
+        shades = surface_values(values, surfaces.shape[1], len(np.asarray(faces)))
+        if shades.shape[:-1] != surfaces.shape[:1]:
+            raise ArgumentError(
+                f"values must have one row for each of the {len(surfaces)} surfaces; "
+                f"found shape {shades.shape}"
+            )
         low, limit = scale_ends(shades, largest)
         tints = value_colors(shades, limit, signed=low < 0)
     else:

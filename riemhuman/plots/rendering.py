@@ -125,8 +125,9 @@ def render(
     view : View, optional
     window : Window, optional
         The part that is shown; by default the surface with a margin.
-    color : array_like, shape (3,) or (F, 3)
-        Red, green and blue between 0 and 1, of the surface or of each triangle.
+    color : array_like, shape (3,), (F, 3) or (V, 3)
+        Red, green and blue between 0 and 1, of the surface, of each triangle or, blended between
+        them, of each vertex.
 
     Returns
     -------
@@ -140,13 +141,7 @@ def render(
     100
     """
     vertices, faces = check_mesh(*as_surfaces(vertices, faces))
-    colors = real_array(color, "color", (3,))
-    if colors.shape not in ((3,), (len(faces), 3)) or colors.min() < 0 or colors.max() > 1:
-        raise ArgumentError(
-            f"color must have shape (3,) or ({len(faces)}, 3) and lie between 0 and 1; found shape "
-            f"{colors.shape}, from {colors.min():g} to {colors.max():g}"
-        )
-    colors = np.array(np.broadcast_to(colors, (len(faces), 3)))
+    colors = _corner_colors(real_array(color, "color", (3,)), len(vertices), faces)
     whole_number(height, "height", minimum=1)
     view = View() if view is None else view
     window = window_around(vertices, view) if window is None else window
@@ -162,6 +157,36 @@ def render(
     _draw_triangles(corners, np.full(shape, -np.inf), owner)
     _paint(corners, normals[faces], _linear(colors), *_light(), owner, picture)
     return picture
+
+
+def _corner_colors(colors: ndarray, n_vertices: int, faces: ndarray) -> ndarray:
+    """Return the colours of the corners of triangles, shape (F, 3, 3)."""
+    shapes = ((3,), (len(faces), 3), (n_vertices, 3))
+    if colors.shape not in shapes or colors.min() < 0 or colors.max() > 1:
+        raise ArgumentError(
+            f"color must have shape (3,), ({len(faces)}, 3) or ({n_vertices}, 3) and lie between "
+            f"0 and 1; found shape {colors.shape}, from {colors.min():g} to {colors.max():g}"
+        )
+    if colors.shape == (n_vertices, 3) and n_vertices != len(faces):
+        return colors[faces]
+    return np.array(np.broadcast_to(colors.reshape(-1, 1, 3), (len(faces), 3, 3)))
+
+
+def surface_values(values: ArrayLike, n_vertices: int, n_faces: int) -> ndarray:
+    """Return real values of triangles, or of vertices, checked; their number tells which.
+
+    Parameters
+    ----------
+    values : array_like, shape (..., F) or (..., V)
+    n_vertices, n_faces : int
+    """
+    shape = np.shape(values)
+    if shape[-1:] not in ((n_vertices,), (n_faces,)):
+        raise ArgumentError(
+            f"values must have one number per triangle ({n_faces}) or vertex ({n_vertices}); "
+            f"found shape {shape}"
+        )
+    return real_array(values, "values", shape, batched=False)
 
 
 @cache
@@ -243,11 +268,17 @@ def _paint(
                 j = column * _SAMPLES + sample % _SAMPLES
                 f = owner[i, j]
                 if f >= 0:
-                    normal = _normal(normals[f], _shares(corners[f], i + 0.5, j + 0.5))
+                    shares = _shares(corners[f], i + 0.5, j + 0.5)
+                    normal = _normal(normals[f], shares)
                     _shade(normal, lights, hemisphere, roughness, diffuse, mirrored)
                     sums[3] += 1.0
                     for channel in range(3):
-                        light = colors[f, channel] * diffuse[channel] + mirrored[channel]
+                        own = (
+                            shares[0] * colors[f, 0, channel]
+                            + shares[1] * colors[f, 1, channel]
+                            + shares[2] * colors[f, 2, channel]
+                        )
+                        light = max(own, 0.0) * diffuse[channel] + mirrored[channel]
                         sums[channel] += _encoded(min(light, 1.0))
             for channel in range(3):
                 picture[row, column, channel] = np.round(255 * sums[channel] / max(sums[3], 1.0))

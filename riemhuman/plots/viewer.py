@@ -23,9 +23,11 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number
+from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.measurements import open_measurements
 from riemhuman.plots.body_plots import plot_path
 from riemhuman.plots.figures import (
     MEAN,
@@ -45,6 +47,7 @@ from riemhuman.plots.rendering import (
     image_source,
     png_bytes,
     strip_picture,
+    surface_values,
     window_around,
 )
 
@@ -58,6 +61,7 @@ _MOST_IN_PICTURE = 8
 _SCRIPTS = ("_ground", "_body", "_gestures", "")  # parts of the script, in their order
 _N_MATCHES = 8  # pairs of frames on the page of two motions
 _MATCH_HEIGHT = 200
+_NO_PART = 255
 
 
 @cache
@@ -114,10 +118,10 @@ class ViewedBody:
         Surfaces at equally spaced times, metres.
     color : tuple of float
         Red, green and blue between 0 and 1.
-    values : array, shape (F,), optional
-        Values of the triangles, such as `contributions` per area, shown as colours; 1 % of their
-        sizes exceed that of the last colour. The scale begins at 0 or, if some are negative, goes
-        to both sides of it.
+    values : array, shape (F,) or (V,), optional
+        Values of the triangles, such as `contributions` per area, or of the vertices, shown as
+        colours; 1 % of their sizes exceed that of the last colour. The scale begins at 0 or, if
+        some are negative, goes to both sides of it.
     value_label : str
         Label of the colour scale.
 
@@ -162,6 +166,9 @@ class Viewer:
     frames_per_second : float, optional
         Rate of recordings: the page then shows seconds and numbers of frames, and at speed 1 plays
         them as long as they took. Without it, paths are shown from t = 0 to 1.
+    parts : mapping of str to array of int, optional
+        Triangles of each part of the body, whose name is shown beside the pointer; by default
+        those of `MeasurementSet.parts` where the triangles are those of the open body model.
 
     Examples
     --------
@@ -176,6 +183,7 @@ class Viewer:
     seconds: float = _SECONDS
     below: str = ""
     frames_per_second: float | None = None
+    parts: Mapping[str, ndarray] | None = None
 
     def __post_init__(self) -> None:
         if not (self.choices and all(self.choices.values())):
@@ -185,6 +193,10 @@ class Viewer:
         if len(sizes) > 1:
             raise ArgumentError(f"all bodies must have the same vertices; found {sorted(sizes)}")
         object.__setattr__(self, "faces", check_mesh(surfaces[0], self.faces)[1])
+        for bodies in self.choices.values():
+            for body in bodies:
+                if body.values is not None:
+                    surface_values(body.values, len(surfaces[0]), len(self.faces))
 
     def __repr__(self) -> str:
         return f"Viewer({self.title!r}, choices={list(self.choices)})"
@@ -213,6 +225,9 @@ class Viewer:
         }
         if self.frames_per_second is not None:
             data["frames_per_second"] = self.frames_per_second
+        parts = _parts_of(self.faces) if self.parts is None else self.parts
+        if parts:
+            data["parts"] = _numbered_parts(parts, len(self.faces))
         return _fill(
             "viewer.html",
             identifier=identifier,
@@ -283,6 +298,32 @@ class Viewer:
         return strip_picture(surfaces, self.faces, colors, height)
 
 
+def _parts_of(faces: ndarray) -> Mapping[str, ndarray]:
+    """Return the triangles of the parts of the open body model, if these are its triangles."""
+    for resolution in ("coarse", "full"):
+        model = load_open_model(resolution)
+        if len(faces) == len(model.faces) and np.array_equal(faces, model.faces):
+            found = open_measurements(resolution)
+            return {} if found is None else found.parts
+    return {}
+
+
+def _numbered_parts(parts: Mapping[str, ndarray], n_faces: int) -> dict[str, Any]:
+    """Return the names of parts, and for each triangle the number of its part, or 255."""
+    if len(parts) > _NO_PART:
+        raise ArgumentError(f"at most {_NO_PART} parts can be named; found {len(parts)}")
+    numbers = np.full(n_faces, _NO_PART, dtype=np.uint8)
+    for number, (name, triangles) in enumerate(parts.items()):
+        members = np.asarray(triangles)
+        if members.size and not 0 <= members.min() <= members.max() < n_faces:
+            raise ArgumentError(
+                f"part {name!r} must hold triangles from 0 to {n_faces - 1}; "
+                f"found {members.min()} to {members.max()}"
+            )
+        numbers[members] = number
+    return {"names": list(parts), "numbers": _deflated(numbers)}
+
+
 def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
     """Return the data of a body in types that JSON can hold; coordinates have 16 bits."""
     low = body.frames.min(axis=(0, 1))
@@ -301,11 +342,7 @@ def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
         "color": f"#{red:02x}{green:02x}{blue:02x}",
     }
     if body.values is not None:
-        # Vertices have the mean value of their triangles.
-        counts = np.bincount(faces.ravel(), minlength=body.frames.shape[1])
-        sums = np.bincount(faces.ravel(), np.repeat(body.values, 3), len(counts))
-        means = sums / np.maximum(counts, 1)
-        colors = value_colors(means, body.limit, signed=body.signed)
+        colors = value_colors(_vertex_values(body, faces), body.limit, signed=body.signed)
         record["colors"] = _deflated(np.round(255 * colors).astype(np.uint8))
         record["values"] = _deflated(body.values.astype("<f4"))
         record["largest"] = body.limit
@@ -313,6 +350,16 @@ def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
         record["scale"] = SIGNED_COLORS if body.signed else VALUE_COLORS
         record["value_label"] = body.value_label
     return record
+
+
+def _vertex_values(body: ViewedBody, faces: ndarray) -> ndarray:
+    """Return the values of vertices: their own, or the mean of their triangles."""
+    values = np.asarray(body.values)
+    if len(values) != len(faces):
+        return values
+    counts = np.bincount(faces.ravel(), minlength=body.frames.shape[1])
+    sums = np.bincount(faces.ravel(), np.repeat(values, 3), len(counts))
+    return np.asarray(sums / np.maximum(counts, 1))
 
 
 def _packed(rows: ndarray) -> str:

@@ -42,6 +42,20 @@ def test_values_colour_triangles_and_have_a_scale():
     assert bar.get_ylim() == (0.0, 1.0)
 
 
+def test_values_of_vertices_are_drawn_on_bodies_and_strips():
+    heights = PATH[..., 1]
+    for ax in (
+        plot_body(PATH[0], TEMPLATE.faces, heights[0], label="height (m)"),
+        plot_path(PATH, TEMPLATE.faces, heights),
+    ):
+        picture = np.asarray(ax.images[0].get_array()).astype(int)
+        rows = np.flatnonzero((picture[..., 3] == 255).any(axis=1))
+        redness = picture[..., 0] - picture[..., 2]
+        middle = picture.shape[1] // 2
+        top, bottom = (redness[rows[k], middle] for k in (len(rows) // 8, -len(rows) // 8))
+        assert top > bottom + 60
+
+
 def test_negative_values_are_seen_on_bodies_and_strips():
     heights = TEMPLATE.vertices[TEMPLATE.faces].mean(axis=1)[:, 1]
     ax = plot_body(TEMPLATE.vertices, TEMPLATE.faces, heights, label="mm", height=80)
@@ -120,7 +134,9 @@ def test_meshes_of_other_packages_are_drawn_as_their_arrays(made):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: plot_body(PATH[0], TEMPLATE.faces, [1.0]), r"values must have shape \(80\)"),
+        (lambda: plot_body(PATH[0], TEMPLATE.faces, [1.0]), r"triangle \(80\) or vertex \(42\)"),
+        (lambda: plot_body(PATH[0], TEMPLATE.faces, np.zeros((2, 80))), "one row"),
+        (lambda: plot_path(PATH, TEMPLATE.faces, np.zeros(80)), "one row for each of the"),
         (lambda: plot_path(PATH, TEMPLATE.faces, n_shown=1), "n_shown"),
         (lambda: per_area([1.0], np.zeros((3, 3)), [[0, 1, 2]]), "triangles without area"),
         (lambda: plot_path(PATH, TEMPLATE.faces, colors=np.full((5, 3), 2)), "between 0 and 1"),

@@ -95,7 +95,7 @@ def test_views_rotate_about_the_vertical_and_then_rise(view, right, up):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"color": [[0.5, 0.5, 0.5]] * 3}, r"color must have shape \(3,\) or \(1, 3\)"),
+        ({"color": [[0.5, 0.5, 0.5]] * 2}, r"color must have shape \(3,\), \(1, 3\) or \(3, 3\)"),
         ({"color": [2.0, 0.0, 0.0]}, "between 0 and 1"),
         ({"height": 0}, "height must be a whole number of at least 1"),
     ],
@@ -103,6 +103,16 @@ def test_views_rotate_about_the_vertical_and_then_rise(view, right, up):
 def test_bad_arguments(arguments, message):
     with pytest.raises(ArgumentError, match=message):
         render(TRIANGLE, [[0, 1, 2]], **arguments)
+
+
+def test_colours_of_vertices_blend_between_them():
+    triangle = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    colors = np.array([[0.2, 0.2, 0.2], [0.9, 0.2, 0.2], [0.2, 0.2, 0.2]])
+    picture = render(triangle, [[0, 1, 2]], height=60, view=View(0.0, 0.0), color=colors)
+    row = picture[55]
+    reds = row[row[:, 3] == 255, 0].astype(int)
+    assert (np.diff(reds) >= 0).all()
+    assert reds[-1] > reds[0] + 80
 
 
 def test_png_files_hold_the_picture():

@@ -76,6 +76,33 @@ def test_values_become_colours_of_vertices():
     assert (colors[far] == [0xD4, 0xC8, 0xBB]).all()
 
 
+def test_values_may_be_those_of_vertices():
+    heights = PATH[0, :, 1] - PATH[0, :, 1].min()
+    viewer = Viewer(TEMPLATE.faces, {"": [ViewedBody("one", PATH[:1], values=heights)]})
+    body = payload_of(viewer)["choices"][0]["bodies"][0]
+    np.testing.assert_allclose(inflated(body["values"], "<f4"), heights, rtol=1e-6)
+    colors = inflated(body["colors"], np.uint8).reshape(-1, 3)
+    assert colors[heights.argmin()].tolist() == [0xD4, 0xC8, 0xBB]
+    assert colors[heights.argmax()].tolist() == [0x8C, 0x1D, 0x3F]
+    with pytest.raises(ArgumentError, match="per triangle .* or vertex"):
+        Viewer(TEMPLATE.faces, {"": [ViewedBody("one", PATH[:1], values=heights[1:])]})
+
+
+def test_parts_are_those_given_or_of_the_open_model():
+    assert "parts" not in payload_of(view_bodies(PATH[0], TEMPLATE.faces))
+    halves = {"left": np.arange(10), "right": np.arange(10, TEMPLATE.n_faces - 1)}
+    one = {"": [ViewedBody("one", PATH[:1])]}
+    parts = payload_of(Viewer(TEMPLATE.faces, one, parts=halves))["parts"]
+    assert parts["names"] == ["left", "right"]
+    numbers = inflated(parts["numbers"], np.uint8)
+    assert numbers.tolist() == [0] * 10 + [1] * (TEMPLATE.n_faces - 11) + [255]
+    with pytest.raises(ArgumentError, match="part 'left' must hold triangles from 0"):
+        Viewer(TEMPLATE.faces, one, parts={"left": [TEMPLATE.n_faces]}).page()
+    bodies = rh.datasets.load_open_bodies("coarse")
+    parts = payload_of(view_bodies(bodies[0], bodies.template.faces))["parts"]
+    assert {"head", "left arm", "right leg"} <= set(parts["names"])
+
+
 def test_negative_values_keep_their_sign():
     values = np.where((TEMPLATE.faces == 5).any(axis=1), -2.0, 1.0)
     bodies = [ViewedBody("one", PATH[:1], values=v) for v in (values, np.abs(values))]

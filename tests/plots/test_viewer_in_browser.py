@@ -2,12 +2,14 @@
 
 import base64
 import io
+import re
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from riemhuman.datasets import load_open_bodies
+from riemhuman.measurements import open_measurements
 from riemhuman.plots import View, ViewedBody, Viewer, render, view_bodies, view_path
 from riemhuman.plots.rendering import Window
 
@@ -32,6 +34,9 @@ def pages(tmp_path_factory):
     heights -= (heights.min() + heights.max()) / 2
     signed = ViewedBody("heights", BODIES.points[:1], values=heights, value_label="m")
     Viewer(FACES, {"": [signed]}).save(folder / "signed.html")
+    above = BODIES.points[0, :, 1] - BODIES.points[0, :, 1].min()
+    heights = ViewedBody("heights", BODIES.points[:1], values=above, value_label="m")
+    Viewer(FACES, {"": [heights]}).save(folder / "vertices.html")
     start, end = BODIES.points[[0, 3]]
     path = start + np.linspace(0, 1, 5)[:, None, None] * (end - start)
     paths = {"there": path, "back": path[::-1]}
@@ -117,10 +122,11 @@ def test_mouse_names_body_and_value_and_frames_a_point(browser, opened):
     browser.wait_for(hint_is_shown)
     name, value = text_of(browser, "hint").rsplit(": ", 1)
     assert name == "Anna, standing"
-    number, unit = value.split(" ", 1)
-    assert unit == "per m²"
+    number, said = value.split(" ", 1)
+    part = re.fullmatch(r"per m² \((.*)\)", said)[1]
     # Values grow with the number of the triangle: the value tells which one it is.
     triangle = round(float(number) / 2 * (len(FACES) - 1))
+    assert triangle in open_measurements("coarse").parts[part]
     assert np.ptp(BODIES.points[0, FACES[triangle]], axis=0).max() < 0.2
     assert 0.4 < BODIES.points[0, FACES[triangle], 1].mean() - BODIES.points[0, :, 1].min() < 1.6
     browser.actions().move_to_element_with_offset(canvas, 0, -300).perform()
@@ -149,7 +155,19 @@ def test_signs_are_said_on_the_scale_and_under_the_pointer(browser, opened):
             if text := text_of(browser, "hint"):
                 break
         assert text.removeprefix("heights: ").startswith(sign)
-        assert text.endswith(" m")
+        assert " m (" in text
+
+
+def test_values_of_vertices_are_said_under_the_pointer(browser, opened):
+    canvas = opened("vertices", 600, 700)
+    found = []
+    for below in range(-250, 251, 50):
+        browser.actions().move_to_element_with_offset(canvas, 0, below).perform()
+        if text := text_of(browser, "hint"):
+            found.append(float(text.removeprefix("heights: ").split(" ")[0]))
+    assert len(found) > 3
+    assert found == sorted(found, reverse=True)
+    assert max(found) > 1.4
 
 
 def screenshot(browser):

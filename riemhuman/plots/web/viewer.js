@@ -32,6 +32,8 @@ class Viewer {
 
   async start() {
     this.faces = await unpack(this.data.faces, Uint32Array, 3);
+    const { parts } = this.data;
+    if (parts) this.parts = { names: parts.names, numbers: await inflate(parts.numbers) };
     await this.choose(0);
     listen(this);
     DARK.addEventListener("change", () => {
@@ -264,7 +266,8 @@ class Viewer {
   point(place) {
     const found = this.hit(place);
     const hint = this.find("hint");
-    const text = found ? found.body.describe(found.face, this.data.choices[this.chosen].name) : "";
+    const part = found && this.parts ? this.parts.names[this.parts.numbers[found.face]] || "" : "";
+    const text = found ? found.body.describe(found, this.data.choices[this.chosen].name, part) : "";
     hint.hidden = !text;
     hint.textContent = text;
     if (!text) return;

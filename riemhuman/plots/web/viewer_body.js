@@ -45,6 +45,8 @@ class Body {
     this.low = data.low;
     this.step = data.step;
     this.values = values;
+    // Otherwise each triangle has a value.
+    this.hasVertexValues = Boolean(values) && values.length !== faces.length / 3;
     this.largest = data.largest;
     this.signed = Boolean(data.signed);
     this.scale = data.scale;
@@ -119,13 +121,15 @@ class Body {
     this.mesh.position.set(-x, -y, -z);
   }
 
-  // What the pointer is on: the body's name and the value of a triangle.
-  describe(face, name) {
-    const parts = [this.label || name];
+  // What the pointer is on: the body's name, a value and the part of the body.
+  describe({ face, vertex }, name, part) {
+    let value = "";
     if (this.values) {
-      const value = this.values[face].toPrecision(3).replace("-", "\u2212");
-      parts.push(`${this.signed && this.values[face] > 0 ? "+" : ""}${value} ${this.valueLabel}`.trim());
+      const number = this.values[this.hasVertexValues ? vertex : face];
+      const digits = number.toPrecision(3).replace("-", "\u2212");
+      value = `${this.signed && number > 0 ? "+" : ""}${digits} ${this.valueLabel}`.trim();
     }
-    return parts.filter(Boolean).join(": ");
+    const said = value && part ? `${value} (${part})` : value || part;
+    return [this.label || name, said].filter(Boolean).join(": ");
   }
 }
