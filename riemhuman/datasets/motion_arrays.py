@@ -93,18 +93,12 @@ def motion_from_arrays(
         warn_of_doubt(name, axes)
         up = axes[0]
     one_of(up, "up", AXES)
-    person, spread = _one_person(betas, weights, len(vectors))
+    person, spread = one_person(betas, weights, len(vectors))
     model = load_open_model("coarse") if model is None else model
     if not isinstance(model, BodyModel):
         refuse_type(model, "model", "a BodyModel")
     if is_smpl(model):
-        if spread.max(initial=0.0) > _SAME_PERSON:
-            number = int(spread.argmax())
-            _say(
-                f"betas differ from frame to frame, by a standard deviation of up to "
-                f"{spread[number]:.2g} (number {number}); the person has their mean",
-                name,
-            )
+        warn_of_varying_betas(spread, name)
         known = person[: model.n_betas]
         known = np.pad(known, (0, model.n_betas - len(known)))
         modelled = poses_of_model(vectors, model.n_joints)
@@ -153,7 +147,7 @@ def _pose_vectors(poses: Any) -> np.ndarray:
     return Rotation.from_matrix(array.reshape(-1, 3, 3)).as_rotvec().reshape(n_frames, n_joints, 3)
 
 
-def _one_person(betas: Any, weights: Any, n_frames: int) -> tuple[np.ndarray, np.ndarray]:
+def one_person(betas: Any, weights: Any, n_frames: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the mean over the frames of coefficients, and their standard deviations."""
     if betas is None:
         return np.zeros(0), np.zeros(0)
@@ -169,6 +163,17 @@ def _one_person(betas: Any, weights: Any, n_frames: int) -> tuple[np.ndarray, np
     shares = weight_shares(weights, n_frames)
     mean = shares @ array
     return mean, np.sqrt(shares @ (array - mean) ** 2)
+
+
+def warn_of_varying_betas(spread: np.ndarray, name: str) -> None:
+    """Warn where the coefficients of one person differ from frame to frame."""
+    if spread.max(initial=0.0) > _SAME_PERSON:
+        number = int(spread.argmax())
+        _say(
+            f"betas differ from frame to frame, by a standard deviation of up to "
+            f"{spread[number]:.2g} (number {number}); the person has their mean",
+            name,
+        )
 
 
 def _say(message: str, name: str) -> None:

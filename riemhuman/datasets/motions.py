@@ -24,11 +24,10 @@ from riemhuman.datasets.registered_meshes import (
     existing_folder,
     find_meshes,
     is_visible,
-    natural_key,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FrameIndexError
 from riemhuman.io import save_glb
-from riemhuman.io.files import file_path, suffix_of
+from riemhuman.io.files import file_path, natural_key, suffix_of
 from riemhuman.io.meshes import save_mesh
 from riemhuman.io.outputs import atomic_folder
 from riemhuman.kernels.threads import slices

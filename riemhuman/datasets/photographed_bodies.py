@@ -8,17 +8,21 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components, dijkstra
 
-from riemhuman.checks import check_human_size, integer_array, real_array
-from riemhuman.datasets.registered_meshes import natural_key
-from riemhuman.errors import FileFormatError
+from riemhuman.checks import check_human_size, integer_array, one_of, real_array
+from riemhuman.errors import FileFormatError, warn
 from riemhuman.io.arrays import load_arrays
-from riemhuman.io.files import file_path, format_errors
+from riemhuman.io.files import file_path, format_errors, natural_key
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.meshes import load_mesh
-from riemhuman.surfaces.procrustes import make_upright
+from riemhuman.surfaces.procrustes import AXES, make_upright
 
 _VERTICES = "pred_vertices"
+# Cosine of the direction from the feet to the middle of a body with an axis that surely points up.
+_SURELY_UP = 0.3
+_N_EXTREMITIES = 5
 _OPTIONAL = ("pred_cam_t", "pred_keypoints_3d", "shape_params")
 
 
@@ -41,6 +45,8 @@ class PhotographedBodies:
         Shape parameters of the method's own model, which riemhuman does not use.
     missing : tuple of str
         Fields that some file lacks.
+    up : str
+        Axis of the files that points up.
 
     Examples
     --------
@@ -54,24 +60,32 @@ class PhotographedBodies:
     translations: np.ndarray | None
     shapes: np.ndarray | None
     missing: tuple[str, ...]
+    up: str = "-y"
 
     def __len__(self) -> int:
         return len(self.points)
 
 
 def load_photographed_bodies(
-    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], faces: Any
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    faces: Any,
+    *,
+    up: str | None = None,
 ) -> PhotographedBodies:
     """Read bodies of SAM 3D Body, and turn them upright.
 
     Parameters
     ----------
     paths : path_like or sequence of path_like
-        ``.npz`` files with ``pred_vertices``, shape (V, 3) or (n, V, 3): metres, y down. A folder
-        stands for all its ``.npz`` files.
+        ``.npz`` files with ``pred_vertices``, shape (V, 3) or (n, V, 3), metres. A folder stands
+        for all its ``.npz`` files.
     faces : array_like of int, shape (F, 3), or path_like
         Triangles, which the files lack: the output ``faces`` of the method, or a mesh file with
         its vertices in their order, such as the one of the tools of its body model.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis that points up. The method writes y down, others turn its bodies: by default, whether
+        "-y" or "y" points up is seen from the feet of the bodies; where it cannot be seen, in
+        people who lie, it is "-y", and a warning says so.
 
     Raises
     ------
@@ -87,6 +101,7 @@ def load_photographed_bodies(
     >>> rh.datasets.load_photographed_bodies("photograph.npz", faces).missing
     ('pred_cam_t', 'pred_keypoints_3d', 'shape_params')
     """
+    one_of(up, "up", (None, *AXES))
     files = _files(paths)
     triangles = _triangles(faces)
     read = [load_arrays(file, [_VERTICES], _OPTIONAL) for file in files]
@@ -100,7 +115,7 @@ def load_photographed_bodies(
                     f"{file}: {_VERTICES} has shape {surfaces.shape}; faces number "
                     f"{n_vertices:,} vertices, so that (n, {n_vertices}, 3) is expected"
                 )
-            own = make_upright(surfaces.reshape(-1, n_vertices, 3), up="-y")
+            own = surfaces.reshape(-1, n_vertices, 3)
             check_mesh(own[0], triangles)
             for body in own:
                 check_human_size(float(np.ptp(body, axis=0).max()), np.nan, _VERTICES)
@@ -109,15 +124,60 @@ def load_photographed_bodies(
         names += [file.stem] * len(own)
     missing = tuple(name for name in _OPTIONAL if any(name not in arrays for arrays in read))
     keypoints = _joined(read, "pred_keypoints_3d", 3)
+    surfaces = np.concatenate(points)
+    up = _upward_axis(surfaces, triangles, str(files[0])) if up is None else up
     return PhotographedBodies(
-        points=np.concatenate(points),
+        points=make_upright(surfaces, up=up),
         faces=triangles,
         names=tuple(names),
-        keypoints=None if keypoints is None else make_upright(keypoints, up="-y"),
+        keypoints=None if keypoints is None else make_upright(keypoints, up=up),
         translations=_joined(read, "pred_cam_t", 2),
         shapes=_joined(read, "shape_params", 2),
         missing=missing,
+        up=up,
     )
+
+
+def _upward_axis(surfaces: np.ndarray, faces: np.ndarray, name: str) -> str:
+    """Return which direction of y points up in most bodies: away from their feet."""
+    body = _largest_part(faces, surfaces.shape[1])
+    feet = _find_feet(surfaces[0], faces, body)
+    upward = surfaces[:, body].mean(axis=1) - surfaces[:, feet].mean(axis=1)
+    cosine = float(np.median(upward[:, 1] / np.linalg.norm(upward, axis=1)))
+    if abs(cosine) < _SURELY_UP:
+        warn(
+            f"{name}: -y was taken to point up, as SAM 3D Body has it, but the people may lie: "
+            "pass up='-y', or the axis that points up",
+            UserWarning,
+        )
+    return "y" if cosine > _SURELY_UP else "-y"
+
+
+def _largest_part(faces: np.ndarray, n_vertices: int) -> np.ndarray:
+    """Return the vertices of the largest connected part, without eyes and teeth."""
+    ones = np.ones(faces.size)
+    graph = sparse.coo_array(
+        (ones, (faces.ravel(), faces[:, [1, 2, 0]].ravel())), (n_vertices,) * 2
+    )
+    labels = connected_components(graph, directed=False)[1]
+    return np.flatnonzero(labels == np.bincount(labels).argmax())
+
+
+def _find_feet(points: np.ndarray, faces: np.ndarray, body: np.ndarray) -> np.ndarray:
+    """Return a vertex at the tip of each foot: extremities farthest, along edges, from others."""
+    starts, ends = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    pairs = np.unique(np.sort(np.stack([starts, ends], axis=1), axis=1), axis=0)
+    lengths = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+    graph = sparse.coo_array((lengths, tuple(pairs.T)), (len(points),) * 2).tocsr()
+    nearest = dijkstra(graph, directed=False, indices=body[0])
+    tips: list[int] = []
+    rows = []
+    for _ in range(_N_EXTREMITIES):
+        tips.append(int(body[nearest[body].argmax()]))
+        rows.append(dijkstra(graph, directed=False, indices=tips[-1]))
+        nearest = np.min(rows, axis=0)
+    sums = np.array(rows)[:, tips].sum(axis=1)
+    return np.array(tips)[np.argsort(sums)[-2:]]
 
 
 def _files(paths: Any) -> list[Any]:

@@ -20,15 +20,18 @@ from riemhuman.datasets.amass import load_amass
 from riemhuman.datasets.amc import load_amc
 from riemhuman.datasets.bvh import load_bvh
 from riemhuman.datasets.markers import load_c3d, load_trc
-from riemhuman.datasets.motion_arrays import motion_from_arrays
-from riemhuman.datasets.motions import ModelMotion
+from riemhuman.datasets.motion_arrays import motion_from_arrays, one_person, warn_of_varying_betas
+from riemhuman.datasets.motions import ArrayMotion, ModelMotion
+from riemhuman.datasets.photographed_bodies import load_photographed_bodies
 from riemhuman.datasets.retargeting import retarget
 from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import array_shapes, load_arrays
 from riemhuman.io.files import file_path, suffix_of
+from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.pickles import load_pickled_tree
 from riemhuman.io.torch_files import load_torch_tree
 from riemhuman.retargeting.skeleton_motion import nearest_frames
+from riemhuman.surfaces.procrustes import make_upright
 
 RECORDING_ENDINGS = (
     *(".bvh", ".amc", ".trc", ".c3d"),
@@ -82,6 +85,7 @@ def load_recording(
     joints: Mapping[str, str | Sequence[str]] | None = None,
     person: str | None = None,
     unit: str | float | None = None,
+    faces: Any = None,
 ) -> ModelMotion:
     """Read a recording of a person's motion, in any format that the library knows.
 
@@ -90,7 +94,9 @@ def load_recording(
     - ``.npz`` in AMASS's layout, see `load_amass`;
     - ``.npz``, ``.pkl`` and ``.pt`` of methods that watch videos, see `motion_from_arrays`: those
       of AIST++, WHAM, GVHMR, 4D-Humans, TRAM and ROMP, and others whose fields have the same
-      names. Nothing in a file runs; a file that holds other objects is refused.
+      names. Nothing in a file runs; a file that holds other objects is refused;
+    - ``.npz`` of SAM 3D Body, with `faces`: its bodies are taken for moments of one person's
+      motion, see `load_photographed_bodies`.
 
     Parameters
     ----------
@@ -113,6 +119,10 @@ def load_recording(
     unit : str or number, optional
         Unit of the lengths of a skeleton, which are kept then, see `retarget`; .amc files are read
         in metres, and .trc and .c3d files name their unit.
+    faces : array_like of int, shape (F, 3), or path_like, optional
+        Triangles of bodies of SAM 3D Body. `model` must have them: `transfer_model` makes one. It
+        is fitted to every frame, and the person has the mean of the betas; a warning says by how
+        much they differ.
 
     Raises
     ------
@@ -126,6 +136,15 @@ def load_recording(
     """
     file = file_path(path)
     suffix = suffix_of(file, RECORDING_ENDINGS)
+    if faces is not None:
+        if suffix != ".npz" or joints is not None or unit is not None or person is not None:
+            raise ArgumentError(
+                f"faces are of .npz files of SAM 3D Body, without joints, unit and person; "
+                f"found {file.name}"
+            )
+        rate = frames_per_second or _RATE_OF_VIDEOS
+        seen = _photographed_motion(file, faces, model, rate, up)
+        return seen if betas is None else seen.performed_by(betas)
     if suffix in (".bvh", ".amc"):
         recording = load_bvh(file) if suffix == ".bvh" else load_amc(file)
         options = {"betas": betas, "joints": joints, "up": up, "unit": unit}
@@ -147,6 +166,34 @@ def load_recording(
     return motion if betas is None else motion.performed_by(betas)
 
 
+def _photographed_motion(
+    path: Path,
+    faces: Any,
+    model: BodyModel | None,
+    frames_per_second: float,
+    up: str | None,
+) -> ArrayMotion:
+    """Return the bodies in a file, moments of a person's motion, as a motion with one shape."""
+    found = load_photographed_bodies(path, faces, up=up)
+    difference: str | None = "no model is given"
+    if model is not None:
+        difference = face_difference(found.faces, model.faces)
+    if model is None or difference:
+        raise FileFormatError(
+            f"{path} holds surfaces without poses, for which a body model with their triangles is "
+            f"needed: {difference}. registration.transfer_model(load_open_model(), "
+            "Template(body, faces)) makes one"
+        )
+    points = found.points
+    if found.translations is not None:
+        points = points + make_upright(found.translations, up=found.up)[:, np.newaxis]
+    fit = model.fit(points, betas_prior=1e-7, sequence=True)
+    person, spread = one_person(fit.betas, None, len(points))
+    name = path.stem
+    warn_of_varying_betas(spread, name)
+    return ArrayMotion(("", name), frames_per_second, model, person, fit.pose, fit.trans)
+
+
 def _video_motion(
     file: Path,
     suffix: str,
@@ -161,7 +208,7 @@ def _video_motion(
     if not people and isinstance(content, dict) and "pred_vertices" in content:
         raise FileFormatError(
             f"{file} holds bodies of SAM 3D Body, without poses of SMPL: "
-            "load_photographed_bodies(path, faces) reads them"
+            "load_photographed_bodies(path, faces) reads them, and faces= makes a motion of them"
         )
     if not people:
         raise FileFormatError(

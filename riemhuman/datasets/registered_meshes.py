@@ -12,8 +12,9 @@ import numpy as np
 
 from riemhuman.checks import SCALES, check_same_scale, is_missing_label, one_of
 from riemhuman.datasets.bodies import Bodies
+from riemhuman.datasets.photographed_bodies import load_photographed_bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.files import convert_errors, file_path
+from riemhuman.io.files import convert_errors, file_path, natural_key
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import Seams, check_seams, common_seams, find_seams
 from riemhuman.io.meshes import load_mesh
@@ -249,6 +250,7 @@ def load_bodies(
     seams: str = "join",
     allow_missing: bool = False,
     progress: bool = False,
+    faces: Any = None,
 ) -> Bodies:
     r"""Load the registered meshes of a folder with labels from a table.
 
@@ -271,6 +273,10 @@ def load_bodies(
         without a mesh; else they are errors, as missing labels are everywhere, see
         `rh.retrieval.scores`.
     progress : bool
+    faces : array_like of int, shape (F, 3), or path_like, optional
+        Triangles of bodies of SAM 3D Body, see `load_photographed_bodies`: the folder, or the one
+        file, holds their .npz files. Without a table, each file is a subject, and each body in it
+        a pose.
 
     Examples
     --------
@@ -281,14 +287,14 @@ def load_bodies(
     >>> rh.datasets.load_bodies(".").pose_names
     ('sits',)
     """
+    if faces is not None:
+        if unit is not None:
+            raise ArgumentError("unit is of mesh files: bodies of SAM 3D Body are in metres")
+        return _load_photographed(folder, labels, template, faces, align, up, allow_missing)
     files = find_meshes(folder)
     table = os.path.join(folder, _LABELS) if labels is None else labels
     numbers, texts = read_labels(table, [file.name for file in files], allow_missing=allow_missing)
-    columns: dict[str, Any] = {}
-    for column, own in texts.items():
-        names = sorted(set(own), key=natural_key)
-        columns[f"{column}_names"] = tuple(names)
-        columns[column] = np.array([names.index(text) for text in own])
+    columns = _label_columns(texts)
     files = [files[number] for number in numbers]
     return _load(
         files,
@@ -389,15 +395,6 @@ def no_meshes(root: Path) -> FileError:
     return FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
 
 
-def natural_key(name: str) -> tuple[list[Any], str]:
-    """Return a sorting key that compares numbers within names as numbers."""
-    # Text and numbers alternate, so that text is compared with text. A number with more digits is
-    # larger; Python refuses to convert thousands of digits.
-    parts = re.split(r"([0-9]+)", name.casefold())
-    digits = [part.lstrip("0") for part in parts]
-    return [(len(digits[k]), digits[k]) if k % 2 else part for k, part in enumerate(parts)], name
-
-
 def _load(
     files: Sequence[Path],
     labels: Mapping[str, Any],
@@ -427,6 +424,61 @@ def _load(
         points = procrustes(points, to=template.vertices, scale=None)
     ids = tuple(file.stem for file in files)
     return Bodies(points=points, template=template, ids=ids, **labels)
+
+
+def _label_columns(texts: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """Return the fields of `Bodies` for the texts of the columns of a table."""
+    columns: dict[str, Any] = {}
+    for column, own in texts.items():
+        names = sorted(set(own), key=natural_key)
+        columns[f"{column}_names"] = tuple(names)
+        columns[column] = np.array([names.index(text) for text in own])
+    return columns
+
+
+def _load_photographed(
+    folder: str | os.PathLike[str],
+    labels: str | os.PathLike[str] | None,
+    template: Template | str | os.PathLike[str] | None,
+    faces: Any,
+    align: bool,
+    up: str | None,
+    allow_missing: bool,
+) -> Bodies:
+    """Load bodies of SAM 3D Body, with labels of their files or, without a table, by file."""
+    found = load_photographed_bodies(folder, faces, up=up)
+    numbers = [found.names[:index].count(name) for index, name in enumerate(found.names)]
+    table = file_path(folder) / _LABELS if labels is None else file_path(labels)
+    chosen: Sequence[int] = range(len(found))
+    texts = {"subject": [*found.names], "pose": [str(number) for number in numbers]}
+    if labels is not None or table.exists():
+        files = list(dict.fromkeys(found.names))
+        rows, own = read_labels(
+            table, [f"{name}.npz" for name in files], allow_missing=allow_missing
+        )
+        row_of = {files[row]: place for place, row in enumerate(rows)}
+        chosen = [index for index, name in enumerate(found.names) if name in row_of]
+        texts = {
+            column: [cells[row_of[found.names[index]]] for index in chosen]
+            for column, cells in own.items()
+        }
+    points = found.points[list(chosen)]
+    if template is None:
+        template = Template(points[0], found.faces)
+    elif not isinstance(template, Template):
+        template = Template.from_file(template)
+    difference = face_difference(found.faces, template.faces)
+    if difference:
+        raise ArgumentError(f"template must have the triangles of faces: {difference}")
+    if align:
+        points = procrustes(points, to=template.vertices, scale=None)
+    ids = tuple(
+        f"{found.names[index]}_{numbers[index]}"
+        if found.names.count(found.names[index]) > 1
+        else found.names[index]
+        for index in chosen
+    )
+    return Bodies(points=points, template=template, ids=ids, **_label_columns(texts))
 
 
 def _read_table(table: Path) -> list[tuple[int, list[str]]]:

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from riemhuman.datasets.registered_meshes import existing_folder, natural_key
+from riemhuman.datasets.registered_meshes import existing_folder
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.files import check_file, format_errors, read_text
+from riemhuman.io.files import check_file, format_errors, natural_key, read_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.representation import Record, join_names
 

@@ -16,6 +16,7 @@ import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from riemhuman.errors import (
     ArgumentTypeError,
@@ -243,3 +244,12 @@ def lock_file(file: Path, message: str) -> Iterator[None]:
         with suppress(OSError):
             file.unlink()
         lock.release()
+
+
+def natural_key(name: str) -> tuple[list[Any], str]:
+    """Return a sorting key that compares numbers within names as numbers."""
+    # Text and numbers alternate, so that text is compared with text. A number with more digits is
+    # larger; Python refuses to convert thousands of digits.
+    parts = re.split(r"([0-9]+)", name.casefold())
+    digits = [part.lstrip("0") for part in parts]
+    return [(len(digits[k]), digits[k]) if k % 2 else part for k, part in enumerate(parts)], name

@@ -17,10 +17,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.checks import real_array
-from riemhuman.datasets.registered_meshes import existing_folder, is_visible, natural_key
+from riemhuman.datasets.registered_meshes import existing_folder, is_visible
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
-from riemhuman.io.files import convert_errors, file_path, read_bytes
+from riemhuman.io.files import convert_errors, file_path, natural_key, read_bytes
 from riemhuman.io.fingerprint import describe
 from riemhuman.io.meshes import POINT_SUFFIXES, save_mesh
 from riemhuman.progress import ProgressBar

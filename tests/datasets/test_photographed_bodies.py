@@ -62,3 +62,62 @@ def test_other_bodies_are_refused_by_file(bodies, photograph, change, said):
 def test_recordings_say_which_reader_reads_them(bodies, photograph):
     with pytest.raises(rh.errors.FileFormatError, match="load_photographed_bodies"):
         rh.datasets.load_recording(photograph(bodies[0] * TURNED))
+
+
+@pytest.mark.parametrize("turn", [TURNED, np.ones(3)], ids=["y down", "y up"])
+def test_files_of_either_axis_become_upright(bodies, photograph, turn, tmp_path):
+    for number in range(0, 100, 9):
+        photograph(bodies[number] * turn, f"photograph_{number}.npz")
+    for file in sorted(tmp_path.glob("*.npz")):
+        body = bodies[int(file.stem.split("_")[1])]
+        found = rh.datasets.load_photographed_bodies(file, bodies.template.faces)
+        np.testing.assert_allclose(found.points[0, :, 1], body[:, 1], atol=1e-6)
+
+
+def test_people_who_lie_are_y_down_unless_told(bodies, photograph):
+    lying = bodies[0][:, [1, 2, 0]]
+    path = photograph(lying)
+    with pytest.warns(UserWarning, match="may lie"):
+        found = rh.datasets.load_photographed_bodies(path, bodies.template.faces)
+    assert found.up == "-y"
+    found = rh.datasets.load_photographed_bodies(path, bodies.template.faces, up="x")
+    np.testing.assert_allclose(np.ptp(found.points[0, :, 1]), np.ptp(bodies[0][:, 1]), rtol=1e-5)
+
+
+def test_bodies_have_the_labels_of_their_files(bodies, photograph, tmp_path):
+    photograph(bodies[:2] * TURNED, "anna.npz")
+    photograph(bodies[2] * TURNED, "ben.npz")
+    faces = bodies.template.faces
+    found = rh.datasets.load_bodies(tmp_path, faces=faces)
+    assert found.ids == ("anna_0", "anna_1", "ben")
+    assert found.subject.tolist() == [0, 0, 1]
+    assert found.pose.tolist() == [0, 1, 0]
+    (tmp_path / "labels.csv").write_text("file,subject,pose\nben,Ben,sits\nanna,Anna,walks\n")
+    found = rh.datasets.load_bodies(tmp_path, faces=faces)
+    assert [found.subject_names[each] for each in found.subject] == ["Anna", "Anna", "Ben"]
+    with pytest.raises(rh.errors.ArgumentError, match="metres"):
+        rh.datasets.load_bodies(tmp_path, faces=faces, unit="centimetres")
+
+
+def test_frames_of_one_person_have_one_shape(bodies, photograph):
+    model, rng = bodies.model, np.random.default_rng(49)
+    motion = rh.datasets.load_open_motions("coarse", sequences=["knees"])[0]
+    frames = motion.pose_vectors[:40:5]
+    betas = motion.betas + 0.3 * rng.standard_normal((len(frames), model.n_betas))
+    seen = np.stack([model(own, pose) for own, pose in zip(betas, frames, strict=True)])
+    path = photograph(seen * TURNED)
+    with pytest.warns(UserWarning, match="differ from frame to frame"):
+        found = rh.datasets.load_recording(path, model, faces=model.faces, frames_per_second=10)
+    assert len(found) == len(frames)
+    assert found.frames_per_second == 10
+    np.testing.assert_allclose(found.betas[:3], betas[:, :3].mean(axis=0), atol=0.05)
+    exact = np.stack([model(betas.mean(axis=0), pose) for pose in frames])
+    moved = [rh.procrustes(own, to=to) for own, to in zip(found, exact, strict=True)]
+    assert np.linalg.norm(moved - exact, axis=-1).mean() < 0.005
+
+
+def test_motions_need_a_model_of_the_triangles(bodies, photograph):
+    path = photograph(bodies[:2] * TURNED)
+    for model in (None, rh.datasets.load_open_model("full")):
+        with pytest.raises(rh.errors.FileFormatError, match="photograph_1.*transfer_model"):
+            rh.datasets.load_recording(path, model, faces=bodies.template.faces)
