@@ -13,7 +13,7 @@ from riemhuman.descriptors.descriptor import Descriptor
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.io import save_mesh
 from riemhuman.measurements import Measurements, open_measurements
-from riemhuman.report import benchmark, representations
+from riemhuman.retrieval import benchmark, representations
 from riemhuman.testing import check_dataset, check_metric
 
 ENTRIES = """

@@ -15,7 +15,8 @@ from cases import sphere_template, surfaces
 from riemhuman.datasets import Bodies, load_open_motions
 from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.report import _path_sections, benchmark, make_report
+from riemhuman.report import _path_sections, make_report
+from riemhuman.retrieval import benchmark
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
