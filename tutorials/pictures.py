@@ -11,8 +11,10 @@ from pathlib import Path
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+from PIL import Image, ImageDraw
 
 import riemhuman as rh
+from riemhuman.plots.rendering import window_around
 
 matplotlib.use("agg")
 
@@ -26,6 +28,7 @@ def main() -> None:
     space = rh.AlignedSurfaces(bodies.template)
     people = bodies.points.reshape(10, 10, *space.shape)
     geodesic(bodies, space)
+    moving(bodies, space)
     maps(bodies, space)
     differences(bodies, space, people)
     path_and_mean(bodies, space, people)
@@ -61,6 +64,54 @@ def geodesic(bodies, space) -> None:
             f"{np.quantile(change, 0.99):.0%} beyond the end points"
         )
     save(figure, "geodesic", dpi=100)
+
+
+def moving(bodies, space) -> None:
+    """Draw the straight path and the geodesic of two people as an animation, there and back."""
+    motions = rh.datasets.load_open_motions(sequences=["chicken_wings", "shake_arms", "punching"])
+    basis = rh.DeformationBasis.from_motions(motions, n_components=100)
+    metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0)
+    start, end = (
+        bodies.points[20 + bodies.pose_names.index(p)] for p in ("arms_up", "bent_elbows")
+    )
+    n_nodes = 13
+    straight = rh.solvers.LinearPath(n_nodes).solve(metric, start, end).path
+    geodesic = rh.solvers.BasisPath(basis, n_nodes=n_nodes).solve(metric, start, end).path
+    faces = bodies.template.faces
+    colors = [shrinking_colors(area_change(path, faces)) for path in (straight, geodesic)]
+    apart = np.array([0.75, 0.0, 0.0])
+    places = np.concatenate([straight - apart, geodesic + apart], axis=1)
+    places = places - [*((start + end).mean(axis=0) / 2)[:2], 0.0]
+    both = np.concatenate([faces, faces + len(start)])
+    view = rh.plots.View(azimuth=0.0, elevation=4.0)
+    window = window_around(places.reshape(-1, 3), view)
+    frames = []
+    for surface, *painted in zip(places, *colors, strict=True):
+        picture = rh.plots.render(
+            surface, both, height=380, view=view, window=window, color=np.concatenate(painted)
+        )
+        canvas = Image.new("RGBA", (picture.shape[1], 400), "white")
+        canvas.alpha_composite(Image.fromarray(picture), (0, 20))
+        pen = ImageDraw.Draw(canvas)
+        for place, text in ((0.27, "straight line: arms shrink"), (0.73, "geodesic: arms rotate")):
+            pen.text((place * canvas.width, 4), text, "black", anchor="mt", font_size=16)
+        frames.append(canvas.convert("RGB"))
+    hold = [600, *[90] * (n_nodes - 2), 600]
+    back_and_forth = [*range(n_nodes), *range(n_nodes - 2, 0, -1)]
+    first, *others = (frames[number].quantize(64) for number in back_and_forth)
+    first.save(
+        FOLDER / "moving.gif",
+        save_all=True,
+        append_images=others,
+        duration=[hold[number] for number in back_and_forth],
+        loop=0,
+    )
+
+
+def shrinking_colors(change: np.ndarray) -> np.ndarray:
+    """Return colours from skin to red for changes of area up to a half, (n_nodes, F, 3)."""
+    share = np.clip(change / 0.5, 0.0, 1.0)[..., None]
+    return (1.0 - share) * SKIN + share * np.array([0.75, 0.10, 0.10])
 
 
 def area_change(path: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The commands ``view`` and ``info``."""
+"""The commands ``examples``, ``view`` and ``info``."""
 
 from __future__ import annotations
 
@@ -21,6 +21,31 @@ _SKELETON_ENDINGS = (".bvh", ".amc", ".trc", ".c3d")
 _PATH_FILE = "path.npz"
 # Of an archive of any number of arrays.
 _MOST_LISTED = 100
+
+
+@cli.command(
+    "examples",
+    "a folder of people to try the commands on",
+    "Writes a small world of simulated people: registered bodies of eight people in ten\n"
+    "poses with their labels, raw scans with a floor and holes, two visits of one person,\n"
+    "and a walk. The commands in README and on the page of the command line run in it.",
+    "  riemhuman examples people/ && cd people\n  riemhuman dist anna.ply ben.ply\n",
+    cli.path_option("folder", "FOLDER", "folder to write, which must not exist yet"),
+)
+def _examples(options: argparse.Namespace) -> cli.Answer:
+    from riemhuman.cli._example_files import write_example_files
+    from riemhuman.io.outputs import atomic_folder, check_output_folder
+
+    if options.folder.exists():
+        raise FileError(f"{options.folder} exists; name a folder that does not exist yet")
+    check_output_folder(options.folder, lambda name: False, force=False)
+    with (
+        options.task("Example files"),
+        atomic_folder(options.folder, is_ours=lambda name: False) as temporary,
+    ):
+        contents = write_example_files(temporary)
+    said = "\n".join(f"{names:32}{text}" for names, text in contents.items())
+    return cli.Answer(said, {"folder": options.folder, "contents": contents})
 
 
 @cli.command(

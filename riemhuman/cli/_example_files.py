@@ -1,0 +1,232 @@
+"""A small world of files to try the commands on: registered bodies, raw scans, visits, a walk."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+import riemhuman as rh
+from riemhuman.io.files import write_text
+from riemhuman.io.text_tables import csv_text
+
+Angles = Mapping[str, Sequence[object]]
+
+# Four women and four men of the ten open people.
+PEOPLE = {
+    "anna": "athletic woman",
+    "carla": "older full-figured woman",
+    "emma": "tall slim woman",
+    "gina": "petite woman",
+    "ben": "lanky man",
+    "david": "heavy man",
+    "felix": "tall muscular man",
+    "henry": "older lean man",
+}
+
+_STANDING: Angles = {"shoulder": ("xz", 10, -58), "elbow": ("y", -18), "hip": ("z", 5)}
+_SITTING: Angles = {
+    "pelvis": ("x", -4),
+    "shoulder": ("xz", -8, -66),
+    "elbow": ("y", -62),
+    "hip": ("zx", 8, -82),
+    "knee": ("x", 84),
+}
+
+# Points of a scan's mesh, noise in metres, and the share of the surface in holes.
+_SCAN_POINTS, _SCAN_NOISE, _SCAN_HOLES = 12_000, 0.0015, 0.06
+_OTHER_POINTS = 6_000
+_FLOOR_METRES, _FLOOR_SPACING, _FLOOR_NOISE = 0.8, 0.03, 0.001
+
+# Between the visits: four kilograms less, as shape coefficients, and noise in metres.
+_CHANGE_OF_SHAPE = {1: 0.4, 2: -0.3}
+_VISIT_NOISE = 0.0005
+
+# Of a walk: degrees over one stride of the left side, from the moment its heel touches the floor.
+_STRIDE_SECONDS, _STRIDES, _FRAMES_PER_SECOND = 1.1, 4, 60
+_STEPS, _STEP_FRAMES = 12, 66
+_HIP = (28, 24, 12, 0, -10, -2, 20, 30)
+_KNEE = (6, 18, 12, 6, 12, 48, 60, 22)
+_ANKLE = (0, 6, -4, -10, -6, 16, 4, 0)
+_ARM = (-20, -15, 0, 14, 20, 15, 0, -14)
+
+
+def write_example_files(folder: Path) -> dict[str, str]:
+    """Fill a folder with the world of files; return what is where, for people."""
+    bodies = rh.datasets.load_open_bodies("coarse")
+    betas = {
+        name: bodies.betas[bodies.subject == bodies.subject_names.index(kind)][0]
+        for name, kind in PEOPLE.items()
+    }
+    rng = np.random.default_rng(0)
+    _write_bodies(folder / "bodies", bodies)
+    _write_single_bodies(folder, betas)
+    _write_scans(folder / "scans", betas, rng)
+    _write_visits(folder, betas["gina"], rng)
+    walk = _walk(betas["anna"])
+    walk.save(folder / "walk.bvh")
+    walk.save(folder / "walk.npz")
+    (run,) = rh.datasets.load_open_motions("coarse", "average man", "running_on_spot")
+    run.save(folder / "run.bvh")
+    (folder / "steps").mkdir()
+    for number, frame in enumerate(walk[: _STEP_FRAMES : _STEP_FRAMES // _STEPS]):
+        rh.save_mesh(folder / "steps" / f"frame_{number:04d}.ply", frame, walk.faces)
+    _write_other_mesh(folder / "other_mesh.ply", betas["david"], rng)
+    contents = {
+        "bodies/": "80 registered bodies: eight people in ten poses, and labels.csv",
+        "anna.ply, ben.ply": "two people in the same pose, registered",
+        "sit.ply, stand.ply": "one person in two poses, registered",
+        "scans/anna.ply, scans/ben.ply": "raw scans with a floor, noise and holes",
+        "visit1.ply, visit2.ply": "one person before and after losing four kilograms",
+        "walk.bvh, walk.npz": "a walk as a recording of a skeleton, and in the layout of AMASS",
+        "run.bvh": "another person runs on the spot",
+        "steps/": "the first stride of the walk, as twelve registered bodies",
+        "other_mesh.ply": "a body whose mesh has other vertices and triangles",
+    }
+    lines = [
+        "People made from the open body model of riemhuman. They are simulated, and in the",
+        "public domain (CC0). Lengths are in metres; y points up.",
+        "",
+        *(f"{names:32}{text}" for names, text in contents.items()),
+    ]
+    write_text(folder / "README.txt", "\n".join(lines) + "\n")
+    return contents
+
+
+def _write_bodies(folder: Path, bodies: rh.datasets.Bodies) -> None:
+    folder.mkdir()
+    rows: list[Sequence[object]] = [("file", "subject", "pose")]
+    for name, kind in PEOPLE.items():
+        of_person = np.flatnonzero(bodies.subject == bodies.subject_names.index(kind))
+        for number in of_person:
+            pose = bodies.pose_names[bodies.pose[number]]
+            file = folder / f"{name}_{pose}.ply"
+            rh.save_mesh(file, bodies.points[number], bodies.template.faces)
+            rows.append((file.name, name, pose))
+    write_text(folder / "labels.csv", csv_text(rows))
+
+
+def _write_single_bodies(folder: Path, betas: Mapping[str, np.ndarray]) -> None:
+    for file, person, angles in (
+        ("anna.ply", "anna", _STANDING),
+        ("ben.ply", "ben", _STANDING),
+        ("sit.ply", "felix", _SITTING),
+        ("stand.ply", "felix", _STANDING),
+    ):
+        model = rh.datasets.load_open_model("coarse")
+        rh.save_mesh(folder / file, _on_the_floor(model, betas[person], angles), model.faces)
+
+
+def _write_scans(folder: Path, betas: Mapping[str, np.ndarray], rng: np.random.Generator) -> None:
+    folder.mkdir()
+    model = rh.datasets.load_open_model("full")
+    for person in ("anna", "ben"):
+        scan = rh.registration.simulated_scan(
+            _on_the_floor(model, betas[person], _STANDING),
+            model.faces,
+            rng,
+            n_points=_SCAN_POINTS,
+            mesh=True,
+            noise=_SCAN_NOISE,
+            missing=_SCAN_HOLES,
+        )
+        assert scan.faces is not None
+        points, triangles = _floor(rng)
+        rh.save_mesh(
+            folder / f"{person}.ply",
+            np.concatenate([scan.points, points]),
+            np.concatenate([scan.faces, triangles + len(scan.points)]),
+        )
+
+
+def _floor(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Return a square of floor around the origin as a mesh."""
+    steps = np.arange(-_FLOOR_METRES, _FLOOR_METRES, _FLOOR_SPACING)
+    n = len(steps)
+    x, z = np.meshgrid(steps, steps, indexing="ij")
+    points = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(-1, 3)
+    corners = np.arange(n * n).reshape(n, n)
+    here, right = corners[:-1, :-1].ravel(), corners[1:, :-1].ravel()
+    ahead, both = corners[:-1, 1:].ravel(), corners[1:, 1:].ravel()
+    triangles = np.concatenate([np.c_[here, ahead, right], np.c_[right, ahead, both]])
+    return points + _FLOOR_NOISE * rng.standard_normal(points.shape), triangles
+
+
+def _write_other_mesh(file: Path, betas: np.ndarray, rng: np.random.Generator) -> None:
+    model = rh.datasets.load_open_model("full")
+    body = _on_the_floor(model, betas, _STANDING)
+    remeshed = rh.registration.simulated_scan(
+        body, model.faces, rng, n_points=_OTHER_POINTS, mesh=True, noise=0.0, rotate=False
+    )
+    assert remeshed.faces is not None
+    rh.save_mesh(file, remeshed.points, remeshed.faces)
+
+
+def _write_visits(folder: Path, betas: np.ndarray, rng: np.random.Generator) -> None:
+    model = rh.datasets.load_open_model("coarse")
+    later = betas.copy()
+    for number, change in _CHANGE_OF_SHAPE.items():
+        later[number] += change
+    raised = {**_STANDING, "shoulder": ("xz", 6, -50)}
+    for file, shape, angles in (
+        ("visit1.ply", betas, _STANDING),
+        ("visit2.ply", later, raised),
+    ):
+        points = _on_the_floor(model, shape, angles)
+        noise = _VISIT_NOISE * rng.standard_normal(points.shape)
+        rh.save_mesh(folder / file, points + noise, model.faces)
+
+
+def _on_the_floor(model: rh.BodyModel, betas: np.ndarray, angles: Angles) -> np.ndarray:
+    rotations = rh.datasets.joint_rotations(angles, model)
+    points = model(betas, rh.datasets.pose_vectors(rotations, model))
+    return points - [0.0, points[:, 1].min(), 0.0]
+
+
+def _walk(betas: np.ndarray) -> rh.datasets.ArrayMotion:
+    """Return a walk in which the foot that carries the body does not slide."""
+    model = rh.datasets.load_open_model("coarse")
+    n_frames = int(_STRIDE_SECONDS * _STRIDES * _FRAMES_PER_SECOND)
+    phases = np.arange(n_frames) / (_STRIDE_SECONDS * _FRAMES_PER_SECOND)
+    poses = np.stack(
+        [
+            rh.datasets.pose_vectors(rh.datasets.joint_rotations(_stride(phase), model), model)
+            for phase in phases
+        ]
+    )
+    joints = model.joints(betas, poses)
+    left, right = (
+        joints[:, model.joint_names.index(f"{side}_ankle")] for side in ("left", "right")
+    )
+    carries_left = (phases % 1.0) < 0.5
+    carrying = np.where(carries_left[:, None], left, right)
+    carried_on = np.where(carries_left[:-1, None], left[1:], right[1:])
+    translations = np.zeros((n_frames, 3))
+    translations[1:] = np.cumsum(carrying[:-1] - carried_on, axis=0)
+    translations[:, 1] = -model(betas, poses)[..., 1].min(axis=1)
+    return rh.datasets.ArrayMotion(
+        ("anna", "walk"), float(_FRAMES_PER_SECOND), model, betas, poses, translations
+    )
+
+
+def _stride(phase: float) -> Angles:
+    """Return the joint angles of a walk at a phase in strides."""
+    angles: dict[str, Sequence[object]] = {"pelvis": ("x", 3)}
+    for side, sign, own_phase in (("left", 1, phase), ("right", -1, phase + 0.5)):
+        hip, knee, ankle, arm = _angles_at(own_phase)
+        angles[f"{side}_hip"] = ("zx", sign * 2, -hip)
+        angles[f"{side}_knee"] = ("x", knee)
+        angles[f"{side}_ankle"] = ("x", ankle)
+        angles[f"{side}_shoulder"] = ("zx", sign * -75, -arm)
+        angles[f"{side}_elbow"] = ("y", sign * -24)
+    return angles
+
+
+def _angles_at(phase: float) -> np.ndarray:
+    """Return the angles of hip, knee, ankle and arm at a phase of their side."""
+    written = np.array([_HIP, _KNEE, _ANKLE, _ARM], dtype=np.float64).T
+    closed = np.concatenate([written, written[:1]])
+    curve = CubicSpline(np.linspace(0.0, 1.0, len(closed)), closed, bc_type="periodic")
+    return np.asarray(curve(phase % 1.0))
