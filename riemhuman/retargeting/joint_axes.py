@@ -8,7 +8,7 @@ moves with a joint, the model's axes are the mean over frames of
 - pelvis, chest: the line of hips or shoulders and the trunk, most of all while someone stands;
 - head, collars, hands: the axes of chest or forearm, as their positions tell no more;
 - limbs: the bone, and the axis in which its knee or elbow bends;
-- feet: a level sole, while they stand still.
+- feet: a level sole, while they stand still; in the air the axes of the shank.
 """
 
 from __future__ import annotations
@@ -39,8 +39,10 @@ from riemhuman.retargeting.skeletons import (
 BENT = 15.0
 # Bends, degrees, whose axis counts as much as that of a limb that is not rotated about itself.
 _TRUSTED_LEG, _TRUSTED_ARM = 35.0, 20.0
-# Feet that point forward below someone upright, as a share of frames, tell which way is across.
-_LEVEL_FEET = 0.1
+# Level feet on the floor, as a share of frames, tell which way is across.
+_LEVEL_FEET = 0.02
+# Feet whose toes point down by so many degrees more than those at rest have raised heels.
+_HEEL_RAISED = 15.0
 # Share of frames in which nobody stands upright, beside those in which someone does.
 _BENT_POSTURE = 0.02
 
@@ -212,19 +214,26 @@ def _axes_of_foot(
         level = turned_towards(shank, up, vertical) if flat.any() else shank
         return {ankle: mean_axes(rotations, level, weights)}
     directions = unit(bone(source.positions, source.joints, ankle, toes))
+    rest = figure.bone(ankle, toes)
+    # Who stands still on the balls of the feet has no level soles.
+    steepest = np.arcsin(-unit(rest) @ up) + np.radians(_HEEL_RAISED)
+    flat = flat & (np.arcsin(np.clip(-directions[:, 1], -1.0, 1.0)) < steepest)
+    toe_rotations = source.rotation(toes)
+    sole = frame(vertical, directions) @ frame(up, rest).T
     if flat.any():
         # Soles are level in the mean over frames in which the foot stands still.
-        sole = frame(vertical, directions) @ frame(up, figure.bone(ankle, toes)).T
-        parts = {name: source.rotation(name) for name in (ankle, toes)}
-        return {name: mean_axes(part, sole, flat) for name, part in parts.items()}
-    foot = turned_towards(shank, figure.bone(ankle, toes), directions)
-    # The feet of someone upright are level across, more so the less their toes point down.
-    across = source.kept * np.clip(unit(trunk(source.positions, source.joints))[:, 1], 0.0, 1.0)
-    across = across * (1.0 - directions[:, 1] ** 2)
-    if across.mean() > _LEVEL_FEET:
-        level = frame(directions, vertical) @ frame(figure.bone(ankle, toes), up).T
-        foot_axes = mean_axes(rotations, level, across)
-    else:
-        foot_axes = mean_axes(rotations, foot, source.kept)
-    toe_axes = mean_axes(source.rotation(toes), rotations @ foot_axes, source.kept)
-    return {ankle: foot_axes, toes: toe_axes}
+        return {ankle: mean_axes(rotations, sole, flat), toes: mean_axes(toe_rotations, sole, flat)}
+    horizontal = 1.0 - directions[:, 1] ** 2
+    # Balls on the floor are level across, more so the less the toes point down; toes lie on it.
+    grounded = source.grounded[:, SIDES.index(side)] * horizontal
+    if grounded.mean() > _LEVEL_FEET:
+        foot = frame(directions, vertical) @ frame(rest, up).T
+        toe_axes = mean_axes(toe_rotations, sole, grounded)
+        return {ankle: mean_axes(rotations, foot, grounded), toes: toe_axes}
+    # Feet in the air are turned about themselves as their knees are, and toes bend where they
+    # point down.
+    left = figure.frame[:, 1]
+    foot = frame(directions, shank @ left) @ frame(rest, left).T
+    foot_axes = mean_axes(rotations, foot, source.kept)
+    straight = source.kept * (_BENT_POSTURE + horizontal**2)
+    return {ankle: foot_axes, toes: mean_axes(toe_rotations, rotations @ foot_axes, straight)}

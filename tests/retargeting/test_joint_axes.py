@@ -76,6 +76,36 @@ def test_parts_are_rotated_as_those_of_the_person(model, sequence):
     assert errors.parts == ("pelvis", "chest", "head")
 
 
+@pytest.mark.parametrize(
+    ("subject", "sequence", "limit"),
+    # Soles of feet in the air are nowhere level, and heels of the last are always raised.
+    [
+        ("lean runner", "jumping_jacks", 8.0),
+        ("lean runner", "one_leg_loose", 8.0),
+        ("older heavy man", "one_leg_jump", 8.0),
+        ("lean runner", "jiggle_on_toes", 17.0),
+    ],
+)
+def test_feet_in_the_air_and_raised_heels(model, subject, sequence, limit):
+    motion = load_open_motions("coarse", subject, sequence, 15)[0]
+    recording = recording_of(model, motion.betas, motion.pose_vectors, motion.translations, 15.0)
+    axes = Rotation.random(len(recording.parents), random_state=1).as_matrix()
+    found = retarget(with_axes(recording, axes), model, betas=motion.betas)
+    made, true = (
+        joint_motions(
+            model.joints(motion.betas), rotation_matrix(vectors), model.parents, model.joint_order
+        )
+        for vectors in (found.pose_vectors, motion.pose_vectors)
+    )
+    for side in ("left", "right"):
+        ankle, toes = (model.joint_names.index(f"{side}_{part}") for part in ("ankle", "toes"))
+        feet = [ankle, toes]
+        angles = np.degrees(np.linalg.norm(log(made[0][:, feet], true[0][:, feet]), axis=-1))
+        assert angles.mean(axis=0).max() < limit
+        heels = [places[:, ankle] - places[:, toes] for _, places in (made, true)]
+        np.testing.assert_allclose(*heels, atol=0.015)
+
+
 def test_a_single_frame_and_straight_limbs(model):
     poses, translations = np.zeros((1, model.n_joints, 3)), np.zeros((1, 3))
     recording = recording_of(model, np.zeros(model.n_betas), poses, translations)
