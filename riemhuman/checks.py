@@ -535,6 +535,16 @@ def check_methods(value: Any, name: str, expected: str, *methods: str) -> None:
         refuse_type(value, name, expected)
 
 
+def check_function(value: Any, name: str) -> None:
+    """Raise an ArgumentTypeError for what cannot be called."""
+    check_methods(value, name, "a function", "__call__")
+
+
+def check_basis(value: Any, name: str) -> None:
+    """Raise an ArgumentTypeError for what lacks the methods of a DeformationBasis."""
+    check_methods(value, name, "a DeformationBasis", "check_fits", "extend")
+
+
 def _shown(value: Any) -> str:
     """Return the text of an argument, cut short, since one from a file may be of any length."""
     text = repr(value)

@@ -12,7 +12,14 @@ from autograd.core import make_vjp
 from numpy import ndarray
 from scipy.sparse.linalg import LinearOperator, lsmr
 
-from riemhuman.checks import path_array, real_array, values_of, whole_number
+from riemhuman.checks import (
+    check_basis,
+    path_array,
+    real_array,
+    real_number,
+    values_of,
+    whole_number,
+)
 from riemhuman.errors import ConvergenceWarning, NotDefinedError, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
@@ -25,7 +32,7 @@ from riemhuman.solvers._geodesic_equation import (
     vanishing_triangle,
 )
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
-from riemhuman.solvers.results import Result, Solver, Status, finish, interruptible
+from riemhuman.solvers.results import Result, Status, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # A step whose equation is off by more than this share of its length has lost the geodesic.
@@ -82,7 +89,7 @@ class ExponentialResult(Result):
 
 
 @dataclass(frozen=True)
-class DiscreteExponential(Solver, ExpSolver):
+class DiscreteExponential(ExpSolver):
     """exp in n steps, by the discrete geodesic equation.
 
     The first step is symmetric: of the points x₀ ± v/n + w, x₀ is the middle. Every following point
@@ -117,6 +124,14 @@ class DiscreteExponential(Solver, ExpSolver):
     tolerance: float = 1e-8
     max_iter: int = 50
     n_doublings: int = 2
+
+    def __post_init__(self) -> None:
+        if self.basis is not None:
+            check_basis(self.basis, "basis")
+        whole_number(self.n_steps, "n_steps", minimum=1)
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iter, "max_iter", minimum=1)
+        whole_number(self.n_doublings, "n_doublings", minimum=0)
 
     def solve(
         self, metric: RiemannianMetric, tangent_vec: ndarray, base_point: ndarray

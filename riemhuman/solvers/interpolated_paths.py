@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import real_array
+from riemhuman.checks import check_function, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import PathEnergy
@@ -58,6 +58,9 @@ class PoissonPath(PathSolver):
     """
 
     n_nodes: int = 11
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         start, end = check_end_points(metric, start, end)
@@ -177,6 +180,11 @@ class ModelPath(PathSolver):
     model: Callable[[ndarray, ndarray, ndarray], ndarray]
     n_nodes: int = 11
     parameters: Callable[[ndarray], ModelParameters] = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        check_function(self.model, "model")
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
+        check_function(self.parameters, "parameters")
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         start, end = check_end_points(metric, start, end)

@@ -10,9 +10,10 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.checks import check_basis, real_number, whole_number
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver, LogSolver
+from riemhuman.geometry.strategies import GeodesicSolver, LogSolver, check_strategy
 from riemhuman.kernels.drift import steady_path
 from riemhuman.solvers._alignment import end_of_logarithm, ends_as_given
 from riemhuman.solvers._geodesic_equation import (
@@ -27,7 +28,6 @@ from riemhuman.solvers.paths import check_end_points, linear_path
 from riemhuman.solvers.results import (
     PathResult,
     Result,
-    Solver,
     Status,
     complete,
     finish,
@@ -100,7 +100,7 @@ def best_logarithm(
 
 
 @dataclass(frozen=True)
-class DiscreteLogarithm(Solver, LogSolver):
+class DiscreteLogarithm(LogSolver):
     """log from the first step of a geodesic x₀, x₁, …, xₙ: v = n (x₁ − x₋₁)/2.
 
     The point x₋₁ continues the geodesic backwards by one step. The logarithm has converged where
@@ -141,6 +141,17 @@ class DiscreteLogarithm(Solver, LogSolver):
     max_iter: int = 50
     n_doublings: int = 2
     end_tolerance: float = 1e-4
+
+    def __post_init__(self) -> None:
+        if self.basis is not None:
+            check_basis(self.basis, "basis")
+        whole_number(self.n_steps, "n_steps", minimum=1)
+        if self.geodesic_solver is not None:
+            check_strategy(self.geodesic_solver, "geodesic_solver")
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iter, "max_iter", minimum=1)
+        whole_number(self.n_doublings, "n_doublings", minimum=0)
+        real_number(self.end_tolerance, "end_tolerance", minimum=0.0, strict=True)
 
     def solve(
         self, metric: RiemannianMetric, point: ndarray, base_point: ndarray

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import values_of
+from riemhuman.checks import check_basis, check_function, real_number, values_of, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
@@ -22,7 +22,6 @@ from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.results import (
     MeanResult,
     Result,
-    Solver,
     Status,
     complete,
     finish,
@@ -57,7 +56,7 @@ _SMALLEST_STEP = 1e-6
 
 
 @dataclass(frozen=True)
-class BasisMean(Solver, MeanSolver):
+class BasisMean(MeanSolver):
     """The point x̄ = x₀ + Σ_j β_j D_j of least mean squared distance, over a basis or over all.
 
     Algorithm 2 of the paper: minimisation by L-BFGS, preconditioned by the metric's matrix. With
@@ -109,6 +108,17 @@ class BasisMean(Solver, MeanSolver):
     sample_size: int = 64
     callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
+
+    def __post_init__(self) -> None:
+        if self.basis is not None:
+            check_basis(self.basis, "basis")
+        real_number(self.companion_weight, "companion_weight", minimum=0.0)
+        if self.tolerance is not None:
+            real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iter, "max_iter", minimum=1)
+        whole_number(self.sample_size, "sample_size", minimum=1)
+        if self.callback is not None:
+            check_function(self.callback, "callback")
 
     def solve(
         self,
@@ -285,7 +295,7 @@ class BasisMean(Solver, MeanSolver):
 
 
 @dataclass(frozen=True)
-class GradientDescentMean(Solver, MeanSolver):
+class GradientDescentMean(MeanSolver):
     """x ← exp_x(Σ_i w_i log_x(x_i)), for metrics that have exp and log in closed form.
 
     Steps are halved where the variance would increase. Medians weight the logarithms by the
@@ -308,6 +318,10 @@ class GradientDescentMean(Solver, MeanSolver):
 
     tolerance: float = 1e-8
     max_iter: int = 2000
+
+    def __post_init__(self) -> None:
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,

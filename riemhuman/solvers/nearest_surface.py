@@ -11,7 +11,7 @@ from autograd import value_and_grad
 from numpy import ndarray
 from scipy.sparse import csr_array
 
-from riemhuman.checks import integer_array, real_array, weight_shares
+from riemhuman.checks import integer_array, real_array, real_number, weight_shares, whole_number
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, RiemannianMetric
 from riemhuman.geometry.metric import check_metric
@@ -19,7 +19,7 @@ from riemhuman.kernels.surface import apply_operator, stacked_derivatives, trian
 from riemhuman.solvers._lbfgs import minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
 from riemhuman.solvers.paths import rounding_energy
-from riemhuman.solvers.results import MeanResult, Result, Solver, finish, interruptible
+from riemhuman.solvers.results import MeanResult, Result, finish, interruptible
 from riemhuman.surfaces import Template
 from riemhuman.terms._sum import SumOfTerms
 
@@ -42,7 +42,7 @@ _SMALLEST = 1e-6
 
 
 @dataclass(frozen=True)
-class NearestSurface(Solver):
+class NearestSurface:
     """The surface f that minimises the mean of d(Φ(f), y_i)² over all its vertices.
 
     With one target y, a point of the image space that need not come from a surface, it is the
@@ -78,6 +78,11 @@ class NearestSurface(Solver):
     tolerance: float = 1e-5
     max_iter: int = 500
     progress: bool = False
+
+    def __post_init__(self) -> None:
+        real_number(self.companion_weight, "companion_weight", minimum=0.0)
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,

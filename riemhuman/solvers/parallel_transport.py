@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import path_array, real_array
+from riemhuman.checks import check_basis, path_array, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
-from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
+from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver, check_strategy
 from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, Triple
 from riemhuman.solvers.paths import check_end_points, rounding_energy
-from riemhuman.solvers.results import Result, Solver, Status, finish, interruptible
+from riemhuman.solvers.results import Result, Status, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
@@ -48,7 +48,7 @@ class TransportResult(Result):
 
 
 @dataclass(frozen=True)
-class PoleLadder(Solver, TransportSolver):
+class PoleLadder(TransportSolver):
     r"""Parallel transport along the diagonals of geodesic parallelograms.
 
     For each segment (p, q) with midpoint m, the points exp_p(±w) are reflected in m; the results
@@ -84,6 +84,15 @@ class PoleLadder(Solver, TransportSolver):
     geodesic_solver: GeodesicSolver | None = None
     tolerance: float = 1e-10
     max_iter: int = 50
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_rungs, "n_rungs", minimum=1)
+        if self.basis is not None:
+            check_basis(self.basis, "basis")
+        if self.geodesic_solver is not None:
+            check_strategy(self.geodesic_solver, "geodesic_solver")
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,

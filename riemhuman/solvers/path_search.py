@@ -11,9 +11,10 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import make_interp_spline
 
+from riemhuman.checks import check_basis, check_function, check_methods, real_number, whole_number
 from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
+from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy, check_strategy
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.solvers._alignment import AlignedEnds, align_ends, ends_as_given
 from riemhuman.solvers._lbfgs import Operator, minimize_from
@@ -66,6 +67,22 @@ class PathSearch(PathSolver):
     # and the least such share in units of the tolerance.
     _recent_decrease: ClassVar[float]
     _recent_tolerances: ClassVar[float]
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
+        check_methods(
+            self.energy,
+            "energy",
+            "an energy such as SegmentEnergy()",
+            "value",
+            "value_and_gradient",
+        )
+        if self.initial is not None:
+            check_strategy(self.initial, "initial")
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iter, "max_iter", minimum=1)
+        if self.callback is not None:
+            check_function(self.callback, "callback")
 
     def solve(
         self,
@@ -306,6 +323,10 @@ class BasisPath(PathSearch):
 
     _recent_decrease = 1e-3
     _recent_tolerances = 10.0
+
+    def __post_init__(self) -> None:
+        check_basis(self.basis, "basis")
+        super().__post_init__()
 
     def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
         self.basis.check_fits(start.shape[0])

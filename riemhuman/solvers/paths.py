@@ -13,7 +13,7 @@ import numpy as np
 from autograd import value_and_grad
 from numpy import ndarray
 
-from riemhuman.checks import real_array, values_of
+from riemhuman.checks import real_array, values_of, whole_number
 from riemhuman.errors import (
     ArgumentError,
     ConvergenceWarning,
@@ -26,7 +26,7 @@ from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy, check_strategy
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.progress import ProgressBar
-from riemhuman.solvers.results import PathResult, Solver, complete
+from riemhuman.solvers.results import PathResult, complete
 
 # Relative rounding errors of a point's entries.
 _ROUNDING = 1e-13
@@ -80,7 +80,7 @@ class FiniteDifferenceEnergy(PathEnergy):
         return (len(path) - 1) * anp.sum(metric.squared_norm(end - start, middle))
 
 
-class PathSolver(Solver, ABC):
+class PathSolver(ABC):
     """A base of geodesic solvers, for one pair of points or many."""
 
     @abstractmethod
@@ -181,6 +181,9 @@ class LinearPath(PathSolver):
 
     n_nodes: int = 11
 
+    def __post_init__(self) -> None:
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
+
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         start, end = check_end_points(metric, start, end)
         path = linear_path(start, end, self.n_nodes)
@@ -205,6 +208,9 @@ class ClosedFormGeodesic(PathSolver):
     """
 
     n_nodes: int = 11
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         start, end = check_end_points(metric, start, end)

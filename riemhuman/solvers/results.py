@@ -1,4 +1,4 @@
-"""Settings and results of solvers, and how they end."""
+"""Results of solvers, and how they end."""
 
 from __future__ import annotations
 
@@ -9,14 +9,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from html import escape
-from typing import Any, Self, TypeVar, cast, get_type_hints
+from typing import Any, Self, TypeVar, get_type_hints
 
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import check_methods, real_number, whole_number
 from riemhuman.errors import ConvergenceWarning, FileFormatError, warn
-from riemhuman.geometry.strategies import check_strategy
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.kernels.threads import is_abandoned
 from riemhuman.provided import notebook_pictures
@@ -207,39 +205,6 @@ class MeanResult(Result):
     point: ndarray
     variance: float
     variances: ndarray
-
-
-# Least values of settings that are whole numbers, and settings that must be above 0.
-_LEAST = {"n_nodes": 2, "n_doublings": 0}
-_LEAST |= dict.fromkeys(("n_steps", "n_rungs", "max_iter", "sample_size"), 1)
-_ABOVE_ZERO = {"tolerance", "end_tolerance", "pose_weight", "bone_smoothing"}
-# Methods of settings that are objects, and what they are.
-_METHODS = {
-    "basis": ("a DeformationBasis", "check_fits", "extend"),
-    "energy": ("an energy such as SegmentEnergy()", "value", "value_and_gradient"),
-    **dict.fromkeys(("callback", "model", "parameters"), ("a function", "__call__")),
-}
-_STRATEGIES = {"initial", "geodesic_solver"}
-
-
-class Solver:
-    """A base of solvers that checks their settings by name; None stands for a default."""
-
-    def __post_init__(self) -> None:
-        for field in fields(cast(Any, self)):
-            value, name = getattr(self, field.name), field.name
-            if value is None and field.default is None:
-                continue
-            if name in _LEAST:
-                whole_number(value, name, minimum=_LEAST[name])
-            elif name in _ABOVE_ZERO:
-                real_number(value, name, minimum=0.0, strict=True)
-            elif name == "companion_weight":
-                real_number(value, name, minimum=0.0)
-            elif name in _METHODS:
-                check_methods(value, name, *_METHODS[name])
-            elif name in _STRATEGIES:
-                check_strategy(value, name)
 
 
 ResultType = TypeVar("ResultType", bound=Result)

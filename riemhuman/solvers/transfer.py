@@ -23,7 +23,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse.linalg import LinearOperator
 
-from riemhuman.checks import check_methods, one_of
+from riemhuman.checks import check_basis, check_methods, one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
 from riemhuman.geometry.metric import check_metric
@@ -32,7 +32,7 @@ from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives
 from riemhuman.solvers._lbfgs import minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
 from riemhuman.solvers.paths import rounding_energy
-from riemhuman.solvers.results import Result, Solver, finish, interruptible
+from riemhuman.solvers.results import Result, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.measures import triangle_areas
 
@@ -222,7 +222,7 @@ class DisentanglingResult(Result):
 
 
 @dataclass(frozen=True)
-class Disentangling(Solver):
+class Disentangling:
     r"""A body A in the pose of a body B, with all details of A.
 
     .. math:: \arg\min_f\; d_{shape}(f, A)^2 + w\, d_{pose}(f, A_B)^2
@@ -268,6 +268,14 @@ class Disentangling(Solver):
     tolerance: float = 1e-3
     max_iter: int = 300
     progress: bool = False
+
+    def __post_init__(self) -> None:
+        if self.basis is not None:
+            check_basis(self.basis, "basis")
+        real_number(self.pose_weight, "pose_weight", minimum=0.0, strict=True)
+        real_number(self.bone_smoothing, "bone_smoothing", minimum=0.0, strict=True)
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self, shape_metric: SurfaceMetric, pose_metric: SurfaceMetric, shape: ndarray, pose: ndarray
