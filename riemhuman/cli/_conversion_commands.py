@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.errors import ArgumentError
 
+if TYPE_CHECKING:
+    from numpy import ndarray
+
 _MESHES = (".ply", ".obj", ".off", ".stl", ".glb")
+_WRITTEN_MESHES = (".ply", ".obj", ".off", ".glb")
 _MOTIONS = (".npz", ".bvh", ".glb")
+_FOLDER_FILES = r"(?is:.+\.ply)|summary\.json"
 
 
 @cli.command(
@@ -39,18 +46,35 @@ def _make_map(options: argparse.Namespace) -> cli.Answer:
     return cli.Answer(record, record)
 
 
+def _target(parser: argparse.ArgumentParser) -> None:
+    """Declare the output as a second place, for ``convert IN OUT``."""
+    parser.add_argument("target", metavar="OUT", nargs="?", help="the output, instead of -o")
+
+    def check(options: argparse.Namespace) -> None:
+        if (options.target is None) == (options.output is None):
+            raise ArgumentError("give one output: `riemhuman convert IN OUT`, or -o OUT")
+        options.output = options.output or options.target
+
+    parser.set_defaults(checks=(*parser.get_default("checks"), check))
+
+
 @cli.command(
     "convert",
-    "a body or a motion in another format or topology",
-    "Reads a mesh, a body of SAM 3D Body (.npz, with --faces), or a recording of a motion, and\n"
-    "writes it in another format. With a map of `riemhuman make-map`, a body of either topology\n"
-    "becomes one of the other.",
-    "  riemhuman convert scan.obj -o scan.ply\n"
-    "  riemhuman convert smpl_body.ply -o open_body.ply --map smpl_map.npz\n"
-    "  riemhuman convert photograph.npz -o body.ply --faces mhr_face_mask.ply\n"
+    "bodies or a motion in another format or topology",
+    "Reads a mesh, a folder of meshes, bodies of SAM 3D Body (.npz, with --faces), or a\n"
+    "recording of a motion, and writes it in another format. With a map of\n"
+    "`riemhuman make-map`, bodies of either topology become bodies of the other. Several\n"
+    "bodies become a folder of .ply files; of several people in a recording, the one that is\n"
+    "written is named.",
+    "  riemhuman convert scan.obj scan.ply\n"
+    "  riemhuman convert smpl_body.ply open_body.ply --map smpl_map.npz\n"
+    "  riemhuman convert photographs.npz bodies/ --faces mhr_face_mask.ply\n"
     "  riemhuman convert walk.bvh -o walk.npz\n",
-    cli.path_option("source", "FILE", "a mesh, a body of SAM 3D Body, or a recording"),
-    cli.output("FILE", *dict.fromkeys((*_MESHES, *_MOTIONS))),
+    cli.path_option("source", "IN", "a mesh, bodies of SAM 3D Body, a recording, or a folder"),
+    _target,
+    cli.output(
+        "OUT", *dict.fromkeys((*_WRITTEN_MESHES, *_MOTIONS)), names=_FOLDER_FILES, required=False
+    ),
     cli.path_option("--map", "MAP", "a map of `riemhuman make-map`"),
     cli.path_option("--faces", "MESH", "mesh with the triangles of SAM 3D Body"),
 )
@@ -58,28 +82,66 @@ def _convert(options: argparse.Namespace) -> cli.Answer:
     source: Path = options.source
     is_motion = options.faces is None and source.suffix.lower() not in _MESHES
     with options.task("Converting"):
-        if is_motion and inputs.is_recording(source):
+        if is_motion and not source.is_dir() and inputs.is_recording(source):
             return _convert_motion(options)
-        if options.ending not in _MESHES:
+        if options.ending not in (*_WRITTEN_MESHES, ""):
             raise ArgumentError(
-                f"{options.output} must be a mesh ({', '.join(_MESHES)}): {source} holds a body"
+                f"{options.output} must be a mesh ({', '.join(_WRITTEN_MESHES)}) or a folder: "
+                f"{source} holds bodies"
             )
-        if options.faces is not None:
-            photographs = rh.datasets.load_photographed_bodies(source, options.faces)
-            points, faces = photographs.points[0], photographs.faces
+        bodies = _read_bodies(source, options.faces)
+        if options.ending and len(bodies) > 1:
+            raise ArgumentError(
+                f"{source} holds {len(bodies)} bodies, and {options.output} takes one: give a "
+                f"folder, such as {options.output.with_suffix('')}/"
+            )
+        change = _change_of_topology(options.map)
+        converted = {f"{name}.ply": change(*body) for name, body in bodies.items()}
+        points, faces = next(iter(converted.values()))
+        record = {"bodies": len(bodies), "vertices": len(points), "triangles": len(faces)}
+        if options.ending:
+            rh.save_mesh(options.output, points, faces)
         else:
-            points, faces = rh.load_mesh(source)
-        if options.map is not None:
-            topology = rh.registration.TopologyMap.load(options.map)
-            if len(points) == topology.model.n_vertices:
-                points = topology.to_template((points, faces))
-                faces = topology.template_faces
-            else:
-                points = topology.to_model((points, faces))
-                faces = topology.model.faces
-        rh.save_mesh(options.output, points, faces)
-    record = {"vertices": len(points), "triangles": len(faces)}
+            # A folder may hold bodies of several topologies.
+            with inputs.mesh_folder(options, {}, faces, record) as folder:
+                for name, (own, triangles) in converted.items():
+                    rh.save_mesh(folder / name, own, triangles)
     return cli.Answer(record, record)
+
+
+def _read_bodies(source: Path, faces: Path | None) -> dict[str, tuple[ndarray, ndarray]]:
+    """Return the bodies in a file or a folder by name."""
+    if faces is not None:
+        found = rh.datasets.load_photographed_bodies(source, faces)
+        if len(set(found.names)) == len(found):
+            names = list(found.names)
+        else:
+            numbers = [found.names[:index].count(name) for index, name in enumerate(found.names)]
+            names = [f"{a}_{b}" for a, b in zip(found.names, numbers, strict=True)]
+        return {
+            name: (points, found.faces) for name, points in zip(names, found.points, strict=True)
+        }
+    files = rh.datasets.find_meshes(source) if source.is_dir() else [source]
+    bodies = {file.stem: rh.load_mesh(file) for file in files}
+    if len(bodies) < len(files):
+        raise ArgumentError(f"{source} holds two meshes of one name, which would become one file")
+    return bodies
+
+
+def _change_of_topology(
+    place: Path | None,
+) -> Callable[[ndarray, ndarray], tuple[ndarray, ndarray]]:
+    """Return what a map makes of a body, in the direction that its number of vertices tells."""
+    if place is None:
+        return lambda points, faces: (points, faces)
+    topology = rh.registration.TopologyMap.load(place)
+
+    def change(points: ndarray, faces: ndarray) -> tuple[ndarray, ndarray]:
+        if len(points) == topology.model.n_vertices:
+            return topology.to_template((points, faces)), topology.template_faces
+        return topology.to_model((points, faces)), topology.model.faces
+
+    return change
 
 
 def _convert_motion(options: argparse.Namespace) -> cli.Answer:

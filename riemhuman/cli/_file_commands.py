@@ -258,7 +258,8 @@ def _npz_facts(file: Path) -> dict[str, Any]:
     names = set(every_name)
     if names & {"mocap_framerate", "mocap_frame_rate"}:
         (motion,) = rh.datasets.load_amass(file)
-        return {"kind": "motion of AMASS", **_times(motion)}
+        unused = ", ".join(sorted(names - rh.datasets.amass.FIELDS_READ)) or "nothing"
+        return {"kind": "motion of AMASS", **_times(motion), "left_out": unused}
     if {"vectors", "format_version"} <= names:
         basis = rh.DeformationBasis.load(file)
         ratio = basis.explained_variance_ratio
@@ -323,6 +324,7 @@ def _photograph_facts(file: Path, names: set[str]) -> dict[str, Any]:
 
 def _model_facts(file: Path) -> dict[str, Any]:
     model = rh.BodyModel.from_file(file)
+    contents = rh.bodies.model_contents(file)
     return {
         "kind": "body model",
         "vertices": model.n_vertices,
@@ -331,6 +333,9 @@ def _model_facts(file: Path) -> dict[str, Any]:
         "shape_coefficients": model.n_betas,
         "pose_blend_shapes": model.posedirs is not None,
         "joint_names": ", ".join(model.joint_names),
+        "family": contents.family,
+        "used": ", ".join(contents.used),
+        "left_out": ", ".join(contents.left_out) or "nothing",
     }
 
 

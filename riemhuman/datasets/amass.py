@@ -38,6 +38,10 @@ from riemhuman.surfaces.procrustes import AXES
 _RATES = ("mocap_framerate", "mocap_frame_rate")
 _POSES = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3, "pose_eye": 6, "pose_hand": 90}
 _NEEDED_POSES = ("root_orient", "pose_body")
+FIELDS_READ = frozenset(
+    ("trans", "betas", "gender", "poses", *_POSES, *_RATES, *SAVED_FIELDS, SAVED_REST)
+)
+"""Fields of a file that `load_amass` reads; betas and gender are those of SMPL's models."""
 _SKIPPED = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
 _FILES_KEPT = 4

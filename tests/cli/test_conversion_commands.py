@@ -1,5 +1,6 @@
 """The commands make-map and convert."""
 
+import pickle
 from types import SimpleNamespace
 
 import numpy as np
@@ -59,3 +60,51 @@ def test_info_knows_maps_and_photographs(smpl_map, bodies, run, refused, tmp_pat
     assert "triangles, pred_cam_t" in said
     rh.io.save_arrays(tmp_path / "number.npz", {"pred_vertices": 3.0})
     assert "must have shape (V, 3)" in refused("info", tmp_path / "number.npz")
+
+
+def test_all_bodies_of_a_file_are_written_or_none(bodies, run, refused, tmp_path):
+    arrays = {"pred_vertices": bodies.points[:3] * [1.0, -1.0, -1.0]}
+    rh.io.save_arrays(tmp_path / "people.npz", arrays)
+    rh.save_mesh(tmp_path / "faces.ply", bodies[1], bodies.template.faces)
+    source, faces = tmp_path / "people.npz", tmp_path / "faces.ply"
+    said = refused("convert", source, tmp_path / "body.ply", "--faces", faces)
+    assert "holds 3 bodies" in said
+    assert not (tmp_path / "body.ply").exists()
+    assert run("convert", source, tmp_path / "bodies", "--faces", faces).code == 0
+    names = sorted(file.name for file in (tmp_path / "bodies").glob("*.ply"))
+    assert names == ["people_0.ply", "people_1.ply", "people_2.ply"]
+    points, _ = rh.load_mesh(tmp_path / "bodies" / "people_2.ply")
+    np.testing.assert_allclose(points[:, 1], bodies[2][:, 1], atol=1e-5)
+
+
+def test_folders_of_meshes_change_their_topology(smpl_map, bodies, run, tmp_path):
+    (tmp_path / "meshes").mkdir()
+    for number in range(2):
+        file = tmp_path / "meshes" / f"body_{number}.obj"
+        rh.save_mesh(file, bodies[number], bodies.template.faces)
+    place = tmp_path / "open"
+    assert run("convert", tmp_path / "meshes", place, "--map", smpl_map).code == 0
+    found = [len(rh.load_mesh(place / f"body_{number}.ply")[0]) for number in range(2)]
+    assert found == [13348, 13348]
+
+
+def test_the_output_is_given_once(bodies, run, refused, tmp_path):
+    source, target = tmp_path / "a.obj", tmp_path / "b.ply"
+    rh.save_mesh(source, bodies[0], bodies.template.faces)
+    assert run("convert", source, target).code == 0
+    assert "one output" in refused("convert", source)
+    assert "one output" in refused("convert", source, target, "-o", target)
+    assert refused("convert", source, tmp_path / "b.stl")
+
+
+@pytest.mark.filterwarnings("always")
+def test_the_person_that_is_written_is_named(run, tmp_path):
+    rng = np.random.default_rng(3)
+    people = {
+        name: {"pose": 0.1 * rng.standard_normal((n, 72)), "trans": np.zeros((n, 3))}
+        for name, n in (("ann", 5), ("ben", 9))
+    }
+    (tmp_path / "people.pkl").write_bytes(pickle.dumps(people))
+    finished = run("convert", tmp_path / "people.pkl", tmp_path / "motion.bvh")
+    assert finished.code == 0
+    assert "person ben" in finished.err

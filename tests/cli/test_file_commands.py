@@ -96,6 +96,11 @@ def test_archives(facts, run, scans, bodies, tmp_path):
     found = facts(tmp_path / "model.npz")
     assert (found["kind"], found["vertices"]) == ("body model", 1202)
     assert found["joints"] == load_open_model("coarse").n_joints
+    assert found["used"].startswith("23 joints, 32 shape coefficients")
+    assert found["left_out"] == "nothing"
+    with np.load(tmp_path / "model.npz") as saved:
+        np.savez(tmp_path / "hands.npz", **saved, hands_meanl=np.zeros(45))
+    assert "components of the hands" in facts(tmp_path / "hands.npz")["left_out"]
     run("matrix", scans, "-o", tmp_path / "D.npz")
     found = facts(tmp_path / "D.npz")
     assert (found["kind"], found["names"]) == ("distance matrix", 6)

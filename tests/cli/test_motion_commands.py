@@ -146,10 +146,12 @@ def test_recordings(run, tmp_path):
 @pytest.mark.filterwarnings("ignore:betas in the files")
 def test_recordings_of_amass(run, tmp_path):
     fields = {"poses": np.zeros((8, 156)), "trans": np.zeros((8, 3)), "betas": np.zeros(16)}
-    fields |= {"gender": "neutral", "markers_latent_vids": np.array({}, dtype=object)}
+    fields |= {"gender": "neutral", "dmpls": np.zeros((8, 8))}
+    fields |= {"markers_latent_vids": np.array({}, dtype=object)}
     np.savez(tmp_path / "a.npz", **fields, mocap_framerate=60.0)
     facts = json.loads(run("info", tmp_path / "a.npz", "--json").out)
     assert (facts["kind"], facts["frames"]) == ("motion of AMASS", 8)
+    assert facts["left_out"] == "dmpls, markers_latent_vids"
     table = run("motions", "matrix", tmp_path, "-o", tmp_path / "D.csv", "--json")
     assert json.loads(table.out)["names"] == ["a"]
     still = run("motions", "dist", tmp_path / "a.npz", tmp_path / "a.npz")
