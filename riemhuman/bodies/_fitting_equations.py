@@ -76,7 +76,7 @@ class _Patch:
             self.below,
             self.bones,
             self.active,
-        ).transpose(1, 0, 2)
+        )
         if self.posedirs is not None:
             limbs = motions.skeleton.limbs
             # Derivatives of the entries of R by small rotations in space.

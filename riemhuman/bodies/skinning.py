@@ -15,6 +15,7 @@ import numpy as onp
 from riemhuman.bodies._blending import SkinningWeights, move
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError
+from riemhuman.kernels.compilation import FUSED, compiled
 
 # The root's parent, -1, as an unsigned number.
 _UNSIGNED_ROOT = 2**32 - 1
@@ -187,29 +188,77 @@ def skinning_derivatives(
     below: onp.ndarray,
     bones: Any = slice(None),
     active: Any = slice(None),
+    real: Any = float,
 ) -> onp.ndarray:
-    """Return derivatives (3, n, c) of points by rotations in space, betas and trans."""
+    """Return derivatives (n, 3, c) of points by rotations in space, betas and trans."""
     # First all rotations about x, then y, then z. The points have weights for the joints `bones`,
-    # and `below` says which of these move with the joints `active`.
-    real, n, n_betas = weights.dtype, len(shaped), shapedirs.shape[-1]
-    n_active = below.shape[1]
-    rows = onp.zeros((3, n, 3 * n_active + n_betas + 3), real)
-    # A rotation of joint j by a small δ, in the axes of the posed body, moves a point by δ × a,
-    # where a = Σ_k w_k (G_k v + t_k − p_j) over the joints k below j (j included), at p_j.
-    levers = shaped.astype(real) @ motions.rotations[bones].astype(real).transpose(1, 2, 0)
-    levers += motions.shifts[bones].T.astype(real)[:, onp.newaxis]
-    levers *= weights
-    levers = levers @ below
-    levers -= motions.positions[active].T.astype(real)[:, onp.newaxis] * (weights @ below)
-    for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        rows[x, :, y * n_active : (y + 1) * n_active] = levers[z]
-        onp.negative(levers[z], out=rows[y, :, x * n_active : (x + 1) * n_active])
-
-    of_betas = (weights @ motions.shift_shapes[bones].astype(real)).reshape(n, 3, n_betas)
-    of_betas += blended.astype(real) @ shapedirs
-    rows[:, :, 3 * n_active : -3] = of_betas.transpose(1, 0, 2)
-    rows[:, :, -3:] = onp.eye(3)[:, onp.newaxis]
+    # and `below` says which of these move with the joints `active`. Sums are in double precision,
+    # whatever the results are.
+    n_columns = 3 * below.shape[1] + shapedirs.shape[-1] + 3
+    rows = onp.empty((len(shaped), 3, n_columns), real)
+    _fill_derivatives(
+        shaped,
+        blended,
+        weights,
+        shapedirs,
+        below,
+        motions.rotations[bones],
+        motions.shifts[bones],
+        motions.positions[active],
+        motions.shift_shapes[bones].reshape(-1, 3, shapedirs.shape[-1]),
+        rows,
+    )
     return rows
+
+
+@compiled(fastmath=FUSED)
+def _fill_derivatives(
+    shaped: onp.ndarray,
+    blended: onp.ndarray,
+    weights: onp.ndarray,
+    shapedirs: onp.ndarray,
+    below: onp.ndarray,
+    rotations: onp.ndarray,
+    shifts: onp.ndarray,
+    positions: onp.ndarray,
+    shift_shapes: onp.ndarray,
+    rows: onp.ndarray,
+) -> None:
+    n_active, n_betas = below.shape[1], shapedirs.shape[2]
+    of_betas, levers = onp.empty((3, n_betas)), onp.empty((3, n_active))
+    for i in range(len(rows)):
+        v, turned = shaped[i], blended[i]
+        for x in range(3):
+            p, q, r = turned[x, 0], turned[x, 1], turned[x, 2]
+            for b in range(n_betas):
+                of_betas[x, b] = (
+                    p * shapedirs[i, 0, b] + q * shapedirs[i, 1, b] + r * shapedirs[i, 2, b]
+                )
+        # A rotation of joint j by a small δ, in the axes of the posed body, moves a point by δ × a,
+        # where a = Σ_k w_k (G_k v + t_k − p_j) over the joints k below j (j included), at p_j.
+        levers[:] = 0.0
+        for k in range(weights.shape[1]):
+            w = weights[i, k]
+            if w == 0.0:
+                continue
+            for x in range(3):
+                g = rotations[k, x]
+                place = g[0] * v[0] + g[1] * v[1] + g[2] * v[2] + shifts[k, x]
+                for j in range(n_active):
+                    levers[x, j] += w * below[k, j] * (place - positions[j, x])
+                for b in range(n_betas):
+                    of_betas[x, b] += w * shift_shapes[k, x, b]
+        row, betas = rows[i], 3 * n_active
+        for j in range(n_active):
+            a, b, c = levers[0, j], levers[1, j], levers[2, j]
+            about_x, about_y, about_z = j, n_active + j, 2 * n_active + j
+            row[0, about_x], row[0, about_y], row[0, about_z] = 0.0, c, -b
+            row[1, about_x], row[1, about_y], row[1, about_z] = -c, 0.0, a
+            row[2, about_x], row[2, about_y], row[2, about_z] = b, -a, 0.0
+        for x in range(3):
+            row[x, betas : betas + n_betas] = of_betas[x]
+            row[x, betas + n_betas :] = 0.0
+            row[x, betas + n_betas + x] = 1.0
 
 
 def joints_between(parents: Any, first: int, last: int) -> list[int]:

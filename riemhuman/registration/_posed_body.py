@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
+from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.kernels.rotations import axial
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.registration._scan_preparation import thin_points
@@ -134,26 +135,21 @@ def take_step(
     # τ = `along`, plus `prior_weight` (square metres) times the prior. No joint rotates by more
     # than `longest`, radians.
     pose, body = posed.pose, posed.body
-    scale = np.sqrt(shares, dtype=np.float32)[:, np.newaxis]
     # In single precision, which suffices for steps, and without the change of the pose offsets.
-    weights, below = body.weights.astype(np.float32), body.skeleton.below.astype(np.float32)
-    shapedirs = body.shapedirs.astype(np.float32)
     rows = skinning_derivatives(
-        posed.motions, posed.shaped, posed.blended, weights, shapedirs, below
+        posed.motions,
+        posed.shaped,
+        posed.blended,
+        body.weights,
+        body.shapedirs,
+        body.skeleton.below,
+        real=np.float32,
     )
-    rows *= scale
-    sides = (gaps * scale).T
-    if along < 1.0:
-        root = math.sqrt(along)
-        across = directions.astype(np.float32).T
-        pull = (1.0 - root) * across
-        along_normals = np.einsum("xn,xnc->nc", across, rows)
-        rows *= root
-        rows += pull[:, :, np.newaxis] * along_normals
-        sides = root * sides + pull * np.einsum("xn,xn->n", across, sides)
+    sides = np.empty((len(rows), 3), np.float32)
+    _weigh(rows, sides, shares, gaps, directions, along)
     rows = rows.reshape(-1, rows.shape[2])
     matrix = (rows.T @ rows).astype(float)
-    right = (rows.T @ sides.ravel().astype(np.float32)).astype(float)
+    right = (rows.T @ sides.ravel()).astype(float)
 
     of_place = np.full(3, prior.precisions[body.skeleton.order[0]])
     precisions = np.concatenate([np.tile(prior.precisions, 3), prior.betas_precisions, of_place])
@@ -171,3 +167,42 @@ def take_step(
     vectors *= longest / np.maximum(angles, longest)
     local = Rotation.from_rotvec(vectors).as_matrix() @ pose.local
     return Pose(local, pose.betas + step[n_angles:-3], pose.trans + step[-3:])
+
+
+@compiled(fastmath=FUSED)
+def _weigh(
+    rows: np.ndarray,
+    sides: np.ndarray,
+    shares: np.ndarray,
+    gaps: np.ndarray,
+    directions: np.ndarray,
+    along: float,
+) -> None:
+    """Multiply each point's rows and gap by the root of its share, less along the surface."""
+    zero = np.float32(0.0)
+    for i in range(len(rows)):
+        size = math.sqrt(shares[i])
+        within = np.float32(size * math.sqrt(along))
+        across = np.float32(size) - within
+        row, side = rows[i], sides[i]
+        side[0], side[1], side[2] = gaps[i, 0], gaps[i, 1], gaps[i, 2]
+        if across == zero:
+            side *= within
+            for x in range(3):
+                for c in range(row.shape[1]):
+                    row[x, c] *= within
+            continue
+        p, q, r = (
+            np.float32(directions[i, 0]),
+            np.float32(directions[i, 1]),
+            np.float32(directions[i, 2]),
+        )
+        height = across * (p * side[0] + q * side[1] + r * side[2])
+        side[0] = within * side[0] + height * p
+        side[1] = within * side[1] + height * q
+        side[2] = within * side[2] + height * r
+        for c in range(row.shape[1]):
+            height = across * (p * row[0, c] + q * row[1, c] + r * row[2, c])
+            row[0, c] = within * row[0, c] + height * p
+            row[1, c] = within * row[1, c] + height * q
+            row[2, c] = within * row[2, c] + height * r

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
+from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
 from riemhuman.datasets import load_open_model
 
 N_VERTICES, N_JOINTS = 11, 6
@@ -108,3 +109,28 @@ def test_derivatives_along_a_direction(number):
         autograd.make_jvp(skin, number)(*given)(direction)[1] for skin in (skin_surface, dense)
     )
     np.testing.assert_allclose(found, expected, atol=1e-13)
+
+
+def test_derivatives_by_rotations_betas_and_translation_are_those_of_the_definition():
+    model, rng = load_open_model("coarse"), np.random.default_rng(6)
+    skeleton, chosen = Skeleton(model, with_hands=True), np.arange(0, model.n_vertices, 40)
+    rotations = rotation_matrix(0.4 * rng.standard_normal((model.n_joints, 3)))
+    motions = JointMotions(skeleton, rotations, rng.standard_normal(skeleton.n_betas))
+    weights, directions = model.weights[chosen], skeleton.directions[chosen]
+    rest = model.template.vertices[chosen]
+    shaped, blended, _ = motions.skin(rest, directions, None, weights)
+    # For every point and joint, the sum of the motions by all joints below it, from its place.
+    places = np.einsum("jxy,ny->njx", motions.rotations, shaped) + motions.shifts
+    levers = np.einsum("nk,kj,nkx->njx", weights, skeleton.below, places)
+    levers -= np.einsum("nk,kj,jx->njx", weights, skeleton.below, motions.positions)
+    by_rotations = np.cross(np.eye(3), levers[:, :, np.newaxis])
+    shapes = motions.shift_shapes.reshape(model.n_joints, 3, -1)
+    by_betas = blended @ directions + np.einsum("nj,jxb->nxb", weights, shapes)
+    by_trans = np.broadcast_to(np.eye(3), (len(chosen), 3, 3))
+    turned = by_rotations.transpose(0, 3, 2, 1).reshape(len(chosen), 3, -1)
+    expected = np.concatenate([turned, by_betas, by_trans], axis=2)
+    arguments = motions, shaped, blended, weights, directions, skeleton.below
+    derivatives = skinning_derivatives(*arguments)
+    np.testing.assert_allclose(derivatives, expected, rtol=1e-10, atol=1e-12)
+    single = skinning_derivatives(*arguments, real=np.float32)
+    np.testing.assert_array_equal(single, derivatives.astype(np.float32))
