@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import time
 from pathlib import Path
 from typing import Any
@@ -107,9 +108,10 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     "Finds the directions in which meshes differ most, by principal component analysis of\n"
     "their logarithms at the Karcher mean. Writes a folder with the mean (mean.ply), the\n"
     "bodies two standard deviations from it along each component (component_1_minus.ply,\n"
-    "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...), a page that shows\n"
-    "them (components.html), and summary.json. Bodies in several poses need --standard-pose,\n"
-    "which fits a body model to them: components of different poses tear shoulders.",
+    "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...), a page with a slider\n"
+    "for each component (components.html), and summary.json. Bodies in several poses need\n"
+    "--standard-pose, which fits a body model to them: components of different poses tear\n"
+    "shoulders.",
     "  riemhuman components scans/ -o components/\n"
     "  riemhuman components bodies/ -o builds/ --standard-pose\n"
     "  riemhuman components scans/ -o components/ -n 5 --samples 20 --seed 7\n"
@@ -173,9 +175,11 @@ def _components(options: argparse.Namespace) -> cli.Answer:
     }
     meshes = dict(zip((f"{name}.ply" for name in names), bodies, strict=True))
     with inputs.mesh_folder(options, meshes, surfaces.faces, record) as folder:
-        titles, title = [name.replace("_", " ") for name in names], "Mean, components and samples"
-        page = folder / "components.html"
-        rh.plots.save_picture(page, bodies, surfaces.faces, titles, title=title)
+        titles = [name.replace("_", " ") for name in names]
+        viewer = rh.plots.view_components(pca, surfaces.faces, title="Components of bodies")
+        written = rh.plots.view_bodies(np.array(bodies), surfaces.faces, titles)
+        choices = viewer.choices | {"Bodies in this folder": written.choices["Bodies"]}
+        dataclasses.replace(viewer, choices=choices).save(folder / "components.html")
     shares = zip(numbers, pca.explained_variance_ratio_, strict=True)
     said = [f"component {k}  {100 * share:.1f} % of the variance" for k, share in shares]
     return cli.Answer("\n".join(said), record)

@@ -8,6 +8,7 @@ from riemhuman.plots.body_plots import (
     plot_measurement_lines,
     plot_path,
 )
+from riemhuman.plots.component_views import view_components
 from riemhuman.plots.figures import figure_style
 from riemhuman.plots.maps import embed, plot_embedding, stress
 from riemhuman.plots.match_plots import plot_match, position_colors
@@ -52,6 +53,7 @@ __all__ = [
     "surfaces_html",
     "view_alignment",
     "view_bodies",
+    "view_components",
     "view_path",
 ]
 

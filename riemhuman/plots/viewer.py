@@ -58,7 +58,13 @@ _LEVELS = 2**16 - 1  # of coordinates
 _SECONDS = 2.4  # a path is played in, unless its duration is given
 _STILL_HEIGHT = 480
 _MOST_IN_PICTURE = 8
-_SCRIPTS = ("_ground", "_body", "_gestures", "")  # parts of the script, in their order
+_SCRIPTS = (
+    "_ground",
+    "_body",
+    "_components",
+    "_gestures",
+    "",
+)  # parts of the script, in their order
 _N_MATCHES = 8  # pairs of frames on the page of two motions
 _MATCH_HEIGHT = 200
 _NO_PART = 255
@@ -108,6 +114,28 @@ def viewer_script() -> str:
 
 
 @dataclass(frozen=True)
+class ComponentChanges:
+    """What principal components change about a body, of which the page mixes any amounts.
+
+    Parameters
+    ----------
+    linear, quadratic : array, shape (K, V, 3)
+        Displacement per standard deviation of each component, and per its square, metres.
+    shares : array, shape (K,)
+        Share of the variance of each component.
+    """
+
+    linear: ndarray
+    quadratic: ndarray
+    shares: ndarray
+
+    def mixed(self, surface: ndarray, scores: ndarray) -> ndarray:
+        """Return the surface, shape (V, 3), changed by scores in standard deviations, (K,)."""
+        changed = np.tensordot(scores, self.linear, 1) + np.tensordot(scores**2, self.quadratic, 1)
+        return np.asarray(surface + changed)
+
+
+@dataclass(frozen=True)
 class ViewedBody:
     """A body or a path of bodies in a viewer.
 
@@ -124,6 +152,8 @@ class ViewedBody:
         some are negative, goes to both sides of it.
     value_label : str
         Label of the colour scale.
+    components : ComponentChanges, optional
+        What the sliders of `view_components` change about the only surface in `frames`.
 
     Examples
     --------
@@ -135,6 +165,7 @@ class ViewedBody:
     color: tuple[float, float, float] = SKIN
     values: ndarray | None = None
     value_label: str = ""
+    components: ComponentChanges | None = None
 
     @property
     def limit(self) -> float:
@@ -238,6 +269,7 @@ class Viewer:
                 for name, bodies in self.choices.items()
             },
             moving=any(len(body.frames) > 1 for body in shown_first),
+            shares=_component_shares(shown_first),
             data=data,
         )
 
@@ -349,7 +381,26 @@ def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
         record["signed"] = body.signed
         record["scale"] = SIGNED_COLORS if body.signed else VALUE_COLORS
         record["value_label"] = body.value_label
+    if body.components is not None:
+        changes = (body.components.linear, body.components.quadratic)
+        packed = [[_packed_changes(each) for each in pair] for pair in zip(*changes, strict=True)]
+        record["components"] = [
+            {"linear": linear, "quadratic": quadratic} for linear, quadratic in packed
+        ]
     return record
+
+
+def _component_shares(bodies: Sequence[ViewedBody]) -> list[float]:
+    """Return the percentages of the variance that the first choice has sliders for."""
+    changes = bodies[0].components
+    return [] if changes is None else [100 * float(share) for share in changes.shares]
+
+
+def _packed_changes(changes: ndarray) -> dict[str, Any]:
+    """Return displacements, shape (V, 3), as signed whole numbers of 16 bits, and their step."""
+    step = max(float(np.abs(changes).max()), 1e-9) / (_LEVELS // 2)
+    integers = np.round(changes / step).astype("<i2")
+    return {"step": step, "changes": _packed(integers.view("<u2"))}
 
 
 def _vertex_values(body: ViewedBody, faces: ndarray) -> ndarray:

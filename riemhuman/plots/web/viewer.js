@@ -34,6 +34,7 @@ class Viewer {
     this.faces = await unpack(this.data.faces, Uint32Array, 3);
     const { parts } = this.data;
     if (parts) this.parts = { names: parts.names, numbers: await inflate(parts.numbers) };
+    this.sliders = new Sliders(this);
     await this.choose(0);
     listen(this);
     DARK.addEventListener("change", () => {
@@ -70,7 +71,10 @@ class Viewer {
     this.pause();
     delete this.element.dataset.ready;
     this.element.dataset.still = "true";
-    ["running", "turning", "help", "labels", "hint"].forEach((part) => { this.find(part).hidden = true; });
+    ["running", "turning", "help", "labels", "hint", "components"].forEach((name) => {
+      const part = this.find(name);
+      if (part) part.hidden = true;
+    });
     this.find("message").hidden = false;
     const stills = this.element.querySelectorAll(".still");
     const show = (index) => stills.forEach((still, i) => { still.hidden = i !== index; });
@@ -103,6 +107,7 @@ class Viewer {
     if (!moving) this.pause();
     // The arrow keys then go from frame to frame.
     if (moving && this.isRecorded()) this.find("time").max = String(this.lastFrame());
+    this.sliders.choose(bodies);
     this.element.dataset.choice = this.data.choices[index].name;
     this.find("labels").replaceChildren(...bodies.map((body) => this.label(body)));
     this.hush();

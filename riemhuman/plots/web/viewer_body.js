@@ -29,19 +29,23 @@ const linear = (value) =>
 // Vertices of one body at all times, and its surface in the scene.
 class Body {
   static async from(data, faces, nVertices) {
-    const [packed, values, colors] = await Promise.all([
+    const [packed, values, colors, components] = await Promise.all([
       unpack(data.frames, Uint16Array, data.n_frames > 1 ? 3 * nVertices : 3),
       data.values && inflate(data.values),
       data.colors && inflate(data.colors),
+      unpackComponents(data.components),
     ]);
-    return new Body(data, faces, nVertices, packed, values && new Float32Array(values.buffer), colors);
+    const numbers = values && new Float32Array(values.buffer);
+    return new Body(data, faces, nVertices, { packed, values: numbers, colors, components });
   }
 
-  constructor(data, faces, nVertices, packed, values, colors) {
+  constructor(data, faces, nVertices, { packed, values, colors, components }) {
     this.label = data.label;
     this.nFrames = data.n_frames;
     this.size = 3 * nVertices;
     this.packed = packed;
+    this.components = components;
+    this.lift = 0; // so that a body that components change stands on the ground
     this.low = data.low;
     this.step = data.step;
     this.values = values;
@@ -79,18 +83,21 @@ class Body {
   measure() {
     const low = [Infinity, Infinity, Infinity];
     const high = [-Infinity, -Infinity, -Infinity];
+    const reach = reachOf(this.components, this.size);
+    const place = (i) => this.low[i % 3] + this.step[i % 3] * this.packed[i];
     for (let i = 0; i < this.packed.length; i += 1) {
       const axis = i % 3;
-      const value = this.low[axis] + this.step[axis] * this.packed[i];
-      if (value < low[axis]) low[axis] = value;
-      if (value > high[axis]) high[axis] = value;
+      const value = place(i);
+      const more = reach[i % this.size];
+      if (value - more < low[axis]) low[axis] = value - more;
+      if (value + more > high[axis]) high[axis] = value + more;
     }
     this.centre = low.map((value, axis) => (value + high[axis]) / 2);
     this.height = high[1] - low[1];
     let square = 0;
     for (let i = 0; i < this.packed.length; i += 3) {
-      const x = this.low[0] + this.step[0] * this.packed[i] - this.centre[0];
-      const z = this.low[2] + this.step[2] * this.packed[i + 2] - this.centre[2];
+      const x = place(i) - this.centre[0];
+      const z = place(i + 2) - this.centre[2];
       square = Math.max(square, x * x + z * z);
     }
     this.radius = Math.sqrt(square);
@@ -107,10 +114,14 @@ class Body {
       const value = this.packed[start + i] * (1 - share) + this.packed[next + i] * share;
       this.positions[i] = this.low[axis] + this.step[axis] * value - this.centre[axis];
     }
+    mix(this.components, this.positions);
     this.geometry.attributes.position.needsUpdate = true;
     this.geometry.computeVertexNormals();
     this.geometry.computeBoundingSphere();
-    if (this.ground) this.ground.cast(this.positions);
+    if (this.ground) {
+      if (this.components.length) this.lift = this.ground.lowerTo(this.positions);
+      this.ground.cast(this.positions);
+    }
     this.turnAbout(this.pivot);
   }
 
@@ -118,7 +129,7 @@ class Body {
   turnAbout(vertex) {
     this.pivot = vertex;
     const [x, y, z] = vertex === null ? [0, 0, 0] : this.positions.slice(3 * vertex, 3 * vertex + 3);
-    this.mesh.position.set(-x, -y, -z);
+    this.mesh.position.set(-x, (vertex === null ? this.lift : 0) - y, -z);
   }
 
   // What the pointer is on: the body's name, a value and the part of the body.

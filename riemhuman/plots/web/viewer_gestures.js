@@ -19,6 +19,8 @@ const actionsOf = (viewer) => ({
   farther: () => viewer.magnify(1 / 1.2),
   reset: () => viewer.reset(),
   frame: () => viewer.frame(viewer.middle()),
+  sample: () => viewer.sliders.set(normalNumber),
+  middle: () => viewer.sliders.set(() => 0),
 });
 
 // The page keeps its wheel until the view has the focus, unless it has nothing to scroll.

@@ -83,6 +83,15 @@ class Ground {
     this.disc.position.y = this.floor;
   }
 
+  // Lie below the lowest point, and return how far up the body then has to be moved.
+  lowerTo(positions) {
+    let lowest = Infinity;
+    for (let i = 1; i < positions.length; i += 3) lowest = Math.min(lowest, positions[i]);
+    this.floor = lowest;
+    this.disc.position.y = lowest;
+    return -this.height / 2 - lowest;
+  }
+
   // Lines and shadow have the ink of the theme.
   ink() {
     this.uniforms.ink.value.set(DARK.matches ? "#c9d3de" : "#3b4652");

@@ -1,0 +1,93 @@
+"""Pages with sliders of components: the page's bodies are those of Python."""
+
+import numpy as np
+import pytest
+from cases import sphere_template, surfaces
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
+from riemhuman.plots import view_components
+from riemhuman.solvers import TangentPCA
+
+TEMPLATE = sphere_template()
+POSITIONS = """
+const body = document.querySelector(".viewer").viewer.bodies()[0];
+return [...body.positions].map((value, i) => value + body.centre[i % 3]);
+"""
+
+
+@pytest.fixture(scope="module")
+def pca():
+    points = surfaces(TEMPLATE, 4, size=0.1)
+    space = AlignedSurfaces(TEMPLATE).equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    return TangentPCA(space, 3).fit(points)
+
+
+@pytest.fixture(scope="module")
+def viewer(pca):
+    return view_components(pca)
+
+
+def body_of(viewer):
+    return viewer.choices["Components"][0]
+
+
+def test_bodies_at_two_deviations_are_exact_and_those_between_near(pca, viewer):
+    body = body_of(viewer)
+    deviations = np.sqrt(pca.explained_variance_)
+    for scores in ([0, 0, 0], [2, 0, 0], [-2, 0, 0], [0, 0, 2]):
+        found = body.components.mixed(body.frames[0], np.array(scores, dtype=float))
+        (exact,) = pca.inverse_transform(scores * deviations[None])
+        np.testing.assert_allclose(found, exact, atol=1e-12)
+    (exact,) = pca.inverse_transform([1, 0, 0] * deviations[None])
+    found = body.components.mixed(body.frames[0], np.array([1.0, 0.0, 0.0]))
+    moved = np.abs(exact - body.frames[0]).max()
+    assert np.abs(found - exact).max() < 0.05 * moved
+
+
+def test_sliders_mix_in_the_page_what_python_mixes(browser, viewer, tmp_path):
+    viewer.save(tmp_path / "components.html")
+    browser.open(tmp_path / "components.html", 1000, 760)
+    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    body = body_of(viewer)
+    middle = body.frames[0]
+
+    def shown():
+        return np.array(browser.run(POSITIONS)).reshape(-1, 3)
+
+    def scores():
+        found = browser.run(
+            "return [...document.querySelectorAll('[data-part=components] input')]"
+            ".map((e) => Number(e.value))"
+        )
+        return np.array(found)
+
+    rows = browser.driver.find_elements("css selector", "[data-part=components] label")
+    shares = [f"{100 * share:.1f} % of the variance" for share in body.components.shares]
+    assert [row.find_element("css selector", "small").text for row in rows] == shares
+    np.testing.assert_allclose(shown(), middle, atol=2e-4)
+    slider = rows[1].find_element("css selector", "input")
+    browser.run("arguments[0].focus()", slider)
+    browser.press("\ue010")  # End
+    assert scores().tolist() == [0, 3, 0]
+    assert rows[1].find_element("css selector", "output").text == "3.00"
+    expected = body.components.mixed(middle, scores())
+    assert np.abs(expected - middle).max() > 0.05
+    np.testing.assert_allclose(shown(), expected, atol=2e-4)
+    browser.find("[data-action=sample]").click()
+    drawn = scores()
+    assert np.unique(drawn).size == 3
+    np.testing.assert_allclose(shown(), body.components.mixed(middle, drawn), atol=2e-4)
+    browser.find("[data-action=middle]").click()
+    assert scores().tolist() == [0, 0, 0]
+    np.testing.assert_allclose(shown(), middle, atol=2e-4)
+    assert browser.console() == []
+
+
+def test_bad_arguments(pca):
+    with pytest.raises(ArgumentTypeError, match=r"pca must be a TangentPCA\(\.\.\.\)"):
+        view_components(np.zeros((3, 3)))
+    with pytest.raises(ArgumentError, match="fitted first"):
+        view_components(TangentPCA(pca.space))
+    with pytest.raises(ArgumentError, match="faces"):
+        view_components(pca, [[0, 1, 99]])
