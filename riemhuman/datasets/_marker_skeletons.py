@@ -23,6 +23,7 @@ from riemhuman.retargeting.skeletons import (
     frame,
     leg_length,
     middle,
+    pelvis_frame,
     turned_towards,
 )
 
@@ -365,8 +366,8 @@ def _rotations(positions: ndarray, joints: Mapping[str, int], head_axes: ndarray
     rest = _rest_axes(positions, joints)
     left, up, ahead = rest.T
     rotations = np.empty((*positions.shape, 3))
-    for name, line in (("pelvis", "hip"), ("chest", "shoulder")):
-        rotations[:, joints[name]] = body_frame(positions, joints, line) @ rest.T
+    rotations[:, joints["pelvis"]] = pelvis_frame(positions, joints) @ rest.T
+    rotations[:, joints["chest"]] = body_frame(positions, joints, "shoulder") @ rest.T
     for limb in LIMBS:
         is_leg = limb[0].endswith("hip")
         outward = left if limb[0].startswith("left") else -left

@@ -9,10 +9,9 @@ from riemhuman.bodies import joints_between
 from riemhuman.kernels.rotations import exp, log
 from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.retargeting._recorded_skeletons import RecordedSkeleton
-from riemhuman.retargeting.joint_axes import Figure, figure_hinge, joint_axes
+from riemhuman.retargeting.joint_axes import Figure, figure_hinge, joint_axes, shown_rotations
 from riemhuman.retargeting.joint_names import LIMBS
 from riemhuman.retargeting.skeletons import (
-    body_frame,
     bone,
     has_bone,
     middle,
@@ -102,9 +101,8 @@ def _known_rotations(source: RecordedSkeleton, figure: Figure) -> dict[int, ndar
     """Return the rotations in space of joints that are recorded; others follow their parents."""
     axes = joint_axes(source, figure)
     parts = {name: source.rotation(name) @ axis for name, axis in axes.items()}
-    for name, line in (("pelvis", "hip"), ("chest", "shoulder")):
-        seen = body_frame(source.positions, source.joints, line)
-        shown = seen @ body_frame(figure.rest, figure.joints, line).T
+    for name in ("pelvis", "chest"):
+        shown = shown_rotations(source, figure, name)
         if np.linalg.norm(log(parts[name], shown), axis=-1).mean() > _UNLIKE:
             # Some files place joints without rotating what they hang from.
             parts[name] = shown

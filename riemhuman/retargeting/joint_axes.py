@@ -5,7 +5,8 @@ rest poses are T-poses as well as bones that all point one way. Axes are taken f
 so that other axes of any joint with the same positions give the same body. In the body's part that
 moves with a joint, the model's axes are the mean over frames of
 
-- pelvis, chest: the line of hips or shoulders and the trunk, most of all while someone stands;
+- pelvis, chest: the line of hips or shoulders and the trunk, most of all while someone stands
+  (a pelvis leans less than a trunk that bends);
 - head, collars, hands: the axes of chest or forearm, as their positions tell no more;
 - limbs: the bone, and the axis in which its knee or elbow bends;
 - feet: a level sole, while they stand still; in the air the axes of the shank.
@@ -30,6 +31,7 @@ from riemhuman.retargeting.skeletons import (
     frame,
     has_bone,
     leg_length,
+    pelvis_frame,
     shortest,
     trunk,
     turned_towards,
@@ -83,8 +85,8 @@ def joint_axes(source: RecordedSkeleton, figure: Figure) -> dict[str, ndarray]:
     """
     upright = _upright_weights(source)
     axes = {
-        "pelvis": _axes_of_trunk(source, figure, "pelvis", "hip", upright),
-        "chest": _axes_of_trunk(source, figure, "chest", "shoulder", upright),
+        name: mean_axes(source.rotation(name), shown_rotations(source, figure, name), upright)
+        for name in ("pelvis", "chest")
     }
     pelvis, chest = (source.rotation(name) @ axes[name] for name in ("pelvis", "chest"))
     if "head" in source.joints:
@@ -135,13 +137,13 @@ def _lowered_arms(source: RecordedSkeleton, side: str) -> ndarray:
     return np.asarray(_BENT_POSTURE + np.clip(0.3 - np.sum(arm * back, axis=1), 0.0, 1.0))
 
 
-def _axes_of_trunk(
-    source: RecordedSkeleton, figure: Figure, name: str, line: str, weights: ndarray
-) -> ndarray:
-    """Return the axes of pelvis or chest."""
-    seen = body_frame(source.positions, source.joints, line)
-    wanted = seen @ body_frame(figure.rest, figure.joints, line).T
-    return mean_axes(source.rotation(name), wanted, weights)
+def shown_rotations(source: RecordedSkeleton, figure: Figure, name: str) -> ndarray:
+    """Return the rotations of pelvis or chest in space that positions of joints show."""
+    if name == "pelvis":
+        seen = pelvis_frame(source.positions, source.joints)
+        return np.asarray(seen @ pelvis_frame(figure.rest, figure.joints).T)
+    seen = body_frame(source.positions, source.joints, "shoulder")
+    return np.asarray(seen @ body_frame(figure.rest, figure.joints, "shoulder").T)
 
 
 def _axes_of_limb(

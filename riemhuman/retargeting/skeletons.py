@@ -14,6 +14,9 @@ from riemhuman.retargeting.joint_names import BONES, SIDES
 
 # Bones shorter than this share of the skeleton's longest have no direction.
 _COLLAPSED = 1e-3
+# Share of the bend between trunk and thigh that is the spine's, below the line of the trunk, and
+# the most of it, radians: the pelvis of a jump in the CMU database leans so.
+_SPINE_SHARE, _MOST_SPINE = 0.25, np.radians(20.0)
 
 
 def middle(positions: ndarray, joints: Mapping[str, int], part: str) -> ndarray:
@@ -44,6 +47,20 @@ def body_frame(positions: ndarray, joints: Mapping[str, int], part: str) -> ndar
     """Return the axes of pelvis ("hip") or chest ("shoulder"): to the left, and along the trunk."""
     line = bone(positions, joints, f"right_{part}", f"left_{part}")
     return frame(line, trunk(positions, joints))
+
+
+def pelvis_frame(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
+    """Return the axes of the pelvis, which leans less than the trunk where that bends forward."""
+    axes = body_frame(positions, joints, "hip")
+    left, up, ahead = np.moveaxis(axes, -1, 0)
+    bends = []
+    for side in SIDES:
+        thigh = unit(bone(positions, joints, f"{side}_hip", f"{side}_knee"))
+        bends.append(np.arctan2(np.sum(thigh * ahead, axis=-1), -np.sum(thigh * up, axis=-1)))
+    # A raised thigh alone does not bend the spine.
+    bend = np.clip(_SPINE_SHARE * np.minimum(*bends), 0.0, _MOST_SPINE)[..., None]
+    upright = np.cos(bend) * up - np.sin(bend) * ahead
+    return frame(left, upright)
 
 
 def leg_length(positions: ndarray, joints: Mapping[str, int]) -> float:
