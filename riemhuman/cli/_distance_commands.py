@@ -387,9 +387,15 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
     if options.method == "mds":
         settings["unit"] = "m"
         record["stress"] = stress = rh.plots.stress(distances, positions)
+        record["fit"] = loss = rh.plots.describe_stress(stress)
+        if stress > rh.plots.maps.LARGEST_STRESS:
+            raise ArgumentError(
+                f"these distances do not fit into a plane: with --method mds, {loss}; "
+                "--method t-sne shows which bodies are neighbours"
+            )
         scale = (
             "Points are as far from each other as their bodies under the metric, in metres,\n"
-            f"as well as a plane allows (stress {stress:.2f}; 0 would preserve all distances)."
+            f"as well as a plane allows: {loss}."
         )
     with rh.plots.figure_style():
         settings["ax"] = rh.plots.figures.new_figure(6.0, 5.0).subplots()

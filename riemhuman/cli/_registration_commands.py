@@ -89,7 +89,8 @@ def _register_file(registration: Any, options: argparse.Namespace) -> cli.Answer
     share = float(result.matched.mean())
     record = {name: getattr(result, name) for name in ("trusted", "message", "unit")}
     record |= {"scan": options.scans, "median_distance": median, "matched_share": share}
-    record["likelihood"] = result.likelihood
+    if options.verbose:
+        record["likelihood"] = result.likelihood
     missing = _missing_measurements(registration.model, result)
     record["missing_measurements"] = missing
     _note_message(options.scans, result, missing)

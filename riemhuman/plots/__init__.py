@@ -10,7 +10,7 @@ from riemhuman.plots.body_plots import (
 )
 from riemhuman.plots.component_views import view_components
 from riemhuman.plots.figures import figure_style
-from riemhuman.plots.maps import embed, plot_embedding, stress
+from riemhuman.plots.maps import describe_stress, embed, plot_embedding, stress
 from riemhuman.plots.match_plots import plot_match, position_colors
 from riemhuman.plots.rendering import View, render, surfaces_html
 from riemhuman.plots.result_plots import (
@@ -34,6 +34,7 @@ __all__ = [
     "ViewedBody",
     "Viewer",
     "contributions",
+    "describe_stress",
     "embed",
     "figure_style",
     "per_area",

@@ -31,6 +31,21 @@ _NAME_LETTERS = 14  # in a line
 _COLUMN_WIDTH, _BODY_HEIGHT, _NAME_HEIGHT = 1.1, 0.62, 0.32
 _BODY_PIXELS = 200
 _MOST_IN_COLUMN = 6
+LARGEST_STRESS = 0.4  # of a map that is shown
+_NO_STRESS = 0.01
+_FRACTIONS = {
+    0.02: "a fiftieth",
+    0.05: "a twentieth",
+    0.1: "a tenth",
+    0.2: "a fifth",
+    0.25: "a quarter",
+    1 / 3: "a third",
+    0.4: "two fifths",
+    0.5: "half",
+    2 / 3: "two thirds",
+    0.75: "three quarters",
+    1.0: "all of their length",
+}
 
 
 def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
@@ -106,6 +121,25 @@ def stress(distances: ndarray, positions: ndarray) -> float:
     positions = real_array(positions, "positions", (len(distances), "n_axes"), batched=False)
     on_map = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
     return float(np.sqrt(((distances - on_map) ** 2).sum() / (distances**2).sum()))
+
+
+def describe_stress(stress: float) -> str:
+    """Return in words by how much an embedding misses the distances.
+
+    Parameters
+    ----------
+    stress : float
+        See `stress`: the root mean square error of distances, relative to that of distances.
+
+    Examples
+    --------
+    >>> rh.plots.describe_stress(0.35)
+    'distances are off by a third'
+    """
+    if stress < _NO_STRESS:
+        return "distances are kept"
+    nearest = min(_FRACTIONS, key=lambda fraction: abs(np.log(stress / fraction)))
+    return f"distances are off by {_FRACTIONS[nearest]}"
 
 
 def plot_embedding(

@@ -9,7 +9,8 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import class_indices, length_of, real_array
+from riemhuman.checks import class_indices, class_numbers, length_of, real_array
+from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_matplotlib
 from riemhuman.plots.figures import class_colors, new_axes
 from riemhuman.retrieval import confusion, precision_recall
@@ -17,6 +18,7 @@ from riemhuman.retrieval import confusion, precision_recall
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+FEWEST_CLASSES = 3  # of a curve or matrix that says more than its scores
 # Lightest and deepest shade, and the colour of text that is legible on both.
 _LIGHTEST, _DEEPEST, _ON_SHADES = "#eef3f8", "#5b8fbe", "#101418"
 
@@ -84,11 +86,18 @@ def plot_precision_recall(
         Class of each item; none may be missing, see `rh.retrieval.scores`.
     ax : matplotlib.axes.Axes, optional
 
+    Raises
+    ------
+    ArgumentError
+        If there are fewer than three classes.
+
     Examples
     --------
-    >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
-    >>> ax = rh.plots.plot_precision_recall({"toy": D}, [0, 0, 1, 1])
+    >>> place = np.array([0.0, 1.0, 5.0, 6.0, 9.0, 11.0])
+    >>> D = np.abs(place[:, None] - place)
+    >>> ax = rh.plots.plot_precision_recall({"toy": D}, [0, 0, 1, 1, 2, 2])
     """
+    _check_classes(class_numbers(labels, "labels", length_of(labels, "labels"))[0])
     ax = new_axes(ax, 4.2, 3.2)
     for (name, matrix), color in zip(distances.items(), class_colors(len(distances)), strict=True):
         recall, precision = precision_recall(matrix, labels)
@@ -119,12 +128,19 @@ def plot_confusion(
         Names of the classes.
     ax : matplotlib.axes.Axes, optional
 
+    Raises
+    ------
+    ArgumentError
+        If there are fewer than three classes.
+
     Examples
     --------
-    >>> D = [[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]]
-    >>> ax = rh.plots.plot_confusion(D, [0, 0, 1, 1])
+    >>> place = np.array([0.0, 1.0, 5.0, 6.0, 9.0, 11.0])
+    >>> D = np.abs(place[:, None] - place)
+    >>> ax = rh.plots.plot_confusion(D, [0, 0, 1, 1, 2, 2])
     """
     items = class_indices(labels, "labels", length_of(distances, "distances"))
+    _check_classes(items)
     counts = confusion(distances, items)
     classes = np.unique(items)
     titles = [str(label) if names is None else names[label] for label in classes]
@@ -134,6 +150,15 @@ def plot_confusion(
     ax.tick_params(axis="x", labelrotation=90)
     ax.set(xlabel="nearest neighbour", ylabel="body")
     return ax
+
+
+def _check_classes(items: ndarray) -> None:
+    count = len(np.unique(items))
+    if count < FEWEST_CLASSES:
+        raise ArgumentError(
+            f"labels must name at least {FEWEST_CLASSES} classes for this plot; found {count}: "
+            "rh.retrieval.scores says the same in numbers"
+        )
 
 
 def plot_sweep(

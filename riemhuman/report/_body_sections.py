@@ -17,6 +17,7 @@ from riemhuman.measurements import (
     open_measurements,
 )
 from riemhuman.plots import (
+    describe_stress,
     embed,
     plot_confusion,
     plot_embedding,
@@ -27,6 +28,8 @@ from riemhuman.plots import (
     stress,
 )
 from riemhuman.plots.figures import new_figure
+from riemhuman.plots.maps import LARGEST_STRESS
+from riemhuman.plots.result_plots import FEWEST_CLASSES
 from riemhuman.report._page import Section, fill
 from riemhuman.report._report import POSE_WEIGHTS, Report, Task, readable
 from riemhuman.report._storage import Computed, Step
@@ -41,6 +44,7 @@ if TYPE_CHECKING:
 _METHODS = {"t-SNE": "t-sne", "MDS": "mds"}
 _MOST_POSES = 3  # of a person who is measured
 _FEWEST_PEOPLE = 4  # for a regression
+_FEWEST_ON_MAP = 6  # with fewer, there are no neighbourhoods to see
 _ALONG = "waist girth"
 _REGRESSION_WEIGHTS = {"a": 1.0, "lam": 1.0, "c": 0.1}
 _SHOWN_MEASUREMENTS = {
@@ -50,7 +54,7 @@ _SHOWN_MEASUREMENTS = {
 
 
 def retrieval_section(report: Report) -> Section | None:
-    tasks = [_retrieval(report, task) for task in report.tasks if task.has_pairs]
+    tasks = [_retrieval(report, task) for task in report.tasks if task.is_retrieval]
     if not tasks:
         return None
     steps = report.all_distances.items()
@@ -62,7 +66,6 @@ def retrieval_section(report: Report) -> Section | None:
 def _retrieval(report: Report, task: Task) -> dict[str, Any]:
     """Return what the page says about one task."""
     distances = {name: step.arrays["distances"] for name, step in report.distances.items()}
-    names = [readable(name) for name in task.names]
     rows: dict[str, dict[str, Any]] = {
         name: {"representation": name, **vars(scores(matrix, task.labels))}
         for name, matrix in distances.items()
@@ -72,8 +75,7 @@ def _retrieval(report: Report, task: Task) -> dict[str, Any]:
         key: [number for number, row in enumerate(rows.values()) if row[key] > own[key]]
         for key in ("nn", "first_tier", "second_tier")
     }
-    square, curves = (3.5, 3.5), (3.5, 3.2)
-    matrix = distances[task.metric]
+    matrix, has_figures = distances[task.metric], task.n_classes >= FEWEST_CLASSES
     return {
         "task": task,
         "table": report.output.table(f"retrieval-{task.name}", list(rows.values())),
@@ -81,20 +83,36 @@ def _retrieval(report: Report, task: Task) -> dict[str, Any]:
         "opposite": rows[POSE_METRIC if task.metric == SHAPE_METRIC else SHAPE_METRIC],
         # Of equal distances, scores are expected ones over all orders.
         "chance": scores(np.ones_like(matrix), task.labels).first_tier,
+        **(_retrieval_figures(report, task, distances) if has_figures else {}),
+    }
+
+
+def _retrieval_figures(
+    report: Report, task: Task, distances: Mapping[str, ndarray]
+) -> dict[str, Any]:
+    names = [readable(name) for name in task.names]
+    return {
         "curves": report.output.figure(
             f"precision-recall-{task.name}",
             plot_precision_recall,
             distances,
             task.labels,
-            size=curves,
+            size=(3.5, 3.2),
         ),
         "mistakes": report.output.figure(
-            f"confusion-{task.name}", plot_confusion, matrix, task.labels, names, size=square
+            f"confusion-{task.name}",
+            plot_confusion,
+            distances[task.metric],
+            task.labels,
+            names,
+            size=(3.5, 3.5),
         ),
     }
 
 
-def map_section(report: Report) -> Section:
+def map_section(report: Report) -> Section | None:
+    if len(report.bodies) < _FEWEST_ON_MAP:
+        return None
     places, tasks = _maps(report).arrays, report.tasks
     maps = {
         title: [_map(report, task, method, places[f"{task.name} {method}"]) for task in tasks]
@@ -105,6 +123,14 @@ def map_section(report: Report) -> Section:
 
 
 def _map(report: Report, task: Task, method: str, positions: ndarray) -> dict[str, Any]:
+    shares_class = (
+        scores(cdist(positions, positions), task.labels).nn if task.is_retrieval else None
+    )
+    lost = stress(report.matrix(task.metric), positions) if method == "mds" else None
+    about: dict[str, Any] = {"task": task, "neighbours": shares_class}
+    about["loss"] = None if lost is None else describe_stress(lost)
+    if lost is not None and lost > LARGEST_STRESS:
+        return about
     image = report.output.figure(
         f"map-{task.name}-{method}",
         plot_embedding,
@@ -116,12 +142,7 @@ def _map(report: Report, task: Task, method: str, positions: ndarray) -> dict[st
         faces=report.bodies.template.faces,
         unit="m" if method == "mds" else None,
     )
-    return {
-        "task": task,
-        "image": image,
-        "neighbours": scores(cdist(positions, positions), task.labels).nn if task.has_pairs else 0,
-        "stress": stress(report.matrix(task.metric), positions) if method == "mds" else None,
-    }
+    return about | {"image": image}
 
 
 def _maps(report: Report) -> Step:
@@ -140,7 +161,7 @@ def _maps(report: Report) -> Step:
 
 
 def sweep_section(report: Report) -> Section | None:
-    tasks, plan = [task for task in report.tasks if task.has_pairs], report.plan
+    tasks, plan = [task for task in report.tasks if task.is_retrieval], report.plan
     if not tasks:
         return None
     rows = _sweep(report, tasks).record["rows"]

@@ -107,8 +107,14 @@ class Task:
     names: tuple[str, ...]
 
     @property
-    def has_pairs(self) -> bool:
-        return len(np.unique(self.labels)) < len(self.labels)
+    def n_classes(self) -> int:
+        return len(np.unique(self.labels))
+
+    @property
+    def is_retrieval(self) -> bool:
+        """Whether bodies can be confused: two classes or more have two bodies or more."""
+        _, counts = np.unique(self.labels, return_counts=True)
+        return bool(np.count_nonzero(counts > 1) > 1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -134,7 +134,12 @@ def make_report(
     making = fill("making", steps=files.table("steps", steps))
     text = page(
         _TITLE,
-        fill("lead", poses=[readable(name) for name in bodies.pose_names[:3]], quick=quick),
+        fill(
+            "lead",
+            poses=[readable(name) for name in bodies.pose_names[:3]],
+            quick=quick,
+            has_retrieval=any(task.is_retrieval for task in report.tasks),
+        ),
         [(f"{number:,}", name) for name, number in sizes.items()],
         [*first, *made, Section("making", "How this was made", "Making", making)],
         f"Made with riemhuman {_versions()['riemhuman']}, {_now()}. "

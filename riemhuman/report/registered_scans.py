@@ -53,11 +53,22 @@ def scan_section(records: Sequence[ScanRecord]) -> Section:
         "scans",
         css=web_file("report", "scans.css"),
         records=[(record, _pictures(record)) for record in records],
+        badge=_badge,
+        n_partial=sum(_badge(record)[0] == "partial" for record in records),
         n_trusted=sum(record.trusted for record in records),
         colors=VALUE_COLORS,
         millimetres=round(1000 * _LARGEST_METRES),
     )
     return Section("scans", "Scans and their bodies", "Scans", html)
+
+
+def _badge(record: ScanRecord) -> tuple[str, str]:
+    """Return the class and the words of a record's badge; a message of a trusted body limits it."""
+    if not record.trusted:
+        return "untrusted", "not trusted"
+    if record.message:
+        return "partial", f"partly seen: {100 * record.matched_share:.0f} %"
+    return "trusted", "trusted"
 
 
 def _pictures(record: ScanRecord) -> list[tuple[Image, str]]:

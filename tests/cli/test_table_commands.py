@@ -157,3 +157,12 @@ def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):
     assert asked["bodies"] == ("coarse", "natural", 4)
     assert (asked["basis"], asked["quick"]) == (None, True)
     assert str(asked["output"]) == "riemhuman-report"
+
+
+def test_a_map_that_misses_the_distances_is_not_drawn(run, refused, tmp_path):
+    """Twelve bodies all equally far from each other: a plane holds three of those."""
+    file, picture = tmp_path / "D.npz", tmp_path / "map.png"
+    save_arrays(file, {"distances": 1 - np.eye(12), "names": np.array([*"abcdefghijkl"])})
+    message = refused("plot", file, "-o", picture)
+    assert "distances are off by two thirds; --method t-sne" in message
+    assert not picture.exists()

@@ -6,7 +6,7 @@ from scipy.spatial.distance import pdist, squareform
 
 from riemhuman.errors import ArgumentError, MissingDependencyError
 from riemhuman.plots.figures import new_figure
-from riemhuman.plots.maps import embed, plot_embedding, stress
+from riemhuman.plots.maps import describe_stress, embed, plot_embedding, stress
 
 POINTS = np.random.default_rng(0).normal(size=(12, 2))
 DISTANCES = squareform(pdist(POINTS))
@@ -120,3 +120,16 @@ def test_maps_of_one_class_and_of_more_classes_than_fit(n_classes):
     drawn = [artist for artist in ax.artists if hasattr(artist, "offsetbox")]
     assert len(drawn) == min(n_classes, 12)
     assert (ax.get_legend() is not None) == (n_classes > 12)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (0.0, "distances are kept"),
+        (0.11, "distances are off by a tenth"),
+        (0.34, "distances are off by a third"),
+        (0.48, "distances are off by half"),
+    ],
+)
+def test_stress_in_words(value, words):
+    assert describe_stress(value) == words

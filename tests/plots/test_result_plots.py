@@ -6,6 +6,8 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+import riemhuman as rh
+from riemhuman.errors import ArgumentError
 from riemhuman.plots.result_plots import plot_energy, plot_sweep
 
 
@@ -52,3 +54,11 @@ def test_what_is_written_on_the_page_reads_on_its_ground():
         color = dict(re.findall(r"--(\w+): (#[0-9a-f]+);", theme))
         for written in ("ink", "quiet", "accent"):
             assert contrast(to_rgba(color[written]), to_rgba(color["ground"])) >= 4.5
+
+
+def test_two_classes_have_no_curve_and_no_matrix():
+    distances = np.abs(np.subtract.outer(np.arange(4.0), np.arange(4.0)))
+    with pytest.raises(ArgumentError, match="at least 3 classes for this plot; found 2"):
+        rh.plots.plot_precision_recall({"toy": distances}, ["a", "a", "b", "b"])
+    with pytest.raises(ArgumentError, match="at least 3 classes for this plot; found 2"):
+        rh.plots.plot_confusion(distances, [0, 0, 1, 1])

@@ -1,13 +1,16 @@
 """Choices of bodies, sentences about results, and the section on measurements."""
 
 import csv
+import re
 
 import numpy as np
 import pytest
 
 from riemhuman.measurements import Measurements
+from riemhuman.registration import ScanRecord
 from riemhuman.report import _body_sections as sections
 from riemhuman.report._report import Task, choose_pair, group_within
+from riemhuman.report.registered_scans import scan_section
 
 SUBJECT = np.repeat([0, 1, 2], 3)
 POSE = np.tile([0, 1, 2], 3)
@@ -36,6 +39,36 @@ TASKS = [
     Task("shape", "person", "", "", LABELS, ()),
     Task("pose", "pose", "", "", LABELS, ()),
 ]
+
+
+@pytest.mark.parametrize(
+    ("labels", "is_retrieval"),
+    [([0, 1, 2], False), ([0, 0, 1, 2], False), ([0, 0, 0], False), ([0, 0, 1, 1], True)],
+)
+def test_retrieval_needs_two_classes_of_two(labels, is_retrieval):
+    task = Task("shape", "person", "", "", np.array(labels), ())
+    assert task.is_retrieval == is_retrieval
+
+
+def record(name, *, trusted, message, share):
+    return ScanRecord(name, trusted, message, 2.52, 0.002, share, {})
+
+
+def test_scans_have_one_badge_of_three_and_no_likelihood():
+    records = [
+        record("ann", trusted=False, message="far from the scan", share=0.4),
+        record("ben", trusted=True, message="the legs were not seen", share=0.66),
+        record("cy", trusted=True, message="", share=0.97),
+    ]
+    html = scan_section(records).html
+    assert re.findall(r'<strong class="badge (\w+)">([^<]*)<', html) == [
+        ("untrusted", "not trusted"),
+        ("partial", "partly seen: 66 %"),
+        ("trusted", "trusted"),
+    ]
+    assert "likelihood" not in html
+    assert "2.52" not in html
+    assert "2 of 3 scans are registered and trusted; 1 of them shows only part" in html
 
 
 def test_best_weights_are_those_of_the_rows():
