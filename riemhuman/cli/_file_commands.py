@@ -29,7 +29,7 @@ _MOST_LISTED = 100
     "Writes a small world of simulated people: registered bodies of eight people in ten\n"
     "poses with their labels, raw scans with a floor and holes, two visits of one person,\n"
     "and a walk. The commands in README and on the page of the command line run in it.",
-    "  riemhuman examples people/          # then, in that folder: riemhuman dist anna.ply ben.ply\n"
+    "  riemhuman examples people/    # and there: riemhuman dist anna.ply ben.ply\n"
     "  riemhuman examples people/ --json\n",
     cli.path_option("folder", "FOLDER", "folder to write, which must not exist yet"),
 )
