@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from marker_files import RATE, write_trc
+from marker_files import RATE, write_c3d, write_trc
 
 from riemhuman.datasets import (
     load_bvh,
@@ -360,21 +360,6 @@ def test_no_frames_and_no_rate(video, tmp_path):
     assert load_trc(
         write_trc(tmp_path / "jump.trc", video, header={"DataRate": 0, "CameraRate": 0})
     ).frames_per_second == pytest.approx(RATE, rel=1e-3)
-
-
-def write_c3d(path, markers, unit="mm"):
-    ezc3d = pytest.importorskip("ezc3d")
-    content = ezc3d.c3d()
-    names = list(markers)
-    points = 1000.0 * np.stack(list(markers.values()), axis=1)
-    content["parameters"]["POINT"]["RATE"]["value"] = [RATE]
-    content["parameters"]["POINT"]["LABELS"]["value"] = names
-    content["parameters"]["POINT"]["UNITS"]["value"] = [unit]
-    content["data"]["points"] = np.concatenate(
-        [np.moveaxis(points, -1, 0).swapaxes(1, 2), np.ones((1, len(names), len(points)))]
-    )
-    content.write(str(path))
-    return path
 
 
 def test_c3d_files_are_read_as_trc_files(dance, joints, video, tmp_path):

@@ -1,6 +1,7 @@
-"""TRC files of markers, as OpenSim writes them."""
+"""TRC files of markers, as OpenSim writes them, and C3D files."""
 
 import numpy as np
+import pytest
 
 RATE = 20.0
 
@@ -22,4 +23,20 @@ def write_trc(path, markers, unit="mm", missing="", tabs=True, header=None):
         cells = [missing if np.isnan(value) else f"{value:.5f}" for value in row]
         lines.append(separator.join([str(number + 1), f"{number / RATE:.5f}", *cells]))
     path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def write_c3d(path, markers, unit="mm"):
+    """Write a C3D file; skip the test where ezc3d is not installed."""
+    ezc3d = pytest.importorskip("ezc3d")
+    content = ezc3d.c3d()
+    names = list(markers)
+    points = 1000.0 * np.stack(list(markers.values()), axis=1)
+    content["parameters"]["POINT"]["RATE"]["value"] = [RATE]
+    content["parameters"]["POINT"]["LABELS"]["value"] = names
+    content["parameters"]["POINT"]["UNITS"]["value"] = [unit]
+    content["data"]["points"] = np.concatenate(
+        [np.moveaxis(points, -1, 0).swapaxes(1, 2), np.ones((1, len(names), len(points)))]
+    )
+    content.write(str(path))
     return path
