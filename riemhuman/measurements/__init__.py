@@ -20,6 +20,7 @@ from riemhuman.measurements.definitions import (
     Volume,
     measurement_from_dict,
 )
+from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.measurements.measuring import BodySizes, Measurements, in_standard_pose
 from riemhuman.measurements.visits import VisitComparison, compare_visits
@@ -31,6 +32,7 @@ __all__ = [
     "Depth",
     "Girth",
     "Height",
+    "LandmarkedBodies",
     "Length",
     "Mass",
     "Measurement",

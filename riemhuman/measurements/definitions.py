@@ -16,8 +16,8 @@ import autograd.numpy as np
 
 from riemhuman.checks import one_of, real_number, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.extensions import extensions
 from riemhuman.measurements._geodesics import geodesics
-from riemhuman.measurements._landmarked_bodies import AXES, LandmarkedBodies, Place
 from riemhuman.measurements._sections import (
     MEETS_OTHER_PART,
     MISSES,
@@ -26,6 +26,7 @@ from riemhuman.measurements._sections import (
     section,
     straight_lines,
 )
+from riemhuman.measurements.landmarked_bodies import AXES, LandmarkedBodies, Place
 
 # Density of a body in kg/m³: that of water, from which the body's differs by a few per cent.
 DENSITY = 1000.0
@@ -36,10 +37,34 @@ Axis = str | Places | None
 
 _PATHS = ("straight", "surface", "joints")
 
+# Classes of measurements by their `kind`, and then by the modules that define them.
+_CLASSES: dict[str, dict[str, type[Measurement]]] = {}
+
+
+def _add_kind(cls: type[Measurement]) -> None:
+    """Let files name a class; one that is defined again in its module takes the place of itself."""
+    classes = _CLASSES.setdefault(cls.kind, {})
+    if __name__ in classes and cls.__module__ != __name__:
+        raise ArgumentError(
+            f"the library has measurements of kind {cls.kind!r}; declare another `kind` in the "
+            f"class {cls.__qualname__} of {cls.__module__}"
+        )
+    classes[cls.__module__] = cls
+
 
 @dataclass(frozen=True, kw_only=True)
 class Measurement:
     """The base class of measurements.
+
+    A measurement of one's own is a frozen dataclass that derives from this class. It defines
+    `value` and, for pictures, `lines`; `places` and `part_names` where its fields name landmarks
+    and parts, which a `MeasurementSet` then looks up; `why_missing` where its value may be NaN; and
+    a ``__post_init__`` that calls this one, where fields need checks or are tuples, which JSON
+    returns as lists.
+
+    Files of a `MeasurementSet` name its class by `kind`, by default the name of the class, and hold
+    its fields, which must be what JSON can hold. The file is read wherever the class is defined or
+    imported before, or named by an installed package, see `riemhuman.extensions`.
 
     Parameters
     ----------
@@ -53,6 +78,13 @@ class Measurement:
         What others call it, such as ``{"ANSUR II": "stature"}``; a name after "≈ " is of a
         measurement that differs a little, as the note says.
 
+    Attributes
+    ----------
+    units : str
+        Units of the values, of the class.
+    kind : str
+        Name of the class in files.
+
     Examples
     --------
     >>> isinstance(rh.measurements.Height(name="stature", at="crown"), rh.measurements.Measurement)
@@ -64,31 +96,28 @@ class Measurement:
     note: str = ""
     equivalents: Mapping[str, str] = field(default_factory=dict)
     units: ClassVar[str] = "m"
+    kind: ClassVar[str] = "Measurement"
+
+    def __init_subclass__(cls, **settings: Any) -> None:
+        super().__init_subclass__(**settings)
+        if "kind" not in vars(cls):
+            cls.kind = cls.__name__
+        if not cls.kind.startswith("_"):
+            _add_kind(cls)
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise ArgumentTypeError(f"name must be a non-empty string; found {self.name!r}")
-        for f in fields(self):
-            if f.type in _CHECKS:
-                value = _CHECKS[f.type](getattr(self, f.name), f.name)
-                object.__setattr__(self, f.name, value)
 
     @property
     def places(self) -> tuple[Place, ...]:
         """Places that the measurement refers to."""
-        places = [place for place in self._fields_of("Place", "Place | None") if place is not None]
-        lists = [
-            values for values in self._fields_of("Places", "Axis") if isinstance(values, tuple)
-        ]
-        return (*places, *(place for values in lists for place in values))
+        return ()
 
     @property
     def part_names(self) -> tuple[str, ...]:
         """Parts of the body that the measurement refers to."""
-        return tuple(name for values in self._fields_of("Parts") for name in values)
-
-    def _fields_of(self, *types: str) -> list[Any]:
-        return [getattr(self, f.name) for f in fields(self) if f.type in types]
+        return ()
 
     def value(self, bodies: LandmarkedBodies) -> Any:
         """Return the measurement of each body, NaN where it is not defined, shape (n,).
@@ -125,7 +154,7 @@ class Measurement:
     def to_dict(self) -> dict[str, Any]:
         """Return the record that JSON holds: the kind and the parameters without their defaults."""
         defaults = {f.name: f.default for f in fields(self)} | {"equivalents": {}}
-        record: dict[str, Any] = {"kind": type(self).__name__}
+        record: dict[str, Any] = {"kind": self.kind}
         for name, value in asdict(self).items():
             if value != defaults[name]:
                 record[name] = list(value) if isinstance(value, tuple) else value
@@ -154,12 +183,9 @@ def _checked_axis(axis: Any, name: str) -> Axis:
     return tuple(axis)
 
 
-# By the annotation of a field, which also says what a measurement refers to.
-_CHECKS: dict[Any, Any] = {
-    "Parts": _checked_parts,
-    "Places": _checked_places,
-    "Axis": _checked_axis,
-}
+def _places_of(axis: Axis) -> Places:
+    """Return the places that an axis refers to, none if it is an axis of the body."""
+    return axis if isinstance(axis, tuple) else ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,6 +196,20 @@ class _PlaneSection(Measurement):
     normal: Axis = "up"
     parts: Parts = ()
     leave_out: Parts = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "normal", _checked_axis(self.normal, "normal"))
+        object.__setattr__(self, "parts", _checked_parts(self.parts, "parts"))
+        object.__setattr__(self, "leave_out", _checked_parts(self.leave_out, "leave_out"))
+
+    @property
+    def places(self) -> Places:
+        return (self.at, *_places_of(self.normal))
+
+    @property
+    def part_names(self) -> Parts:
+        return (*self.parts, *self.leave_out)
 
     def why_missing(self, bodies: LandmarkedBodies) -> str:
         parts = " and ".join(self.parts) or "the surface"
@@ -286,6 +326,10 @@ class Height(Measurement):
     at: Place
     above: Place | None = None
 
+    @property
+    def places(self) -> Places:
+        return (self.at,) if self.above is None else (self.at, self.above)
+
     def value(self, bodies: LandmarkedBodies) -> Any:
         up = bodies.axis("up")
         height = np.sum(bodies.place(self.at) * up, axis=-1)
@@ -327,9 +371,15 @@ class Length(Measurement):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        object.__setattr__(self, "along", _checked_places(self.along, "along"))
+        object.__setattr__(self, "axis", _checked_axis(self.axis, "axis"))
         one_of(self.path, "path", _PATHS)
         if self.path == "joints" and [type(place) for place in self.along] != [str, str]:
             raise ArgumentError(f"along must hold two names of joints; found {self.along!r}")
+
+    @property
+    def places(self) -> Places:
+        return (*self.along, *_places_of(self.axis))
 
     def _paths(self, bodies: LandmarkedBodies) -> list[Lines]:
         if self.path == "surface":
@@ -414,13 +464,34 @@ class Area(Measurement):
     parts: Parts = ()
     units: ClassVar[str] = "m²"
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "parts", _checked_parts(self.parts, "parts"))
+
+    @property
+    def part_names(self) -> Parts:
+        return self.parts
+
     def value(self, bodies: LandmarkedBodies) -> Any:
         return bodies.areas(bodies.set.faces[bodies.set.in_parts(self.parts)])
 
 
-_KINDS: dict[str, type[Measurement]] = {
-    kind.__name__: kind for kind in (Girth, Length, Height, Breadth, Depth, Volume, Mass, Area)
-}
+def _class_of(kind: str) -> type[Measurement]:
+    """Return the class of a kind of measurements, also of an installed package."""
+    if kind not in _CLASSES:
+        extensions("measurements")  # importing the classes of installed packages adds their kinds
+    if kind not in _CLASSES:
+        try:
+            nearest_name(kind, "kind of measurement", _CLASSES)
+        except ArgumentError as error:
+            raise ArgumentError(f"{error}; import a class of your own first") from None
+    classes = _CLASSES[kind]
+    if len(classes) > 1:
+        raise ArgumentError(
+            f"modules {' and '.join(classes)} both define measurements of kind {kind!r}; declare "
+            "another `kind` in one of the classes"
+        )
+    return next(iter(classes.values()))
 
 
 def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
@@ -429,7 +500,7 @@ def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
     Parameters
     ----------
     record : mapping
-        The name of its class under "kind", and its parameters.
+        The name of its class under "kind", see `Measurement`, and its parameters.
 
     Examples
     --------
@@ -440,15 +511,15 @@ def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
     if not isinstance(record, Mapping):
         raise ArgumentTypeError(f"a measurement must be a mapping; found {record!r}")
     parameters = dict(record)
-    kind = _KINDS[nearest_name(str(parameters.pop("kind", "")), "kind of measurement", _KINDS)]
+    cls = _class_of(str(parameters.pop("kind", "")))
     for name in parameters:
-        nearest_name(name, f"parameter of {kind.__name__}", [f.name for f in fields(kind)])
+        nearest_name(name, f"parameter of {cls.__name__}", [f.name for f in fields(cls)])
     try:
-        return kind(**parameters)
+        return cls(**parameters)
     except TypeError as error:
         if isinstance(error, ArgumentTypeError):
             raise
-        raise ArgumentError(f"a {kind.__name__} cannot be made of {record!r}: {error}") from error
+        raise ArgumentError(f"a {cls.__name__} cannot be made of {record!r}: {error}") from error
 
 
 def nearest_name(name: str, what: str, known: Sequence[str] | Mapping[str, Any]) -> str:

@@ -22,7 +22,6 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path, memory_errors, read_bytes, write_text
 from riemhuman.measurements._geodesics import Mesh
-from riemhuman.measurements._landmarked_bodies import LandmarkedBodies, axes_of_frame
 from riemhuman.measurements._sections import neighbours_of
 from riemhuman.measurements.definitions import (
     Length,
@@ -30,6 +29,7 @@ from riemhuman.measurements.definitions import (
     measurement_from_dict,
     nearest_name,
 )
+from riemhuman.measurements.landmarked_bodies import LandmarkedBodies, axes_of_frame
 from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
 

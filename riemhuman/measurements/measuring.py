@@ -19,8 +19,8 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurface
 from riemhuman.extensions import extensions
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.threads import in_chunks
-from riemhuman.measurements._landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.definitions import nearest_name
+from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.solvers import ShapeTransfer
 from riemhuman.surfaces.template import Template, check_body_sizes

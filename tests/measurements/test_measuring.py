@@ -10,8 +10,8 @@ from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
 from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.measurements import Girth, Measurements, in_standard_pose
-from riemhuman.measurements._landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements._sections import section
+from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.registration import ScanRegistration
 from riemhuman.surfaces import Template
 

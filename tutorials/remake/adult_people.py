@@ -22,8 +22,8 @@ from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import FileFormatError
 from riemhuman.measurements import Length, Measurements, MeasurementSet, open_measurements
-from riemhuman.measurements._landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.definitions import DENSITY
+from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.surfaces.nearest_points import nearest_points
 
 SEXES = ("woman", "man")

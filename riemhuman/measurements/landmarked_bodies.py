@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import autograd.numpy as np
 import numpy as onp
@@ -12,9 +12,13 @@ from numpy import ndarray
 
 from riemhuman.bodies import joints_between
 from riemhuman.checks import values_of
+from riemhuman.errors import ArgumentError
 from riemhuman.measurements._geodesics import SurfacePoint
 from riemhuman.measurements._sections import FOREIGN, LEFT_OUT, WANTED, Cutter, weighted_vertices
 from riemhuman.surfaces.nearest_points import nearest_points
+
+if TYPE_CHECKING:
+    from riemhuman.measurements.measurement_set import MeasurementSet
 
 Place = str | Mapping[str, float]
 """A landmark, or an affine combination of landmarks such as ``{"hip": 0.5, "knee": 0.5}``."""
@@ -23,15 +27,45 @@ AXES = ("left", "up", "forward")
 
 
 class LandmarkedBodies:
-    """Surfaces, shape (n, V, 3) in metres, with landmarks, and axes of the "body" or in "space"."""
+    """Bodies that are measured, with landmarks, axes and parts: what `Measurement.value` is given.
 
-    def __init__(self, description: Any, surfaces: Any, axes: str) -> None:
-        self.set, self.surfaces, self._frames = description, surfaces, axes
+    Parameters
+    ----------
+    measurement_set : MeasurementSet
+        The landmarks and parts of the template.
+    surfaces : array, shape (n, V, 3)
+        Bodies over its template, metres, which autograd may trace.
+    axes : {"body", "space"}
+        Whether the axes move with the trunk of each body, or are those of the template.
+
+    Attributes
+    ----------
+    set : MeasurementSet
+    surfaces : array, shape (n, V, 3)
+
+    Examples
+    --------
+    >>> model = rh.datasets.load_open_model("coarse")
+    >>> measurements = rh.measurements.open_measurements(model)
+    >>> surfaces = model.template.vertices[None]
+    >>> bodies = rh.measurements.LandmarkedBodies(measurements, surfaces, "space")
+    >>> bodies.place("crown").shape, bodies.axis("up").tolist()
+    ((1, 3), [[0.0, 1.0, 0.0]])
+    """
+
+    def __init__(self, measurement_set: MeasurementSet, surfaces: Any, axes: str) -> None:
+        self.set, self.surfaces, self._frames = measurement_set, surfaces, axes
         self._positions: dict[str, Any] = {}
         self._numbers = onp.arange(len(surfaces))[:, None]
 
     def place(self, place: Place) -> Any:
-        """Return the position of a place on each body, shape (n, 3)."""
+        """Return the position of a place on each body, shape (n, 3).
+
+        Parameters
+        ----------
+        place : str or mapping of str to float
+            A landmark, or landmarks with weights.
+        """
         if isinstance(place, Mapping):
             total = sum(place.values())
             return sum(weight / total * self.place(name) for name, weight in place.items())
@@ -42,7 +76,14 @@ class LandmarkedBodies:
         return self._positions[place]
 
     def axis(self, axis: Any) -> Any:
-        """Return an axis of the bodies, or the unit vectors that two or three places define."""
+        """Return the unit vectors of an axis of each body, shape (n, 3).
+
+        Parameters
+        ----------
+        axis : {"left", "up", "forward"} or sequence of places
+            An axis of the bodies, the direction from one place to another, or the normal of the
+            plane through three places.
+        """
         if isinstance(axis, str):
             return self._axes[..., AXES.index(axis)]
         start, *ends = axis
@@ -59,7 +100,15 @@ class LandmarkedBodies:
         return np.matmul(axes_of_frame(*places), self.set.axes_in_frame)
 
     def cutter(self, parts: tuple[str, ...], leave_out: tuple[str, ...]) -> Cutter:
-        """Return the triangles that a plane may cut: of parts, all if empty, and those left out."""
+        """Return the triangles that a plane may cut, for sections of parts of the body.
+
+        Parameters
+        ----------
+        parts : tuple of str
+            Parts whose line is wanted; if empty, the whole body.
+        leave_out : tuple of str
+            Parts that the line may cross.
+        """
         mesh, cutters = self.set.mesh, self.set.mesh.cutters
         if (parts, leave_out) not in cutters:
             roles = onp.full(len(self.set.faces), FOREIGN, dtype=onp.uint8)
@@ -71,13 +120,28 @@ class LandmarkedBodies:
         return cutters[parts, leave_out]
 
     def bones(self, first: str, last: str) -> tuple[str, ...]:
-        """Return the names of the joints on the path from one joint to another."""
-        names = self.set.model.joint_names
-        path = joints_between(self.set.model.parents, names.index(first), names.index(last))
+        """Return the names of the joints on the path from one joint to another.
+
+        Parameters
+        ----------
+        first, last : str
+            Joints of the body model.
+        """
+        model = self.set.model
+        if model is None:
+            raise ArgumentError("bones need a body model; the template of the set is a surface")
+        names = model.joint_names
+        path = joints_between(model.parents, names.index(first), names.index(last))
         return tuple(names[number] for number in path)
 
     def on_surface(self, place: Place) -> SurfacePoint:
-        """Return the point of the template nearest to a place: its triangle and coordinates."""
+        """Return the point of the template nearest to a place: its triangle and coordinates.
+
+        Parameters
+        ----------
+        place : str or mapping of str to float
+            As for `place`.
+        """
         known, description = self.set.mesh.places, self.set
         key = place if isinstance(place, str) else tuple(place.items())
         if key not in known:
@@ -105,7 +169,13 @@ class LandmarkedBodies:
         return np.sum(a * np.cross(b, c), axis=(-2, -1)) / 6.0
 
     def areas(self, faces: ndarray) -> Any:
-        """Return the sum of the areas of some triangles, shape (n,)."""
+        """Return the sum of the areas of some triangles, shape (n,).
+
+        Parameters
+        ----------
+        faces : array of int, shape (k, 3)
+            Triangles: numbers of their vertices.
+        """
         a, b, c = _corners(self.surfaces, faces)
         return 0.5 * np.sum(np.sqrt(np.sum(np.cross(b - a, c - a) ** 2, axis=-1)), axis=-1)
 
