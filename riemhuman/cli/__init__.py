@@ -19,7 +19,7 @@ from riemhuman import __version__
 # The order of the commands in the help.
 from riemhuman.cli import _distance_commands, _body_commands, _registration_commands  # noqa: F401
 from riemhuman.cli import _measurement_commands, _motion_commands, _file_commands  # noqa: F401
-from riemhuman.cli import _conversion_commands  # noqa: F401
+from riemhuman.cli import _conversion_commands, _format_commands  # noqa: F401
 
 # isort: on
 from riemhuman.cli import _terminal as terminal

@@ -39,6 +39,10 @@ M = TypeVar("M", bound="Motion")
 _FRAMES_AT_A_TIME = 16
 
 
+WRITTEN_MOTIONS = (".bvh", ".npz", ".glb")
+"""Suffixes of the files that `save` of a motion of a body model writes."""
+
+
 class Motion(ABC):
     """One person in one motion: a sequence of registered surfaces.
 
@@ -178,7 +182,7 @@ class ModelMotion(Motion):
         return self._parameters(np.arange(len(self)))[1]
 
     def _save_file(self, file: Path) -> None:
-        ending = suffix_of(file, (".glb", ".bvh", ".npz"))
+        ending = suffix_of(file, WRITTEN_MOTIONS)
         poses, translations = self._parameters(np.arange(len(self)))
         name, rate = self.sequence or file.stem, self.frames_per_second
         person = PosedPerson(self.model, self.betas, poses, translations, rate, name)

@@ -359,5 +359,8 @@ _WRITERS: dict[str, Callable[[ndarray, ndarray], bytes]] = {
 MESH_SUFFIXES = (*_READERS, *_MESHIO_SUFFIXES)
 """Suffixes of the files that `load_mesh` reads."""
 
+WRITTEN_SUFFIXES = (*_WRITERS,)
+"""Suffixes of the files that `save_mesh` writes."""
+
 POINT_SUFFIXES = (*_READERS, ".xyz", ".npy")
 """Suffixes of the files that `load_points` reads."""

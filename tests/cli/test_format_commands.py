@@ -1,0 +1,41 @@
+"""The table of the files that are read."""
+
+from pathlib import Path
+from typing import get_type_hints
+
+import pytest
+
+import riemhuman as rh
+from riemhuman.cli._format_commands import file_kinds
+
+KINDS = file_kinds()
+PAGE = Path(__file__).parents[2] / "tutorials" / "bring_your_data.md"
+
+
+def test_the_page_shows_what_the_command_prints(run):
+    page = PAGE.read_text(encoding="utf-8")
+    shown = page.split("<!-- formats -->")[1].split("<!-- end of formats -->")[0]
+    assert shown.strip() == run("formats").out.strip()
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.reader_name)
+def test_readers_have_their_names_and_return_motions_or_not(kind):
+    place = rh
+    for name in kind.reader_name.split("."):
+        place = getattr(place, name)
+    assert place == kind.reader
+    assert ("Motion" in str(get_type_hints(kind.reader)["return"])) == kind.is_motion
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.reader_name)
+def test_files_are_written_back(kind, bodies, tmp_path):
+    motion = rh.datasets.load_open_motions("coarse", sequences=["knees"])[0]
+    for ending in kind.written:
+        file = tmp_path / f"file{ending}"
+        if kind.is_motion:
+            motion.save(file)
+        elif kind.reader == rh.BodyModel.from_file:
+            bodies.model.save(file)
+        else:
+            rh.save_mesh(file, bodies[0], bodies.template.faces)
+        assert file.stat().st_size
