@@ -48,6 +48,7 @@ _ROOM_OF_NAME = {
     "load_mesh": "io.meshes",
     "save_glb": "io",
     "save_mesh": "io.meshes",
+    "view": "plots.views",
     "generalized_procrustes": "surfaces.procrustes",
     "procrustes": "surfaces.procrustes",
     "BodyModel": "bodies.body_model",

@@ -27,6 +27,7 @@ from riemhuman.plots.viewer import (
     view_bodies,
     view_path,
 )
+from riemhuman.plots.views import view
 
 __all__ = [
     "Contributions",
@@ -52,6 +53,7 @@ __all__ = [
     "save_picture",
     "stress",
     "surfaces_html",
+    "view",
     "view_alignment",
     "view_bodies",
     "view_components",

@@ -1,0 +1,133 @@
+"""One function that opens an interactive view of whatever it is given."""
+
+from __future__ import annotations
+
+import os
+from functools import singledispatch
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets import Bodies, load_recording
+from riemhuman.datasets.motions import Motion
+from riemhuman.datasets.recordings import RECORDING_ENDINGS
+from riemhuman.errors import ArgumentError
+from riemhuman.io.files import file_path
+from riemhuman.io.meshes import load_mesh
+from riemhuman.plots.component_views import view_components
+from riemhuman.plots.viewer import Viewer, view_bodies, view_path
+from riemhuman.registration import RegisteredScan
+from riemhuman.solvers import MeanResult, PathResult, TangentPCA
+from riemhuman.surfaces.template import Template
+
+# More would make a page of tens of megabytes.
+_MOST_BODIES = 10
+
+
+@singledispatch
+def view(shown: Any, faces: ArrayLike | None = None) -> Viewer:
+    """Return an interactive view of anything that has surfaces.
+
+    A notebook shows the view; ``.save("x.html")`` writes it as a page, ``.save("x.png")`` as a
+    picture. Functions of `riemhuman.plots` such as `view_bodies` and `view_path` have more options.
+
+    Parameters
+    ----------
+    shown : object
+        A body or several: an array of shape (V, 3) or (n, V, 3), a mesh or a sequence of meshes;
+        `Bodies`, of which the first ten are shown; a motion, which plays in seconds; the path or
+        mean of a solver; a registered scan; a fitted `TangentPCA`, with a slider for each
+        component; a template or body model; or the path of a mesh or recording.
+    faces : array_like, shape (F, 3), optional
+        Triangles, metres and y up as everywhere; needed for arrays, paths and means.
+
+    Raises
+    ------
+    ArgumentError
+        If faces are missing, or nothing of `shown` is a surface.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.view(bodies[:2])
+    <Viewer 'Bodies' of 2 surfaces>
+    """
+    if faces is None and isinstance(shown, np.ndarray):
+        raise ArgumentError(
+            "an array has no triangles; give faces too, such as rh.view(points, template.faces)"
+        )
+    return view_bodies(shown, faces)
+
+
+@view.register
+def _(shown: Bodies, faces: ArrayLike | None = None) -> Viewer:
+    some = shown[:_MOST_BODIES]
+    title = "Bodies" if len(shown) == len(some) else f"{len(some)} of {len(shown)} bodies"
+    triangles = shown.template.faces if faces is None else faces
+    return view_bodies(some.points, triangles, [str(name) for name in some.ids], title=title)
+
+
+@view.register
+def _(shown: Motion, faces: ArrayLike | None = None) -> Viewer:
+    return view_path(
+        shown[:],
+        shown.faces if faces is None else faces,
+        title=shown.sequence or "Motion",
+        frames_per_second=shown.frames_per_second,
+    )
+
+
+@view.register
+def _(shown: PathResult, faces: ArrayLike | None = None) -> Viewer:
+    _check_faces(faces, "path")
+    return view_path(shown.path, faces)
+
+
+@view.register
+def _(shown: MeanResult, faces: ArrayLike | None = None) -> Viewer:
+    _check_faces(faces, "mean")
+    return view_bodies(shown.point, faces, title="Mean")
+
+
+@view.register
+def _(shown: RegisteredScan, faces: ArrayLike | None = None) -> Viewer:
+    title = "Registered scan" if shown.trusted else "Registered scan, not trusted"
+    return view_bodies(shown.points, shown.faces if faces is None else faces, title=title)
+
+
+@view.register
+def _(shown: TangentPCA, faces: ArrayLike | None = None) -> Viewer:
+    return view_components(shown, faces)
+
+
+@view.register
+def _(shown: Template, faces: ArrayLike | None = None) -> Viewer:
+    return view_bodies(shown.vertices, shown.faces if faces is None else faces, title="Template")
+
+
+@view.register
+def _(shown: BodyModel, faces: ArrayLike | None = None) -> Viewer:
+    rest = shown(np.zeros(shown.n_betas))
+    return view_bodies(rest, shown.faces if faces is None else faces, title="Body model")
+
+
+@view.register(str)
+@view.register(os.PathLike)
+def _(shown: str | os.PathLike[str], faces: ArrayLike | None = None) -> Viewer:
+    file = file_path(shown)
+    if file.suffix.lower() in RECORDING_ENDINGS:
+        return view(load_recording(file), faces)
+    vertices, triangles = load_mesh(file)
+    return view_bodies(
+        vertices, triangles if faces is None else faces, [Path(file).stem], title=file.name
+    )
+
+
+def _check_faces(faces: ArrayLike | None, name: str) -> None:
+    if faces is None:
+        raise ArgumentError(
+            f"a {name} holds no triangles; give faces too, such as rh.view(result, template.faces)"
+        )
