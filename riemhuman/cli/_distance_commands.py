@@ -130,7 +130,7 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
     "dist",
     "distance between two registered meshes",
     "Prints the distance between two meshes that share one triangulation (PLY, OBJ, OFF), and on\n"
-    "standard error what distances are usual under the metric.",
+    "standard error its unit and what distances are usual under the metric.",
     "  riemhuman dist anna_1.ply ben_1.ply             # who it is\n"
     "  riemhuman dist anna_1.ply anna_2.ply --pose     # how they stand\n"
     "  riemhuman dist a.obj b.obj -a 1 -l 0.01 -c 0.5 --align --json\n",
@@ -153,26 +153,27 @@ def _dist(options: argparse.Namespace) -> cli.Answer:
     record = {"distance": distance, "metric": inputs.metric_record(metric)}
     record |= {"files": surfaces.files, "template": options.template or options.a_file}
     record |= {"aligned": options.align}
-    if not (options.quiet or options.json or options.any_scale or options.extension):
-        _note_usual_distances(options, surfaces.are_scans)
+    record["unit"] = None if options.extension or options.any_scale else "m"
+    if not (options.quiet or options.json):
+        _note_scale(options, surfaces.are_scans)
     return cli.Answer(f"{distance:.10g}", record)
 
 
-def _note_usual_distances(options: argparse.Namespace, are_scans: bool) -> None:
-    """Say how far the open bodies are from each other under the metric."""
-    import numpy as np
-
-    bodies = rh.datasets.load_open_bodies("coarse")
-    metric = inputs.chosen_metric(options, bodies.template, are_scans=are_scans)
-    distances = metric.dist_pairwise(bodies.points)
-    person, pose = (np.equal.outer(labels, labels) for labels in (bodies.subject, bodies.pose))
-    one_person, one_pose = (
-        np.median(distances[person & ~pose]),
-        np.median(distances[pose & ~person]),
+def _note_scale(options: argparse.Namespace, are_scans: bool) -> None:
+    """Say the unit of a distance, and how far the open bodies are from each other."""
+    if options.extension:
+        terminal.note("the unit is that of the added metric")
+        return
+    if options.any_scale:
+        terminal.note("the unit is that of the files")
+        return
+    usual = inputs.usual_distances(
+        lambda template: inputs.chosen_metric(options, template, are_scans=are_scans)
     )
     terminal.note(
-        f"among the open bodies, the same person in another pose is at about {one_person:.2g}, "
-        f"another person in the same pose at about {one_pose:.2g}"
+        "the unit is the metre (the root of an area, not a gap between surfaces); for comparison: "
+        f"same person, another pose ≈ {usual['one_person']:.2g}; another person, same pose ≈ "
+        f"{usual['two_people']:.2g} (open bodies)"
     )
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
+from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -112,7 +113,8 @@ def _measured_table(files: Sequence[Path], measured: BodySizes) -> list[str]:
     "changes of one person between two visits",
     "Brings two registered meshes of one person to the standard pose and prints how their\n"
     "measurements changed. A change is marked if it exceeds its threshold: two standard\n"
-    "deviations of a difference over poses of one person. What a scan did not show is nan.",
+    "deviations of a difference over poses of one person. What a scan did not show is nan.\n"
+    "Bodies that are hardly one person are warned of.",
     "  riemhuman compare visit1.ply visit2.ply\n"
     "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
     cli.mesh_option("before", "BEFORE", "the first visit"),
@@ -127,6 +129,7 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
     measurements, points, trusted = _read(files, options)
     with options.task("Standard pose of 2 meshes"):
         result = rh.measurements.compare_visits(measurements, *points, trusted_vertices=trusted)
+    distance, usual = _distance_of_people(points, measurements.definitions.faces)
     columns = (
         *(result.names, result.units, result.before, result.after),
         *(result.changes, result.thresholds, result.is_significant),
@@ -150,6 +153,8 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         "expected_beyond_threshold_by_chance": result.expected_by_chance,
         "outward_millimetres": {"least": outward.min(), "most": outward.max()},
         "share_of_triangles_changed": float(result.areas_significant.mean()),
+        "area_distance": distance,
+        "usual_area_distances": usual,
     }
     width = max(map(len, result.names))
     said = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'threshold':>9}"]
@@ -168,6 +173,23 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         f"triangles whose area changed: {100 * result.areas_significant.mean():.1f} %",
     ]
     return cli.Answer("\n".join(said), record)
+
+
+def _distance_of_people(points: ndarray, faces: ndarray) -> tuple[float, dict[str, float]]:
+    """Return the distance of two bodies by areas, and usual ones; warn if they are two people."""
+
+    def areas(template: rh.Template) -> rh.AreaMetric:
+        return rh.AreaMetric(rh.AlignedSurfaces(template, equip=False, scale=None))
+
+    distance = float(areas(rh.Template(points[0], faces)).dist(*points))
+    usual = inputs.usual_distances(areas)
+    if distance > (usual["one_person"] + usual["two_people"]) / 2:
+        terminal.note(
+            "warning: these are hardly one person: their shape distance (AreaMetric) is "
+            f"{distance:.2g} m; usual are {usual['one_person']:.2g} m for one person in two poses "
+            f"and {usual['two_people']:.2g} m for two people (open bodies)"
+        )
+    return distance, usual
 
 
 def _read(

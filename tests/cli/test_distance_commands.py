@@ -61,8 +61,11 @@ def test_scanned_people_are_compared_by_areas(run, registered, bodies):
     finished = run("dist", *pair)
     assert float(finished.out) == pytest.approx(expected, rel=1e-9)
     assert "registered scans: people are compared by smoothed areas" in finished.err
-    assert "among the open bodies, the same person in another pose" in finished.err
+    assert "the unit is the metre" in finished.err
+    assert "for comparison: same person, another pose ≈ 0.024; another person" in finished.err
+    assert "the unit is that of the files" in run("dist", *pair, "--any-scale").err
     record = json.loads(run("dist", *pair, "--json").out)
+    assert record["unit"] == "m"
     assert record["metric"] == {"name": "AreaMetric", "time": areas.time}
     for options, weights in ((["--shape"], (1, 1e-4, 0)), (["-l", "1"], (1, 1, 0))):
         finished = run("dist", *pair, *options)
@@ -178,9 +181,7 @@ def test_dist_says_what_is_usual_under_the_metric(run, scans):
     for preset in ("--shape", "--pose"):
         finished = run("dist", *files, preset)
         assert re.fullmatch(r"[\d.e-]+\n", finished.out)
-        said = re.search(
-            r"another pose is at about (\S+), .* same pose at about (\S+)", finished.err
-        )
+        said = re.search(r"another pose ≈ (\S+); .* same pose ≈ (\S+) ", finished.err)
         usual[preset] = tuple(map(float, said.groups()))
         assert run("dist", *files, preset, "--quiet").err == ""
     assert usual["--shape"][0] < usual["--shape"][1]

@@ -116,3 +116,16 @@ def test_two_visits(run, scans, bodies, own, tmp_path):
     assert "of 1 exceed their thresholds; of measurements that did not change" in finished.out
     with open(tmp_path / "changes.csv", encoding="utf-8", newline="") as file:
         assert [row["measurement"] for row in csv.DictReader(file)] == ["stature"]
+
+
+def test_two_people_are_hardly_one(run, scans, bodies, tmp_path):
+    only = ("--only", "stature")
+    one = run("compare", scans / "body_0.ply", scans / "body_2.ply", *only)
+    assert "hardly one person" not in one.err
+    save_mesh(tmp_path / "other.ply", bodies.points[50], bodies.template.faces)
+    two = run("compare", scans / "body_0.ply", tmp_path / "other.ply", *only, "--json")
+    assert "warning: these are hardly one person" in two.err
+    record = json.loads(two.out)
+    usual = record["usual_area_distances"]
+    assert usual["one_person"] < usual["two_people"] < 10 * usual["one_person"]
+    assert record["area_distance"] > 0.5 * usual["two_people"]

@@ -282,7 +282,7 @@ def test_bodies_without_model_or_shared_labels(undrawn, tmp_path):
     assert {"retrieval", "maps", "sweep"}.isdisjoint(a.get("id") for _, a in page.elements)
     assert not list((tmp_path / "r" / "tables").glob("retrieval-*.csv"))
     assert not list((tmp_path / "r" / "figures").glob("confusion-*"))
-    assert "Retrieval of people or of poses needs two bodies" in text
+    assert "needs two people, or two poses, with two bodies each" in text
     assert not (tmp_path / "r" / "figures" / "geodesic-shape-change.svg").exists()
     found = json.loads((tmp_path / "r" / "provenance.json").read_text(encoding="utf-8"))
     assert "mesh harmonics" in found["basis"]
