@@ -127,15 +127,20 @@ def load_photographed_bodies(
     surfaces = np.concatenate(points)
     up = _upward_axis(surfaces, triangles, str(files[0])) if up is None else up
     return PhotographedBodies(
-        points=make_upright(surfaces, up=up),
+        points=turn_upright(surfaces, up=up),
         faces=triangles,
         names=tuple(names),
-        keypoints=None if keypoints is None else make_upright(keypoints, up=up),
+        keypoints=None if keypoints is None else turn_upright(keypoints, up=up),
         translations=_joined(read, "pred_cam_t", 2),
         shapes=_joined(read, "shape_params", 2),
         missing=missing,
         up=up,
     )
+
+
+def turn_upright(points: np.ndarray, up: str) -> np.ndarray:
+    """Return points y up; of people who look at a camera with y down, the front towards z."""
+    return points * [1.0, -1.0, -1.0] if up == "-y" else make_upright(points, up=up)
 
 
 def _upward_axis(surfaces: np.ndarray, faces: np.ndarray, name: str) -> str:

@@ -22,7 +22,7 @@ from riemhuman.datasets.bvh import load_bvh
 from riemhuman.datasets.markers import load_c3d, load_trc
 from riemhuman.datasets.motion_arrays import motion_from_arrays, one_person, warn_of_varying_betas
 from riemhuman.datasets.motions import ArrayMotion, ModelMotion
-from riemhuman.datasets.photographed_bodies import load_photographed_bodies
+from riemhuman.datasets.photographed_bodies import load_photographed_bodies, turn_upright
 from riemhuman.datasets.retargeting import retarget
 from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import array_shapes, load_arrays
@@ -31,7 +31,6 @@ from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.pickles import load_pickled_tree
 from riemhuman.io.torch_files import load_torch_tree
 from riemhuman.retargeting.skeleton_motion import nearest_frames
-from riemhuman.surfaces.procrustes import make_upright
 
 RECORDING_ENDINGS = (
     *(".bvh", ".amc", ".trc", ".c3d"),
@@ -186,7 +185,7 @@ def _photographed_motion(
         )
     points = found.points
     if found.translations is not None:
-        points = points + make_upright(found.translations, up=found.up)[:, np.newaxis]
+        points = points + turn_upright(found.translations, found.up)[:, np.newaxis]
     fit = model.fit(points, betas_prior=1e-7, sequence=True)
     person, spread = one_person(fit.betas, None, len(points))
     name = path.stem
