@@ -18,12 +18,12 @@ from riemhuman.representation import join_names
 from riemhuman.retargeting.joint_names import LIMBS, SIDES
 from riemhuman.retargeting.skeleton_motion import SkeletonMotion
 from riemhuman.retargeting.skeletons import (
-    body_frame,
     bone,
     frame,
     leg_length,
     middle,
     pelvis_frame,
+    trunk,
     turned_towards,
 )
 
@@ -367,7 +367,7 @@ def _rotations(positions: ndarray, joints: Mapping[str, int], head_axes: ndarray
     left, up, ahead = rest.T
     rotations = np.empty((*positions.shape, 3))
     rotations[:, joints["pelvis"]] = pelvis_frame(positions, joints) @ rest.T
-    rotations[:, joints["chest"]] = body_frame(positions, joints, "shoulder") @ rest.T
+    rotations[:, joints["chest"]] = _chest_frame(positions, joints) @ rest.T
     for limb in LIMBS:
         is_leg = limb[0].endswith("hip")
         outward = left if limb[0].startswith("left") else -left
@@ -396,6 +396,24 @@ def _rotations(positions: ndarray, joints: Mapping[str, int], head_axes: ndarray
             own = head_axes @ frame(left, ahead).T
         rotations[:, joints["head"]] = own
     return rotations
+
+
+def _chest_frame(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
+    """Return the axes of the chest, which one shrugged shoulder does not tilt.
+
+    Shoulders that are lifted in the mean may be so on one side. As far as that explains the tilt of
+    their line, the chest is as an evenly bent spine goes on from the line of the hips.
+    """
+    up = unit(trunk(positions, joints))
+    shoulders, hips = (
+        bone(positions, joints, f"right_{part}", f"left_{part}") for part in ("shoulder", "hip")
+    )
+    width = np.linalg.norm(shoulders, axis=1)
+    beside_spine = np.sum(shoulders * up, axis=1) + width * np.sum(unit(hips) * up, axis=1)
+    centre = middle(positions, joints, "shoulder")
+    lift = np.linalg.norm(centre - positions[:, joints["chest"]], axis=1)
+    shrug = np.clip(beside_spine, -2.0 * lift, 2.0 * lift)
+    return frame(shoulders - shrug[:, None] * up, up)
 
 
 def _rest_axes(positions: ndarray, joints: Mapping[str, int]) -> ndarray:

@@ -3,10 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from marker_files import write_trc
 from recorded_people import RECORDING
 from scipy.spatial.transform import Rotation
 
+from riemhuman.bodies import joint_motions, rotation_matrix
 from riemhuman.datasets import load_amc, load_open_motions, load_recording
 from riemhuman.retargeting._recorded_skeletons import read_skeleton
 from riemhuman.retargeting.joint_axes import mean_axes
@@ -32,19 +34,48 @@ def test_the_pelvis_leans_less_than_the_trunk_in_a_real_jump():
     assert deviation(rotations, pelvis_frame(source.positions, source.joints)) < 0.5 * line
 
 
-def test_a_spine_that_bends_is_not_all_the_pelvis(tmp_path):
-    (truth,) = load_open_motions("coarse", "lean runner", "shake_shoulders", 20)
-    poses, translations = truth._parameters(np.arange(len(truth)))
-    positions = truth.model.joints(truth.betas, poses) + translations[:, None]
+def performed_markers(model, betas, poses, translations, path):
+    """Return the motion of a person who performs the centres of his own joints."""
+    positions = model.joints(betas, poses) + translations[:, None]
     centres = {
-        f"{side[0].upper()}{centre}": positions[:, truth.model.joint_names.index(f"{side}_{part}")]
+        f"{side[0].upper()}{centre}": positions[:, model.joint_names.index(f"{side}_{part}")]
         for side in ("left", "right")
         for part, centre in PARTS.items()
     }
-    motion = load_recording(
-        write_trc(tmp_path / "bend.trc", centres), truth.model, betas=truth.betas
-    )
+    return load_recording(write_trc(path, centres), model, betas=betas)
+
+
+def chest_angles(model, made, true):
+    """Return the angles between the rotations of two chests in space, degrees."""
+    rest, number = model.joints(), model.joint_names.index("chest")
+    spaces = [
+        joint_motions(rest, rotation_matrix(vectors), model.parents, model.joint_order)[0]
+        for vectors in (made, true)
+    ]
+    made, true = (Rotation.from_matrix(space[:, number]) for space in spaces)
+    return np.degrees((true.inv() * made).magnitude())
+
+
+def test_a_spine_that_bends_is_not_all_the_pelvis(tmp_path):
+    (truth,) = load_open_motions("coarse", "lean runner", "shake_shoulders", 20)
+    poses, translations = truth.pose_vectors, truth.translations
+    motion = performed_markers(truth.model, truth.betas, poses, translations, tmp_path / "bend.trc")
     made, true = (Rotation.from_rotvec(vectors[:, 0]) for vectors in (motion.pose_vectors, poses))
     angles = np.degrees((true.inv() * made).magnitude())
     assert angles.mean() < 6.0
     assert angles.max() < 13.0
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_one_shrugged_shoulder_does_not_tilt_the_chest(side, tmp_path):
+    (standing,) = load_open_motions("coarse", "average man", "chicken_wings", 20)
+    model, n_frames = standing.model, 40
+    poses = np.tile(standing.pose_vectors[:1], (n_frames, 1, 1))
+    translations = np.tile(standing.translations[:1], (n_frames, 1))
+    angles = np.radians(25.0) * np.clip(np.sin(np.linspace(0.0, 12.0, n_frames)), 0.0, 1.0)
+    collar = model.joint_names.index(f"{side}_collar")
+    axis = np.array([0.0, 0.0, 1.0 if side == "left" else -1.0])
+    lifted = Rotation.from_rotvec(angles[:, None] * axis)
+    poses[:, collar] = (Rotation.from_rotvec(poses[:, collar]) * lifted).as_rotvec()
+    motion = performed_markers(model, standing.betas, poses, translations, tmp_path / "shrug.trc")
+    assert chest_angles(model, motion.pose_vectors, poses).max() < 7.0
