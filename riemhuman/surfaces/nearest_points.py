@@ -70,8 +70,8 @@ def nearest_points(
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     reach = np.zeros(len(points))
     np.maximum.at(reach, corner, np.repeat(longest, 3) / math.sqrt(3.0))
-    surface = (points, faces, *_triangles_around(faces, len(points)))
-    starts = surface[-1]
+    around, starts = _triangles_around(faces, len(points))
+    surface = (points, faces, around, starts, (1.0 + 1e-9) * reach)
     found = _nothing_found(len(queries))
     used = np.flatnonzero(np.diff(starts))
     near = cKDTree(points[used]).query(queries, k=range(1, min(_N_VERTICES, len(used)) + 1))[1]
@@ -84,9 +84,9 @@ def nearest_points(
         tree, farthest = cKDTree(points[members]), (1.0 + 1e-9) * reach[members].max()
         for part in slices(len(queries), _BLOCK):
             few = [array[part] for array in found]
-            around = tree.query_ball_point(queries[part], np.sqrt(few[2]) + farthest)
-            ends = np.cumsum([0, *map(len, around)])
-            vertices = members[np.fromiter(chain.from_iterable(around), np.int64, ends[-1])]
+            nearby = tree.query_ball_point(queries[part], np.sqrt(few[2]) + farthest)
+            ends = np.cumsum([0, *map(len, nearby)])
+            vertices = members[np.fromiter(chain.from_iterable(nearby), np.int64, ends[-1])]
             _try_vertices(of_one_kind(queries[part]), vertices, ends, *surface, *few)
     triangles, barycentric, squares = found
     return SurfacePoints(triangles, barycentric), np.sqrt(squares)
@@ -100,7 +100,8 @@ def nearest_points_around(
     found = _nothing_found(len(queries))
     ends = vertices.shape[1] * np.arange(len(queries) + 1)
     around = _triangles_around(faces, len(points))
-    _try_vertices(queries, vertices.ravel(), ends, points, faces, *around, *found)
+    everywhere = np.full(len(points), np.inf)
+    _try_vertices(queries, vertices.ravel(), ends, points, faces, *around, everywhere, *found)
     triangles, barycentric, squares = found
     return SurfacePoints(triangles, barycentric), np.sqrt(squares)
 
@@ -126,16 +127,26 @@ def _try_vertices(
     faces: np.ndarray,
     around: np.ndarray,
     starts: np.ndarray,
+    reach: np.ndarray,
     triangles: np.ndarray,
     barycentric: np.ndarray,
     squares: np.ndarray,
 ) -> None:
-    """Keep the nearest places in the triangles at some vertices of each point."""
+    """Keep the nearest places in the triangles at some vertices of each point.
+
+    Every place in a triangle is within the `reach` of one of its corners.
+    """
     weights = np.empty(3)
     for i in range(len(queries)):
+        query = queries[i]
         for vertex in vertices[ends[i] : ends[i + 1]]:
+            square = 0.0
+            for x in range(3):
+                square += (query[x] - points[vertex, x]) ** 2
+            if math.sqrt(square) - reach[vertex] > (1.0 + 1e-9) * math.sqrt(squares[i]):
+                continue
             for t in around[starts[vertex] : starts[vertex + 1]]:
-                square = _closest_in_triangle(queries[i], points, faces[t], weights)
+                square = _closest_in_triangle(query, points, faces[t], weights)
                 if square < squares[i]:
                     squares[i], triangles[i] = square, t
                     for corner in range(3):

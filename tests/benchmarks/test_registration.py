@@ -11,6 +11,7 @@ model fits others once it is transferred to their mesh.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -27,7 +28,12 @@ from scanned_people import (
 )
 
 import riemhuman as rh
-from riemhuman.registration import ScanRegistration, simulated_scan, transfer_model
+from riemhuman.registration import (
+    ScanRegistration,
+    register_folder,
+    simulated_scan,
+    transfer_model,
+)
 
 SEED, NATURAL_SEED = 4242, 2024
 CALIBRATION_SEED, CHECK_SEED = 71, 73
@@ -92,6 +98,31 @@ def test_a_hundred_scans(benchmark, registration):
             distances = rh.ElasticMetric(space, *weights).dist_pairwise(aligned)
             scores = rh.retrieval.scores(distances, labels[task])
             print(f"{name}, {task}: NN {scores.nn:.1f}, first tier {scores.first_tier:.1f}")
+
+
+def test_processor_time(benchmark, registration, tmp_path):
+    """Processor seconds of five scans, of a scan of two people beside a floor, and of a folder."""
+    model, numbers = registration.model, (0, 17, 34, 51, 68)
+    scans = [scan for *_, scan in scans_of(bodies_to_scan(model, SEED), model.faces, SEED, numbers)]
+    registration.solve(scans[0].surface)  # compiles
+    seconds, errors = [], []
+    for scan in scans:
+        result, _, used = clocked(partial(registration.solve, scan.surface), benchmark=benchmark)
+        seconds.append(used)
+        errors.append(np.linalg.norm(result.points - scan.body, axis=1).mean())
+    floor = simulated_scan(scans[0].body, model.faces, 0, rotate=False, floor=True).points
+    two = np.concatenate([floor, scans[1].body + [0.8, 0.0, 0.0]])
+    doubtful, _, longest = clocked(lambda: registration.solve(two))
+    (tmp_path / "scans").mkdir()
+    for number, scan in enumerate(scans):
+        rh.io.save_mesh(tmp_path / "scans" / f"{number}.ply", scan.points, scan.faces)
+    _, _, folder = clocked(lambda: register_folder(registration, tmp_path / "scans", tmp_path / "o"))
+    assert not doubtful.trusted
+    median = np.median(seconds)
+    print(f"\nprocessor seconds: median {median:.1f}, worst {max(seconds):.1f}", end="")
+    print(f"; a folder {folder / len(scans):.1f} a scan", end="")
+    print(f"; two people, refused, {longest:.1f}, {longest / median:.1f} times the median", end="")
+    print(f"; mean errors {np.round(1000 * np.array(errors), 2)} mm")
 
 
 def test_what_scans_cost(benchmark, registration):
