@@ -16,7 +16,7 @@ from functools import partial
 from riemhuman import __version__
 
 # isort: off
-# The order of the commands in the help.
+# Each declares its commands.
 from riemhuman.cli import _distance_commands, _body_commands, _registration_commands  # noqa: F401
 from riemhuman.cli import _measurement_commands, _motion_commands, _file_commands  # noqa: F401
 from riemhuman.cli import _conversion_commands, _format_commands  # noqa: F401
@@ -89,7 +89,7 @@ def _run(given: Sequence[str]) -> int:
     options.task, options.written, options.files = partial(terminal.task, options), [], {}
     try:
         with terminal.short_warnings() as unconverged:
-            for check in options.checks:
+            for check in (*options.input_checks, *options.checks):
                 check(options)
             answer = _answer(options)
     except Exception as error:

@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, FileError
 from riemhuman.optional import import_matplotlib
 
 _WRONG_WORD = re.compile(r"(?:unrecognized arguments: .*(?=--)|invalid choice: ')([^\s'=]+)")
@@ -45,6 +45,17 @@ GROUPS = {
 ...), a recording of a skeleton (walk.bvh, or an .npz file of AMASS), or an .npz
 file with an array path, as `riemhuman transfer` writes it.""",
     )
+}
+
+
+# What people want to do, and the commands for it in the order of the help.
+TOPICS = {
+    "look": ("examples", "view", "info", "formats", "plot", "report"),
+    "compare": ("tables", "dist", "matrix", "retrieve", "scores"),
+    "scan": ("register", "match", "align", "fit", "make-map", "convert", "convert-model"),
+    "measure": ("measure", "compare"),
+    "move": ("geodesic", "transfer", "disentangle", "basis", "motions"),
+    "populations": ("mean", "components"),
 }
 
 
@@ -127,7 +138,24 @@ def path_option(flags: str, metavar: str, text: str, **settings: Any) -> Argumen
 
 
 def mesh_option(flags: str, metavar: str, text: str = "mesh file", **settings: Any) -> Argument:
-    return path_option(flags, metavar, text, type=mesh, **settings)
+    return _existing(path_option(flags, metavar, text, type=mesh, **settings), flags)
+
+
+def _existing(declared: Argument, flags: str) -> Argument:
+    """Return the declaration of inputs, which must exist before anything else is checked."""
+    dest = flags.split()[-1].strip("-").replace("-", "_")
+
+    def check(options: argparse.Namespace) -> None:
+        given = getattr(options, dest)
+        for place in given if isinstance(given, list) else [given]:
+            if place is not None and not place.exists():
+                raise FileError(f"there is no file {place}")
+
+    def declare(parser: argparse.ArgumentParser) -> None:
+        declared(parser)
+        parser.set_defaults(input_checks=(*parser.get_default("input_checks"), check))
+
+    return declare
 
 
 def output(
@@ -181,7 +209,7 @@ def template(default: str, use: str = "whose triangle areas weight the metric") 
     return several(path_option("--template", "MESH", text), ANY_SCALE, UNIT)
 
 
-FILES = path_option("meshes", "FILES", "mesh files, or folders", nargs="+")
+FILES = _existing(path_option("meshes", "FILES", "mesh files, or folders", nargs="+"), "meshes")
 FOLDER = path_option("folder", "FOLDER", "folder of meshes")
 FORCE = flag("-f --force", "replace an existing output")
 ALIGN = flag("--align", "first remove rigid motions, by Procrustes alignment with the template")
@@ -229,6 +257,21 @@ class Parser(argparse.ArgumentParser):
         super().error(message + "".join(f"; did you mean {name}?" for name in near))
 
 
+def _topics_text() -> str:
+    """Return the commands with their summaries, by topics; those without a topic come last."""
+    summaries = {name: texts["help"] for name, (texts, _, _) in COMMANDS.items() if " " not in name}
+    summaries |= {name: summary for name, (summary, _) in GROUPS.items()}
+    named = {name for names in TOPICS.values() for name in names}
+    others = tuple(name for name in summaries if name not in named)
+    topics = {**TOPICS, "more": others} if others else TOPICS
+    width = max(map(len, summaries))
+    said = []
+    for topic, names in topics.items():
+        said.append(f"{topic}:")
+        said += [f"  {name:{width}}  {summaries[name]}" for name in names]
+    return "\n".join(said)
+
+
 @cache
 def make_parser(version: str, description: str, epilog: str) -> Parser:
     style: dict[str, Any] = {
@@ -238,18 +281,24 @@ def make_parser(version: str, description: str, epilog: str) -> Parser:
     parser = Parser(prog="riemhuman", description=description, epilog=epilog, **style)
     parser.add_argument("--version", action="version", version=f"riemhuman {version}")
     _DEBUG(parser)
-    commands = {"": parser.add_subparsers(metavar="COMMAND", title="commands")}
+    commands = {
+        "": parser.add_subparsers(
+            metavar="COMMAND", title="commands", description=_topics_text(), help="one of these"
+        )
+    }
     for whole_name, (texts, arguments, run) in COMMANDS.items():
         group, _, name = whole_name.rpartition(" ")
         if group not in commands:
-            summary, text = GROUPS[group]
-            inner = commands[""].add_parser(group, help=summary, description=text, **style)
+            _, text = GROUPS[group]
+            inner = commands[""].add_parser(group, description=text, **style)
             commands[group] = inner.add_subparsers(
                 metavar="COMMAND", title="commands", required=True
             )
-        command_parser = commands[group].add_parser(name, **texts, **style)
+        # Those without a group stand in the list by topics.
+        listed = texts if group else {key: texts[key] for key in ("description", "epilog")}
+        command_parser = commands[group].add_parser(name, **listed, **style)
         command_parser.set_defaults(
-            **_DEFAULTS, template=None, run=run, parser=command_parser, checks=()
+            **_DEFAULTS, template=None, run=run, parser=command_parser, input_checks=(), checks=()
         )
         for argument in (*arguments, *_COMMON, _DEBUG):
             argument(command_parser)

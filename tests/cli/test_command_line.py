@@ -14,7 +14,7 @@ import pytest
 import riemhuman
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli import main
-from riemhuman.cli._commands import COMMANDS, make_parser
+from riemhuman.cli._commands import COMMANDS, GROUPS, TOPICS, make_parser
 from riemhuman.cli._terminal import as_json, note, task
 from riemhuman.progress import ProgressBar
 
@@ -275,3 +275,22 @@ def test_two_outputs_appear_together_or_not_at_all(run, scans, tmp_path, monkeyp
     assert run(*command).code == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == ["D.csv", "D.npz"]
     assert figure.read_text().startswith("file,")
+
+
+def test_help_lists_every_command_once_by_topic(run, capsys):
+    assert [*TOPICS] == ["look", "compare", "scan", "measure", "move", "populations"]
+    listed = [name for names in TOPICS.values() for name in names]
+    assert sorted(listed) == sorted({name.partition(" ")[0] for name in COMMANDS} | {*GROUPS})
+    text = run().out
+    places = [text.index(f"\n  {topic}:\n") for topic in TOPICS]
+    assert places == sorted(places)
+    for name in listed:
+        assert len(re.findall(rf"^    {name}  +\S", text, re.MULTILINE)) == 1
+
+
+def test_missing_files_are_named_before_missing_packages(refused, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    message = refused("geodesic", "sit.ply", "stand.ply", "-o", f"{tmp_path}/path/")
+    assert "there is no file sit.ply" in message
+    message = refused("mean", "anna.ply", "-o", tmp_path / "m.ply", "--picture", "m.png")
+    assert "there is no file anna.ply" in message
