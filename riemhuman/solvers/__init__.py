@@ -25,7 +25,14 @@ from riemhuman.solvers.paths import (
     LinearPath,
     SegmentEnergy,
 )
-from riemhuman.solvers.results import Interrupted, MeanResult, PathResult, Result, Status
+from riemhuman.solvers.results import (
+    Interrupted,
+    MeanResult,
+    PathResult,
+    Result,
+    SavedResult,
+    Status,
+)
 from riemhuman.solvers.tangent_pca import TangentPCA
 from riemhuman.solvers.transfer import (
     Disentangling,
@@ -63,6 +70,7 @@ __all__ = [
     "PoissonPath",
     "PoleLadder",
     "Result",
+    "SavedResult",
     "SchildLadder",
     "SegmentEnergy",
     "ShapeTransfer",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from autograd.core import make_vjp
@@ -20,7 +20,7 @@ from riemhuman.kernels.threads import (
     single_threaded_libraries,
 )
 from riemhuman.progress import ProgressBar
-from riemhuman.solvers.results import INTERRUPTED_MESSAGE, Result, Status
+from riemhuman.solvers.results import INTERRUPTED_MESSAGE, Result, SavedResult, Status
 
 Objective = Callable[[ndarray], tuple[float, ndarray]]
 """Returns value and gradient at x, shape (n,); the value is infinite outside the domain."""
@@ -57,6 +57,25 @@ class Minimum(Result):
     value: float
     values: ndarray
     gap: float = np.nan
+
+    def contents(self) -> dict[str, Any]:
+        return {
+            "x": self.x,
+            "value": self.value,
+            "values": self.values,
+            "gap": self.gap,
+            **self.outcome,
+        }
+
+    @classmethod
+    def from_saved(cls, saved: SavedResult) -> Self:
+        return cls(
+            x=saved.array("x"),
+            value=saved.number("value"),
+            values=saved.array("values"),
+            gap=saved.number("gap", np.nan),
+            **saved.outcome(),
+        )
 
 
 @dataclass

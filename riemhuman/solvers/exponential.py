@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any, Self
 
 import numpy as np
 from autograd import grad
@@ -32,7 +33,7 @@ from riemhuman.solvers._geodesic_equation import (
     vanishing_triangle,
 )
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
-from riemhuman.solvers.results import Result, Status, finish, interruptible
+from riemhuman.solvers.results import Result, SavedResult, Status, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # A step whose equation is off by more than this share of its length has lost the geodesic.
@@ -76,6 +77,25 @@ class ExponentialResult(Result):
     energies: ndarray
     n_steps: int
     complete: bool
+
+    def contents(self) -> dict[str, Any]:
+        return {
+            "path": self.path,
+            "energies": self.energies,
+            "n_steps": self.n_steps,
+            "complete": self.complete,
+            **self.outcome,
+        }
+
+    @classmethod
+    def from_saved(cls, saved: SavedResult) -> Self:
+        return cls(
+            path=saved.array("path"),
+            energies=saved.array("energies"),
+            n_steps=saved.whole_number("n_steps"),
+            complete=saved.flag("complete"),
+            **saved.outcome(),
+        )
 
     @property
     def end(self) -> ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -28,8 +28,9 @@ from riemhuman.solvers.paths import check_end_points, linear_path
 from riemhuman.solvers.results import (
     PathResult,
     Result,
+    SavedResult,
     Status,
-    complete,
+    complete_path,
     finish,
     interruptible,
 )
@@ -79,6 +80,25 @@ class LogarithmResult(Result):
     path: ndarray
     energy: float
     end_error: float = np.nan
+
+    def contents(self) -> dict[str, Any]:
+        return {
+            "tangent_vec": self.tangent_vec,
+            "path": self.path,
+            "energy": self.energy,
+            "end_error": self.end_error,
+            **self.outcome,
+        }
+
+    @classmethod
+    def from_saved(cls, saved: SavedResult) -> Self:
+        return cls(
+            tangent_vec=saved.array("tangent_vec"),
+            path=saved.array("path"),
+            energy=saved.number("energy"),
+            end_error=saved.number("end_error", np.nan),
+            **saved.outcome(),
+        )
 
 
 def best_logarithm(
@@ -161,7 +181,7 @@ class DiscreteLogarithm(LogSolver):
         with interruptible(lambda inner: best_logarithm(metric, start, end, [*known, inner])):
             end = end_of_logarithm(metric, start, end)
             if self.geodesic_solver is not None:
-                path = complete(self.geodesic_solver.solve(metric, start, end), PathResult)
+                path = complete_path(self.geodesic_solver.solve(metric, start, end))
                 known.append(path)
                 result = self._logarithm(metric, path, end)
             else:

@@ -23,7 +23,7 @@ from riemhuman.solvers.results import (
     MeanResult,
     Result,
     Status,
-    complete,
+    complete_mean,
     finish,
     interruptible,
 )
@@ -485,7 +485,7 @@ class FrechetMean(Estimator):
             # distances of pull-backs: their mean is no descent direction.
             solver = GradientDescentMean() if metric.has_closed_form_geodesic else BasisMean()
         check_strategy(solver, "solver")
-        result = complete(solver.solve(metric, X, weights, **self._settings), MeanResult)
+        result = complete_mean(solver.solve(metric, X, weights, **self._settings))
         self.result_ = result
         self.estimate_ = result.point
         self.variance_ = result.variance

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy import ndarray
@@ -17,7 +17,7 @@ from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver, check
 from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, Triple
 from riemhuman.solvers.paths import check_end_points, rounding_energy
-from riemhuman.solvers.results import Result, Status, finish, interruptible
+from riemhuman.solvers.results import Result, SavedResult, Status, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
@@ -45,6 +45,23 @@ class TransportResult(Result):
     tangent_vec: ndarray
     tangent_vecs: ndarray
     path: ndarray
+
+    def contents(self) -> dict[str, Any]:
+        return {
+            "tangent_vec": self.tangent_vec,
+            "tangent_vecs": self.tangent_vecs,
+            "path": self.path,
+            **self.outcome,
+        }
+
+    @classmethod
+    def from_saved(cls, saved: SavedResult) -> Self:
+        return cls(
+            tangent_vec=saved.array("tangent_vec"),
+            tangent_vecs=saved.array("tangent_vecs"),
+            path=saved.array("path"),
+            **saved.outcome(),
+        )
 
 
 @dataclass(frozen=True)

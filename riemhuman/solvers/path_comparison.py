@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy import ndarray
@@ -18,7 +18,7 @@ from riemhuman.geometry.strategies import GeodesicSolver, check_strategy
 from riemhuman.representation import Record
 from riemhuman.solvers.path_search import PathSearch
 from riemhuman.solvers.paths import solve_pairs
-from riemhuman.solvers.results import PathResult, Result, Status, complete
+from riemhuman.solvers.results import PathResult, Result, SavedResult, Status, complete_path
 from riemhuman.surfaces.measures import edge_lengths, signed_volume, triangle_areas
 
 # Share of an energy by which another path must be lower to count as lower: more than rounding.
@@ -144,7 +144,7 @@ def compare_paths(
     compared = []
     for name, (solver, metric_name) in solvers.items():
         began = perf_counter()
-        result = complete(solver.solve(metrics[metric_name], start, end), PathResult)
+        result = complete_path(solver.solve(metrics[metric_name], start, end))
         seconds = perf_counter() - began
         compared.append(_measured(name, metric_name, result, seconds, metrics, reference))
     return compared
@@ -321,6 +321,23 @@ class PathDistances(Result):
     lengths: ndarray
     bounds: ndarray
     gaps: ndarray
+
+    def contents(self) -> dict[str, Any]:
+        return {
+            "lengths": self.lengths,
+            "bounds": self.bounds,
+            "gaps": self.gaps,
+            **self.outcome,
+        }
+
+    @classmethod
+    def from_saved(cls, saved: SavedResult) -> Self:
+        return cls(
+            lengths=saved.array("lengths"),
+            bounds=saved.array("bounds"),
+            gaps=saved.array("gaps"),
+            **saved.outcome(),
+        )
 
     @property
     def excess(self) -> ndarray:

@@ -26,7 +26,7 @@ from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy, check_strategy
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.progress import ProgressBar
-from riemhuman.solvers.results import PathResult, complete
+from riemhuman.solvers.results import PathResult, complete_path
 
 # Relative rounding errors of a point's entries.
 _ROUNDING = 1e-13
@@ -158,7 +158,7 @@ def _solve_pair(
         for point, name in zip(pair, ("start", "end"), strict=True)
     )
     try:
-        return complete(solver.solve(metric, start, end), PathResult)
+        return complete_path(solver.solve(metric, start, end))
     except RiemhumanError as error:
         raise type(error)(f"pairs[{number}]: {error}") from error
 

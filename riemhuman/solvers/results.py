@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from html import escape
-from typing import Any, Self, TypeVar, get_type_hints
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.errors import ConvergenceWarning, FileFormatError, warn
+from riemhuman.errors import ConvergenceWarning, FileFormatError, NotDefinedError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.kernels.threads import is_abandoned
 from riemhuman.provided import notebook_pictures
@@ -46,13 +45,106 @@ class Status(StrEnum):
     INTERRUPTED = "interrupted"
 
 
-# Kinds of arrays that the single values of a result may be in a file; all others are numbers.
-_KINDS: dict[type, str] = {int: "iu", bool: "b", float: "fiu", str: "U", Status: "U"}
+class SavedResult:
+    """The arrays of a result in a file, each read as what it must be.
+
+    Parameters
+    ----------
+    path : path_like
+        A file that `Result.save` wrote.
+    class_name : str
+        Name of the class whose result it must hold.
+
+    Examples
+    --------
+    >>> rh.solvers.Result(message="done").save("result.npz")
+    >>> rh.solvers.SavedResult("result.npz", "Result").text("message")
+    'done'
+    """
+
+    def __init__(self, path: str | os.PathLike[str], class_name: str) -> None:
+        self._path, self._arrays = path, load_arrays(path, [_CLASS])
+        if (found := str(self._arrays[_CLASS])) != class_name:
+            raise FileFormatError(f"{path} must hold a {class_name}; found a {found[:60]}")
+
+    def array(self, name: str) -> ndarray:
+        """Return numbers of any shape.
+
+        Parameters
+        ----------
+        name : str
+        """
+        return self._value(name, "fiub", single=False)
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """Return a real number.
+
+        Parameters
+        ----------
+        name : str
+        default : float, optional
+            What a file without it means; by default it is refused.
+        """
+        if default is not None and name not in self._arrays:
+            return default
+        return self._value(name, "fiu").item()
+
+    def whole_number(self, name: str) -> int:
+        """Return a whole number.
+
+        Parameters
+        ----------
+        name : str
+        """
+        return self._value(name, "iu").item()
+
+    def flag(self, name: str) -> bool:
+        """Return a truth value.
+
+        Parameters
+        ----------
+        name : str
+        """
+        return self._value(name, "b").item()
+
+    def text(self, name: str) -> str:
+        """Return a text.
+
+        Parameters
+        ----------
+        name : str
+        """
+        return self._value(name, "U").item()
+
+    def outcome(self) -> dict[str, Any]:
+        """Return how the solver ended: the fields of `Result`, by name."""
+        try:
+            status = Status(self.text("status"))
+        except ValueError as error:
+            raise FileFormatError(f"{self._path}: {error}") from error
+        return {
+            "n_iterations": self.whole_number("n_iterations"),
+            "n_evaluations": self.whole_number("n_evaluations"),
+            "status": status,
+            "message": self.text("message"),
+        }
+
+    def _value(self, name: str, kinds: str, *, single: bool = True) -> ndarray:
+        if name not in self._arrays:
+            raise FileFormatError(f"{self._path} lacks the field {name}")
+        array = self._arrays[name]
+        if array.dtype.kind not in kinds or (single and array.ndim):
+            raise FileFormatError(
+                f"{self._path}: {name} cannot be {array.dtype} of shape {array.shape}"
+            )
+        return array
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Result(Record):
     """How a solver ended; subclasses add its solution.
+
+    A subclass of one's own that is to be kept in files overrides `contents` and `from_saved`.
 
     Attributes
     ----------
@@ -80,7 +172,26 @@ class Result(Record):
     @property
     def outcome(self) -> dict[str, Any]:
         """The fields of `Result`, by name, for another result that ended in the same way."""
-        return {field.name: getattr(self, field.name) for field in fields(Result)}
+        return {
+            "n_iterations": self.n_iterations,
+            "n_evaluations": self.n_evaluations,
+            "status": self.status,
+            "message": self.message,
+        }
+
+    def contents(self) -> dict[str, Any]:
+        """Return what `save` writes: all fields, by name, as numbers, text or arrays."""
+        return self.outcome
+
+    @classmethod
+    def from_saved(cls, saved: SavedResult) -> Self:
+        """Return the result that a file holds, the inverse of `contents`.
+
+        Parameters
+        ----------
+        saved : SavedResult
+        """
+        return cls(**saved.outcome())
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write everything to an .npz file.
@@ -90,9 +201,13 @@ class Result(Record):
         path : path_like
             The file, with its ending; an existing file is replaced, whole or not at all.
         """
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        arrays = {name: np.asarray(value) for name, value in values.items() if value is not None}
-        save_arrays(path, {_CLASS: np.array(type(self).__name__), **arrays})
+        contents = self.contents()
+        left_out = [field.name for field in fields(self) if field.name not in contents]
+        if left_out:
+            raise NotDefinedError(
+                f"{type(self).__name__} has no file: its `contents` lacks {', '.join(left_out)}"
+            )
+        save_arrays(path, {_CLASS: type(self).__name__, **contents})
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -102,28 +217,7 @@ class Result(Record):
         ----------
         path : path_like
         """
-        required = [field.name for field in fields(cls) if field.default is dataclasses.MISSING]
-        arrays = load_arrays(path, [_CLASS, *required], [field.name for field in fields(cls)])
-        name = str(arrays.pop(_CLASS))
-        if name != cls.__name__:
-            raise FileFormatError(f"{path} must hold a {cls.__name__}; found a {name[:60]}")
-        values: dict[str, Any] = {}
-        types = get_type_hints(cls)
-        for field in fields(cls):
-            if (array := arrays.get(field.name)) is not None:
-                single = types[field.name] in _KINDS
-                kinds = _KINDS.get(types[field.name], "fiub")
-                if array.dtype.kind not in kinds or (single and array.ndim):
-                    raise FileFormatError(
-                        f"{path}: {field.name} cannot be {array.dtype} of shape {array.shape}"
-                    )
-                values[field.name] = array.item() if array.ndim == 0 else array
-        if "status" in values:
-            try:
-                values["status"] = Status(values["status"])
-            except ValueError as error:
-                raise FileFormatError(f"{path}: {error}") from error
-        return cls(**values)
+        return cls.from_saved(SavedResult(path, cls.__name__))
 
     def _repr_html_(self) -> str:
         rows = "".join(
@@ -180,6 +274,27 @@ class PathResult(Result):
     lower_bound: float = 0.0
     gap: float = np.nan
 
+    def contents(self) -> dict[str, Any]:
+        return {
+            "path": self.path,
+            "energy": self.energy,
+            "energies": self.energies,
+            "lower_bound": self.lower_bound,
+            "gap": self.gap,
+            **self.outcome,
+        }
+
+    @classmethod
+    def from_saved(cls, saved: SavedResult) -> Self:
+        return cls(
+            path=saved.array("path"),
+            energy=saved.number("energy"),
+            energies=saved.array("energies"),
+            lower_bound=saved.number("lower_bound", 0.0),
+            gap=saved.number("gap", np.nan),
+            **saved.outcome(),
+        )
+
 
 @dataclass(frozen=True, repr=False)
 class MeanResult(Result):
@@ -205,6 +320,23 @@ class MeanResult(Result):
     point: ndarray
     variance: float
     variances: ndarray
+
+    def contents(self) -> dict[str, Any]:
+        return {
+            "point": self.point,
+            "variance": self.variance,
+            "variances": self.variances,
+            **self.outcome,
+        }
+
+    @classmethod
+    def from_saved(cls, saved: SavedResult) -> Self:
+        return cls(
+            point=saved.array("point"),
+            variance=saved.number("variance"),
+            variances=saved.array("variances"),
+            **saved.outcome(),
+        )
 
 
 ResultType = TypeVar("ResultType", bound=Result)
@@ -258,22 +390,36 @@ def finish(solver: object, result: ResultType) -> ResultType:
     return result
 
 
-def complete(found: Any, cls: type[ResultType]) -> ResultType:
-    """Return the result of anybody's solver, a solution and its value, with defaults."""
-    if isinstance(found, cls):
+def complete_path(found: Any) -> PathResult:
+    """Return the result of anybody's geodesic solver, a path and its energy, with defaults."""
+    if isinstance(found, PathResult):
         return found
-    point, value, values = (f.name for f in fields(cls) if f.default is dataclasses.MISSING)
-    last = float(getattr(found, value))
-    arrays: dict[str, Any] = {
-        point: np.asarray(getattr(found, point), dtype=float),
-        value: last,
-        values: np.asarray(getattr(found, values, [last]), dtype=float),
-    }
-    converged = bool(getattr(found, "converged", True))
-    return cls(
-        **arrays,
-        n_iterations=int(getattr(found, "n_iterations", 0)),
-        n_evaluations=int(getattr(found, "n_evaluations", 0)),
-        status=Status.CONVERGED if converged else Status.STALLED,
-        message=str(getattr(found, "message", "")),
+    energy = float(found.energy)
+    return PathResult(
+        path=np.asarray(found.path, dtype=float),
+        energy=energy,
+        energies=np.asarray(getattr(found, "energies", [energy]), dtype=float),
+        **_completed_outcome(found),
     )
+
+
+def complete_mean(found: Any) -> MeanResult:
+    """Return the result of anybody's mean solver, a point and its variance, with defaults."""
+    if isinstance(found, MeanResult):
+        return found
+    variance = float(found.variance)
+    return MeanResult(
+        point=np.asarray(found.point, dtype=float),
+        variance=variance,
+        variances=np.asarray(getattr(found, "variances", [variance]), dtype=float),
+        **_completed_outcome(found),
+    )
+
+
+def _completed_outcome(found: Any) -> dict[str, Any]:
+    return {
+        "n_iterations": int(getattr(found, "n_iterations", 0)),
+        "n_evaluations": int(getattr(found, "n_evaluations", 0)),
+        "status": Status.CONVERGED if getattr(found, "converged", True) else Status.STALLED,
+        "message": str(getattr(found, "message", "")),
+    }

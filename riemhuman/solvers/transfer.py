@@ -17,7 +17,7 @@ page has figures for simulated people and for FAUST.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy import ndarray
@@ -32,7 +32,7 @@ from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives
 from riemhuman.solvers._lbfgs import minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
 from riemhuman.solvers.paths import rounding_energy
-from riemhuman.solvers.results import Result, finish, interruptible
+from riemhuman.solvers.results import Result, SavedResult, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.measures import triangle_areas
 
@@ -219,6 +219,29 @@ class DisentanglingResult(Result):
     values: ndarray
     shape_dist: float
     pose_dist: float
+
+    def contents(self) -> dict[str, Any]:
+        return {
+            "surface": self.surface,
+            "posed": self.posed,
+            "value": self.value,
+            "values": self.values,
+            "shape_dist": self.shape_dist,
+            "pose_dist": self.pose_dist,
+            **self.outcome,
+        }
+
+    @classmethod
+    def from_saved(cls, saved: SavedResult) -> Self:
+        return cls(
+            surface=saved.array("surface"),
+            posed=saved.array("posed"),
+            value=saved.number("value"),
+            values=saved.array("values"),
+            shape_dist=saved.number("shape_dist"),
+            pose_dist=saved.number("pose_dist"),
+            **saved.outcome(),
+        )
 
 
 @dataclass(frozen=True)
