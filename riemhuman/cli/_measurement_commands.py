@@ -11,6 +11,7 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
+from riemhuman.cli._readable_units import UNITS, readable_unit, readable_value
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ _DEFINITIONS = cli.several(
     inputs.MEASURED_MODEL,
     cli.option("--only", "measurement to take; repeatable", metavar="NAME", action="append"),
     cli.UNIT,
+    UNITS,
 )
 
 
@@ -31,7 +33,8 @@ _DEFINITIONS = cli.several(
     "measure",
     "girths, lengths, heights and volumes of registered meshes",
     "Measures bodies registered to the open body model, or to another model with --model and\n"
-    "--definitions, in metres, square metres, cubic metres and kilograms. A fit of the body\n"
+    "--definitions. The printed table is in centimetres, litres and kilograms, or with --units\n"
+    "in in inches and pounds; CSV and JSON are in metres and kilograms. A fit of the body\n"
     "model brings bodies to the standard pose first; --as-is measures them as they stand.\n"
     "What lies on vertices that register did not trust, as its PLY files say, is left out.",
     "  riemhuman measure anna.ply\n"
@@ -80,7 +83,7 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
     bodies = {file: dict(zip(names, values, strict=True)) for file, *values in rows}
     missing, said = _missing(files, measured)
     record = {"pose": pose, "units": units, "bodies": bodies, "missing": missing}
-    return cli.Answer("\n".join([*_measured_table(files, measured), *said]), record)
+    return cli.Answer("\n".join([*_measured_table(files, measured, options.units), *said]), record)
 
 
 def _missing(
@@ -94,7 +97,7 @@ def _missing(
     return missing, said
 
 
-def _measured_table(files: Sequence[Path], measured: BodySizes) -> list[str]:
+def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> list[str]:
     width = max(map(len, measured.names))
     shown = files[:_MOST_COLUMNS]
     columns = [max(9, len(file.stem)) for file in shown]
@@ -102,7 +105,9 @@ def _measured_table(files: Sequence[Path], measured: BodySizes) -> list[str]:
     said = [f"{'':{width}}  {titles}"]
     for number, (name, unit) in enumerate(zip(measured.names, measured.units, strict=True)):
         values = zip(measured.values[: len(shown), number], columns, strict=True)
-        said.append(f"{name:{width}}  {' '.join(f'{v:{w}.4f}' for v, w in values)} {unit}")
+        shown_unit = readable_unit(unit, system)
+        numbers = " ".join(readable_value(value, shown_unit, w) for value, w in values)
+        said.append(f"{name:{width}}  {numbers} {shown_unit.name}")
     if len(files) > len(shown):
         said.append(f"and {len(files) - len(shown)} more bodies; -o CSV writes all")
     return said
@@ -160,8 +165,10 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
     said = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'threshold':>9}"]
     for name, unit, before, after, change, threshold, is_significant in rows:
         mark = "  changed" if is_significant else ""
-        numbers = f"{before:9.4f} {after:9.4f} {change:+9.4f} {threshold:9.4f}"
-        said.append(f"{name:{width}}  {numbers} {unit}{mark}")
+        shown_unit = readable_unit(unit, options.units)
+        signed = ((before, ""), (after, ""), (change, "+"), (threshold, ""))
+        numbers = " ".join(readable_value(value, shown_unit, 9, sign) for value, sign in signed)
+        said.append(f"{name:{width}}  {numbers} {shown_unit.name}{mark}")
     said += [
         *said_missing,
         (

@@ -129,3 +129,38 @@ def test_two_people_are_hardly_one(run, scans, bodies, tmp_path):
     usual = record["usual_area_distances"]
     assert usual["one_person"] < usual["two_people"] < 10 * usual["one_person"]
     assert record["area_distance"] > 0.5 * usual["two_people"]
+
+
+def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
+    """An inch is 0.0254 m, a pound 0.45359237 kg; only the printed table is converted."""
+    only = [word for name in ("stature", "volume", "body mass") for word in ("--only", name)]
+    command = ("measure", scans / "body_0.ply", "--as-is", *only)
+    (values,) = json.loads(run(*command, "--json").out)["bodies"].values()
+    record = json.loads(run(*command, "--json", "--units", "in").out)
+    assert [*record["bodies"].values()] == [values]
+    assert record["units"]["stature"] == "m"
+    scales = {
+        "cm": {"stature": (100, "cm"), "volume": (1000, "l"), "body mass": (1, "kg")},
+        "in": {
+            "stature": (1 / 0.0254, "in"),
+            "volume": (0.0254**-3, "in³"),
+            "body mass": (1 / 0.45359237, "lb"),
+        },
+    }
+    for system, units in scales.items():
+        table = run(*command, "--units", system).out
+        for name, (scale, unit) in units.items():
+            (line,) = [line for line in table.splitlines() if line.startswith(f"{name} ")]
+            value, shown_unit = line.removeprefix(name).split()
+            assert shown_unit == unit
+            assert float(value) == pytest.approx(scale * values[name], abs=0.051)
+    assert run(*command).out == run(*command, "--units", "cm").out
+    changes = ("compare", scans / "body_0.ply", scans / "body_2.ply", "--only", "stature")
+    file = tmp_path / "changes.csv"
+    (line,) = [line for line in run(*changes, "-o", file).out.splitlines() if "stature " in line]
+    with open(file, encoding="utf-8", newline="") as stream:
+        (row,) = csv.DictReader(stream)
+    assert row["unit"] == "m"
+    shown = [float(number) for number in line.split()[1:5]]
+    stored = [100 * float(row[key]) for key in ("before", "after", "change", "threshold")]
+    np.testing.assert_allclose(shown, stored, atol=0.0051)
