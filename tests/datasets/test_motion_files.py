@@ -220,7 +220,7 @@ def test_frames_as_meshes(knees, tmp_path):
 
 
 def test_other_endings(knees, tmp_path):
-    with pytest.raises(FileFormatError, match=r"one of \.glb, \.bvh, \.npz; found '\.fbx'"):
+    with pytest.raises(FileFormatError, match=r"one of \.bvh, \.npz, \.glb; found '\.fbx'"):
         knees.save(tmp_path / "a.fbx")
     knees.save(tmp_path / "frames")
     (meshes,) = load_mesh_motions(tmp_path / "frames")
