@@ -34,7 +34,35 @@ NEARLY_DEGENERATE = 2 * DEGENERATE
 
 
 class Derivatives(NamedTuple):
-    """First derivatives of surfaces, their area vectors, area ratios and metric entries."""
+    """First derivatives of surfaces on every triangle, and what follows from them.
+
+    It is what `rh.terms.Term.fields` and `rh.terms.FlatTerm.field` are given.
+
+    Attributes
+    ----------
+    f_u, f_v : array, shape (..., F, 3)
+        Derivatives in the orthonormal frame of the template's triangles.
+    area_vectors : array, shape (..., F, 3)
+        f_u × f_v, the unit normal times the area ratio.
+    areas : array, shape (..., F)
+        Areas in units of the template's; 1 on degenerate triangles.
+    e, m : array, shape (..., F)
+        Entries of the first fundamental form, ‖f_u‖², 1 on degenerate triangles, and f_u · f_v.
+    degenerate : array of bool, shape (..., F)
+        Which triangles have no area, to working precision.
+
+    Examples
+    --------
+    >>> class Normals(rh.terms.FlatTerm):
+    ...     needs_area = True
+    ...
+    ...     def field(self, first: rh.terms.Derivatives):
+    ...         return first.area_vectors / first.areas[..., None]
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> metric = rh.SurfaceMetric(rh.AlignedSurfaces(bodies.template), [Normals()])
+    >>> bool(metric.dist(bodies[0], bodies[1]) > 0)
+    True
+    """
 
     f_u: ndarray
     f_v: ndarray

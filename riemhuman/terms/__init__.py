@@ -1,6 +1,7 @@
 """Terms of surface metrics, and the driver that runs a weighted sum of them."""
 
 from riemhuman.kernels.compilation import compiled
+from riemhuman.kernels.surface import Derivatives
 from riemhuman.terms.cone import ConeTerm, EbinTerm
 from riemhuman.terms.flat import FlatTerm, RootNormalTerm
 from riemhuman.terms.normals import NormalTerm, RotationTerm
@@ -8,6 +9,7 @@ from riemhuman.terms.term import Term
 
 __all__ = [
     "ConeTerm",
+    "Derivatives",
     "EbinTerm",
     "FlatTerm",
     "NormalTerm",
