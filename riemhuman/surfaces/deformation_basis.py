@@ -24,7 +24,6 @@ _OUTSIDE = 1e-9
 # Largest deviation from orthonormal vectors that is accepted.
 _ORTHONORMAL = 1e-8
 _FORMAT_VERSION = 1
-_STATISTICS = ("explained_variance", "explained_variance_ratio")
 
 
 class DeformationBasis:
@@ -176,7 +175,8 @@ class DeformationBasis:
             )
         try:
             basis = cls(fields["vectors"])
-            basis._set_statistics(*(fields.get(name) for name in _STATISTICS))
+            variance = fields.get("explained_variance")
+            basis._set_statistics(variance, fields.get("explained_variance_ratio"))
         except (ArgumentError, ArgumentTypeError) as error:
             raise FileFormatError(f"{os.fspath(path)}: {error}") from error
         return basis
@@ -190,9 +190,10 @@ class DeformationBasis:
             The file, with its suffix; an existing file is replaced.
         """
         fields = {"format_version": np.array(_FORMAT_VERSION), "vectors": self.vectors}
-        for name in _STATISTICS:
-            if getattr(self, name) is not None:
-                fields[name] = getattr(self, name)
+        if self.explained_variance is not None:
+            fields["explained_variance"] = self.explained_variance
+        if self.explained_variance_ratio is not None:
+            fields["explained_variance_ratio"] = self.explained_variance_ratio
         save_arrays(path, fields)
 
     @property
@@ -278,9 +279,10 @@ class DeformationBasis:
         if kept > len(self):
             raise ArgumentError(f"n_components={kept} exceeds the {len(self)} vectors of the basis")
         basis = type(self)(self.vectors[:kept])
-        for name in _STATISTICS:
-            values = getattr(self, name)
-            setattr(basis, name, None if values is None else values[:kept])
+        if self.explained_variance is not None:
+            basis.explained_variance = self.explained_variance[:kept]
+        if self.explained_variance_ratio is not None:
+            basis.explained_variance_ratio = self.explained_variance_ratio[:kept]
         return basis
 
     def extend(self, deformations: np.ndarray) -> DeformationBasis:
@@ -304,11 +306,13 @@ class DeformationBasis:
         added = len(flat) > len(self)
         return DeformationBasis(flat.reshape(-1, self.n_vertices, 3)) if added else self
 
-    def _set_statistics(self, *statistics: np.ndarray | None) -> None:
-        for name, values in zip(_STATISTICS, statistics, strict=True):
-            if values is not None:
-                values = real_array(values, name, (len(self),), batched=False)
-                setattr(self, name, read_only(values))
+    def _set_statistics(self, variance: np.ndarray | None, ratio: np.ndarray | None) -> None:
+        if variance is not None:
+            variance = real_array(variance, "explained_variance", (len(self),), batched=False)
+            self.explained_variance = read_only(variance)
+        if ratio is not None:
+            ratio = real_array(ratio, "explained_variance_ratio", (len(self),), batched=False)
+            self.explained_variance_ratio = read_only(ratio)
 
 
 _REMEDY = "a basis weighs deformations by their lengths"
