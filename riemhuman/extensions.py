@@ -73,7 +73,7 @@ def unregister(kind: str, name: str) -> None:
     Parameters
     ----------
     kind, name : str
-        As of `register`.
+        See `register`.
     """
     one_of(kind, "kind", tuple(KINDS))
     if name not in _REGISTERED[kind]:
@@ -108,7 +108,7 @@ def extension(kind: str, name: str) -> Callable[..., Any]:
     Parameters
     ----------
     kind, name : str
-        As of `register`.
+        See `register`.
     """
     known = extensions(kind)
     if name not in known:

@@ -172,9 +172,8 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
     said += [
         *said_missing,
         (
-            f"{result.is_significant.sum()} of {len(rows)} exceed their thresholds; of "
-            "measurements that did not change, chance marks about "
-            f"{result.expected_by_chance:.1f} of {len(rows)}"
+            f"{result.is_significant.sum()} of {len(rows)} exceed their thresholds; "
+            f"expect about {result.expected_by_chance:.1f} false alarms among {len(rows)}"
         ),
         f"surface moved outward by {outward.min():.1f} to {outward.max():.1f} mm",
         f"triangles whose area changed: {100 * result.areas_significant.mean():.1f} %",

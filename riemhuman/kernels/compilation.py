@@ -87,7 +87,7 @@ def _njit(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
     # Without an error model, every division would look whether to raise. Without a value of
     # fastmath, a function takes that of its first caller: its bits depend on who came first.
-    # What lets other languages call a function, and Python an inlined one, takes long to compile.
+    # Compiling C-callable wrappers, and Python wrappers of inlined functions, is slow.
     options = {"fastmath": False, "error_model": "numpy", "nogil": True, **options}
     options["no_cfunc_wrapper"] = True
     if options.get("forceinline"):  # kept on disk as a part of its callers

@@ -83,9 +83,9 @@ class ProbableBody:
     values, misses : dict of str to float
         The given measurements, as the body has them, and these less the given values.
     predicted, predicted_std : dict of str to float
-        The other measurements, standing and seated, as linear regression on the people of ANSUR II
-        predicts them, and standard deviations of their errors: 90 per cent of people lie within
-        1.645 of these. The body comes as near to them as its shape coefficients allow.
+        The other measurements, standing and seated, predicted by linear regression on ANSUR II,
+        and the standard deviations of their errors: 90 per cent of people lie within 1.645 of
+        these. The body comes as near to them as its shape coefficients allow.
     sexes : dict of str to float
         Probabilities of "woman" and "man" given the values.
     z_scores : dict of str to float
@@ -239,7 +239,7 @@ def predict_measurements(
 ) -> PredictedMeasurements:
     """Return all other measurements of adults who have some given ones, without making a body.
 
-    They are predicted by linear regression on the people of ANSUR II, as tapes and callipers
+    They are predicted by linear regression on ANSUR II, as tapes and callipers
     measure them; `model_from_measurements` gives a body that comes near to them.
 
     Parameters

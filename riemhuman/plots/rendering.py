@@ -258,7 +258,7 @@ def _paint(
     owner: ndarray,
     picture: ndarray,
 ) -> None:
-    """Give each pixel the mean colour of its covered samples; it is as opaque as they are many."""
+    """Give each pixel the mean colour of its covered samples, more opaque where there are more."""
     sums, diffuse, mirrored = np.empty(4), np.empty(3), np.empty(3)
     for row in range(picture.shape[0]):
         for column in range(picture.shape[1]):

@@ -99,5 +99,5 @@ def say_unseen(joints: Sequence[str], share: float, *, guessed_up: bool) -> str:
     else:
         said = f"{percent} was not seen"
     if guessed_up:
-        said += "; the direction up was guessed from the rest; set it with up= or --up"
+        said += "; the up direction was guessed; set it with up= or --up"
     return said

@@ -61,9 +61,9 @@ class ScanRecord:
     trusted : bool
         Whether the registration is trusted.
     message : str
-        As of `RegisteredScan`, or why the scan could not be registered.
+        See `RegisteredScan`, or why the scan could not be registered.
     likelihood : float
-        As of `RegisteredScan`; NaN if the scan could not be registered.
+        See `RegisteredScan`; NaN if the scan could not be registered.
     median_distance : float
         Median distance of the scan's points from the body, metres.
     matched_share : float

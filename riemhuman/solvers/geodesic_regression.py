@@ -154,7 +154,7 @@ class GeodesicRegression(ImageEstimator):
         Parameters
         ----------
         X, y
-            As of `fit`.
+            See `fit`.
         """
         metric = self._metric
         points, predictions = metric.check_points(y, "y"), self.predict(X)

@@ -124,7 +124,7 @@ class DiscreteLogarithm(LogSolver):
     """log from the first step of a geodesic x₀, x₁, …, xₙ: v = n (x₁ − x₋₁)/2.
 
     The point x₋₁ continues the geodesic backwards by one step. The logarithm has converged where
-    its inverse, the `DiscreteExponential` with as many steps, comes back to the point. Else, and
+    its inverse, the `DiscreteExponential` with as many steps, returns to the point. Else, and
     where a step is too long for the equations, it halves the steps. Both maps differ from the
     continuous ones by the second order of the time step 1/n. Metrics of normals alone (a = 0) may
     determine no logarithm between very different poses; a small a does.
@@ -141,7 +141,7 @@ class DiscreteLogarithm(LogSolver):
         Solver for the path, whose steps are not halved. By default `BasisPath` with the basis or
         `PathStraightening` without, both with narrow tolerances.
     tolerance, max_iter
-        As of `DiscreteExponential`.
+        See `DiscreteExponential`.
     n_doublings : int
         How often the steps may be halved.
     end_tolerance : float
@@ -271,7 +271,7 @@ class DiscreteLogarithm(LogSolver):
             reached = procrustes(reached, end)
         end_error = float(np.abs(reached - end).max()) if forward.complete else np.inf
         if end_error <= self.end_tolerance:
-            message = f"the exponential comes back to within {end_error:.1e}"
+            message = f"the exponential returns to the target within {end_error:.1e}"
         else:
             remedy = "use more steps"
             if metric.is_stretch_invariant:

@@ -89,7 +89,7 @@ class BasisMean(MeanSolver):
         Where points come in batches, number of evenly spaced points from whose mean the search
         starts and whose differences join the basis.
     callback, progress
-        As of `BasisPath`, with the variance and the point.
+        See `BasisPath`, with the variance and the point.
 
     Examples
     --------
@@ -499,14 +499,14 @@ class GeometricMedian(FrechetMean):
     Parameters
     ----------
     space, solver
-        As of `FrechetMean`; the solver is asked for ``exponent=1``.
+        See `FrechetMean`; the solver is asked for ``exponent=1``.
 
     Attributes
     ----------
     estimate_ : array, shape (\*shape,)
         The median, after `fit`.
     variance_, n_iter_, result_
-        As of `FrechetMean`; the result's `variances` are weighted mean distances.
+        See `FrechetMean`; the result's `variances` are weighted mean distances.
 
     Examples
     --------

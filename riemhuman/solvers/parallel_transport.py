@@ -87,7 +87,7 @@ class PoleLadder(TransportSolver):
     geodesic_solver : object, optional
         Solver for the geodesic, by default the metric's own.
     tolerance, max_iter
-        As of `DiscreteExponential`, for each equation.
+        See `DiscreteExponential`, for each equation.
 
     Examples
     --------
@@ -240,7 +240,7 @@ class SchildLadder(PoleLadder):
     Parameters
     ----------
     n_rungs, basis, geodesic_solver, tolerance, max_iter
-        As of `PoleLadder`.
+        See `PoleLadder`.
 
     Examples
     --------

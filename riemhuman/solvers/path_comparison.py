@@ -386,7 +386,7 @@ def path_distances(
     metric : RiemannianMetric
     points : array or sequence, shape (n, \*shape)
     n_jobs, progress
-        As of `LinearPath.solve_many`.
+        See `LinearPath.solve_many`.
 
     Examples
     --------

@@ -44,8 +44,8 @@ _STIFFNESS = 0.2
 # energy, as where a triangle loses its area and its normal jumps.
 _SHORT = 1e-3
 
-# Least and largest ridge, in between the tolerance: a ridge hides how softly limbs as a whole move,
-# the more the finer the mesh, and what such motions still gain matters to narrow tolerances alone.
+# Least and largest ridge; the tolerance lies between. A ridge hides how softly whole limbs move,
+# increasingly so on finer meshes. What such motions still gain matters only to narrow tolerances.
 _RIDGES = 1e-6, 1e-4
 
 
@@ -363,14 +363,14 @@ class PathStraightening(PathSearch):
     Parameters
     ----------
     n_nodes, energy
-        As of `BasisPath`.
+        See `BasisPath`.
     initial : GeodesicSolver, optional
         Solver whose path, with as many nodes, is another start.
     tolerance : float
-        As of `BasisPath`, where the second half of its iterations has gained at most 0.2 %, or
+        See `BasisPath`, where the second half of its iterations has gained at most 0.2 %, or
         twenty times this share.
     max_iter, remove_drift, callback, progress
-        As of `BasisPath`.
+        See `BasisPath`.
 
     Examples
     --------

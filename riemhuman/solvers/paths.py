@@ -198,7 +198,7 @@ class ClosedFormGeodesic(PathSolver):
     Parameters
     ----------
     n_nodes : int
-        As of `LinearPath`.
+        See `LinearPath`.
 
     Examples
     --------

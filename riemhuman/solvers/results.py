@@ -391,7 +391,7 @@ def finish(solver: object, result: ResultType) -> ResultType:
 
 
 def complete_path(found: Any) -> PathResult:
-    """Return the result of anybody's geodesic solver, a path and its energy, with defaults."""
+    """Return the result of a user-defined geodesic solver, a path and its energy, with defaults."""
     if isinstance(found, PathResult):
         return found
     energy = float(found.energy)
@@ -404,7 +404,7 @@ def complete_path(found: Any) -> PathResult:
 
 
 def complete_mean(found: Any) -> MeanResult:
-    """Return the result of anybody's mean solver, a point and its variance, with defaults."""
+    """Return the result of a user-defined mean solver, a point and its variance, with defaults."""
     if isinstance(found, MeanResult):
         return found
     variance = float(found.variance)

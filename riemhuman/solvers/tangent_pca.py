@@ -263,7 +263,7 @@ class TangentPCA(ImageEstimator, Transformer):
         Parameters
         ----------
         X, y, base_point
-            As of `fit`.
+            See `fit`.
         """
         return self.fit(X, base_point=base_point).transform(X)
 

@@ -274,7 +274,7 @@ class Disentangling:
         them. The default adds at most 3 % to the distance from A's own performance of the pose
         (tests/benchmarks/test_transfer.py).
     tolerance, max_iter, progress
-        As of `NearestSurface`.
+        See `NearestSurface`.
 
     Examples
     --------

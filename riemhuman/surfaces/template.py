@@ -102,7 +102,7 @@ class Template:
         ----------
         path : path_like
         seams : {"keep", "join"}
-            As of `riemhuman.load_mesh`.
+            See `riemhuman.load_mesh`.
         """
         vertices, faces = load_mesh(path, seams=seams)
         try:

@@ -127,7 +127,7 @@ def test_components_of_one_pose_and_of_several(run, scans, bodies, tmp_path):
     own = Measurements(bodies.model).definitions
     points = in_standard_pose(own, np.stack([load_mesh(file)[0] for file in files]))
     mean = load_mesh(tmp_path / "straight" / "mean.ply")[0]
-    # The mean of three people who stand alike is among them.
+    # The mean of three people in the same pose is among them.
     distances = np.linalg.norm(procrustes(points, to=mean) - mean, axis=-1).mean(axis=-1)
     assert distances.max() < 0.06
     refused = run(*command, "-o", f"{tmp_path / 'more'}/", "--model", files[0])
