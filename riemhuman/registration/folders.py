@@ -61,7 +61,7 @@ class ScanRecord:
     trusted : bool
         Whether the registration is trusted.
     message : str
-        See `RegisteredScan`, or why the scan could not be registered.
+        See `RegisteredScan`; otherwise why the scan could not be registered.
     likelihood : float
         See `RegisteredScan`; NaN if the scan could not be registered.
     median_distance : float

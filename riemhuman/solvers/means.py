@@ -89,7 +89,7 @@ class BasisMean(MeanSolver):
         Where points come in batches, number of evenly spaced points from whose mean the search
         starts and whose differences join the basis.
     callback, progress
-        See `BasisPath`, with the variance and the point.
+        See `BasisPath`; they are given the variance and the point.
 
     Examples
     --------

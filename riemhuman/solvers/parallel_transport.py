@@ -87,7 +87,7 @@ class PoleLadder(TransportSolver):
     geodesic_solver : object, optional
         Solver for the geodesic, by default the metric's own.
     tolerance, max_iter
-        See `DiscreteExponential`, for each equation.
+        See `DiscreteExponential`; they apply to every equation.
 
     Examples
     --------

@@ -367,8 +367,8 @@ class PathStraightening(PathSearch):
     initial : GeodesicSolver, optional
         Solver whose path, with as many nodes, is another start.
     tolerance : float
-        See `BasisPath`, where the second half of its iterations has gained at most 0.2 %, or
-        twenty times this share.
+        See `BasisPath`; the second half of the iterations must have gained at most 0.2 %, or twenty
+        times this share.
     max_iter, remove_drift, callback, progress
         See `BasisPath`.
 
