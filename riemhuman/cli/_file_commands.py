@@ -57,21 +57,34 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
     "the folder of a geodesic, which holds path.npz; or a motion capture recording\n"
     "(.bvh, .amc, .trc, .c3d, .npz of AMASS, or .npz, .pkl and .pt of methods that watch\n"
     "videos), performed by a body of its proportions.",
+    "  riemhuman view anna.ply ben.ply                # opens in the browser\n"
     "  riemhuman view anna.ply ben.ply -o both.html\n"
     "  riemhuman view walk/ --motion -o walk.html\n"
     "  riemhuman view path/ -o path.html --open\n"
     "  riemhuman view anna.ply ben.ply -o both.png\n"
     "  riemhuman view walk.bvh -o walk.html\n",
     cli.path_option("meshes", "FILES", "meshes, folders, an .npz, or a recording", nargs="+"),
-    cli.output("FILE", ".html", ".png"),
+    cli.output(
+        "FILE",
+        ".html",
+        ".png",
+        text="file to write; without one, a temporary page opens in the browser",
+        required=False,
+    ),
     cli.flag("--motion", "the meshes are the frames of one motion"),
     cli.flag("--open", "open the page in the browser"),
     cli.ANY_SCALE,
     cli.UNIT,
 )
 def _view(options: argparse.Namespace) -> cli.Answer:
+    import tempfile
     import webbrowser
 
+    from riemhuman.representation import join_names
+
+    place = options.output
+    if place is None:
+        place = Path(tempfile.mkdtemp(prefix="riemhuman-")) / "view.html"
     first = options.meshes[0]
     if len(options.meshes) == 1 and (first / _PATH_FILE).is_file():
         first = first / _PATH_FILE
@@ -86,14 +99,16 @@ def _view(options: argparse.Namespace) -> cli.Answer:
         else:
             surfaces = inputs.read_surfaces(options, options.meshes)
             names = [file.stem for file in surfaces.files]
-            title = f"{names[0]} to {names[-1]}" if len(names) > 1 else names[0]
+            title = join_names(names) if len(names) < 4 else f"{names[0]} to {names[-1]}"
             if options.motion:
                 viewer = rh.plots.view_path(surfaces[:], surfaces.faces, title=title)
             else:
                 viewer = rh.plots.view_bodies(surfaces[:], surfaces.faces, names, title=title)
-        viewer.save(options.output)
-    if options.open:
-        webbrowser.open(options.output.resolve().as_uri())
+        viewer.save(place)
+    if options.open or options.output is None:
+        webbrowser.open(place.resolve().as_uri())
+    if options.output is None:
+        return cli.Answer({"page": place}, {"page": place})
     return cli.Answer(record={})
 
 

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import shutil
 import time
 from pathlib import Path
 
@@ -212,3 +213,13 @@ def test_facts_cost_little_more_than_reading(tmp_path):
     save_mesh(tmp_path / "grid.obj", np.stack([x, y, height], axis=1), faces)
     vertices, faces = load_mesh(tmp_path / "grid.obj")
     assert seconds(mesh_facts, vertices, faces) < 4 * seconds(load_mesh, tmp_path / "grid.obj")
+
+
+def test_view_without_an_output_opens_a_temporary_page(run, scans, monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    finished = run("view", scans / "body_0.ply", "--json")
+    page = Path(json.loads(finished.out)["page"])
+    assert opened == [page.resolve().as_uri()]
+    assert page.read_text("utf-8").lower().startswith("<!doctype html>")
+    shutil.rmtree(page.parent)
