@@ -172,8 +172,8 @@ def _note_scale(options: argparse.Namespace, are_scans: bool) -> None:
     )
     terminal.note(
         "the unit is the metre (the root of an area, not a gap between surfaces); for comparison: "
-        f"same person, another pose ≈ {usual['one_person']:.2g}; another person, same pose ≈ "
-        f"{usual['two_people']:.2g} (open bodies)"
+        f"same person, another pose ≈ {usual['one_person']:.3f}; another person, same pose ≈ "
+        f"{usual['two_people']:.3f} (open bodies)"
     )
 
 
