@@ -53,7 +53,7 @@ def view(shown: Any, faces: ArrayLike | None = None) -> Viewer:
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> rh.view(bodies[:2])
-    <Viewer 'Bodies' of 2 surfaces>
+    Viewer('Bodies', choices=['Bodies'])
     """
     if faces is None and isinstance(shown, np.ndarray):
         raise ArgumentError(
