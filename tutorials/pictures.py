@@ -145,7 +145,11 @@ def differences(bodies, space, people) -> None:
     """Draw two pairs of bodies, the second of each coloured by where it differs."""
     pairs = {
         "pose": (rh.ElasticMetric(space, 0.0, 0.0, 1.0), people[2, 0], people[2, 5]),
-        "body shape, (1, 1, 0)": (rh.ElasticMetric(space, 1.0, 1.0, 0.0), people[2, 0], people[5, 0]),
+        "body shape, (1, 1, 0)": (
+            rh.ElasticMetric(space, 1.0, 1.0, 0.0),
+            people[2, 0],
+            people[5, 0],
+        ),
     }
     faces = bodies.template.faces
     figure, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
