@@ -12,6 +12,7 @@ from riemhuman.cli import _commands as cli
 
 _IS = "yes"
 _BY_MAP = "`TopologyMap`"
+_BY_DEFINITIONS = "with `--definitions`"
 _BY_SCAN = "`ScanRegistration`"
 _AFTER = "once registered"
 _TITLES = ("I have", "endings", "read by", "registered", "measured", "motions", "written back")
@@ -56,12 +57,12 @@ def file_kinds() -> tuple[FileKind, ...]:
 
     return (
         FileKind(
-            "meshes of one topology",
+            "meshes of one topology, not the open model's",
             rh.datasets.load_bodies,
             "datasets.load_bodies",
             MESH_ENDINGS,
             _IS,
-            _IS,
+            _BY_MAP,
             False,
             WRITTEN_SUFFIXES,
         ),
@@ -71,7 +72,7 @@ def file_kinds() -> tuple[FileKind, ...]:
             "datasets.load_faust",
             (".ply",),
             _IS,
-            _IS,
+            _BY_MAP,
             False,
             WRITTEN_SUFFIXES,
         ),
@@ -151,7 +152,7 @@ def file_kinds() -> tuple[FileKind, ...]:
             "BodyModel.from_file",
             (".npz", ".pkl", ".pickle"),
             _IS,
-            _IS,
+            _BY_DEFINITIONS,
             False,
             (".npz",),
         ),
