@@ -5,10 +5,8 @@ A page contains the surfaces, and three.js draws them; pictures replace them wit
 
 from __future__ import annotations
 
-import base64
 import json
 import os
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -28,6 +26,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.measurements import open_measurements
+from riemhuman.plots._packing import LEVELS, deflated, packed
 from riemhuman.plots.body_plots import plot_path
 from riemhuman.plots.figures import (
     MEAN,
@@ -41,6 +40,7 @@ from riemhuman.plots.figures import (
     save_figure,
     value_colors,
 )
+from riemhuman.plots.panels import Panel
 from riemhuman.plots.rendering import (
     View,
     as_surfaces,
@@ -54,17 +54,18 @@ from riemhuman.plots.rendering import (
 if TYPE_CHECKING:
     from riemhuman.motions import Warp
 
-_LEVELS = 2**16 - 1  # of coordinates
 _SECONDS = 2.4  # a path is played in, unless its duration is given
 _STILL_HEIGHT = 480
 _MOST_IN_PICTURE = 8
+# Parts of the script, in their order.
 _SCRIPTS = (
-    "_ground",
-    "_body",
-    "_components",
-    "_gestures",
-    "",
-)  # parts of the script, in their order
+    "viewer_ground.js",
+    "viewer_body.js",
+    "viewer_components.js",
+    "viewer_panels.js",
+    "viewer_gestures.js",
+    "viewer.js",
+)
 _N_MATCHES = 8  # pairs of frames on the page of two motions
 _MATCH_HEIGHT = 200
 _NO_PART = 255
@@ -108,7 +109,7 @@ def page_scripts() -> str:
 
 def viewer_script() -> str:
     """Return the script of viewers, which needs three.js: the light, then one file a subject."""
-    own = "".join(web_file("plots", f"viewer{part}.js") for part in _SCRIPTS)
+    own = "".join(web_file("plots", name) for name in _SCRIPTS)
     light = json.dumps(json.loads(web_file("plots", "light.json")))
     return f"(() => {{\nconst LIGHT = {light};\n{own}}})();\n"
 
@@ -200,6 +201,8 @@ class Viewer:
     parts : mapping of str to array of int, optional
         Triangles of each part of the body, whose name is shown beside the pointer; by default
         those of `MeasurementSet.parts` where the triangles are those of the open body model.
+    panel : Panel, optional
+        What else is drawn on the bodies, with controls beside them, such as a scan.
 
     Examples
     --------
@@ -215,6 +218,7 @@ class Viewer:
     below: str = ""
     frames_per_second: float | None = None
     parts: Mapping[str, ndarray] | None = None
+    panel: Panel | None = None
 
     def __post_init__(self) -> None:
         if not (self.choices and all(self.choices.values())):
@@ -243,7 +247,7 @@ class Viewer:
         shown_first, view = next(iter(self.choices.values())), View()
         data: dict[str, Any] = {
             # Neighbouring triangles have similar numbers.
-            "faces": _packed(self.faces.astype("<u4")),
+            "faces": packed(self.faces.astype("<u4")),
             "n_vertices": len(shown_first[0].frames[0]),
             "azimuth": view.azimuth,
             "elevation": view.elevation,
@@ -259,6 +263,8 @@ class Viewer:
         parts = _parts_of(self.faces) if self.parts is None else self.parts
         if parts:
             data["parts"] = _numbered_parts(parts, len(self.faces))
+        if self.panel is not None:
+            data["panel"] = {"name": self.panel.name, **self.panel.data()}
         return _fill(
             "viewer.html",
             identifier=identifier,
@@ -270,6 +276,7 @@ class Viewer:
             },
             moving=any(len(body.frames) > 1 for body in shown_first),
             shares=_component_shares(shown_first),
+            panel="" if self.panel is None else self.panel.html(identifier),
             data=data,
         )
 
@@ -316,6 +323,8 @@ class Viewer:
 
     def _picture(self, bodies: Sequence[ViewedBody], height: int) -> ndarray:
         """Return a picture of a choice: bodies half way, or times of the path of a single body."""
+        if self.panel is not None:
+            return self.panel.picture(height)
         if len(bodies) == 1:
             (body,) = bodies
             places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), 6))
@@ -353,39 +362,37 @@ def _numbered_parts(parts: Mapping[str, ndarray], n_faces: int) -> dict[str, Any
                 f"found {members.min()} to {members.max()}"
             )
         numbers[members] = number
-    return {"names": list(parts), "numbers": _deflated(numbers)}
+    return {"names": list(parts), "numbers": deflated(numbers)}
 
 
 def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
     """Return the data of a body in types that JSON can hold; coordinates have 16 bits."""
     low = body.frames.min(axis=(0, 1))
-    step = np.maximum(body.frames.max(axis=(0, 1)) - low, 1e-9) / _LEVELS
+    step = np.maximum(body.frames.max(axis=(0, 1)) - low, 1e-9) / LEVELS
     integers = np.round((body.frames - low) / step).astype("<u2")
     red, green, blue = (round(255 * channel) for channel in body.color)
     record = {
         "label": body.label,
         "n_frames": len(integers),
         # Differences in time, or along the surface of a single frame, are small.
-        "frames": _packed(
-            integers.reshape(len(integers), -1) if len(integers) > 1 else integers[0]
-        ),
+        "frames": packed(integers.reshape(len(integers), -1) if len(integers) > 1 else integers[0]),
         "low": low.tolist(),
         "step": step.tolist(),
         "color": f"#{red:02x}{green:02x}{blue:02x}",
     }
     if body.values is not None:
         colors = value_colors(_vertex_values(body, faces), body.limit, signed=body.signed)
-        record["colors"] = _deflated(np.round(255 * colors).astype(np.uint8))
-        record["values"] = _deflated(body.values.astype("<f4"))
+        record["colors"] = deflated(np.round(255 * colors).astype(np.uint8))
+        record["values"] = deflated(body.values.astype("<f4"))
         record["largest"] = body.limit
         record["signed"] = body.signed
         record["scale"] = SIGNED_COLORS if body.signed else VALUE_COLORS
         record["value_label"] = body.value_label
     if body.components is not None:
         changes = (body.components.linear, body.components.quadratic)
-        packed = [[_packed_changes(each) for each in pair] for pair in zip(*changes, strict=True)]
+        pairs = [[_packed_changes(each) for each in pair] for pair in zip(*changes, strict=True)]
         record["components"] = [
-            {"linear": linear, "quadratic": quadratic} for linear, quadratic in packed
+            {"linear": linear, "quadratic": quadratic} for linear, quadratic in pairs
         ]
     return record
 
@@ -398,9 +405,9 @@ def _component_shares(bodies: Sequence[ViewedBody]) -> list[float]:
 
 def _packed_changes(changes: ndarray) -> dict[str, Any]:
     """Return displacements, shape (V, 3), as signed whole numbers of 16 bits, and their step."""
-    step = max(float(np.abs(changes).max()), 1e-9) / (_LEVELS // 2)
+    step = max(float(np.abs(changes).max()), 1e-9) / (LEVELS // 2)
     integers = np.round(changes / step).astype("<i2")
-    return {"step": step, "changes": _packed(integers.view("<u2"))}
+    return {"step": step, "changes": packed(integers.view("<u2"))}
 
 
 def _vertex_values(body: ViewedBody, faces: ndarray) -> ndarray:
@@ -411,18 +418,6 @@ def _vertex_values(body: ViewedBody, faces: ndarray) -> ndarray:
     counts = np.bincount(faces.ravel(), minlength=body.frames.shape[1])
     sums = np.bincount(faces.ravel(), np.repeat(values, 3), len(counts))
     return np.asarray(sums / np.maximum(counts, 1))
-
-
-def _packed(rows: ndarray) -> str:
-    """Return differences of successive rows, bytes of one significance together, compressed."""
-    differences = rows.copy()
-    differences[1:] -= rows[:-1]  # unsigned integers wrap around
-    planes = differences.reshape(-1, 1).view(np.uint8).T
-    return _deflated(planes)
-
-
-def _deflated(array: ndarray) -> str:
-    return base64.b64encode(zlib.compress(np.ascontiguousarray(array).tobytes(), 9)).decode("ascii")
 
 
 def view_path(

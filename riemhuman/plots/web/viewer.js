@@ -35,6 +35,7 @@ class Viewer {
     const { parts } = this.data;
     if (parts) this.parts = { names: parts.names, numbers: await inflate(parts.numbers) };
     this.sliders = new Sliders(this);
+    this.panel = await Panel.of(this);
     await this.choose(0);
     listen(this);
     DARK.addEventListener("change", () => {
@@ -71,7 +72,7 @@ class Viewer {
     this.pause();
     delete this.element.dataset.ready;
     this.element.dataset.still = "true";
-    ["running", "turning", "help", "labels", "hint", "components"].forEach((name) => {
+    ["running", "turning", "help", "labels", "hint", "components", "panel"].forEach((name) => {
       const part = this.find(name);
       if (part) part.hidden = true;
     });
@@ -108,6 +109,7 @@ class Viewer {
     // The arrow keys then go from frame to frame.
     if (moving && this.isRecorded()) this.find("time").max = String(this.lastFrame());
     this.sliders.choose(bodies);
+    this.panel.choose(bodies);
     this.element.dataset.choice = this.data.choices[index].name;
     this.find("labels").replaceChildren(...bodies.map((body) => this.label(body)));
     this.hush();
@@ -272,7 +274,8 @@ class Viewer {
     const found = this.hit(place);
     const hint = this.find("hint");
     const part = found && this.parts ? this.parts.names[this.parts.numbers[found.face]] || "" : "";
-    const text = found ? found.body.describe(found, this.data.choices[this.chosen].name, part) : "";
+    const said = found ? found.body.describe(found, this.data.choices[this.chosen].name, part) : "";
+    const text = this.panel.describe(place, found, said);
     hint.hidden = !text;
     hint.textContent = text;
     if (!text) return;
@@ -282,6 +285,7 @@ class Viewer {
 
   hush() {
     this.find("hint").hidden = true;
+    this.panel.leave();
   }
 
   // Lengths are known in whole pixels.
