@@ -62,6 +62,9 @@ class TriangleFields(Manifold):
 class FieldMetric(RiemannianMetric):
     """An integral over the triangles of a template, with closed forms on each."""
 
+    has_closed_form_geodesic = True
+    has_closed_form_transport = True
+
     _term: Term
     _fields: Callable[..., Fields]
     _products: Callable[[ndarray, ndarray, ndarray], ndarray]

@@ -46,18 +46,20 @@ from riemhuman.provided import default_solvers
 from riemhuman.representation import Unchanging, constructor_text
 
 
-def _is_overridden(metric: RiemannianMetric, name: str) -> bool:
-    return getattr(type(metric), name) is not getattr(RiemannianMetric, name)
-
-
 class RiemannianMetric(Unchanging):
     r"""A Riemannian metric on a manifold.
 
     A subclass defines `inner_product`, or `squared_dist` where there is a closed form, or both;
     norm, distance, energy, length and their gradients by autograd follow. With `squared_dist`
     alone the inner product is half its second derivative on the diagonal. What cannot be derived
-    raises NotDefinedError. Properties say what a metric has and what leaves its distances
-    unchanged; solvers read them. The parameters of a metric never change.
+    raises NotDefinedError. The parameters of a metric never change.
+
+    Properties say what a metric has, and what leaves its distances unchanged; solvers read them.
+    By default a metric has what its class defines, `exp` and `log` together being geodesics in
+    closed form. A subclass that knows better, as one whose distances depend on a parameter,
+    defines the property: `has_closed_form_dist`, `has_closed_form_geodesic`,
+    `has_closed_form_transport`, `has_inner_product`, `has_metric_matrix` or
+    `has_lower_bound_coordinates`.
 
     Parameters
     ----------
@@ -147,37 +149,35 @@ class RiemannianMetric(Unchanging):
 
     @property
     def has_closed_form_dist(self) -> bool:
-        """Whether the class has distances itself."""
-        return _is_overridden(self, "squared_dist")
+        """Whether it has distances itself; by default if the class defines `squared_dist`."""
+        return type(self).squared_dist is not RiemannianMetric.squared_dist
 
     @property
     def has_inner_product(self) -> bool:
-        """Whether it has inner products itself."""
-        return _is_overridden(self, "inner_product")
+        """Whether it has inner products itself; by default if the class defines them."""
+        return type(self).inner_product is not RiemannianMetric.inner_product
 
     @property
     def has_closed_form_transport(self) -> bool:
-        """Whether parallel transport needs no solver."""
-        return _is_overridden(self, "parallel_transport") or _is_overridden(self, "_transport")
+        """Whether parallel transport needs no solver; by default if the class defines it."""
+        return type(self).parallel_transport is not RiemannianMetric.parallel_transport
 
     @property
     def has_metric_matrix(self) -> bool:
         """Whether `metric_matrix` is defined."""
-        return _is_overridden(self, "metric_matrix")
+        return type(self).metric_matrix is not RiemannianMetric.metric_matrix
 
     @property
     def has_lower_bound_coordinates(self) -> bool:
         """Whether `lower_bound_coordinates` is defined."""
-        return _is_overridden(self, "lower_bound_coordinates")
+        default = RiemannianMetric.lower_bound_coordinates
+        return type(self).lower_bound_coordinates is not default
 
     @property
     def has_closed_form_geodesic(self) -> bool:
-        """Whether geodesics need no solver."""
-        exp, log = (
-            _is_overridden(self, name) or _is_overridden(self, f"_{name}")
-            for name in ("exp", "log")
-        )
-        return _is_overridden(self, "_geodesic_between") or (exp and log)
+        """Whether geodesics need no solver; by default if the class defines `exp` and `log`."""
+        cls = type(self)
+        return cls.exp is not RiemannianMetric.exp and cls.log is not RiemannianMetric.log
 
     @property
     def target_metric(self) -> RiemannianMetric:

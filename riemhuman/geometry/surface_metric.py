@@ -15,7 +15,7 @@ from numpy import ndarray
 from scipy import sparse
 
 from riemhuman.checks import joint_shape, metric_weight, path_array, values_of
-from riemhuman.errors import ArgumentError, NotDefinedError
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.fields import (
     EbinMetric,
     GeneralElasticFieldMetric,
@@ -33,7 +33,7 @@ from riemhuman.kernels.threads import quadratic_form
 from riemhuman.terms._quadratic import SumOfQuadraticTerms
 from riemhuman.terms._sum import SumOfTerms, checked_terms
 from riemhuman.terms.cone import ConeTerm, EbinTerm
-from riemhuman.terms.flat import FlatTerm, RootNormalTerm
+from riemhuman.terms.flat import RootNormalTerm
 from riemhuman.terms.normals import NormalTerm
 from riemhuman.terms.term import Fields, Term
 
@@ -199,29 +199,26 @@ class SurfaceMetric(MetricOfTerms):
 
     @property
     def has_target_metric(self) -> bool:  # type: ignore[override]
-        return all(map(_parts_of, self.terms))
+        return all(term.has_target_space for term in self.terms)
 
     @cached_property
     def target_metric(self) -> RiemannianMetric:
-        factors = [_space_of(term, self.space.template) for term in self.terms]
+        spaces = SpacesOverTemplate(self.space.template)
+        factors = [_space_of(term, spaces) for term in self.terms]
         weights = [term.weight for term in self.terms]
-        if weights == [1.0] and isinstance(self.terms[0], FlatTerm):
-            return factors[0].metric
+        if weights == [1.0] and isinstance(factors[0].metric, FlatMetric):
+            return factors[0].metric  # a vector space needs no product around it
         return ProductManifold(factors).equip_with_metric(ProductMetric, weights=weights).metric
 
     def map(self, point: ndarray) -> ndarray:
         first = self._derivatives(self.space.check_point(point))
-        g = surface.first_fundamental_form(first.f_u, first.f_v)
-        fields = [
-            g if part == "g" else term.fields(first)[-1]
-            for term in self.terms
-            for part in _parts_of(term)
-        ]
-        if isinstance(self.target_metric, FlatMetric):
-            return fields[0]
+        is_flat = isinstance(self.target_metric, FlatMetric)
+        points = [term.target_point(first) for term in self.terms]
+        if is_flat:
+            return points[0]
         # Points of products of products are joined in the same way.
         leading = np.shape(first.areas)[:-1]
-        return np.concatenate([np.reshape(f, (*leading, -1)) for f in fields], axis=-1)
+        return np.concatenate([np.reshape(p, (*leading, -1)) for p in points], axis=-1)
 
     def _derivatives(self, f: ndarray) -> surface.Derivatives:
         operator = self.space.template.differential_operator
@@ -248,29 +245,37 @@ class SurfaceMetric(MetricOfTerms):
         return term.weight * np.sum(values, axis=-1)
 
 
-def _parts_of(term: Term) -> tuple[str, ...]:
-    """Return which fields, of metrics, normals or vectors, the space of a term is made of."""
-    if isinstance(term, ConeTerm) and term.c > 0.0:
-        return "g", "n"
-    kinds = {EbinTerm: "g", NormalTerm: "n", FlatTerm: "q"}
-    return tuple(part for kind, part in kinds.items() if isinstance(term, kind))
+class SpacesOverTemplate:
+    """The spaces that a term may choose from in `Term.target_space`, over one template."""
+
+    def __init__(self, template: Template) -> None:
+        self.template = template
+
+    def metric_fields(self, lam: float) -> Manifold:
+        return MetricFields(self.template).equip_with_metric(EbinMetric, lam=lam)
+
+    def normal_fields(self) -> Manifold:
+        return NormalFields(self.template)
+
+    def metric_and_normal_fields(self, a: float, b: float, c: float) -> Manifold:
+        product = ProductManifold([MetricFields(self.template), NormalFields(self.template)])
+        return product.equip_with_metric(GeneralElasticFieldMetric, a=a, b=b, c=c)
+
+    def vector_fields(self, n_features: int) -> Manifold:
+        space = VectorSpace((self.template.n_faces, n_features))
+        return space.equip_with_metric(FlatMetric, weights=self.template.face_areas)
 
 
-def _space_of(term: Term, template: Template) -> Manifold:
-    if isinstance(term, ConeTerm) and term.c > 0.0:
-        product = ProductManifold([MetricFields(template), NormalFields(template)])
-        return product.equip_with_metric(GeneralElasticFieldMetric, a=term.a, b=term.b, c=term.c)
-    if isinstance(term, EbinTerm):
-        return MetricFields(template).equip_with_metric(EbinMetric, lam=term.lam)
-    if isinstance(term, NormalTerm):
-        return NormalFields(template)
-    if isinstance(term, FlatTerm):
-        space = VectorSpace((template.n_faces, term.n_features))
-        return space.equip_with_metric(FlatMetric, weights=template.face_areas)
-    raise NotDefinedError(
-        f"the fields of {type(term).__name__} have no manifold with exp and log; statistics of "
-        'fields need an elastic metric, normals or flat terms; use image="points" otherwise'
-    )
+def _space_of(term: Term, spaces: SpacesOverTemplate) -> Manifold:
+    """Return the space of a term's fields after checking that it has a metric."""
+    space = term.target_space(spaces)
+    if not isinstance(space, Manifold) or not space.is_equipped:
+        raise ArgumentTypeError(
+            f"target_space of {type(term).__name__} must return a manifold equipped with a metric, "
+            f"such as spaces.vector_fields(1); found {type(space).__name__}"
+            f"{' without one' if isinstance(space, Manifold) else ''}"
+        )
+    return space
 
 
 class ElasticMetric(SurfaceMetric):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self, cast
 
 import numpy as np
@@ -51,9 +51,8 @@ _RIDGES = 1e-6, 1e-4
 
 @dataclass(frozen=True)
 class PathSearch(PathSolver):
-    """What searches for paths of least energy have in common; no basis frees all coordinates."""
+    """What searches for paths of least energy have in common."""
 
-    basis: DeformationBasis | None
     n_nodes: int = 11
     energy: PathEnergy = SegmentEnergy()
     initial: GeodesicSolver | None = None
@@ -165,6 +164,11 @@ class PathSearch(PathSolver):
 
         return replace(self, callback=report)
 
+    @property
+    @abstractmethod
+    def _directions(self) -> ndarray | None:
+        """Deformations that interior points may move along, shape (K, n); None frees all."""
+
     @abstractmethod
     def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
         """Raise an error or warn if a search makes no sense."""
@@ -221,8 +225,8 @@ class PathSearch(PathSolver):
     ) -> PathResult:
         """Minimise over the interior points of a path."""
         path = _on_manifold(metric, path)
-        over_all = self.basis is None
-        directions = None if self.basis is None else self.basis.flat
+        directions = self._directions
+        over_all = directions is None
 
         def energy(nodes: ndarray) -> tuple[float, ndarray]:
             if over_all and not np.all(metric.space.belongs(nodes)):
@@ -272,7 +276,14 @@ class PathSearch(PathSolver):
 
 
 @dataclass(frozen=True)
-class BasisPath(PathSearch):
+class _OverBasis:
+    """The basis of a search: its first parameter, as fields of the last base come first."""
+
+    basis: DeformationBasis
+
+
+@dataclass(frozen=True)
+class BasisPath(PathSearch, _OverBasis):
     r"""Paths of least energy over a basis, without exponential map: Algorithm 1 of the paper.
 
     .. math:: f(t_i) = l(t_i) + \sum_j \alpha_{ij} \mathcal{D}_j
@@ -319,14 +330,16 @@ class BasisPath(PathSearch):
     (5, 1202, 3)
     """
 
-    basis: DeformationBasis
-
     _recent_decrease = 1e-3
     _recent_tolerances = 10.0
 
     def __post_init__(self) -> None:
         check_basis(self.basis, "basis")
         super().__post_init__()
+
+    @property
+    def _directions(self) -> ndarray:
+        return self.basis.flat
 
     def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
         self.basis.check_fits(start.shape[0])
@@ -380,10 +393,12 @@ class PathStraightening(PathSearch):
     2.0
     """
 
-    basis: None = field(init=False, repr=False, default=None)
-
     _recent_decrease = 2e-3
     _recent_tolerances = 20.0
+
+    @property
+    def _directions(self) -> None:
+        return None
 
     def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
         if metric.is_reparametrization_invariant and not np.array_equal(start, end):

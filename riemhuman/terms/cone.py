@@ -31,7 +31,7 @@ from numpy import ndarray
 from riemhuman.checks import metric_weight
 from riemhuman.kernels.compilation import FUSED, SUM, compiled
 from riemhuman.kernels.sphere import sine_cardinal
-from riemhuman.kernels.surface import Derivatives, dot, square_root
+from riemhuman.kernels.surface import Derivatives, dot, first_fundamental_form, square_root
 from riemhuman.kernels.threads import CHUNK, LARGEST, SMALLEST, UNDERFLOW, of_one_kind
 from riemhuman.terms._polynomial_fits import (
     LARGEST_RATIO,
@@ -46,7 +46,7 @@ from riemhuman.terms._polynomial_fits import (
     squared_length_and_slope,
 )
 from riemhuman.terms.normals import add_segment, nearer_normal, squared_arc
-from riemhuman.terms.term import LENGTH, Fields, Term
+from riemhuman.terms.term import LENGTH, Fields, FieldSpace, FieldSpaces, Term
 
 
 class ConeTerm(Term):
@@ -92,6 +92,20 @@ class ConeTerm(Term):
     @property
     def is_rotation_invariant(self) -> bool:  # type: ignore[override]
         return self.c == 0.0
+
+    @property
+    def has_target_space(self) -> bool:  # type: ignore[override]  # read only, as no weight changes
+        return self.c > 0.0
+
+    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+        if self.c == 0.0:
+            return super().target_space(spaces)
+        return spaces.metric_and_normal_fields(self.a, self.b, self.c)
+
+    def target_point(self, first: Derivatives) -> ndarray:
+        g, n = first_fundamental_form(first.f_u, first.f_v), self.fields(first)[-1]
+        leading = np.shape(first.areas)[:-1]
+        return np.concatenate([np.reshape(part, (*leading, -1)) for part in (g, n)], axis=-1)
 
     def fields(self, first: Derivatives) -> Fields:
         x, y, s = half_plane(first.e, first.m, first.areas, first.degenerate)
@@ -219,6 +233,16 @@ class EbinTerm(ConeTerm):
     def __init__(self, weight: float = 1.0, lam: float = 0.5) -> None:
         self.lam = metric_weight(lam, "lam", strict=True)
         super().__init__(weight, a=1.0, b=self.lam, c=0.0)
+
+    @property
+    def has_target_space(self) -> bool:  # type: ignore[override]  # read only, as no weight changes
+        return True
+
+    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+        return spaces.metric_fields(self.lam)
+
+    def target_point(self, first: Derivatives) -> ndarray:
+        return first_fundamental_form(first.f_u, first.f_v)
 
 
 # Steeper charts are tighter, but wind bodies around in too many dimensions.

@@ -18,7 +18,7 @@ from riemhuman.terms._polynomial_fits import (
     squared_angle_and_slope,
     squared_short_arc,
 )
-from riemhuman.terms.term import Fields, Term
+from riemhuman.terms.term import Fields, FieldSpace, FieldSpaces, Term
 
 
 class _AngleTerm(Term):
@@ -58,6 +58,13 @@ class NormalTerm(_AngleTerm):
     """
 
     n_features = 3
+    has_target_space = True
+
+    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+        return spaces.normal_fields()
+
+    def target_point(self, first: Derivatives) -> ndarray:
+        return self.fields(first)[0]
 
     def fields(self, first: Derivatives) -> Fields:
         return (first.area_vectors / first.areas[..., None],)
