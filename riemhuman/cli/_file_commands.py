@@ -95,7 +95,7 @@ def _view(options: argparse.Namespace) -> cli.Answer:
                 raise ArgumentError(f"give either one {ending} file with a path, or meshes")
             motion, faces, timing = inputs.read_motion(first)
             title = first.parent.resolve().name if first.name == _PATH_FILE else first.name
-            viewer = rh.plots.view_path(motion[:], faces, title=title, **timing)
+            viewer = rh.plots.view_path(motion, faces, title=title, **timing)
         else:
             surfaces = inputs.read_surfaces(options, options.meshes)
             names = [file.stem for file in surfaces.files]

@@ -22,10 +22,12 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number
 from riemhuman.datasets import load_open_model
+from riemhuman.datasets.motions import ModelMotion, Motion
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.measurements import open_measurements
+from riemhuman.plots._bones import bone_record
 from riemhuman.plots._packing import LEVELS, deflated, packed
 from riemhuman.plots.body_plots import plot_path
 from riemhuman.plots.figures import (
@@ -60,6 +62,7 @@ _MOST_IN_PICTURE = 8
 # Parts of the script, in their order.
 _SCRIPTS = (
     "viewer_ground.js",
+    "viewer_motion.js",
     "viewer_body.js",
     "viewer_components.js",
     "viewer_panels.js",
@@ -69,6 +72,8 @@ _SCRIPTS = (
 _N_MATCHES = 8  # pairs of frames on the page of two motions
 _MATCH_HEIGHT = 200
 _NO_PART = 255
+_STEP = 1e-4  # metres, of coordinates
+_AS_LARGE_AS_BODIES = 0.2  # metres
 
 
 @cache
@@ -143,8 +148,9 @@ class ViewedBody:
     Parameters
     ----------
     label : str
-    frames : array, shape (n_times, V, 3)
-        Surfaces at equally spaced times, metres.
+    frames : array, shape (n_times, V, 3), or motion of a body model
+        Surfaces at equally spaced times, metres. The page poses a motion of a body model, such
+        as `ArrayMotion`, by its bones: it is tens of times smaller.
     color : tuple of float
         Red, green and blue between 0 and 1.
     values : array, shape (F,) or (V,), optional
@@ -162,7 +168,7 @@ class ViewedBody:
     """
 
     label: str
-    frames: ndarray
+    frames: ndarray | ModelMotion
     color: tuple[float, float, float] = SKIN
     values: ndarray | None = None
     value_label: str = ""
@@ -328,7 +334,7 @@ class Viewer:
         if len(bodies) == 1:
             (body,) = bodies
             places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), 6))
-            bodies = [replace(body, frames=body.frames[[round(place)]]) for place in places]
+            bodies = [replace(body, frames=body.frames[round(place)][None]) for place in places]
         surfaces = [body.frames[len(body.frames) // 2] for body in bodies]
         colors = [
             body.color
@@ -366,20 +372,17 @@ def _numbered_parts(parts: Mapping[str, ndarray], n_faces: int) -> dict[str, Any
 
 
 def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
-    """Return the data of a body in types that JSON can hold; coordinates have 16 bits."""
-    low = body.frames.min(axis=(0, 1))
-    step = np.maximum(body.frames.max(axis=(0, 1)) - low, 1e-9) / LEVELS
-    integers = np.round((body.frames - low) / step).astype("<u2")
+    """Return the data of a body in types that JSON can hold."""
     red, green, blue = (round(255 * channel) for channel in body.color)
-    record = {
+    record: dict[str, Any] = {
         "label": body.label,
-        "n_frames": len(integers),
-        # Differences in time, or along the surface of a single frame, are small.
-        "frames": packed(integers.reshape(len(integers), -1) if len(integers) > 1 else integers[0]),
-        "low": low.tolist(),
-        "step": step.tolist(),
+        "n_frames": len(body.frames),
         "color": f"#{red:02x}{green:02x}{blue:02x}",
     }
+    if isinstance(body.frames, ModelMotion):
+        record["bones"] = bone_record(body.frames)
+    else:
+        record |= _coordinates(body.frames)
     if body.values is not None:
         colors = value_colors(_vertex_values(body, faces), body.limit, signed=body.signed)
         record["colors"] = deflated(np.round(255 * colors).astype(np.uint8))
@@ -395,6 +398,19 @@ def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
             {"linear": linear, "quadratic": quadratic} for linear, quadratic in pairs
         ]
     return record
+
+
+def _coordinates(frames: ndarray) -> dict[str, Any]:
+    """Return the coordinates of all frames as whole numbers of 16 bits."""
+    low = frames.min(axis=(0, 1))
+    size = frames.max(axis=(0, 1)) - low
+    step = np.maximum(size, 1e-9) / LEVELS
+    # What is as large as a body is told to 0.1 mm, which compresses better.
+    step = np.where(size > _AS_LARGE_AS_BODIES, np.maximum(step, _STEP), step)
+    integers = np.round((frames - low) / step).astype("<u2")
+    # Differences in time, or along the surface of a single frame, are small.
+    rows = integers.reshape(len(integers), -1) if len(integers) > 1 else integers[0]
+    return {"frames": packed(rows), "low": low.tolist(), "step": step.tolist()}
 
 
 def _component_shares(bodies: Sequence[ViewedBody]) -> list[float]:
@@ -415,13 +431,13 @@ def _vertex_values(body: ViewedBody, faces: ndarray) -> ndarray:
     values = np.asarray(body.values)
     if len(values) != len(faces):
         return values
-    counts = np.bincount(faces.ravel(), minlength=body.frames.shape[1])
+    counts = np.bincount(faces.ravel(), minlength=len(body.frames[0]))
     sums = np.bincount(faces.ravel(), np.repeat(values, 3), len(counts))
     return np.asarray(sums / np.maximum(counts, 1))
 
 
 def view_path(
-    path: ArrayLike | Sequence[Any] | Mapping[str, ArrayLike],
+    path: ArrayLike | Sequence[Any] | Motion | Mapping[str, ArrayLike | Motion],
     faces: ArrayLike | None = None,
     *,
     side_by_side: bool = False,
@@ -435,10 +451,11 @@ def view_path(
 
     Parameters
     ----------
-    path : array_like, shape (n_times, V, 3), sequence of meshes, or mapping of str to such
-        Surfaces at equally spaced times, metres, y up; several paths by name.
+    path : array_like, shape (n_times, V, 3), sequence of meshes, motion, or mapping of str to such
+        Surfaces at equally spaced times, metres, y up; several paths by name. The page poses
+        motions of body models by their bones, which keeps it small.
     faces : array_like, shape (F, 3), optional
-        Triangles; none for mesh objects.
+        Triangles; none for mesh objects and motions.
     side_by_side : bool
         Whether to play several paths beside each other instead.
     legend, title, description : str
@@ -454,12 +471,16 @@ def view_path(
     >>> viewer = rh.plots.view_path(bodies.points[:4], bodies.template.faces)
     >>> motion = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
     >>> rate = motion.frames_per_second
-    >>> viewer = rh.plots.view_path(motion[:30], motion.faces, frames_per_second=rate)
+    >>> viewer = rh.plots.view_path(motion, frames_per_second=rate)
     """
     paths = path if isinstance(path, Mapping) else {"": path}
-    frames = {}
+    frames: dict[str, ndarray | ModelMotion] = {}
     triangles: Any = faces
     for name, given in paths.items():
+        if isinstance(given, Motion):
+            triangles = given.faces if triangles is None else triangles
+            frames[name] = given if isinstance(given, ModelMotion) else given[:]
+            continue
         surfaces, triangles = as_surfaces(given, triangles)
         frames[name] = real_array(surfaces, "path", ("n_times", "n_vertices", 3), batched=False)
     if side_by_side:

@@ -73,8 +73,8 @@ def _(shown: Bodies, faces: ArrayLike | None = None) -> Viewer:
 @view.register
 def _(shown: Motion, faces: ArrayLike | None = None) -> Viewer:
     return view_path(
-        shown[:],
-        shown.faces if faces is None else faces,
+        shown,
+        faces,
         title=shown.sequence or "Motion",
         frames_per_second=shown.frames_per_second,
     )

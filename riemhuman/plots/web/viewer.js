@@ -6,6 +6,19 @@ const PITCH_LIMIT = 1.5;
 const ZOOM_LIMITS = [0.5, 60];
 const FRAMED = 0.22; // height of what is framed, as a share of the tallest body
 
+const STILL = 150; // milliseconds without a change, after which a processor draws finely
+
+// Whether there is no graphics card: smooth outlines then take longer than all the rest.
+function drawsOnProcessor() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  if (!context) return false;
+  const named = context.getExtension("WEBGL_debug_renderer_info");
+  const name = context.getParameter(named ? named.UNMASKED_RENDERER_WEBGL : context.RENDERER);
+  const release = context.getExtension("WEBGL_lose_context");
+  if (release) release.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
 class Viewer {
   constructor(element) {
     this.element = element;
@@ -48,8 +61,9 @@ class Viewer {
 
   // Set up what draws the bodies, and tell whether the browser can.
   light() {
+    this.slow = drawsOnProcessor();
     try {
-      this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, alpha: true, antialias: true });
+      this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, alpha: true, antialias: !this.slow });
     } catch {
       return false;
     }
@@ -325,7 +339,7 @@ class Viewer {
     const width = this.stage.clientWidth;
     const height = this.stage.clientHeight;
     if (!width || !height) return;
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    this.fineness(1);
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.arrange(width / height);
@@ -371,7 +385,7 @@ class Viewer {
       body.holder.rotation.x = this.pitch;
       body.turning.rotation.y = this.yaw;
     });
-    this.renderer.render(this.scene, this.camera);
+    this.render();
     this.placeLabels();
     const { dataset } = this.element;
     Object.assign(dataset, {
@@ -381,6 +395,27 @@ class Viewer {
     });
     // While the whole is seen, a finger that goes up or down scrolls the page.
     this.canvas.style.touchAction = this.zoom > 1.01 ? "none" : "pan-y";
+  }
+
+  // Pixels drawn for one of the screen, in each direction.
+  fineness(times) {
+    const ratio = times * Math.min(window.devicePixelRatio || 1, 2);
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
+  }
+
+  // A processor draws outlines smooth only when nothing moves.
+  render() {
+    if (this.slow) {
+      clearTimeout(this.waiting);
+      this.fineness(1);
+      this.waiting = setTimeout(() => {
+        this.fineness(2);
+        this.renderer.render(this.scene, this.camera);
+        this.element.dataset.fine = "true";
+      }, STILL);
+    }
+    this.renderer.render(this.scene, this.camera);
+    this.element.dataset.fine = String(!this.slow);
   }
 
   // Below each body that is seen, and always within the stage.
