@@ -16,6 +16,7 @@ import numpy as np
 from autograd.tracer import getval
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, PrecisionWarning, warn
+from riemhuman.memory import too_little
 
 Rng = int | np.random.Generator | None
 _LONGEST = 200
@@ -126,16 +127,20 @@ def real_array(
             array = unflatten(array if hasattr(array, "_trace") else values, shape)
             values = values_of(array)
         check_shape(values, name, shape, batched=batched)
-    if finite and not np.isfinite(values).all():
+    try:
+        is_finite = not finite or np.isfinite(values).all()
+        checked = np.asarray(values, dtype=np.float64)
+    except MemoryError as error:
+        raise too_little(f"{name} of shape {values.shape} in double precision", error) from error
+    if not is_finite:
         bad = np.argwhere(~np.isfinite(values))
         index = tuple(int(i) for i in bad[0])
         raise ArgumentError(
             f"{name} holds {len(bad)} NaN or infinite entries, the first at index {index}; "
             "every entry must be finite"
         )
-    values = np.asarray(values, dtype=np.float64)
     if lengths:
-        largest = np.abs(values).max(axis=(-2, -1), initial=0.0)
+        largest = np.abs(checked).max(axis=(-2, -1), initial=0.0)
         wrong = (largest > _LONGEST_LENGTH) | ((largest > 0) & (largest < _SHORTEST_LENGTH))
         if wrong.any():
             raise ArgumentError(
@@ -143,7 +148,7 @@ def real_array(
                 f"{_LONGEST_LENGTH:g} in size; the largest of one is {largest[wrong][0]:g}: choose "
                 "another unit"
             )
-    return array if hasattr(array, "_trace") else values
+    return array if hasattr(array, "_trace") else checked
 
 
 def unflatten(array: Any, shape: Sequence[Any]) -> Any:

@@ -31,6 +31,7 @@ from riemhuman.checks import (
 )
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.memory import enough_memory
 from riemhuman.representation import Record
 from riemhuman.surfaces.template import check_body_sizes
 
@@ -92,6 +93,7 @@ class ModelFit(Record):
         return self.distances.mean(axis=-1)
 
 
+@enough_memory("a fit of the body model")
 def fit_model(
     model: Any,
     points: Any,

@@ -26,6 +26,7 @@ from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._commands import Answer, make_parser
 from riemhuman.cli._terminal import interrupt
 from riemhuman.errors import RiemhumanError
+from riemhuman.memory import lack_of_memory
 from riemhuman.optional import import_optional
 
 __all__ = ["interrupt", "main"]
@@ -99,7 +100,7 @@ def _run(given: Sequence[str]) -> int:
             raise
         if isinstance(error, RiemhumanError):
             terminal.note(str(error))
-        elif isinstance(error, MemoryError):
+        elif lack_of_memory(error):
             needed = f": {error}" if str(error) else ""
             terminal.note(f"not enough memory; use fewer or coarser meshes{needed}")
         else:

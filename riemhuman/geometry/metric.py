@@ -42,8 +42,12 @@ from riemhuman.geometry.strategies import (
 )
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.surface import differential, square_root
+from riemhuman.memory import check_memory, enough_memory
 from riemhuman.provided import default_solvers
 from riemhuman.representation import Unchanging, constructor_text
+
+# Points of more bytes are many, of which the features are foreseen.
+_MANY_BYTES = 2**26
 
 
 class RiemannianMetric(Unchanging):
@@ -437,7 +441,12 @@ class RiemannianMetric(Unchanging):
             check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
         else:
             checked = self.check_points(points, name)
-        return self.bulk.features(checked, precision)
+        task = f"the features of {len(checked):,} points"
+        with enough_memory(task):
+            if checked.nbytes > _MANY_BYTES:
+                one = self.bulk.features(checked[:1], precision)
+                check_memory(len(checked) * sum(array.nbytes for array in one), task)
+            return self.bulk.features(checked, precision)
 
     def lower_bound_coordinates(self, points: ndarray) -> ndarray:
         r"""Return coordinates, shape (..., m), at most as far apart as their points.
@@ -573,7 +582,8 @@ class RiemannianMetric(Unchanging):
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         joint_shape(tangent_vec=tangent_vec, base_point=base_point)
-        return self._exp(tangent_vec, base_point)
+        with enough_memory("these exponentials"):
+            return self._exp(tangent_vec, base_point)
 
     def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
         solver: ExpSolver | None = self.exp_solver
@@ -596,7 +606,8 @@ class RiemannianMetric(Unchanging):
         point = self.space.check_point(point, "point")
         base_point = self.space.check_point(base_point, "base_point")
         joint_shape(point=point, base_point=base_point)
-        return self._log(point, base_point)
+        with enough_memory("these logarithms"):
+            return self._log(point, base_point)
 
     def _log(self, point: ndarray, start: ndarray) -> ndarray:
         solver: LogSolver | None = self.log_solver

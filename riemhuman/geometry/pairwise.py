@@ -13,6 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import check_shape, one_of, unflatten, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import mapped, thread_count
+from riemhuman.memory import check_memory, enough_memory
 from riemhuman.progress import ProgressBar
 
 __all__ = ["MEMORY", "PRECISIONS", "Bulk", "Features", "Points", "squared_dist_rectangle"]
@@ -24,6 +25,11 @@ PRECISIONS = ("single", "double")
 
 MEMORY = 2**29
 """Bytes of features in memory at once, by default."""
+
+_IN_BLOCKS = (
+    "pass a smaller `memory`, compute blocks with `cdist`, or let riemhuman.pairwise_job (on the "
+    "command line: matrix --resume FOLDER) write them to a file"
+)
 
 # A distance is exact enough when rounding of its features is at most this share of it.
 _ROUNDING_SHARE = 5e-6
@@ -162,6 +168,7 @@ def squared_dist_rectangle(
     return squared
 
 
+@enough_memory("a table of distances", _IN_BLOCKS)
 def table_of_distances(
     metric: Any,
     points_a: Points,
@@ -187,17 +194,22 @@ def table_of_distances(
             sets[name] = unflatten(points, metric.space.shape)
             check_shape(sets[name], name, ("n_points", *metric.space.shape), batched=False)
     (row_name, rows), *_, (column_name, columns) = 2 * list(sets.items())
-    result = np.zeros((len(rows), len(columns)))
-    if not result.size:
-        return result
+    if not len(rows) or not len(columns):
+        return np.zeros((len(rows), len(columns)))
 
     blocks = partial(_blocks, metric, precision, n_threads)
     [(_, features_of_one)] = blocks(rows, row_name, 0, 1)
     bytes_per_point = sum(array.nbytes for array in features_of_one)
-    n_at_once = len(result) if within else sum(result.shape)
+    n_at_once = len(rows) if within else len(rows) + len(columns)
     if n_at_once * bytes_per_point > memory:
         # If the features of all points do not fit, those of as many rows as columns do.
         n_at_once = max(1, memory // (2 * bytes_per_point))
+    check_memory(
+        8 * len(rows) * len(columns) + n_at_once * bytes_per_point,
+        f"a table of {len(rows):,} × {len(columns):,} distances",
+        _IN_BLOCKS,
+    )
+    result = np.zeros((len(rows), len(columns)))
     n_pairs = len(result) * (len(result) - 1) // 2 if within else result.size
     with ProgressBar(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
         for first in range(0, len(rows), n_at_once):
