@@ -7,6 +7,7 @@ and they are loaded when they are first used.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
@@ -28,12 +29,20 @@ class DefaultSolvers(Protocol):
     def transport_solver(self, metric: Any) -> Any: ...
 
 
+class View(Protocol):
+    """An interactive view, see `riemhuman.plots.Viewer`."""
+
+    def save(self, path: str | os.PathLike[str]) -> None: ...
+
+
 class NotebookPictures(Protocol):
-    """Pictures of surfaces as HTML, see `riemhuman.plots`."""
+    """Pictures of surfaces as HTML and views, see `riemhuman.plots`."""
 
     def surfaces_html(
         self, surfaces: Sequence[ndarray] | ndarray, faces: ndarray | None, caption: str
     ) -> str: ...
+
+    def view(self, shown: object) -> View: ...
 
 
 class Provided(Generic[T]):

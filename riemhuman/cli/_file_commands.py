@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,12 +53,14 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
     "view",
     "an interactive page of bodies or of a path",
     "Writes a page for any browser, without a network connection, or a picture: registered\n"
-    "meshes side by side, or one after the other with --motion; the path in an .npz file or in\n"
+    "meshes side by side, or one after the other with --motion; a raw scan over the body that\n"
+    "is registered to it, with distances; the path in an .npz file or in\n"
     "the folder of a geodesic, which holds path.npz; or a motion capture recording\n"
     "(.bvh, .amc, .trc, .c3d, .npz of AMASS, or .npz, .pkl and .pt of methods that watch\n"
     "videos), performed by a body of its proportions.",
     "  riemhuman view anna.ply ben.ply                # opens in the browser\n"
     "  riemhuman view anna.ply ben.ply -o both.html\n"
+    "  riemhuman view scan.ply body.ply               # a scan over its registered body\n"
     "  riemhuman view walk/ --motion -o walk.html\n"
     "  riemhuman view path/ -o path.html --open\n"
     "  riemhuman view anna.ply ben.ply -o both.png\n"
@@ -96,6 +98,8 @@ def _view(options: argparse.Namespace) -> cli.Answer:
             motion, faces, timing = inputs.read_motion(first)
             title = first.parent.resolve().name if first.name == _PATH_FILE else first.name
             viewer = rh.plots.view_path(motion, faces, title=title, **timing)
+        elif (scan_and_body := _scan_and_body(options)) is not None:
+            viewer = _scan_over_body(*scan_and_body, options)
         else:
             surfaces = inputs.read_surfaces(options, options.meshes)
             names = [file.stem for file in surfaces.files]
@@ -110,6 +114,48 @@ def _view(options: argparse.Namespace) -> cli.Answer:
     if options.output is None:
         return cli.Answer({"page": place}, {"page": place})
     return cli.Answer(record={})
+
+
+def _scan_and_body(options: argparse.Namespace) -> tuple[Path, Path] | None:
+    """Return the two files given, if they are a scan and its body: points, or other triangles."""
+    import numpy as np
+
+    files = options.meshes
+    if len(files) != 2 or options.motion or any(map(_is_not_scan, files)):
+        return None
+    (first, faces), (second, others) = (rh.io.load_points(file)[:2] for file in files)
+    if faces is None or others is None:
+        return None if faces is others else _body_last(files, others is None)
+    if np.array_equal(faces, others):
+        return None
+    are_bodies = [rh.io.is_registered_scan(file) for file in files]
+    if not any(are_bodies):
+        are_bodies = [_is_open_body(first, faces), _is_open_body(second, others)]
+    return _body_last(files, are_bodies == [True, False])
+
+
+def _body_last(files: Sequence[Path], is_body_first: bool) -> tuple[Path, Path]:
+    first, second = files
+    return (second, first) if is_body_first else (first, second)
+
+
+def _is_not_scan(file: Path) -> bool:
+    return file.is_dir() or file.suffix.lower() not in rh.io.meshes.POINT_SUFFIXES
+
+
+def _is_open_body(points: ndarray, faces: ndarray) -> bool:
+    return rh.measurements.open_measurements(rh.Template(points, faces)) is not None
+
+
+def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> Any:
+    """Return the page of a scan over its body."""
+    surface = rh.registration.load_scan(body)
+    return rh.plots.view_scan(
+        rh.registration.load_scan(scan, options.unit),
+        surface.points,
+        surface.faces,
+        title=f"{scan.name} over {body.name}",
+    )
 
 
 @cli.command(

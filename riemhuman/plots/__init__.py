@@ -19,6 +19,7 @@ from riemhuman.plots.result_plots import (
     plot_precision_recall,
     plot_sweep,
 )
+from riemhuman.plots.scan_views import plot_scan, view_scan
 from riemhuman.plots.viewer import (
     ViewedBody,
     Viewer,
@@ -47,6 +48,7 @@ __all__ = [
     "plot_measurement_lines",
     "plot_path",
     "plot_precision_recall",
+    "plot_scan",
     "plot_sweep",
     "position_colors",
     "render",
@@ -58,6 +60,7 @@ __all__ = [
     "view_bodies",
     "view_components",
     "view_path",
+    "view_scan",
 ]
 
 

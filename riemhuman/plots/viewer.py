@@ -9,12 +9,9 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
 from html import escape
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-import jinja2
 import numpy as np
 from markupsafe import Markup
 from numpy import ndarray
@@ -29,6 +26,10 @@ from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.measurements import open_measurements
 from riemhuman.plots._bones import bone_record
 from riemhuman.plots._packing import LEVELS, deflated, packed
+from riemhuman.plots._panels import Panel
+from riemhuman.plots._web_files import fill
+from riemhuman.plots._web_files import web_file as web_file
+from riemhuman.plots._web_files import web_templates as web_templates
 from riemhuman.plots.body_plots import plot_path
 from riemhuman.plots.figures import (
     MEAN,
@@ -42,7 +43,6 @@ from riemhuman.plots.figures import (
     save_figure,
     value_colors,
 )
-from riemhuman.plots.panels import Panel
 from riemhuman.plots.rendering import (
     View,
     as_surfaces,
@@ -66,6 +66,7 @@ _SCRIPTS = (
     "viewer_body.js",
     "viewer_components.js",
     "viewer_panels.js",
+    "scan_over_body.js",
     "viewer_gestures.js",
     "viewer.js",
 )
@@ -74,29 +75,6 @@ _MATCH_HEIGHT = 200
 _NO_PART = 255
 _STEP = 1e-4  # metres, of coordinates
 _AS_LARGE_AS_BODIES = 0.2  # metres
-
-
-@cache
-def web_templates(package: str) -> jinja2.Environment:
-    """Return the templates in the folder ``web`` of a subpackage."""
-    environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(partial(web_file, package)),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-    )
-    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
-    return environment
-
-
-@cache
-def web_file(package: str, name: str) -> str:
-    """Return a text file of the folder ``web`` of a subpackage."""
-    return (files(f"riemhuman.{package}") / "web" / name).read_text(encoding="utf-8")
-
-
-def _fill(template: str, **values: Any) -> Markup:
-    return Markup(web_templates("plots").get_template(template).render(**values))
 
 
 def page_styles() -> str:
@@ -271,7 +249,7 @@ class Viewer:
             data["parts"] = _numbered_parts(parts, len(self.faces))
         if self.panel is not None:
             data["panel"] = {"name": self.panel.name, **self.panel.data()}
-        return _fill(
+        return fill(
             "viewer.html",
             identifier=identifier,
             title=self.title,
@@ -288,7 +266,7 @@ class Viewer:
 
     def page(self) -> str:
         """Return the self-contained HTML page."""
-        page = _fill(
+        page = fill(
             "viewer_page.html",
             title=self.title,
             description=self.description,
@@ -637,7 +615,7 @@ def view_alignment(
         )
         for k in np.linspace(0, last, min(_N_MATCHES, last + 1)).round().astype(int)
     }
-    below = _fill(
+    below = fill(
         "alignment.html",
         first=names[0],
         second=names[1],
