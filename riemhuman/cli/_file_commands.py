@@ -52,10 +52,11 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
 @cli.command(
     "view",
     "an interactive page of bodies or of a path",
-    "Writes a page for any browser, without a network connection, or a picture: registered\n"
-    "meshes side by side, or one after the other with --motion; a raw scan over the body that\n"
-    "is registered to it, with distances; the path in an .npz file or in\n"
-    "the folder of a geodesic, which holds path.npz; or a motion capture recording\n"
+    "Writes a page for any browser, without a network connection, a picture, or a film (GIF, or\n"
+    "MP4 with the extra video), in which bodies that do not move turn once: registered meshes\n"
+    "side by side, or one after the other with --motion; a raw scan over the body that is\n"
+    "registered to it, with distances; the path in an .npz file or in the folder of a\n"
+    "geodesic, which holds path.npz; or a motion capture recording\n"
     "(.bvh, .amc, .trc, .c3d, .npz of AMASS, or .npz, .pkl and .pt of methods that watch\n"
     "videos), performed by a body of its proportions.",
     "  riemhuman view anna.ply ben.ply                # opens in the browser\n"
@@ -64,13 +65,16 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
     "  riemhuman view walk/ --motion -o walk.html\n"
     "  riemhuman view path/ -o path.html --open\n"
     "  riemhuman view anna.ply ben.ply -o both.png\n"
-    "  riemhuman view walk.bvh -o walk.html\n",
+    "  riemhuman view walk.bvh -o walk.html\n"
+    "  riemhuman view walk.bvh -o walk.mp4            # a film; .gif too\n",
     cli.path_option("meshes", "FILES", "meshes, folders, an .npz, or a recording", nargs="+"),
     cli.output(
         "FILE",
         ".html",
         ".png",
-        text="file to write; without one, a temporary page opens in the browser",
+        ".gif",
+        ".mp4",
+        text="page, picture or film to write; without one, a temporary page opens in the browser",
         required=False,
     ),
     cli.flag("--motion", "the meshes are the frames of one motion"),
@@ -108,7 +112,7 @@ def _view(options: argparse.Namespace) -> cli.Answer:
                 viewer = rh.plots.view_path(surfaces[:], surfaces.faces, title=title)
             else:
                 viewer = rh.plots.view_bodies(surfaces[:], surfaces.faces, names, title=title)
-        viewer.save(place)
+        viewer.save(place, progress=options.bars)
     if options.open or options.output is None:
         webbrowser.open(place.resolve().as_uri())
     if options.output is None:

@@ -25,6 +25,7 @@ from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.measurements import open_measurements
 from riemhuman.plots._bones import bone_record
+from riemhuman.plots._films import FILM_ENDINGS, Film, save_film
 from riemhuman.plots._packing import LEVELS, deflated, packed
 from riemhuman.plots._panels import Panel
 from riemhuman.plots._web_files import fill
@@ -55,6 +56,9 @@ from riemhuman.plots.rendering import (
 
 if TYPE_CHECKING:
     from riemhuman.motions import Warp
+
+SAVED_VIEWS = (".html", ".htm", ".png", *FILM_ENDINGS)
+"""Endings of the files that `save` of a viewer writes."""
 
 _SECONDS = 2.4  # a path is played in, unless its duration is given
 _STILL_HEIGHT = 480
@@ -139,6 +143,9 @@ class ViewedBody:
         Label of the colour scale.
     components : ComponentChanges, optional
         What the sliders of `view_components` change about the only surface in `frames`.
+    times : array, shape (n,), optional
+        Numbers of frames, also between two, that are shown at equally spaced times, such as those
+        of a motion that is aligned with another; by default each frame once.
 
     Examples
     --------
@@ -151,6 +158,7 @@ class ViewedBody:
     values: ndarray | None = None
     value_label: str = ""
     components: ComponentChanges | None = None
+    times: ndarray | None = None
 
     @property
     def limit(self) -> float:
@@ -277,25 +285,41 @@ class Viewer:
         )
         return str(page)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str], *, progress: bool = False) -> None:
         """Write the page to a file for any browser, without a network connection, or a picture.
 
         Parameters
         ----------
         path : path_like
             ``x.html`` is the page; ``x.png`` is a picture of the first choice, twice as high
-            as the one that the page shows without WebGL.
+            as the one that the page shows without WebGL; ``x.gif`` and ``x.mp4`` (extra
+            ``video``) are films of it, in which bodies that do not move turn once.
+        progress : bool
+            Whether to show a progress bar while a film is drawn.
 
         Raises
         ------
         FileFormatError
             If the ending is another one.
+        MissingDependencyError
+            If the extra that writes films in MP4 is not installed.
         """
         file = file_path(path)
-        if suffix_of(file, (".html", ".htm", ".png")) == ".png":
-            write_bytes(file, png_bytes(self._picture(next(iter(self.choices.values())), 960)))
+        ending = suffix_of(file, SAVED_VIEWS)
+        bodies = next(iter(self.choices.values()))
+        if ending in FILM_ENDINGS:
+            film = Film(bodies, self.faces, self._duration(bodies), self.frames_per_second)
+            save_film(file, film, progress=progress)
+        elif ending == ".png":
+            write_bytes(file, png_bytes(self._picture(bodies, 960)))
         else:
             write_text(file, self.page())
+
+    def _duration(self, bodies: Sequence[ViewedBody]) -> float:
+        """Return the seconds that bodies play at speed 1."""
+        if self.frames_per_second is None:
+            return self.seconds
+        return (max(len(body.frames) for body in bodies) - 1) / self.frames_per_second
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, which separates it from the notebook."""
@@ -361,6 +385,8 @@ def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
         record["bones"] = bone_record(body.frames)
     else:
         record |= _coordinates(body.frames)
+    if body.times is not None:
+        record["times"] = np.round(body.times, 3).tolist()
     if body.values is not None:
         colors = value_colors(_vertex_values(body, faces), body.limit, signed=body.signed)
         record["colors"] = deflated(np.round(255 * colors).astype(np.uint8))

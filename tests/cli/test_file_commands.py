@@ -223,3 +223,11 @@ def test_view_without_an_output_opens_a_temporary_page(run, scans, monkeypatch):
     assert opened == [page.resolve().as_uri()]
     assert page.read_text("utf-8").lower().startswith("<!doctype html>")
     shutil.rmtree(page.parent)
+
+
+def test_view_writes_films_and_refuses_other_endings(run, refused, scans, tmp_path):
+    run("view", scans / "body_0.ply", "-o", tmp_path / "turn.gif")
+    assert (tmp_path / "turn.gif").read_bytes().startswith(b"GIF89a")
+    said = refused("view", scans / "body_0.ply", "-o", tmp_path / "turn.avi")
+    assert ".mp4" in said
+    assert not (tmp_path / "turn.avi").exists()

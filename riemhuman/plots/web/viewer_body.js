@@ -77,6 +77,7 @@ class Body {
     this.label = data.label;
     this.nFrames = frames.nFrames;
     this.frames = frames;
+    this.times = data.times; // frames at equally spaced times, where that is not each frame once
     this.faces = faces;
     this.components = components;
     this.lift = 0; // so that a body that components change stands on the ground
@@ -122,8 +123,15 @@ class Body {
     this.geometry.boundingSphere.radius = Math.hypot(this.radius, this.height / 2);
   }
 
+  // The frame, or a place between two, at a share of the duration.
+  placeAt(time) {
+    if (!this.times) return time * (this.nFrames - 1);
+    const { first, next, share } = between(time * (this.times.length - 1), this.times.length);
+    return this.times[first] * (1 - share) + this.times[next] * share;
+  }
+
   show(time) {
-    this.frames.pose(time * (this.nFrames - 1), this.positions);
+    this.frames.pose(this.placeAt(time), this.positions);
     mix(this.components, this.positions);
     this.geometry.attributes.position.needsUpdate = true;
     smoothNormals(this.positions, this.faces, this.normals);
