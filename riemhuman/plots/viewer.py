@@ -71,6 +71,7 @@ _SCRIPTS = (
     "viewer_components.js",
     "viewer_panels.js",
     "scan_over_body.js",
+    "viewer_export.js",
     "viewer_gestures.js",
     "viewer.js",
 )

@@ -51,11 +51,13 @@ class Viewer {
     this.panel = await Panel.of(this);
     await this.choose(0);
     listen(this);
+    listenToExports(this);
     DARK.addEventListener("change", () => {
       this.built.forEach((bodies) => bodies.forEach((body) => body.ground.ink()));
       this.draw();
     });
     new ResizeObserver(() => this.resize()).observe(this.stage);
+    await restore(this);
     this.element.dataset.ready = "true";
   }
 
@@ -86,7 +88,7 @@ class Viewer {
     this.pause();
     delete this.element.dataset.ready;
     this.element.dataset.still = "true";
-    ["running", "turning", "help", "labels", "hint", "components", "panel"].forEach((name) => {
+    ["running", "turning", "exports", "help", "labels", "hint", "components", "panel"].forEach((name) => {
       const part = this.find(name);
       if (part) part.hidden = true;
     });
@@ -150,6 +152,7 @@ class Viewer {
       const colors = body.scale || this.data.scale; // stored notebooks have one scale for all
       write(scale, "span", body.signed ? `\u2212${largest}` : "0");
       const bar = write(scale, "i");
+      bar.dataset.colors = colors.join(",");
       bar.style.background = `linear-gradient(to right, ${colors.join(", ")})`;
       write(scale, "span", `${body.signed ? "+" : ""}${largest} ${body.valueLabel}`.trim());
     }
