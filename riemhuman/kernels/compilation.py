@@ -9,10 +9,12 @@ functions of modules: one composed at run time would be compiled anew in every p
 from __future__ import annotations
 
 import functools
+import hashlib
 import os
 import threading
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 FUSED = {"contract", "nsz"}
@@ -92,17 +94,17 @@ def _njit(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     options["no_cfunc_wrapper"] = True
     if options.get("forceinline"):  # kept on disk as a part of its callers
         return numba.njit(no_cpython_wrapper=True, **options)(function)
+    # Numba by itself looks at the file of the function alone, not at those of functions that are
+    # inlined. What it keeps is named by the qualified name, which a digest of all of them joins:
+    # what other sources led to is then not found, and stays until somebody empties the folder.
+    digest = _digest(function.__globals__)
+    if digest is not None:
+        function.__qualname__ += f"-{digest}"
     try:
-        dispatcher = numba.njit(cache=True, **options)(function)
+        return numba.njit(cache=True, **options)(function)
     except (OSError, RuntimeError):  # numba finds no folder that it can write to
         _warn_once()
         return numba.njit(**options)(function)
-    stamp = _stamp(function.__globals__)
-    if dispatcher is not function and stamp is not None:  # numba may be switched off
-        # Numba by itself looks at the file of the function alone, not at those of functions that
-        # are inlined.
-        dispatcher._cache._cache_file._source_stamp = stamp
-    return dispatcher
 
 
 @functools.cache
@@ -115,7 +117,7 @@ def _warn_once() -> None:
     )
 
 
-def _stamp(names: dict[str, Any]) -> tuple[tuple[float, int], ...] | None:
+def _digest(names: dict[str, Any]) -> str | None:
     """Return what changes with the files of a module and of its imports; None in notebooks."""
     files, modules = {__file__}, [names]
     while modules:
@@ -127,8 +129,13 @@ def _stamp(names: dict[str, Any]) -> tuple[tuple[float, int], ...] | None:
             files.add(file)
             functions = [value for value in list(names.values()) if hasattr(value, "py_func")]
             modules += [function.py_func.__globals__ for function in functions]
-    found = (os.stat(file) for file in sorted(files))
-    return tuple((status.st_mtime, status.st_size) for status in found)
+    contents = b"".join(_digest_of_file(file) for file in sorted(files))
+    return hashlib.sha256(contents).hexdigest()[:16]
+
+
+@functools.cache
+def _digest_of_file(file: str) -> bytes:
+    return hashlib.sha256(Path(file).read_bytes()).digest()
 
 
 def _bind() -> None:

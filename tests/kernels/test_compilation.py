@@ -65,13 +65,52 @@ def test_nowhere_to_keep_compiled_functions(package, named):
     assert "Traceback" not in said
 
 
-def test_stamps_change_with_the_files_of_a_module(tmp_path):
-    file = tmp_path / "some.py"
-    assert compilation._stamp({}) is None
-    assert compilation._stamp({"__file__": str(file)}) is None
-    file.write_text("x = 1")
-    status = file.stat()
-    assert (status.st_mtime, status.st_size) in compilation._stamp({"__file__": str(file)})
+INLINED = """
+from riemhuman.terms import compiled
+
+@compiled(forceinline=True)
+def scaled(x):
+    return {factor} * x
+"""
+CALLER = """
+from riemhuman.terms import compiled
+from inlined import scaled
+
+@compiled
+def value(x):
+    return scaled(x)
+
+value(1.0)
+print(value(1.0), sum(value.stats.cache_hits.values()))
+"""
+
+
+def test_what_is_kept_follows_the_files_of_inlined_functions(tmp_path):
+    """Numba by itself looks at the file of the caller alone."""
+    (tmp_path / "caller.py").write_text(CALLER)
+    environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
+
+    def run(factor):
+        (tmp_path / "inlined.py").write_text(INLINED.replace("{factor}", factor))
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", "import caller"],
+            env=environment | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=120,
+        )
+        return done.stdout.split()
+
+    assert run("2.0") == ["2.0", "0"]
+    assert run("3.0") == ["3.0", "0"]
+    assert run("2.0") == ["2.0", "1"]
+
+
+def test_functions_of_no_file_have_no_digest():
+    assert compilation._digest({}) is None
+    assert compilation._digest({"__file__": "<notebook>"}) is None
 
 
 @compilation.compiled
