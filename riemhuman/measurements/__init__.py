@@ -23,6 +23,7 @@ from riemhuman.measurements.definitions import (
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.measurements.measuring import BodySizes, Measurements, in_standard_pose
+from riemhuman.measurements.readable_units import ReadableUnit, readable_unit
 from riemhuman.measurements.visits import VisitComparison, compare_visits
 
 __all__ = [
@@ -41,6 +42,7 @@ __all__ = [
     "NearestBody",
     "PredictedMeasurements",
     "ProbableBody",
+    "ReadableUnit",
     "VisitComparison",
     "Volume",
     "compare_visits",
@@ -50,6 +52,7 @@ __all__ = [
     "nearest_body",
     "open_measurements",
     "predict_measurements",
+    "readable_unit",
 ]
 
 

@@ -21,5 +21,8 @@ class Panel(Protocol):
     def html(self, identifier: str) -> Markup:
         """Return the controls, whose identifiers begin with that of the viewer."""
 
-    def picture(self, height: int) -> ndarray:
-        """Return the picture that stands in without WebGL, shape (height, width, 4)."""
+    def picture(self, height: int) -> ndarray | None:
+        """Return the picture that stands in without WebGL, shape (height, width, 4).
+
+        None if it is that of the bodies themselves.
+        """

@@ -175,6 +175,8 @@ def _corner_colors(colors: ndarray, n_vertices: int, faces: ndarray) -> ndarray:
 def surface_values(values: ArrayLike, n_vertices: int, n_faces: int) -> ndarray:
     """Return real values of triangles, or of vertices, checked; their number tells which.
 
+    NaN stands for values that are not known.
+
     Parameters
     ----------
     values : array_like, shape (..., F) or (..., V)
@@ -186,7 +188,10 @@ def surface_values(values: ArrayLike, n_vertices: int, n_faces: int) -> ndarray:
             f"values must have one number per triangle ({n_faces}) or vertex ({n_vertices}); "
             f"found shape {shape}"
         )
-    return real_array(values, "values", shape, batched=False)
+    numbers = np.asarray(values)
+    is_known = ~np.isnan(numbers) if numbers.dtype.kind == "f" else np.ones(shape, dtype=bool)
+    checked = real_array(np.where(is_known, numbers, 0.0), "values", shape, batched=False)
+    return np.where(is_known, checked, np.nan)
 
 
 @cache

@@ -72,6 +72,7 @@ _SCRIPTS = (
     "viewer_panels.js",
     "scan_over_body.js",
     "viewer_export.js",
+    "measurements.js",
     "viewer_gestures.js",
     "viewer.js",
 )
@@ -332,8 +333,9 @@ class Viewer:
 
     def _picture(self, bodies: Sequence[ViewedBody], height: int) -> ndarray:
         """Return a picture of a choice: bodies half way, or times of the path of a single body."""
-        if self.panel is not None:
-            return self.panel.picture(height)
+        shown = None if self.panel is None else self.panel.picture(height)
+        if shown is not None:
+            return shown
         if len(bodies) == 1:
             (body,) = bodies
             places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), 6))

@@ -118,6 +118,18 @@ def test_two_visits(run, scans, bodies, own, tmp_path):
         assert [row["measurement"] for row in csv.DictReader(file)] == ["stature"]
 
 
+def test_the_page_of_two_bodies(run, scans, tmp_path):
+    page = tmp_path / "differences.html"
+    files = scans / "body_0.ply", scans / "body_2.ply"
+    only = ("--only", "stature", "--only", "waist girth")
+    assert run("compare", *files, *only, "--view", page).code == 0
+    text = page.read_text(encoding="utf-8")
+    assert "Differences of body_0 and body_2" in text
+    assert text.count("data-row=") == 2
+    assert run("compare", *files, *only, "--view", tmp_path / "both.png").code == 0
+    assert (tmp_path / "both.png").read_bytes()[1:4] == b"PNG"
+
+
 def test_two_people_are_hardly_one(run, scans, bodies, tmp_path):
     only = ("--only", "stature")
     one = run("compare", scans / "body_0.ply", scans / "body_2.ply", *only)

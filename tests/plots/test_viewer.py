@@ -183,7 +183,7 @@ def test_pictures_have_an_ending_that_says_so_and_a_name_for_each_body(tmp_path)
 
 
 def test_pages_stay_small():
-    assert len(page_scripts()) < 600_000
+    assert len(page_scripts()) < 650_000
     bodies = rh.datasets.load_open_bodies("coarse")
     page = view_bodies(bodies.points[0], bodies.template.faces).page()
     assert len(page) - len(page_scripts()) < 250_000

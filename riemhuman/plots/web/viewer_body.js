@@ -156,7 +156,8 @@ class Body {
     if (this.values) {
       const number = this.values[this.hasVertexValues ? vertex : face];
       const digits = number.toPrecision(3).replace("-", "\u2212");
-      value = `${this.signed && number > 0 ? "+" : ""}${digits} ${this.valueLabel}`.trim();
+      value = Number.isNaN(number) ? "not known"
+        : `${this.signed && number > 0 ? "+" : ""}${digits} ${this.valueLabel}`.trim();
     }
     const said = value && part ? `${value} (${part})` : value || part;
     return [this.label || name, said].filter(Boolean).join(": ");
