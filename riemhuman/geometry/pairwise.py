@@ -5,21 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import Array, Points, PointsLike
 from riemhuman.checks import check_shape, one_of, unflatten, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.memory import check_memory, enough_memory
 from riemhuman.progress import ProgressBar
 
-__all__ = ["MEMORY", "PRECISIONS", "Bulk", "Features", "Points", "squared_dist_rectangle"]
+if TYPE_CHECKING:
+    from riemhuman.geometry.metric import RiemannianMetric
 
-Points = Sequence[Any] | ndarray
-Features = tuple[ndarray, ...]
+__all__ = ["MEMORY", "PRECISIONS", "Bulk", "Features", "squared_dist_rectangle"]
+
+Features = tuple[Array, ...]
 
 PRECISIONS = ("single", "double")
 
@@ -44,13 +47,13 @@ class Bulk(Protocol):
 
     n_arrays: int
 
-    def features(self, points: ndarray, precision: str) -> Features:
+    def features(self, points: Points, precision: str) -> Features:
         """Return the features of n points, arrays whose first axis is that of the points."""
 
-    def rounding(self, features: Features) -> ndarray:
+    def rounding(self, features: Features) -> Array:
         """Return bounds on the rounding errors of each point's features, as distances."""
 
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
         """Return the table of squared distances; the same features twice for those within a set."""
 
 
@@ -59,16 +62,16 @@ class PairByPair(Bulk):
 
     n_arrays = 1
 
-    def __init__(self, squared_dist: Callable[..., ndarray]) -> None:
+    def __init__(self, squared_dist: Callable[[Points, Points], Array]) -> None:
         self._squared_dist = squared_dist
 
-    def features(self, points: ndarray, precision: str) -> Features:
+    def features(self, points: Points, precision: str) -> Features:
         return (np.ascontiguousarray(points),)
 
-    def rounding(self, features: Features) -> ndarray:
+    def rounding(self, features: Features) -> Array:
         return np.zeros(len(features[0]))
 
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
         squared = np.zeros((len(a[0]), len(b[0])))
 
         def fill_row(i: int) -> None:
@@ -84,28 +87,30 @@ class PairByPair(Bulk):
 class SumOfFactors(Bulk):
     """Distances of a product: of each factor the map to its component, its weight and its bulk."""
 
-    def __init__(self, parts: Sequence[tuple[Callable[[ndarray], ndarray], float, Bulk]]) -> None:
+    def __init__(self, parts: Sequence[tuple[Callable[[Array], Array], float, Bulk]]) -> None:
         self._parts = tuple(parts)
         self.n_arrays = sum(bulk.n_arrays for _, _, bulk in parts)
 
-    def features(self, points: ndarray, precision: str) -> Features:
+    def features(self, points: Points, precision: str) -> Features:
         return tuple(
             feature
             for component, _, bulk in self._parts
             for feature in bulk.features(component(points), precision)
         )
 
-    def rounding(self, features: Features) -> ndarray:
+    def rounding(self, features: Features) -> Array:
         return np.sqrt(sum(w * bulk.rounding(part) ** 2 for w, bulk, part in self._split(features)))
 
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
         parts_a = list(self._split(a))
         parts_b = parts_a if b is a else list(self._split(b))
-        total: Any = sum(
-            w * bulk.squared_distances(part_a, part_b, n_threads)
-            for (w, bulk, part_a), (_, _, part_b) in zip(parts_a, parts_b, strict=True)
+        return sum(
+            (
+                w * bulk.squared_distances(part_a, part_b, n_threads)
+                for (w, bulk, part_a), (_, _, part_b) in zip(parts_a, parts_b, strict=True)
+            ),
+            start=np.zeros(()),
         )
-        return total
 
     def _split(self, features: Features) -> Iterator[tuple[float, Bulk, Features]]:
         start = 0
@@ -114,7 +119,9 @@ class SumOfFactors(Bulk):
             start += bulk.n_arrays
 
 
-def features_in_threads(metric: Any, points: Points, precision: str, n_jobs: int) -> Features:
+def features_in_threads(
+    metric: RiemannianMetric, points: PointsLike, precision: str, n_jobs: int
+) -> Features:
     """Return the features of points, computed in threads."""
     n_threads = thread_count(n_jobs)
     if n_threads == 1 or len(points) < 2:
@@ -125,13 +132,13 @@ def features_in_threads(metric: Any, points: Points, precision: str, n_jobs: int
 
 
 def squared_dist_rectangle(
-    metric: Any,
+    metric: RiemannianMetric,
     features_a: Features,
     features_b: Features,
-    points_a: Points,
-    points_b: Points,
+    points_a: PointsLike,
+    points_b: PointsLike,
     n_jobs: int | None = None,
-) -> ndarray:
+) -> Array:
     """Return all squared distances between two sets, those of close pairs in double precision.
 
     Both sets of features are one object for the distances within a set; points are looked at only
@@ -170,29 +177,30 @@ def squared_dist_rectangle(
 
 @enough_memory("a table of distances", _IN_BLOCKS)
 def table_of_distances(
-    metric: Any,
-    points_a: Points,
-    points_b: Points | None,
+    metric: RiemannianMetric,
+    points_a: PointsLike,
+    points_b: PointsLike | None,
     n_jobs: int | None,
     precision: str,
     memory: int,
     progress: bool,
-) -> ndarray:
+) -> Array:
     """Return the distances between two sets, or within the first; see `RiemannianMetric.cdist`."""
     n_threads = thread_count(n_jobs)
     one_of(precision, "precision", PRECISIONS)
     memory = whole_number(memory, "memory", minimum=1)
     within = points_b is None
-    sets: dict[str, Any] = {"points": points_a} if within else {}
-    sets = sets or {"points_a": points_a, "points_b": points_b}
+    sets: dict[str, PointsLike] = {"points": points_a}
+    if points_b is not None:
+        sets = {"points_a": points_a, "points_b": points_b}
     for name, points in sets.items():
         # Other sequences are sliced, and their parts checked, as they are needed.
         has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
         if not has_slices or isinstance(points, (Mapping, memoryview)):
             sets[name] = metric.check_points(points, name)
         elif isinstance(points, ndarray):
-            sets[name] = unflatten(points, metric.space.shape)
-            check_shape(sets[name], name, ("n_points", *metric.space.shape), batched=False)
+            sets[name] = checked = unflatten(points, metric.space.shape)
+            check_shape(checked, name, ("n_points", *metric.space.shape), batched=False)
     (row_name, rows), *_, (column_name, columns) = 2 * list(sets.items())
     if not len(rows) or not len(columns):
         return np.zeros((len(rows), len(columns)))
@@ -236,14 +244,14 @@ def table_of_distances(
 
 
 def _blocks(
-    metric: Any,
+    metric: RiemannianMetric,
     precision: str,
     n_threads: int,
-    points: Any,
+    points: PointsLike,
     name: str,
     first: int,
     last: int,
-) -> list[tuple[slice, Features]]:
+) -> list[tuple[slice[int, int, None], Features]]:
     """Return the features of the points from `first` to `last`, block by block, in threads."""
     last = min(last, len(points))
     if not isinstance(points, ndarray):
@@ -252,7 +260,7 @@ def _blocks(
     size = min(_BLOCK, math.ceil((last - first) / n_threads))
     parts = [slice(k, min(k + size, last)) for k in range(first, last, size)]
 
-    def of_part(part: slice) -> tuple[slice, Features]:
+    def of_part(part: slice[int, int, None]) -> tuple[slice[int, int, None], Features]:
         is_whole = part == slice(0, len(points))
         # Messages count from the start of the part.
         where = name if is_whole else f"{name}[{part.start}:{part.stop}]"

@@ -15,7 +15,7 @@ import threading
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, overload
 
 FUSED = {"contract", "nsz"}
 """Value of `fastmath` for functions in loops over pairs: products may join sums."""
@@ -55,7 +55,22 @@ class Compiled:
         return self.function(*arguments)
 
 
-def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+Function = TypeVar("Function", bound=Callable[..., object])
+
+
+@overload
+def compiled(function: Function) -> Function: ...
+
+
+@overload
+def compiled(
+    *, forceinline: bool = ..., inline: str = ..., fastmath: set[str] = ...
+) -> Callable[[Function], Function]: ...
+
+
+def compiled(
+    function: Callable[..., object] | None = None, **options: bool | str | set[str]
+) -> object:
     """Mark a function of a module to be compiled by numba when it is first called.
 
     It may call other marked functions, its own module's and those that its module imports by name.

@@ -14,6 +14,7 @@ from scipy.interpolate import make_interp_spline
 from riemhuman.checks import check_basis, check_function, check_methods, real_number, whole_number
 from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.manifold import holds_surfaces
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy, check_strategy
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.solvers._alignment import AlignedEnds, align_ends, ends_as_given
@@ -259,7 +260,7 @@ class PathSearch(PathSolver):
             progress="geodesic" if self.progress else "",
         )
         if not np.isfinite(minimum.value):
-            if metric.space.is_surface_space:
+            if holds_surfaces(metric.space):
                 metric.space.check_immersed(path, "the initial path")
             raise ArgumentError(
                 "the initial path leaves the manifold or has no finite energy; pass another "

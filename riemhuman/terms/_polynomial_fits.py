@@ -16,8 +16,9 @@ from numpy.polynomial import Chebyshev, Polynomial
 from riemhuman.kernels.compilation import FUSED, compiled
 
 
-def _in_single(*coefficients: float) -> tuple[np.float32, ...]:
-    return tuple(map(np.float32, coefficients))
+def _in_single(*coefficients: float) -> tuple[float, ...]:
+    # Numbers of single precision, which type checkers do not count as float.
+    return tuple(np.array(coefficients, dtype=np.float32))
 
 
 # fmt: off

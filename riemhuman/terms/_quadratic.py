@@ -77,8 +77,6 @@ class QuadraticTerm(ABC):
 class SumOfQuadraticTerms:
     """The driver of a sum of terms that are given by their inner products."""
 
-    term_class = QuadraticTerm
-
     def __init__(self, terms: Sequence[QuadraticTerm], template: Any) -> None:
         self.terms, self.template = tuple(terms), template
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as onp
 from numpy import ndarray
@@ -38,8 +38,6 @@ class SumOfTerms:
 
     # Of points that are no surfaces, `fields_of` returns the fields of its one term. Features are
     # what distances need to know of surfaces: of each term an array, and its rounding.
-
-    term_class = Term
 
     def __init__(
         self,
@@ -307,7 +305,10 @@ _TRIANGLES = onp.random.default_rng(0).uniform(-0.3, 0.3, (2, 2, 3, 3))
 _TRIANGLES += onp.eye(2, 3)[:, None, None]
 
 
-def checked_terms(terms: Any, term_class: type) -> tuple[Any, ...]:
+TermType = TypeVar("TermType")
+
+
+def checked_terms(terms: Sequence[TermType], term_class: type[TermType]) -> tuple[TermType, ...]:
     """Return the terms of a metric after checking that they work triangle by triangle."""
     if not isinstance(terms, Sequence) or isinstance(terms, str):
         raise ArgumentTypeError(f"terms must be a sequence of terms; found {terms!r}")

@@ -297,7 +297,7 @@ class Term(ABC):
         if self.needs_area and not records[:, 9].all():
             return np.inf
 
-        def energy(both: ndarray) -> float:
+        def energy(both: ndarray) -> ndarray:
             fields = self.fields(follow_up(both[..., :3], both[..., 3:]))
             before, after = (
                 tuple(field[part] for field in fields) for part in (slice(-1), slice(1, None))
