@@ -1,5 +1,5 @@
-# The functions of NumPy that the library differentiates, on real numbers: results are arrays, also of
-# no dimension. What is never traced is NumPy's own.
+# The functions of NumPy that the library differentiates, on real numbers: results are arrays, also
+# of no dimension. What is never traced is NumPy's own.
 from collections.abc import Sequence
 from typing import SupportsIndex, overload
 
