@@ -12,6 +12,7 @@ import functools
 import hashlib
 import os
 import threading
+import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +23,9 @@ FUSED = {"contract", "nsz"}
 
 SUM = {"contract", "nsz", "reassoc"}
 """Value of `fastmath` for sums: terms may also change places."""
+
+# Seconds of compilation after which somebody who waits is told.
+_LONG = 2.0
 
 _lock = threading.RLock()
 _waiting: list[Compiled] = []
@@ -99,9 +103,58 @@ def compiled(
     return Compiled(function, options)
 
 
+class CompilationTime:
+    """The time that compilation takes in this process, and what to call once it is long."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._tell: Callable[[], None] | None = None
+        self._starts: list[float] = []
+        self._listens = False
+
+    def tell(self, function: Callable[[], None] | None) -> None:
+        """Have a function called, once, when compilation has taken two seconds."""
+        self._tell = function
+
+    def listen(self) -> None:
+        """Take the time from now on."""
+        if self._listens:
+            return
+        self._listens = True
+        from numba.core import event
+
+        taken = self
+
+        class Listener(event.Listener):
+            def on_start(self, started: Any) -> None:
+                taken._begin()
+
+            def on_end(self, ended: Any) -> None:
+                taken._end()
+
+        event.register("numba:compile", Listener())
+
+    def _begin(self) -> None:
+        self._starts.append(time.perf_counter())
+
+    def _end(self) -> None:
+        # One function may wait for others, which it calls.
+        start = self._starts.pop()
+        elapsed = self.seconds + time.perf_counter() - (self._starts or [start])[0]
+        if not self._starts:
+            self.seconds = elapsed
+        if self._tell is not None and elapsed > _LONG:
+            tell, self._tell = self._tell, None
+            tell()
+
+
+compilation_time = CompilationTime()
+
+
 def _njit(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     import numba
 
+    compilation_time.listen()
     # Without an error model, every division would look whether to raise. Without a value of
     # fastmath, a function takes that of its first caller: its bits depend on who came first.
     # Compiling C-callable wrappers, and Python wrappers of inlined functions, is slow.

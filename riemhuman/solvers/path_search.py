@@ -9,7 +9,6 @@ from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy import ndarray
-from scipy.interpolate import make_interp_spline
 
 from riemhuman.checks import check_basis, check_function, check_methods, real_number, whole_number
 from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
@@ -418,6 +417,8 @@ class PathStraightening(PathSearch):
 
 def refine_path(path: ndarray, n_segments: int) -> ndarray:
     """Return a path at other times, by a spline."""
+    from scipy.interpolate import make_interp_spline  # takes long to import
+
     known = np.linspace(0.0, 1.0, len(path))
     spline = make_interp_spline(known, path, k=min(3, len(path) - 1))
     refined = spline(np.linspace(0.0, 1.0, n_segments + 1))

@@ -1,5 +1,6 @@
 """Where compiled functions cannot be kept, everything works as well, and one warning says so."""
 
+import ast
 import os
 import shutil
 import subprocess
@@ -144,3 +145,40 @@ def test_inlined_functions_run_in_python_too():
     """Without what numba needs to call them from there, they would end the interpreter."""
     assert four_times(3.0) == 12.0
     assert twice(3.0) == 6.0
+
+
+def test_a_long_compilation_is_told_once(monkeypatch):
+    now, told = iter([0.0, 0.5, 1.0, 1.5, 3.0, 4.0, 5.0, 9.0]), []
+    monkeypatch.setattr("time.perf_counter", lambda: next(now))
+    taken = compilation.CompilationTime()
+    taken.tell(lambda: told.append(taken.seconds))
+    taken._begin()
+    taken._end()
+    assert (told, taken.seconds) == ([], 0.5)
+    taken._begin()
+    taken._begin()  # a function that the first one calls
+    taken._end()
+    assert told == [0.5]  # 0.5 and 2.0 seconds
+    taken._end()
+    taken._begin()
+    taken._end()
+    assert (len(told), taken.seconds) == (1, 7.5)
+
+
+def test_compiled_functions_assign_no_arrays_to_slices():
+    """Numba takes two seconds to compile the first such assignment: loops are written out."""
+    slow = []
+    for file in sorted((ROOT / "riemhuman").rglob("*.py")):
+        for function in ast.parse(file.read_text(encoding="utf-8")).body:
+            if not isinstance(function, ast.FunctionDef):
+                continue
+            if not any("compiled" in ast.unparse(one) for one in function.decorator_list):
+                continue
+            slow += [
+                f"{file.name}, {function.name}: {ast.unparse(node)}"
+                for node in ast.walk(function)
+                if isinstance(node, ast.Assign)
+                and any(isinstance(part, ast.Slice) for part in ast.walk(node.targets[0]))
+                and not isinstance(node.value, (ast.Constant, ast.Name, ast.Attribute))
+            ]
+    assert slow == []
