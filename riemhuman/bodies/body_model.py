@@ -93,6 +93,7 @@ class BodyModel(Unchanging):
     (1202, 3)
     """
 
+    # More than eight arguments: the arrays of SMPL's files, under their names there.
     def __init__(
         self,
         v_template: Any,

@@ -93,6 +93,7 @@ class ModelFit(Record):
         return self.distances.mean(axis=-1)
 
 
+# More than eight arguments: each setting of the fit is a keyword of the public method `fit`.
 @enough_memory("a fit of the body model")
 def fit_model(
     model: Any,

@@ -179,6 +179,7 @@ class JointMotions:
         return below @ bones - (self.rotations @ self.skeleton.joint_shapes).reshape(n_joints, -1)
 
 
+# More than eight arguments: the arrays of one patch of points, each of its own shape.
 def skinning_derivatives(
     motions: JointMotions,
     shaped: onp.ndarray,
@@ -211,6 +212,7 @@ def skinning_derivatives(
     return rows
 
 
+# More than eight arguments: a compiled loop takes plain arrays.
 @compiled(fastmath=FUSED)
 def _fill_derivatives(
     shaped: onp.ndarray,

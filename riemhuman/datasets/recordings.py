@@ -74,6 +74,7 @@ class _Person:
     rate: float | None
 
 
+# More than eight arguments: each keyword states a fact that some kind of file leaves open.
 def load_recording(
     path: str | os.PathLike[str],
     model: BodyModel | None = None,

@@ -190,17 +190,7 @@ def table_of_distances(
     one_of(precision, "precision", PRECISIONS)
     memory = whole_number(memory, "memory", minimum=1)
     within = points_b is None
-    sets: dict[str, PointsLike] = {"points": points_a}
-    if points_b is not None:
-        sets = {"points_a": points_a, "points_b": points_b}
-    for name, points in sets.items():
-        # Other sequences are sliced, and their parts checked, as they are needed.
-        has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
-        if not has_slices or isinstance(points, (Mapping, memoryview)):
-            sets[name] = metric.check_points(points, name)
-        elif isinstance(points, ndarray):
-            sets[name] = checked = unflatten(points, metric.space.shape)
-            check_shape(checked, name, ("n_points", *metric.space.shape), batched=False)
+    sets = _point_sets(metric, points_a, points_b)
     (row_name, rows), *_, (column_name, columns) = 2 * list(sets.items())
     if not len(rows) or not len(columns):
         return np.zeros((len(rows), len(columns)))
@@ -241,6 +231,25 @@ def table_of_distances(
                 del of_columns, b
             del of_rows, a
     return result
+
+
+def _point_sets(
+    metric: RiemannianMetric, points_a: PointsLike, points_b: PointsLike | None
+) -> dict[str, PointsLike]:
+    """Return one or two sets of points by their names in messages; arrays are checked."""
+    sets: dict[str, PointsLike] = {"points": points_a}
+    if points_b is not None:
+        sets = {"points_a": points_a, "points_b": points_b}
+    for name, points in sets.items():
+        # Other sequences are sliced, and their parts checked, as they are needed.
+        has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
+        if not has_slices or isinstance(points, (Mapping, memoryview)):
+            sets[name] = metric.check_points(points, name)
+        elif isinstance(points, ndarray):
+            array = unflatten(points, metric.space.shape)
+            check_shape(array, name, ("n_points", *metric.space.shape), batched=False)
+            sets[name] = array
+    return sets
 
 
 def _blocks(

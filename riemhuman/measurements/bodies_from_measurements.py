@@ -618,17 +618,8 @@ def nearest_body(
     n_steps, penalty = 0, 0.0
     while n_steps < max_iter:
         n_steps += 1
-        factor = SparseCholeskyFactor(2.0 * metric.metric_matrix(f))
-        rows = slopes.reshape(len(targets), -1)
-        solved = factor.inverse(np.concatenate([rows, gradient.reshape(1, -1)]).T)
-        by_rows, by_gradient = solved[:, :-1], solved[:, -1]
-        gram = rows @ by_rows
-        multipliers = -np.linalg.solve(gram, targets - values + rows @ by_gradient)
-        # The second step only meets the values; it helps at a kink of a hull.
-        steps = [
-            -(by_gradient + by_rows @ multipliers),
-            by_rows @ np.linalg.solve(gram, targets - values),
-        ]
+        hessian = 2.0 * metric.metric_matrix(f)
+        steps, multipliers = _newton_steps(hessian, gradient, slopes, targets - values)
         penalty = max(penalty, 2.0 * float(np.abs(multipliers).max()))
         merit = energy + penalty * np.abs(values - targets).sum()
         for step, halvings in product(steps, range(_MOST_HALVINGS)):
@@ -660,6 +651,25 @@ def nearest_body(
     )
     distance = float(np.sqrt(max(energy, 0.0)))
     return NearestBody(f, distance, before, after, converged, n_steps, message)
+
+
+def _newton_steps(
+    hessian: Any, gradient: ndarray, slopes: ndarray, missing: ndarray
+) -> tuple[list[ndarray], ndarray]:
+    """Return two steps that bring the missing change of values, and Lagrange's multipliers.
+
+    The first also lowers the energy; the second only meets the values, which helps at a kink of a
+    hull.
+    """
+    rows = slopes.reshape(len(missing), -1)
+    solved = SparseCholeskyFactor(hessian).inverse(
+        np.concatenate([rows, gradient.reshape(1, -1)]).T
+    )
+    by_rows, by_gradient = solved[:, :-1], solved[:, -1]
+    gram = rows @ by_rows
+    multipliers = -np.linalg.solve(gram, missing + rows @ by_gradient)
+    lowering = -(by_gradient + by_rows @ multipliers)
+    return [lowering, by_rows @ np.linalg.solve(gram, missing)], multipliers
 
 
 def _measured(measurements: Measurements, f: ndarray) -> tuple[ndarray, Any]:

@@ -91,6 +91,7 @@ def plot_body(
     return ax
 
 
+# More than eight arguments: each keyword is one choice about the picture.
 def plot_path(
     path: ArrayLike | Sequence[Any],
     faces: ArrayLike | None = None,
