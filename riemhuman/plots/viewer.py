@@ -26,6 +26,7 @@ from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.measurements import open_measurements
 from riemhuman.plots._bones import bone_record
 from riemhuman.plots._films import FILM_ENDINGS, Film, save_film
+from riemhuman.plots._occlusion import shade_of
 from riemhuman.plots._packing import LEVELS, deflated, packed
 from riemhuman.plots._panels import Panel
 from riemhuman.plots._web_files import fill
@@ -254,6 +255,9 @@ class Viewer:
         }
         if self.frames_per_second is not None:
             data["frames_per_second"] = self.frames_per_second
+        shade = shade_of(self.faces)
+        if shade is not None:
+            data["shade"] = deflated(np.round(255 * shade).astype(np.uint8))
         parts = _parts_of(self.faces) if self.parts is None else self.parts
         if parts:
             data["parts"] = _numbered_parts(parts, len(self.faces))
@@ -310,6 +314,10 @@ class Viewer:
         ending = suffix_of(file, SAVED_VIEWS)
         bodies = next(iter(self.choices.values()))
         if ending in FILM_ENDINGS:
+            if self.panel is not None:
+                raise ArgumentError(
+                    f"{file}: a film shows bodies alone; save this view as .html or .png"
+                )
             film = Film(bodies, self.faces, self._duration(bodies), self.frames_per_second)
             save_film(file, film, progress=progress)
         elif ending == ".png":

@@ -45,7 +45,8 @@ class Viewer {
 
   async start() {
     this.faces = await unpack(this.data.faces, Uint32Array, 3);
-    const { parts } = this.data;
+    const { parts, shade } = this.data;
+    this.shade = shade && await inflate(shade);
     if (parts) this.parts = { names: parts.names, numbers: await inflate(parts.numbers) };
     this.sliders = new Sliders(this);
     this.panel = await Panel.of(this);
@@ -108,7 +109,7 @@ class Viewer {
   async choose(index) {
     if (!this.built[index]) {
       this.built[index] = await Promise.all(this.data.choices[index].bodies.map(
-        (body) => Body.from(body, this.faces, this.data.n_vertices),
+        (body) => Body.from(body, this.faces, this.data.n_vertices, this.shade),
       ));
     }
     const pivot = this.bodies()[0].pivot;

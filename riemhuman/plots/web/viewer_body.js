@@ -62,7 +62,7 @@ function smoothNormals(positions, faces, normals) {
 
 // Vertices of one body at all times, and its surface in the scene.
 class Body {
-  static async from(data, faces, nVertices) {
+  static async from(data, faces, nVertices, shade) {
     const [frames, values, colors, components] = await Promise.all([
       framesOf(data, nVertices),
       data.values && inflate(data.values),
@@ -70,10 +70,10 @@ class Body {
       unpackComponents(data.components),
     ]);
     const numbers = values && new Float32Array(values.buffer);
-    return new Body(data, faces, nVertices, { frames, values: numbers, colors, components });
+    return new Body(data, faces, nVertices, { frames, values: numbers, colors, components, shade });
   }
 
-  constructor(data, faces, nVertices, { frames, values, colors, components }) {
+  constructor(data, faces, nVertices, { frames, values, colors, components, shade }) {
     this.label = data.label;
     this.nFrames = frames.nFrames;
     this.frames = frames;
@@ -100,6 +100,12 @@ class Body {
       material.vertexColors = true;
     } else {
       material.color = new THREE.Color(data.color);
+      if (shade) {
+        // Folds are darker; values keep the colours of their scale.
+        const shares = Float32Array.from(this.positions, (_, i) => shade[Math.floor(i / 3)] / 255);
+        this.geometry.setAttribute("color", new THREE.BufferAttribute(shares, 3));
+        material.vertexColors = true;
+      }
     }
     this.mesh = new THREE.Mesh(this.geometry, material);
     this.turning = new THREE.Group();

@@ -93,7 +93,7 @@ function surfacesFile(viewer) {
       NORMAL: add(body.normals, "VEC3", GLTF.vertices),
     };
     if (color) attributes.COLOR_0 = add(color.array, "VEC3", GLTF.vertices);
-    const base = color ? [1, 1, 1] : body.mesh.material.color.toArray();
+    const base = body.mesh.material.color.toArray();
     document_.materials.push({
       pbrMetallicRoughness: { baseColorFactor: [...base, 1], metallicFactor: 0, roughnessFactor: SKIN_ROUGHNESS },
     });
