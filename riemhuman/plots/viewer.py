@@ -69,6 +69,7 @@ _SCRIPTS = (
     "viewer_ground.js",
     "viewer_motion.js",
     "viewer_body.js",
+    "viewer_values.js",
     "viewer_components.js",
     "viewer_panels.js",
     "scan_over_body.js",

@@ -49,6 +49,7 @@ class Viewer {
     this.shade = shade && await inflate(shade);
     if (parts) this.parts = { names: parts.names, numbers: await inflate(parts.numbers) };
     this.sliders = new Sliders(this);
+    this.bars = new ValueBars(this);
     this.panel = await Panel.of(this);
     await this.choose(0);
     listen(this);
@@ -89,7 +90,7 @@ class Viewer {
     this.pause();
     delete this.element.dataset.ready;
     this.element.dataset.still = "true";
-    ["running", "turning", "exports", "help", "labels", "hint", "components", "panel"].forEach((name) => {
+    ["running", "turning", "exports", "lines", "help", "labels", "hint", "components", "panel"].forEach((name) => {
       const part = this.find(name);
       if (part) part.hidden = true;
     });
@@ -126,6 +127,7 @@ class Viewer {
     // The arrow keys then go from frame to frame.
     if (moving && this.isRecorded()) this.find("time").max = String(this.lastFrame());
     this.sliders.choose(bodies);
+    this.bars.choose(bodies);
     this.panel.choose(bodies);
     this.element.dataset.choice = this.data.choices[index].name;
     this.find("labels").replaceChildren(...bodies.map((body) => this.label(body)));
@@ -146,17 +148,7 @@ class Viewer {
     };
     // Names of files break at underscores before they break anywhere.
     if (body.label) write(label, "span", body.label.replaceAll("_", "_\u200b"));
-    if (body.values) {
-      const scale = write(label, "span");
-      scale.className = "scale";
-      const largest = Number(body.largest.toPrecision(2));
-      const colors = body.scale || this.data.scale; // stored notebooks have one scale for all
-      write(scale, "span", body.signed ? `\u2212${largest}` : "0");
-      const bar = write(scale, "i");
-      bar.dataset.colors = colors.join(",");
-      bar.style.background = `linear-gradient(to right, ${colors.join(", ")})`;
-      write(scale, "span", `${body.signed ? "+" : ""}${largest} ${body.valueLabel}`.trim());
-    }
+    if (body.values) this.bars.write(body, label);
     return label;
   }
 

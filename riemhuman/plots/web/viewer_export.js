@@ -48,8 +48,9 @@ function writeLabels(viewer, context, box) {
       const top = place.top - box.top;
       if (part.localName === "i") {
         const colors = part.dataset.colors.split(",");
+        const stops = part.dataset.stops.split(",");
         const bar = context.createLinearGradient(left, 0, left + place.width, 0);
-        colors.forEach((color, k) => bar.addColorStop(k / (colors.length - 1), color));
+        colors.forEach((color, k) => bar.addColorStop(Math.min(1, Math.max(0, Number(stops[k]))), color));
         context.fillStyle = bar;
         context.fillRect(left, top, place.width, place.height);
         return;
