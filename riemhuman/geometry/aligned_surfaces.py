@@ -27,7 +27,7 @@ from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import common_seams
 from riemhuman.kernels import surface
-from riemhuman.terms._sum import nearly_degenerate
+from riemhuman.terms._drivers import nearly_degenerate
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template

@@ -21,7 +21,7 @@ from riemhuman.kernels.rotations import axial, cross_product_matrix, transpose
 from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.terms import ConeTerm, EbinTerm
 from riemhuman.terms import _cone_geodesics as cones
-from riemhuman.terms._sum import SumOfTerms
+from riemhuman.terms._drivers import SumOfTerms
 from riemhuman.terms.normals import NormalTerm, RotationTerm
 from riemhuman.terms.term import Fields, Term
 

@@ -23,7 +23,7 @@ from riemhuman.kernels import surface
 from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.rotations import fill_quaternions, nearest_rotations, transpose
 from riemhuman.kernels.threads import of_one_kind
-from riemhuman.terms._sum import SumOfTerms, area_ratios
+from riemhuman.terms._drivers import SumOfTerms, area_ratios
 from riemhuman.terms.normals import RotationTerm
 
 # The skin of an adult, m², by whose area the default times of other templates follow.

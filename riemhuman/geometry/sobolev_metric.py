@@ -13,16 +13,15 @@ from riemhuman.geometry.manifold import SurfaceSpace
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.surface_metric import MetricOfTerms, SurfaceMetric
 from riemhuman.kernels.surface import derivatives
+from riemhuman.terms._drivers import SumOfQuadraticTerms, checked_terms
 from riemhuman.terms._quadratic import (
     FirstOrderTerm,
     FirstOrderWeights,
     NormalPartTerm,
     QuadraticTerm,
     SecondOrderTerm,
-    SumOfQuadraticTerms,
     ZerothOrderTerm,
 )
-from riemhuman.terms._sum import checked_terms
 
 
 class MidpointMetric(MetricOfTerms):

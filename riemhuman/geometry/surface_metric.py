@@ -30,8 +30,8 @@ from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels import surface
 from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.threads import quadratic_form
-from riemhuman.terms._quadratic import QuadraticTerm, SumOfQuadraticTerms
-from riemhuman.terms._sum import SumOfTerms, checked_terms
+from riemhuman.terms._drivers import SumOfTerms, SumOnSurfaces, checked_terms
+from riemhuman.terms._quadratic import QuadraticTerm
 from riemhuman.terms.cone import ConeTerm, EbinTerm
 from riemhuman.terms.flat import RootNormalTerm
 from riemhuman.terms.normals import NormalTerm
@@ -46,7 +46,7 @@ class MetricOfTerms(RiemannianMetric):
 
     space: SurfaceSpace
     terms: tuple[Term, ...] | tuple[QuadraticTerm, ...]
-    _sum: SumOfTerms | SumOfQuadraticTerms
+    _sum: SumOnSurfaces
 
     @property
     def is_stretch_invariant(self) -> bool:  # type: ignore[override]  # read only, as metrics are

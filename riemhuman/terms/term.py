@@ -289,7 +289,7 @@ class Term(ABC):
         Parameters
         ----------
         records : array, shape (n_times, 12, n)
-            Records of triangles, see `riemhuman.terms._sum`.
+            Records of triangles, see `riemhuman.terms._drivers`.
         slopes : array, shape (n_times, 12, n)
             Added to: slopes by the numbers of the records.
         areas : array, shape (n,)
@@ -335,7 +335,7 @@ class Term(ABC):
         Parameters
         ----------
         record : array, shape (12, F)
-            Records of its triangles, see `riemhuman.terms._sum`.
+            Records of its triangles, see `riemhuman.terms._drivers`.
         areas : array, shape (F,)
         kept : array of float32 or float64, shape (n_features, F⁺)
         """

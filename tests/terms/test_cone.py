@@ -19,7 +19,7 @@ from riemhuman.terms import (
     _polynomial_fits,
     cone,
 )
-from riemhuman.terms._sum import SumOfTerms
+from riemhuman.terms._drivers import SumOfTerms
 
 WEIGHTS = [(1.0, 1.0, 1.0), (1.0, 1e-3, 0.01), (0.0, 0.3, 1.0), (2.0, 0.05, 3.0)]
 

@@ -1,4 +1,13 @@
-r"""The driver of a sum of terms: inner products by definition, and all else in compiled loops.
+r"""What metrics hand their work to: sums of terms, and distances of many pairs.
+
+A metric checks its arguments and leaves the rest to an object of one of two protocols:
+
+- `SumOnSurfaces`: inner products, their matrices and the energies of paths, for a metric on
+  surfaces. `SumOfTerms` runs terms with distances in closed form (`Term`), `SumOfQuadraticTerms`
+  terms that are given by their inner products alone (`QuadraticTerm`).
+- `Bulk`: features of points and the tables of distances computed from them, for any metric's
+  `bulk`. `SumOfTerms` is one; `SumOfFactors` runs those of the factors of a product, or of an
+  image; `PairByPair` computes one distance after the other, for metrics that offer no more.
 
 All that terms need to know of a triangle is a record of `LENGTH` numbers: f_u, f_v, the unit normal
 n, the area ratio A = ‖f_u × f_v‖, and e = f_u·f_u, m = f_u·f_v. On a triangle without area n and A
@@ -10,22 +19,26 @@ over triangles run in vector registers; along paths some thousand triangles at a
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as onp
 from numpy import ndarray
 from scipy.sparse import csr_array
 
+from riemhuman.arrays import Array, Points
+from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.kernels import surface
 from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.kernels.surface import follow_up
-from riemhuman.kernels.threads import LANES, in_tiles, of_one_kind, sums_in_chunks
+from riemhuman.kernels.threads import LANES, in_tiles, mapped, of_one_kind, sums_in_chunks
+from riemhuman.terms._quadratic import QuadraticTerm, by_vertex
 from riemhuman.terms.flat import FlatTerm
 from riemhuman.terms.term import LENGTH, Fields, Term
 
-Features = tuple[ndarray, ...]
+Features = tuple[Array, ...]
 
 # Below this many triangles times surfaces, threads cost more than they bring.
 _WORTH_THREADS = 50_000
@@ -33,7 +46,41 @@ _WORTH_THREADS = 50_000
 _IN_CACHE = 8192
 
 
-class SumOfTerms:
+class SumOnSurfaces(Protocol):
+    """A weighted sum of terms on the surfaces over a template, which others have checked."""
+
+    @abstractmethod
+    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+        """Return the inner products of deformations h and k at surfaces f, differentiably."""
+
+    @abstractmethod
+    def matrix(self, surfaces: ndarray) -> csr_array:
+        """Return the matrix of the inner product, the mean over surfaces."""
+
+    @abstractmethod
+    def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
+        """Return the energy of a path, infinite where it has none, and its gradient."""
+
+
+class Bulk(Protocol):
+    """Features of points, and distances computed from them."""
+
+    n_arrays: int
+
+    @abstractmethod
+    def features(self, points: Points, precision: str) -> Features:
+        """Return the features of n points, arrays whose first axis is that of the points."""
+
+    @abstractmethod
+    def rounding(self, features: Features) -> Array:
+        """Return bounds on the rounding errors of each point's features, as distances."""
+
+    @abstractmethod
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
+        """Return the table of squared distances; the same features twice for those within a set."""
+
+
+class SumOfTerms(SumOnSurfaces, Bulk):
     """A weighted sum of terms on the surfaces over a template, which others have checked."""
 
     # Of points that are no surfaces, `fields_of` returns the fields of its one term. Features are
@@ -179,6 +226,112 @@ class SumOfTerms:
             first = surface.derivatives(f, self.template.differential_operator)
             surface.add_blocks(blocks, f, self._faces, self._forms(first))
         return self.template.assembler.assemble(blocks / len(surfaces))
+
+
+class SumOfQuadraticTerms(SumOnSurfaces):
+    """The driver of a sum of terms that are given by their inner products."""
+
+    def __init__(self, terms: Sequence[QuadraticTerm], template: Any) -> None:
+        self.terms, self.template = tuple(terms), template
+
+    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+        """Return the inner product of deformations."""
+        self._refuse_degenerate(f)
+        total: Any = 0.0
+        for term in self.terms:
+            total = total + term.inner_product(h, k, f)
+        return total
+
+    def matrix(self, surfaces: ndarray) -> csr_array:
+        """Return the matrix of the inner product, the mean over surfaces."""
+        self._refuse_degenerate(surfaces)
+        size = surfaces[0].size
+        total = csr_array((size, size))
+        for f in surfaces:
+            for term in self.terms:
+                total = total + term.matrix(f)
+        return total / len(surfaces)
+
+    def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
+        """Return n Σ G at the midpoints of the n segments of a path, and its gradient."""
+        n_segments = len(path) - 1
+        surfaces, steps = by_vertex(0.5 * (path[:-1] + path[1:])), by_vertex(onp.diff(path, axis=0))
+        if not gradient:
+            values = sum(term.squared_norms(steps, surfaces) for term in self.terms)
+            return n_segments * float(values), None
+        parts = [term.squared_norms_and_slopes(steps, surfaces) for term in self.terms]
+        values, in_steps, in_surfaces = (sum(part) for part in zip(*parts, strict=True))
+        slopes = onp.zeros(path.shape)
+        slopes[:-1] = by_vertex(0.5 * in_surfaces - in_steps)
+        slopes[1:] += by_vertex(0.5 * in_surfaces + in_steps)
+        return n_segments * float(values), n_segments * slopes
+
+    def _refuse_degenerate(self, f: ndarray) -> None:
+        first = surface.derivatives(values_of(f), self.template.differential_operator)
+        surface.refuse_degenerate(first.degenerate, "base_point")
+
+
+class PairByPair(Bulk):
+    """Distances computed one by one: the points are their own features."""
+
+    n_arrays = 1
+
+    def __init__(self, squared_dist: Callable[[Points, Points], Array]) -> None:
+        self._squared_dist = squared_dist
+
+    def features(self, points: Points, precision: str) -> Features:
+        return (onp.ascontiguousarray(points),)
+
+    def rounding(self, features: Features) -> Array:
+        return onp.zeros(len(features[0]))
+
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
+        squared = onp.zeros((len(a[0]), len(b[0])))
+
+        def fill_row(i: int) -> None:
+            for j in range(i + 1 if a is b else 0, len(b[0])):
+                squared[i, j] = self._squared_dist(a[0][i], b[0][j])
+                if a is b:
+                    squared[j, i] = squared[i, j]
+
+        list(mapped(fill_row, range(len(squared)), n_threads))
+        return squared
+
+
+class SumOfFactors(Bulk):
+    """Distances of a product: of each factor the map to its component, its weight and its bulk."""
+
+    def __init__(self, parts: Sequence[tuple[Callable[[Array], Array], float, Bulk]]) -> None:
+        self._parts = tuple(parts)
+        self.n_arrays = sum(bulk.n_arrays for _, _, bulk in parts)
+
+    def features(self, points: Points, precision: str) -> Features:
+        return tuple(
+            feature
+            for component, _, bulk in self._parts
+            for feature in bulk.features(component(points), precision)
+        )
+
+    def rounding(self, features: Features) -> Array:
+        parts = self._split(features)
+        return onp.sqrt(sum(weight * bulk.rounding(part) ** 2 for weight, bulk, part in parts))
+
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
+        parts_a = list(self._split(a))
+        parts_b = parts_a if b is a else list(self._split(b))
+        return sum(
+            (
+                w * bulk.squared_distances(part_a, part_b, n_threads)
+                for (w, bulk, part_a), (_, _, part_b) in zip(parts_a, parts_b, strict=True)
+            ),
+            start=onp.zeros(()),
+        )
+
+    def _split(self, features: Features) -> Iterator[tuple[float, Bulk, Features]]:
+        start = 0
+        for _, weight, bulk in self._parts:
+            yield weight, bulk, features[start : start + bulk.n_arrays]
+            start += bulk.n_arrays
 
 
 @compiled(forceinline=True)
