@@ -169,7 +169,8 @@ def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> Any:
     "NPY), a folder of meshes or of motions, an .npz file (basis, body model, distances, path\n"
     "or other arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle\n"
     "(without running it), an HDF5 file of Dynamic FAUST or a recording (BVH,\n"
-    "Acclaim, TRC, C3D, or of methods that watch videos).",
+    "Acclaim, TRC, C3D, .smpl, or of methods that watch videos), with the fields that are used\n"
+    "and left out.",
     "  riemhuman info scan.ply            # closed? degenerate triangles? which unit?\n"
     "  riemhuman info scans/              # do they share one triangulation?\n"
     "  riemhuman info basis.npz --json\n",
@@ -197,7 +198,7 @@ def _facts(file: Path) -> dict[str, Any]:
         **dict.fromkeys((".hdf5", ".h5"), _hdf5_facts),
         **dict.fromkeys(_SKELETON_ENDINGS, _skeleton_facts),
         **dict.fromkeys((".pkl", ".pickle"), _pickle_facts),
-        **dict.fromkeys((".joblib", ".pt", ".pth"), _recording_facts),
+        **dict.fromkeys((".joblib", ".pt", ".pth", ".smpl"), _recording_facts),
     }
     return readers[suffix_of(file, readers)](file)
 
@@ -318,14 +319,13 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
 
 
 def _npz_facts(file: Path) -> dict[str, Any]:
-    from riemhuman.io.arrays import array_shapes, first_headers
+    from riemhuman.io.arrays import array_shapes
 
     every_name, shapes = array_shapes(file, ("path", "faces"))
     names = set(every_name)
     if names & {"mocap_framerate", "mocap_frame_rate"}:
         (motion,) = rh.datasets.load_amass(file)
-        unused = ", ".join(sorted(names - rh.datasets.amass.FIELDS_READ)) or "nothing"
-        return {"kind": "motion of AMASS", **_times(motion), "left_out": unused}
+        return {"kind": "motion of AMASS", **_times(motion), **_fields_of_recording(file)}
     if {"vectors", "format_version"} <= names:
         basis = rh.DeformationBasis.load(file)
         ratio = basis.explained_variance_ratio
@@ -353,6 +353,17 @@ def _npz_facts(file: Path) -> dict[str, Any]:
         n_times, n_vertices = shapes["path"][:2]
         sizes = {"times": n_times, "vertices": n_vertices, "triangles": shapes["faces"][0]}
         return {"kind": "path", **sizes}
+    if names & rh.datasets.recordings.POSE_FIELDS:
+        try:
+            return _recording_facts(file)
+        except FileFormatError:  # arrays of other programs, under one of these names
+            return _array_facts(file)
+    return _array_facts(file)
+
+
+def _array_facts(file: Path) -> dict[str, Any]:
+    from riemhuman.io.arrays import first_headers
+
     every_name, headers = first_headers(file, _MOST_LISTED)
     facts = {"kind": "arrays"}
     facts |= {name: f"{dtype} {shape}" for name, (shape, dtype) in headers.items()}
@@ -450,7 +461,16 @@ def _pickle_facts(file: Path) -> dict[str, Any]:
 
 
 def _recording_facts(file: Path) -> dict[str, Any]:
-    return {"kind": "recording of poses", **_times(rh.datasets.load_recording(file))}
+    times = _times(rh.datasets.load_recording(file))
+    return {"kind": "recording of poses", **times, **_fields_of_recording(file)}
+
+
+def _fields_of_recording(file: Path) -> dict[str, str]:
+    contents = rh.datasets.recording_contents(file)
+    return {
+        "used": ", ".join(contents.used),
+        "left_out": ", ".join(contents.left_out) or "nothing",
+    }
 
 
 def _skeleton_facts(file: Path) -> dict[str, Any]:
