@@ -81,13 +81,13 @@ class TopologyMap:
     """A map between the bodies of a body model and those of another topology.
 
     Every vertex of each mesh has a place on the other: a triangle, barycentric coordinates, and a
-    height along the interpolated normal, which turns and grows with the triangles around it. Between
-    the vertices of a coarser mesh, where flat triangles miss the body, each vertex is a weighted
-    mean of those around its place, with weights learned from simulated people of the model. A map is
-    made once, by registration of one or several bodies of the other topology, and takes
-    milliseconds a body from then on. On simulated people of another mesh, other people in other
-    poses come within 3 mm of their places in the mean, and there and back, through the coarse model
-    too, within 1 mm (tests/registration/test_topology_map.py asserts it).
+    height along the interpolated normal, which turns and grows with the triangles around it.
+    Between the vertices of a coarser mesh, where flat triangles miss the body, each vertex is a
+    weighted mean of those around its place, with weights learned from simulated people of the
+    model. A map is made once, by registration of one or several bodies of the other topology, and
+    takes milliseconds a body from then on. On simulated people of another mesh, other people in
+    other poses come within 3 mm of their places in the mean, and there and back, through the coarse
+    model too, within 1 mm (tests/registration/test_topology_map.py asserts it).
 
     Use it to convert bodies that exist. `transfer_model` makes instead a body model of the other
     topology, with skinning weights and shape directions, to make and pose new bodies.
