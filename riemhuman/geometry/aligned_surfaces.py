@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import operator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.arrays import Array, Booleans, Points, TangentVectors, Triangles
 from riemhuman.checks import (
     SCALES,
     Rng,
@@ -20,14 +19,14 @@ from riemhuman.checks import (
     values_of,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, SeamWarning, warn
-from riemhuman.geometry.manifold import SurfaceSpace, sample_bound, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.surface_metric import ElasticMetric
 from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import common_seams
 from riemhuman.kernels import surface
-from riemhuman.terms._drivers import nearly_degenerate
+from riemhuman.terms._sum import nearly_degenerate
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
 _TEAR = 1e-6
 
 
-class AlignedSurfaces(SurfaceSpace):
+class AlignedSurfaces(Manifold):
     """Maps f: T → R³ that are linear on the triangles of a template T.
 
     A point holds the vertices of a surface in the template's order: an open subset of the vector
@@ -64,6 +63,8 @@ class AlignedSurfaces(SurfaceSpace):
     ((2400, 2, 2), (2400, 3))
     """
 
+    is_surface_space = True
+
     def __init__(
         self, template: Template, equip: bool = True, *, scale: str | None = "template"
     ) -> None:
@@ -80,25 +81,25 @@ class AlignedSurfaces(SurfaceSpace):
     def default_metric(self) -> type[RiemannianMetric]:
         return ElasticMetric
 
-    def belongs(self, point: Points, atol: float = 1e-9) -> Booleans:
+    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
         point, finite = self._candidates(point, "point")
         degenerate = nearly_degenerate(point.reshape(-1, *self.shape), self.template)
         return finite & ~np.any(degenerate, axis=-1).reshape(point.shape[:-2])
 
-    def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
+    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         return real_array(vector, "vector", self.shape)
 
-    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
         noise = generator(rng).uniform(-1.0, 1.0, (sample_count(n_samples), 3, 3))
         maps = np.eye(3) + 0.2 * sample_bound(bound) * noise
         return stack_samples(self.template.vertices @ maps, n_samples)
 
     @property
-    def faces(self) -> Triangles:
+    def faces(self) -> ndarray:
         """Vertex indices of each triangle, shape (F, 3)."""
         return self.template.faces
 
-    def face_areas(self, point: Points) -> Array:
+    def face_areas(self, point: ndarray) -> ndarray:
         """Return the areas of the triangles of surfaces, square metres, shape (..., F).
 
         Gradients are 0 where a triangle has no area.
@@ -110,7 +111,7 @@ class AlignedSurfaces(SurfaceSpace):
         normals = self.normals(point)
         return surface.square_root(surface.dot(normals, normals))
 
-    def normals(self, point: Points) -> Array:
+    def normals(self, point: ndarray) -> ndarray:
         """Return the normals of triangles, as long as their areas, shape (..., F, 3).
 
         Parameters
@@ -120,7 +121,7 @@ class AlignedSurfaces(SurfaceSpace):
         area_vectors = np.cross(*self.partial_derivatives(self.check_point(point)))
         return self.template.face_areas[:, None] * area_vectors
 
-    def partial_derivatives(self, f: Points) -> tuple[Array, Array]:
+    def partial_derivatives(self, f: ndarray) -> tuple[ndarray, ndarray]:
         """Return f_u and f_v in orthonormal frames of the template, each of shape (..., F, 3).
 
         Parameters
@@ -132,7 +133,7 @@ class AlignedSurfaces(SurfaceSpace):
             self.check_tangent_vec(f, "f"), self.template.differential_operator
         )
 
-    def to_fields(self, f: Points) -> tuple[Array, Array]:
+    def to_fields(self, f: ndarray) -> tuple[ndarray, ndarray]:
         """Return Φ(f) = (g, n), the metric field and the normal field (equation 1).
 
         Surfaces with triangles of no area raise DegenerateSurfaceError here and wherever normals
@@ -152,7 +153,7 @@ class AlignedSurfaces(SurfaceSpace):
         derivatives = self.partial_derivatives(f)
         return surface.first_fundamental_form(*derivatives), self._normals(*derivatives)
 
-    def metric_field(self, f: Points) -> Array:
+    def metric_field(self, f: ndarray) -> ndarray:
         """Return the metric field g alone, shape (..., F, 2, 2); triangles without area are legal.
 
         Parameters
@@ -161,7 +162,7 @@ class AlignedSurfaces(SurfaceSpace):
         """
         return surface.first_fundamental_form(*self.partial_derivatives(f))
 
-    def normal_field(self, f: Points) -> Array:
+    def normal_field(self, f: ndarray) -> ndarray:
         """Return the normal field n alone, shape (..., F, 3).
 
         Parameters
@@ -170,12 +171,10 @@ class AlignedSurfaces(SurfaceSpace):
         """
         return self._normals(*self.partial_derivatives(f))
 
-    def as_array(self, points: object, name: str = "points") -> object:
+    def as_array(self, points: Any, name: str = "points") -> Any:
         if isinstance(points, (list, tuple)):
-            each: list[object] = [
-                self.as_array(point, f"{name}[{k}]") for k, point in enumerate(points)
-            ]
-            return points if all(map(operator.is_, each, points)) else np.stack(each)  # type: ignore[arg-type]  # or NumPy refuses
+            each = [self.as_array(point, f"{name}[{k}]") for k, point in enumerate(points)]
+            return points if all(map(operator.is_, each, points)) else np.stack(each)
         if not hasattr(points, "faces") and not hasattr(points, "cells"):
             return points
         vertices, faces = as_arrays(points)
@@ -189,7 +188,7 @@ class AlignedSurfaces(SurfaceSpace):
             )
         return vertices
 
-    def check_point(self, point: object, name: str = "point") -> Array:
+    def check_point(self, point: Any, name: str = "point") -> ndarray:
         if not isinstance(point, ndarray):
             point = self.as_array(point, name)
         dtype = getattr(point, "dtype", None)
@@ -199,7 +198,7 @@ class AlignedSurfaces(SurfaceSpace):
         check_resolution(point, name, dtype)
         return point
 
-    def check_tangent_vec(self, tangent_vec: object, name: str = "tangent_vec") -> Array:
+    def check_tangent_vec(self, tangent_vec: Any, name: str = "tangent_vec") -> ndarray:
         """Return deformations as float64 arrays after checking them, shape (..., V, 3).
 
         Parameters
@@ -210,12 +209,12 @@ class AlignedSurfaces(SurfaceSpace):
         """
         return real_array(self.as_array(tangent_vec, name), name, self.shape, lengths=True)
 
-    def check_scale(self, point: Points, name: str = "point") -> None:
+    def check_scale(self, point: ndarray, name: str = "point") -> None:
         check_resolution(point, name)
         if self.scale is not None:
             check_same_scale(values_of(point), self._reference, name, "the template")
 
-    def warn_of_tears(self, points: Points, directions: TangentVectors | None = None) -> None:
+    def warn_of_tears(self, points: ndarray, directions: ndarray | None = None) -> None:
         seams = self.template.seams
         if not seams:
             return
@@ -234,7 +233,7 @@ class AlignedSurfaces(SurfaceSpace):
                 SeamWarning,
             )
 
-    def check_immersed(self, f: object, name: str = "f") -> Array:
+    def check_immersed(self, f: Any, name: str = "f") -> ndarray:
         """Return surfaces as float64 arrays if all their triangles have area, shape (..., V, 3).
 
         Parameters
@@ -247,6 +246,6 @@ class AlignedSurfaces(SurfaceSpace):
         return f
 
     @staticmethod
-    def _normals(f_u: Array, f_v: Array, name: str = "the surface") -> Array:
+    def _normals(f_u: ndarray, f_v: ndarray, name: str = "the surface") -> ndarray:
         surface.refuse_degenerate(surface.is_degenerate(values_of(f_u), values_of(f_v)), name)
         return surface.unit_normals(f_u, f_v)

@@ -15,7 +15,6 @@ from riemhuman.registration.registered_scans import RegisteredScan
 from riemhuman.registration.registration_traces import RegistrationTrace
 from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan, find_inward_triangles, load_landmarks, load_scan
-from riemhuman.registration.scans_over_bodies import ScanOverBody, lay_over_body
 from riemhuman.registration.settings import (
     ArmSettings,
     AssignmentSettings,
@@ -50,7 +49,6 @@ __all__ = [
     "RivalSettings",
     "Scan",
     "ScanCorrespondence",
-    "ScanOverBody",
     "ScanRecord",
     "ScanRegistration",
     "SearchRound",
@@ -62,7 +60,6 @@ __all__ = [
     "correspondence",
     "find_inward_triangles",
     "geodesic_errors",
-    "lay_over_body",
     "load_landmarks",
     "load_scan",
     "read_records",

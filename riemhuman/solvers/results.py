@@ -16,7 +16,6 @@ from numpy import ndarray
 from riemhuman.errors import ConvergenceWarning, FileFormatError, NotDefinedError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.kernels.threads import is_abandoned
-from riemhuman.memory import enough_memory
 from riemhuman.provided import notebook_pictures
 from riemhuman.representation import Record, field_texts
 
@@ -363,17 +362,13 @@ class Interrupted(KeyboardInterrupt):
 
 
 @contextmanager
-def interruptible(
-    best: Callable[[Result | None], Result], task: str = "this search"
-) -> Iterator[None]:
+def interruptible(best: Callable[[Result | None], Result]) -> Iterator[None]:
     """Raise `Interrupted` where the block is stopped from the keyboard, with the best so far.
 
-    `best` is given the result of a solver that the block called, if that was what was stopped. A
-    lack of memory is raised as an error that names the task.
+    `best` is given the result of a solver that the block called, if that was what was stopped.
     """
     try:
-        with enough_memory(task):
-            yield
+        yield
     except KeyboardInterrupt as stopped:
         if is_abandoned():
             raise

@@ -1,6 +1,0 @@
-from typing import TypeVar
-
-T = TypeVar("T")
-
-def getval(x: T) -> T: ...
-def isbox(x: object) -> bool: ...
