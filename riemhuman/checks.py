@@ -8,16 +8,30 @@ from __future__ import annotations
 import itertools
 import math
 import operator
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Hashable, Mapping, Sequence, Set
 from contextlib import suppress
-from typing import Any, NoReturn
+from typing import NoReturn, Protocol, SupportsIndex, TypeVar
 
 import numpy as np
 from autograd.tracer import getval
 
+from riemhuman.arrays import Array, ArrayLike, Integers, Labels, PointsLike
 from riemhuman.errors import ArgumentError, ArgumentTypeError, PrecisionWarning, warn
+from riemhuman.memory import too_little
 
 Rng = int | np.random.Generator | None
+
+Choice = TypeVar("Choice")
+
+
+class SpaceOfPoints(Protocol):
+    """What checks of points read of a `riemhuman.Manifold`."""
+
+    shape: tuple[int, ...]
+
+    def as_array(self, points: object, name: str) -> object: ...
+
+
 _LONGEST = 200
 # Fourth powers of lengths, and what weights make of them, stay within double precision.
 _LARGEST_WEIGHT = _LONGEST_LENGTH = 1e60
@@ -69,7 +83,7 @@ _NEAR, _FAR, _FEWEST_VERTICES = 30.0, 50.0, 100
 _N_SURFACES = 8
 
 
-def values_of(array: Any, name: str = "array") -> np.ndarray:
+def values_of(array: object, name: str = "array") -> np.ndarray:
     """Return the plain NumPy values of an array, traced by autograd or not."""
     while array is not (value := getval(array)):
         array = value
@@ -91,7 +105,7 @@ def values_of(array: Any, name: str = "array") -> np.ndarray:
         ) from error
 
 
-def _count_masked(array: Any) -> int:
+def _count_masked(array: object) -> int:
     """Return the number of masked entries of an array, or of arrays in nested lists."""
     if isinstance(array, np.ma.MaskedArray):
         return int(np.ma.count_masked(array))
@@ -101,7 +115,7 @@ def _count_masked(array: Any) -> int:
 
 
 def real_array(
-    array: Any,
+    array: object,
     name: str,
     shape: Sequence[int | str] | None = None,
     *,
@@ -109,7 +123,7 @@ def real_array(
     finite: bool = True,
     rows: bool = False,
     lengths: bool = False,
-) -> Any:
+) -> Array:
     """Return `array` as a float64 array after checking its shape and finiteness.
 
     `shape` is the expected trailing shape, in which a string stands for any length; with `batched`,
@@ -123,19 +137,24 @@ def real_array(
         )
     if shape is not None and not (batched and values.shape[-len(shape) :] == tuple(shape)):
         if rows:
-            array = unflatten(array if hasattr(array, "_trace") else values, shape)
+            traced = hasattr(array, "_trace")
+            array = unflatten(array if traced else values, shape)  # type: ignore[arg-type]
             values = values_of(array)
         check_shape(values, name, shape, batched=batched)
-    if finite and not np.isfinite(values).all():
+    try:
+        is_finite = not finite or np.isfinite(values).all()
+        checked = np.asarray(values, dtype=np.float64)
+    except MemoryError as error:
+        raise too_little(f"{name} of shape {values.shape} in double precision", error) from error
+    if not is_finite:
         bad = np.argwhere(~np.isfinite(values))
         index = tuple(int(i) for i in bad[0])
         raise ArgumentError(
             f"{name} holds {len(bad)} NaN or infinite entries, the first at index {index}; "
             "every entry must be finite"
         )
-    values = np.asarray(values, dtype=np.float64)
     if lengths:
-        largest = np.abs(values).max(axis=(-2, -1), initial=0.0)
+        largest = np.abs(checked).max(axis=(-2, -1), initial=0.0)
         wrong = (largest > _LONGEST_LENGTH) | ((largest > 0) & (largest < _SHORTEST_LENGTH))
         if wrong.any():
             raise ArgumentError(
@@ -143,10 +162,12 @@ def real_array(
                 f"{_LONGEST_LENGTH:g} in size; the largest of one is {largest[wrong][0]:g}: choose "
                 "another unit"
             )
-    return array if hasattr(array, "_trace") else values
+    if hasattr(array, "_trace"):
+        return array  # type: ignore[return-value]  # traced, which behaves as its values do
+    return checked
 
 
-def unflatten(array: Any, shape: Sequence[Any]) -> Any:
+def unflatten(array: Array, shape: Sequence[int | str]) -> Array:
     """Return rows of numbers, shape (..., n), as points; return any other array unchanged."""
     given, size = np.shape(array), math.prod(shape)
     if given[-len(shape) :] == tuple(shape) or given[-1:] != (size,) or size == shape[-1]:
@@ -166,7 +187,7 @@ def check_shape(
         raise ArgumentError(f"{name} must have shape ({expected}); found {values.shape}")
 
 
-def joint_shape(**stacks: Any) -> tuple[int, ...]:
+def joint_shape(**stacks: ArrayLike) -> tuple[int, ...]:
     """Return the shape that stacks of points or vectors broadcast to; there must be one."""
     shapes = [np.shape(stack) for stack in stacks.values()]
     try:
@@ -178,7 +199,7 @@ def joint_shape(**stacks: Any) -> tuple[int, ...]:
         ) from error
 
 
-def path_array(path: Any, space: Any, *, batched: bool = True) -> Any:
+def path_array(path: object, space: SpaceOfPoints, *, batched: bool = True) -> Array:
     """Return discrete paths of a space's points, at two times at least, as a float64 array."""
     if not isinstance(path, np.ndarray):
         path = space.as_array(path, "path")
@@ -189,7 +210,7 @@ def path_array(path: Any, space: Any, *, batched: bool = True) -> Any:
     return path
 
 
-def distance_matrix(distances: Any, name: str, *, symmetric: bool = True) -> np.ndarray:
+def distance_matrix(distances: ArrayLike, name: str, *, symmetric: bool = True) -> Array:
     """Return distances, shape (n, n), with zero diagonal, exactly symmetric if they must be."""
     matrix = real_array(distances, name, ("n", "n"), batched=False, finite=False).copy()
     if matrix.shape[0] != matrix.shape[1] or not len(matrix):
@@ -210,17 +231,17 @@ def distance_matrix(distances: Any, name: str, *, symmetric: bool = True) -> np.
     return 0.5 * (matrix + matrix.T)
 
 
-def length_of(points: Any, name: str) -> int:
+def length_of(points: ArrayLike | PointsLike, name: str) -> int:
     """Return the number of points of an array, or of an object that has a length and slices."""
     has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
     if not has_slices or isinstance(points, (Mapping, str, bytes, memoryview)):
         raise ArgumentTypeError(
             f"{name} must be an array, or have a length and slices; found {type(points).__name__}"
         )
-    return len(points)
+    return len(points)  # type: ignore[arg-type]  # it has a length
 
 
-def label_list(labels: Any, name: str, count: int) -> list[Any]:
+def label_list(labels: Labels, name: str, count: int) -> list[Hashable]:
     """Return `count` class labels as a list of Python objects; none of them may be missing.
 
     A label is missing if it is None, NaN, NaT, pandas' NA, a masked entry, empty or blank text, or
@@ -234,8 +255,8 @@ def label_list(labels: Any, name: str, count: int) -> list[Any]:
         )
     try:
         # Elements of other packages' arrays are arrays, each of which would be its own class.
-        values = list(labels.tolist() if hasattr(labels, "tolist") else labels)
-        values = [_plain_label(value) for value in values]
+        listed = labels.tolist() if hasattr(labels, "tolist") else labels
+        values = [_plain_label(value) for value in list(listed)]  # type: ignore[arg-type]  # TypeError
     except (TypeError, ValueError, RuntimeError) as error:
         raise ArgumentTypeError(
             f"{name} must be a sequence of class labels ({error}); found {type(labels).__name__}"
@@ -259,7 +280,7 @@ def label_list(labels: Any, name: str, count: int) -> list[Any]:
     return values
 
 
-def is_missing_label(value: Any) -> bool:
+def is_missing_label(value: object) -> bool:
     """Return whether a label is missing, see `label_list`."""
     if value is None or (isinstance(value, np.ma.MaskedArray) and np.ma.count_masked(value) > 0):
         return True
@@ -278,13 +299,16 @@ def is_missing_label(value: Any) -> bool:
         return True
 
 
-def _plain_label(value: Any) -> Any:
+def _plain_label(value: Hashable) -> Hashable:
     """Return a label; of an array of no dimension, of NumPy or not, its Python number or text."""
-    is_scalar = getattr(value, "shape", None) == () and hasattr(value, "item")
-    return value.item() if is_scalar and not is_missing_label(value) else value
+    item = getattr(value, "item", None)
+    if item is None or getattr(value, "shape", None) != () or is_missing_label(value):
+        return value
+    number: Hashable = item()
+    return number
 
 
-def class_numbers(labels: Any, name: str, count: int) -> tuple[np.ndarray, list[Any]]:
+def class_numbers(labels: Labels, name: str, count: int) -> tuple[Integers, list[Hashable]]:
     """Return `count` labels as numbers, and the classes, ascending where labels can be compared.
 
     Missing labels are refused, see `label_list`.
@@ -292,17 +316,17 @@ def class_numbers(labels: Any, name: str, count: int) -> tuple[np.ndarray, list[
     values = label_list(labels, name, count)
     classes = list(dict.fromkeys(values))
     with suppress(TypeError):
-        classes = sorted(classes)
+        classes = sorted(classes)  # type: ignore[type-var]  # TypeError where there is no order
     numbers = {value: number for number, value in enumerate(classes)}
     return np.array([numbers[value] for value in values], dtype=np.int64), classes
 
 
-def class_indices(labels: Any, name: str, count: int) -> np.ndarray:
+def class_indices(labels: Labels, name: str, count: int) -> Integers:
     """Return `count` labels that are whole numbers, as int64; missing ones are refused."""
     return integer_array(label_list(labels, name, count), name, (count,))
 
 
-def metric_weight(value: Any, name: str, *, strict: bool = False) -> float:
+def metric_weight(value: ArrayLike, name: str, *, strict: bool = False) -> float:
     """Return a weight of a metric as a float of at least 0, or above it if `strict`."""
     number = real_number(value, name, minimum=0.0, strict=strict)
     if number > _LARGEST_WEIGHT:
@@ -310,23 +334,23 @@ def metric_weight(value: Any, name: str, *, strict: bool = False) -> float:
     return number
 
 
-def weight_shares(weights: Any, n: int) -> np.ndarray:
+def weight_shares(weights: ArrayLike | None, n: int) -> Array:
     """Return n weights of at least 0 as shares that sum to one; by default all the same."""
     if weights is None:
         return np.full(n, 1.0 / max(n, 1))
-    weights = real_array(weights, "weights", (n,), batched=False)
-    smallest, largest = weights.min(), weights.max()
+    shares = real_array(weights, "weights", (n,), batched=False)
+    smallest, largest = shares.min(), shares.max()
     if smallest < 0 or largest <= 0:
         raise ArgumentError(
             f"weights must be at least 0 and not all 0; the smallest is {smallest:g}, the largest "
             f"{largest:g}"
         )
     # Their sum might overflow.
-    weights = weights / largest
-    return weights / weights.sum()
+    shares = shares / largest
+    return shares / shares.sum()
 
 
-def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarray:
+def integer_array(array: object, name: str, shape: Sequence[int | str]) -> Integers:
     """Return `array` as int64 of exactly this shape; whole-numbered floats are accepted."""
     values = values_of(array, name)
     if values.dtype.kind not in "iu" and not (
@@ -349,7 +373,9 @@ def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarr
     return values.astype(np.int64)
 
 
-def real_number(value: Any, name: str, *, minimum: float = -np.inf, strict: bool = False) -> float:
+def real_number(
+    value: ArrayLike, name: str, *, minimum: float = -np.inf, strict: bool = False
+) -> float:
     """Return `value` as a finite float that is at least (if `strict`, above) `minimum`."""
     try:
         # Text and moments in time convert to float as well, and arrays of one number did so
@@ -358,7 +384,7 @@ def real_number(value: Any, name: str, *, minimum: float = -np.inf, strict: bool
             raise TypeError
         if getattr(getattr(value, "dtype", None), "kind", "f") not in "fiub":
             raise TypeError
-        number = float(value)
+        number = float(value)  # type: ignore[arg-type]  # TypeError where it is no number
     except (TypeError, ValueError) as error:
         raise ArgumentTypeError(f"{name} must be a real number; found {_shown(value)}") from error
     if not np.isfinite(number) or number < minimum or (strict and number == minimum):
@@ -367,7 +393,7 @@ def real_number(value: Any, name: str, *, minimum: float = -np.inf, strict: bool
     return number
 
 
-def whole_number(value: Any, name: str, *, minimum: int | None = None) -> int:
+def whole_number(value: SupportsIndex, name: str, *, minimum: int | None = None) -> int:
     """Return `value` as an int that is at least `minimum`."""
     try:
         number = operator.index(value)
@@ -378,7 +404,7 @@ def whole_number(value: Any, name: str, *, minimum: int | None = None) -> int:
     return number
 
 
-def one_of(value: Any, name: str, choices: Sequence[Any]) -> Any:
+def one_of(value: Choice, name: str, choices: Sequence[object]) -> Choice:
     """Return `value`, or raise an ArgumentError if it is not one of `choices`."""
     if value not in choices:
         listed = ", ".join(repr(choice) for choice in choices)
@@ -458,7 +484,7 @@ def check_same_scale(
     )
 
 
-def _numpy_dtype(dtype: Any) -> np.dtype | None:
+def _numpy_dtype(dtype: object) -> np.dtype | None:
     """Return NumPy's type of the same name as a type of another library, if any."""
     if dtype is None:
         return None
@@ -469,7 +495,7 @@ def _numpy_dtype(dtype: Any) -> np.dtype | None:
 
 
 def check_resolution(
-    points: Any, name: str, dtype: Any = None, error: type[Exception] = ArgumentError
+    points: object, name: str, dtype: object = None, error: type[Exception] = ArgumentError
 ) -> None:
     """Warn, or raise an error, if few digits of the distances between vertices are left.
 
@@ -523,35 +549,35 @@ def _common_step(values: np.ndarray) -> float:
     return step if is_grid else 0.0
 
 
-def refuse_type(value: Any, name: str, expected: str) -> NoReturn:
+def refuse_type(value: object, name: str, expected: str) -> NoReturn:
     """Raise an ArgumentTypeError that says which class was found, or that it was a class itself."""
     found = f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
     raise ArgumentTypeError(f"{name} must be {expected}; found {found}")
 
 
-def check_methods(value: Any, name: str, expected: str, *methods: str) -> None:
+def check_methods(value: object, name: str, expected: str, *methods: str) -> None:
     """Raise an ArgumentTypeError unless this is an object, no class, with these methods."""
     if isinstance(value, type) or not all(callable(getattr(value, each, None)) for each in methods):
         refuse_type(value, name, expected)
 
 
-def check_function(value: Any, name: str) -> None:
+def check_function(value: object, name: str) -> None:
     """Raise an ArgumentTypeError for what cannot be called."""
     check_methods(value, name, "a function", "__call__")
 
 
-def check_basis(value: Any, name: str) -> None:
+def check_basis(value: object, name: str) -> None:
     """Raise an ArgumentTypeError for what lacks the methods of a DeformationBasis."""
     check_methods(value, name, "a DeformationBasis", "check_fits", "extend")
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     """Return the text of an argument, cut short, since one from a file may be of any length."""
     text = repr(value)
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
 
 
-def _describe(array: Any, values: np.ndarray) -> str:
+def _describe(array: object, values: np.ndarray) -> str:
     kind = type(array).__name__
     return f"{kind} of dtype {values.dtype}" if values.ndim else f"{kind} {_shown(array)}"
 

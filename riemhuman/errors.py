@@ -54,7 +54,7 @@ class FileFormatError(RiemhumanError, ValueError):
 
 
 class OutOfMemoryError(RiemhumanError, MemoryError):
-    """There is too little memory to read a file, which need not be damaged."""
+    """There is too little memory to read a file, which need not be damaged, or to compute."""
 
 
 class MissingDependencyError(RiemhumanError, ImportError):

@@ -44,7 +44,7 @@ class Estimator:
             if inner:
                 getattr(self, name).set_params(**{inner: value})
             else:
-                setattr(self, name, value)
+                setattr(self, name, value)  # by name, as scikit-learn's protocol has it
         return self
 
     def __repr__(self) -> str:

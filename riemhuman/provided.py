@@ -7,11 +7,19 @@ and they are loaded when they are first used.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 if TYPE_CHECKING:
-    from numpy import ndarray
+    from riemhuman.arrays import Points, Triangles
+    from riemhuman.geometry.metric import RiemannianMetric
+    from riemhuman.geometry.strategies import (
+        ExpSolver,
+        GeodesicSolver,
+        LogSolver,
+        TransportSolver,
+    )
 
 T = TypeVar("T")
 
@@ -19,21 +27,29 @@ T = TypeVar("T")
 class DefaultSolvers(Protocol):
     """Strategies of a metric that was given none, see `riemhuman.solvers.defaults`."""
 
-    def geodesic_solver(self, metric: Any) -> Any: ...
+    def geodesic_solver(self, metric: RiemannianMetric) -> GeodesicSolver: ...
 
-    def exp_solver(self, metric: Any) -> Any: ...
+    def exp_solver(self, metric: RiemannianMetric) -> ExpSolver: ...
 
-    def log_solver(self, metric: Any) -> Any: ...
+    def log_solver(self, metric: RiemannianMetric) -> LogSolver: ...
 
-    def transport_solver(self, metric: Any) -> Any: ...
+    def transport_solver(self, metric: RiemannianMetric) -> TransportSolver: ...
+
+
+class View(Protocol):
+    """An interactive view, see `riemhuman.plots.Viewer`."""
+
+    def save(self, path: str | os.PathLike[str]) -> None: ...
 
 
 class NotebookPictures(Protocol):
-    """Pictures of surfaces as HTML, see `riemhuman.plots`."""
+    """Pictures of surfaces as HTML and views, see `riemhuman.plots`."""
 
     def surfaces_html(
-        self, surfaces: Sequence[ndarray] | ndarray, faces: ndarray | None, caption: str
+        self, surfaces: Sequence[Points] | Points, faces: Triangles | None, caption: str
     ) -> str: ...
+
+    def view(self, shown: object) -> View: ...
 
 
 class Provided(Generic[T]):

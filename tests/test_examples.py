@@ -21,7 +21,8 @@ IMPORTS = {"np": np, "rh": rh}  # which examples leave out, as those of NumPy do
 OBJECTS = public_objects()
 SLOW = {
     "riemhuman.measurements.model_from_measurements",
-    "riemhuman.plots.plot_measurement_lines",
+    "riemhuman.plots.plot_difference",
+    "riemhuman.plots.view_difference",
     "riemhuman.registration.TemplateRegistration",
 }
 EVERYDAY = [name for name in list(OBJECTS)[::2] if name not in SLOW]

@@ -60,3 +60,15 @@ def test_packages_show_public_names_only():
 def test_unknown_name_is_refused():
     with pytest.raises(AttributeError, match="no_such_name"):
         riemhuman.no_such_name  # noqa: B018
+
+
+def test_commands_import_what_they_use():
+    """Parts of SciPy that take long to import are imported when something needs them."""
+    late = {f"scipy.{name}" for name in ("interpolate", "ndimage", "optimize", "signal", "stats")}
+    result = run(
+        "import riemhuman as rh\n"
+        "rh.bodies, rh.datasets, rh.measurements, rh.registration, rh.retrieval, rh.solvers\n"
+        f"print(*sorted({late | HEAVY} & sys.modules.keys()))"
+    )
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.split() == []

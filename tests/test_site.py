@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import time
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -88,3 +89,31 @@ def test_pages_fit_a_telephone(site, browser):
         assert len(widths) == len(pages)
         wide += [page.name for page, width in zip(pages, widths, strict=True) if width > TELEPHONE]
     assert wide == []
+
+
+def test_header_is_one_row(site, browser):
+    browser.open(site / "reference.html", 1200, 900)
+    assert browser.run("return document.querySelector('.bd-header').offsetHeight") < 90
+
+
+def test_search_works_from_a_file(site, browser):
+    browser.open(site / "names" / "riemhuman.EbinMetric.html", 1200, 900)
+    action = browser.run("return document.querySelector('form.bd-search').action")
+    assert Path(unquote(urlsplit(action).path)) == site / "search.html"
+    (site / "query.html").write_text(
+        '<meta http-equiv="refresh" content="0; url=search.html?q=geodesic">', encoding="utf-8"
+    )
+    browser.open(site / "query.html", 1200, 900)
+    found = "return document.querySelectorAll('#search-results li a').length"
+    until = time.monotonic() + 30
+    while not browser.run(found) and time.monotonic() < until:
+        time.sleep(0.1)
+    assert browser.run(found) > 10
+
+
+def test_names_beside_a_page_are_not_cut_off(site, browser):
+    browser.open(site / "names" / "riemhuman.EbinMetric.html", 1400, 900)
+    links = "[...document.querySelectorAll('.page-toc a, .page-toc code')]"
+    assert browser.run(f"return {links}.length") > 20
+    cut = "filter((part) => part.getBoundingClientRect().right > innerWidth)"
+    assert browser.run(f"return {links}.{cut}.map((part) => part.innerText)") == []

@@ -1,20 +1,23 @@
 """Build the documentation site: `python tutorials/build_site.py [FOLDER]`, without a connection.
 
-The pages and notebooks of this folder are copied, a page for every public name and the gallery are
-written beside them, and Sphinx does the rest; a warning is an error.
+The pages and notebooks of this folder are copied, the gallery and a page for every public name are
+written beside them, and Sphinx does the rest; a warning is an error. The folder is `site` unless
+given.
 """
 
 from __future__ import annotations
 
+import argparse
 import base64
 import json
 import re
 import shutil
 import sys
 import tempfile
+from collections import defaultdict
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import nbformat
 from sphinx.cmd.build import main as sphinx
@@ -116,36 +119,121 @@ def first_sentence(cell: dict[str, Any]) -> str:
     return f"{first} {more[0]}" if more and len(first) < _SHORT_SENTENCE else first
 
 
+class Task(NamedTuple):
+    """A part of the reference: what its names are for, and the subpackages that define them."""
+
+    title: str
+    sentence: str
+    subpackages: tuple[str, ...]
+
+
+TASKS = (
+    Task(
+        "Spaces and metrics",
+        "Spaces of surfaces and fields, the metrics on them, and the distances, energies, "
+        "geodesics and exponentials that every metric has.",
+        ("geometry", "surfaces"),
+    ),
+    Task(
+        "Paths, means and transfer",
+        "Solvers that find geodesics, exponentials, logarithms, parallel transport, means and "
+        "principal components; a metric runs the ones it is given.",
+        ("solvers",),
+    ),
+    Task(
+        "Retrieval and statistics",
+        "Scores, nearest neighbours, jobs larger than memory, clusters, tests, and metrics learned "
+        "from labels.",
+        ("retrieval", "statistics"),
+    ),
+    Task(
+        "Bodies and data sets",
+        "The open bodies and motions, body models, and readers of FAUST, AMASS, SMPL and others.",
+        ("datasets", "bodies"),
+    ),
+    Task("Files", "Meshes, points, arrays and models, read and written.", ("io",)),
+    Task(
+        "Scans and other topologies",
+        "Raw scans registered with a body model or a template, and maps between topologies.",
+        ("registration",),
+    ),
+    Task(
+        "Measurements",
+        "Girths, lengths, heights, breadths and volumes, their percentiles, and bodies that have "
+        "given measurements.",
+        ("measurements",),
+    ),
+    Task(
+        "Motions",
+        "Recordings compared, aligned and averaged at any speed, and moved between skeletons.",
+        ("motions", "retargeting"),
+    ),
+    Task(
+        "Pictures and reports",
+        "Figures, interactive pages and reports.",
+        ("plots", "report"),
+    ),
+    Task(
+        "Other representations",
+        "Descriptors and learned codes, to compare the metrics with.",
+        ("descriptors", "learned"),
+    ),
+    Task(
+        "Your own extensions",
+        "Base classes of terms, checks of what you wrote, and registration of it for other users.",
+        ("terms", "testing", "extensions"),
+    ),
+    Task("Errors and warnings", "All errors derive from `RiemhumanError`.", ("errors",)),
+)
+
+
 def reference() -> str:
-    """Return the page that lists every public name, and makes Sphinx write a page for each."""
-    said = (
-        "Every public name; those of `riemhuman` itself as `rh`. Examples assume "
-        "`import numpy as np` and `import riemhuman as rh`."
+    """Return the page of all public names by task, which makes Sphinx write a page for each."""
+    introduction = (
+        "Every public name, grouped by task; names without a subpackage are those of `riemhuman` "
+        "itself, as `rh`. Examples assume `import numpy as np` and `import riemhuman as rh`."
     )
-    parts = ["# Reference", said]
-    parts.append(section("riemhuman", rh, [name for name in rh.__all__ if not is_module(rh, name)]))
-    listed: set[int] = set()
-    for subpackage in sorted(name for name in rh.__all__ if is_module(rh, name)):
-        module = getattr(rh, subpackage)
-        names = getattr(module, "__all__", None)
-        if names is None and subpackage in ("errors", "extensions"):
-            names = [name for name in vars(module) if defined_in(module, name)]
-        names = [n for n in names or [] if n not in rh.__all__ and not is_module(module, n)]
-        # A name that two subpackages share has one page.
-        names = [name for name in names if id(getattr(module, name)) not in listed]
-        listed |= {id(getattr(module, name)) for name in names}
-        if names:
-            parts.append(section(f"riemhuman.{subpackage}", module, names))
+    parts = ["# Reference", introduction]
+    addresses = public_addresses()
+    for task in TASKS:
+        names = [name for subpackage in task.subpackages for name in addresses.pop(subpackage, [])]
+        parts.append(section(task, names))
+    if addresses:
+        raise ValueError(f"no task of the reference lists {sorted(addresses)}: add them to TASKS")
     return "\n\n".join(parts) + "\n"
 
 
-def section(title: str, module: ModuleType, names: list[str]) -> str:
-    """Return the part of the reference about one module."""
-    summary = (module.__doc__ or "").split("\n\n")[0].replace("\n", " ")
-    listed = "\n".join(f"   ~{module.__name__}.{name}" for name in sorted(names))
+def public_addresses() -> dict[str, list[str]]:
+    """Return the addresses of all public names, by the subpackage that defines them."""
+    addresses: dict[str, list[str]] = defaultdict(list)
+    listed: set[int] = set()
+    modules = [rh, *(getattr(rh, name) for name in rh.__all__ if is_module(rh, name))]
+    for module in modules:
+        for name in sorted(public_names(module)):
+            value = getattr(module, name)
+            if id(value) not in listed:  # a name that two subpackages share has one page
+                listed.add(id(value))
+                home = value.__module__ if module is rh else module.__name__
+                addresses[home.split(".")[1]].append(f"{module.__name__}.{name}")
+    return addresses
+
+
+def public_names(module: ModuleType) -> list[str]:
+    """Return the names of a module that are no modules themselves."""
+    if module is rh.kernels:  # its functions are parts of the metrics, and stand there
+        return []
+    names = getattr(module, "__all__", None)
+    if names is None:
+        names = [name for name in vars(module) if defined_in(module, name)]
+    return [name for name in names if not is_module(module, name)]
+
+
+def section(task: Task, addresses: list[str]) -> str:
+    """Return the part of the reference about one task."""
+    listed = "\n".join(f"   ~{address}" for address in addresses)
     return (
-        f"## {title}\n\n{summary}\n\n```{{eval-rst}}\n.. autosummary::\n   :toctree: names\n\n"
-        f"{listed}\n```"
+        f"## {task.title}\n\n{task.sentence}\n\n```{{eval-rst}}\n.. autosummary::\n"
+        f"   :toctree: names\n\n{listed}\n```"
     )
 
 
@@ -160,5 +248,17 @@ def defined_in(module: ModuleType, name: str) -> bool:
     return not name.startswith("_") and getattr(found, "__module__", None) == module.__name__
 
 
+def from_command_line() -> int:
+    """Build the site where the command line says, and say where it is."""
+    parser = argparse.ArgumentParser(description="Build the documentation site, in about a minute.")
+    parser.add_argument("folder", nargs="?", default="site", type=Path, help="default: site")
+    target = parser.parse_args().folder
+    print(f"Building the site in {target}: about a minute.", flush=True)
+    code = main(target)
+    if code == 0:
+        print(f"Done: open {target / 'index.html'} in a browser.")
+    return code
+
+
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1] if len(sys.argv) > 1 else "site")))
+    sys.exit(from_command_line())

@@ -27,6 +27,7 @@ myst_heading_anchors = 3
 autosummary_generate = True
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
+toc_object_entries_show_parents = "hide"  # "dist()", where "EbinMetric.dist()" would be cut off
 
 templates_path = ["_templates"]
 html_theme = "pydata_sphinx_theme"
@@ -36,28 +37,17 @@ html_css_files = ["viewer.css", "site.css"]
 html_js_files = [("three.min.js", {"defer": "defer"}), ("viewer.js", {"defer": "defer"})]
 html_show_sourcelink = False
 html_copy_source = False
+html_logo = "_static/logo.svg"
+html_favicon = "_static/logo.svg"
 html_theme_options = {
+    "logo": {"text": "riemhuman", "alt_text": "riemhuman, the first page"},
     "header_links_before_dropdown": 6,
-    "navbar_end": ["theme-switcher"],
+    "navbar_persistent": [],
+    "navbar_end": ["search-button", "theme-switcher"],
     "show_prev_next": True,
 }
 # Pages without pages below them have nothing to list beside their text.
-_ALONE = (
-    "choose_a_metric",
-    "template_and_alignment",
-    "bring_your_data",
-    "geodesics_and_statistics",
-    "command_line",
-    "differences_from_geomstats",
-    "speed_and_reliability",
-    "citing",
-    "changelog",
-    "extending",
-    "architecture",
-    "index",
-    "install",
-)
-html_sidebars: dict[str, list[str]] = {page: [] for page in _ALONE}
+html_sidebars: dict[str, list[str]] = {page: [] for page in ("index", "install", "search")}
 html_math_renderer = "mathml"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from contextlib import suppress
@@ -22,11 +23,15 @@ from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.rotations import rotation_matrix
+from riemhuman.memory import check_memory, enough_memory
 from riemhuman.representation import Unchanging
 from riemhuman.surfaces.template import Template
 
 # Weights in single precision, or rounded for storage, sum to one within this tolerance.
 _SUM_TOLERANCE = 1e-3
+# Bodies of more bytes are many, whose need of memory is foreseen.
+_MANY_BYTES = 2**26
+_FEWER = "pose fewer at a time"
 
 
 class BodyModel(Unchanging):
@@ -88,6 +93,7 @@ class BodyModel(Unchanging):
     (1202, 3)
     """
 
+    # More than eight arguments: the arrays of SMPL's files, under their names there.
     def __init__(
         self,
         v_template: Any,
@@ -205,6 +211,7 @@ class BodyModel(Unchanging):
             f"{self.n_vertices:,} vertices>"
         )
 
+    @enough_memory("posing these bodies", _FEWER)
     def __call__(
         self, betas: Any = None, pose: Any = None, trans: Any = None, hands: Any = None
     ) -> Any:
@@ -213,7 +220,11 @@ class BodyModel(Unchanging):
         Leading axes of the arguments broadcast, and autograd can differentiate with respect to all
         four. See Loper et al. 2015, equations 2 to 10; hands are relaxed by default.
         """
-        self._check_batches(betas, pose, trans, hands)
+        n_bodies = self._check_batches(betas, pose, trans, hands)
+        n_bytes = n_bodies * self.template.vertices.size * self.dtype.itemsize
+        if n_bytes > _MANY_BYTES:
+            # The bodies before they are posed, and after.
+            check_memory(2 * n_bytes, f"posing {n_bodies:,} bodies", _FEWER)
         surface = self._shaped(betas)
         if hands is not None:
             surface = surface + self._hand_offsets(hands)
@@ -291,8 +302,8 @@ class BodyModel(Unchanging):
         if not self.hand_poses:
             raise ArgumentError("hands must be relaxed: the model has no hand poses")
 
-    def _check_batches(self, betas: Any, pose: Any, trans: Any, hands: Any = None) -> None:
-        """Raise an error that names the parameters if their leading axes do not fit together."""
+    def _check_batches(self, betas: Any, pose: Any, trans: Any, hands: Any = None) -> int:
+        """Return the number of bodies; raise an error if leading axes do not fit together."""
         leads = {}
         for name, array in {"betas": betas, "pose": pose, "trans": trans, "hands": hands}.items():
             if array is None:
@@ -300,7 +311,7 @@ class BodyModel(Unchanging):
             shape = np.shape(values_of(array, name))
             axes = 2 if name == "pose" and shape[-2:] == (self.n_joints, 3) else 1
             leads[name] = onp.broadcast_to(0.0, shape[:-axes])
-        joint_shape(**leads)
+        return math.prod(joint_shape(**leads))
 
     def _rounded(self, array: Any) -> Any:
         return array.astype(self.dtype, copy=False)

@@ -31,6 +31,7 @@ from riemhuman.checks import (
 )
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.memory import enough_memory
 from riemhuman.representation import Record
 from riemhuman.surfaces.template import check_body_sizes
 
@@ -92,6 +93,8 @@ class ModelFit(Record):
         return self.distances.mean(axis=-1)
 
 
+# More than eight arguments: each setting of the fit is a keyword of the public method `fit`.
+@enough_memory("a fit of the body model")
 def fit_model(
     model: Any,
     points: Any,
@@ -149,30 +152,14 @@ def fit_model(
     True
     """
     combine = correspondence_matrix(model, correspondence)
-    n_points = combine.shape[0]
-    surfaces = real_array(points, "points", ("n_points", 3))
-    if surfaces.shape[-2] != n_points:
-        what = "the model's vertices" if correspondence is None else "the rows of correspondence"
-        raise ArgumentError(
-            f"points must have one point for each of {what}, {n_points}; found {surfaces.shape}"
-        )
-    remedy, rest = "a fit is in the unit of the model", combine @ model.template.vertices
-    check_resolution(surfaces, "points")
-    check_same_scale(surfaces, rest, "points", "the model", remedy=remedy)
-    if correspondence is None:
-        check_body_sizes(surfaces, model.template, "points")
-    in_pose = np.where(model.parents >= 0, real_number(pose_prior, "pose_prior", minimum=0.0), 0.0)
-    in_betas = np.full(model.n_betas, real_number(betas_prior, "betas_prior", minimum=0.0))
-    in_hands = np.zeros(0)
-    if hands_prior is not None:
-        weight = real_number(hands_prior, "hands_prior", minimum=0.0)
-        in_hands = np.full(len(model.hand_pose("relaxed")), weight)
+    surfaces = _surfaces_of(model, points, combine, whole=correspondence is None)
+    with_hands = hands_prior is not None
     stages = _stages(
-        Skeleton(model, with_hands=hands_prior is not None),
+        Skeleton(model, with_hands=with_hands),
         combine,
-        weight_shares(weights, n_points),
+        weight_shares(weights, combine.shape[0]),
         _loss(loss, real_number(loss_scale, "loss_scale", minimum=0.0, strict=True)),
-        np.concatenate([np.repeat(in_pose, 3), in_betas, in_hands, np.zeros(3)]),
+        _priors(model, betas_prior, pose_prior, hands_prior),
     )
     tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     max_iter = whole_number(max_iter, "max_iter", minimum=1)
@@ -190,15 +177,45 @@ def fit_model(
             ConvergenceWarning,
         )
     shapes = {"betas": (model.n_betas,), "pose": (model.n_joints, 3), "trans": (3,)}
-    shapes |= {"distances": (n_points,), "converged": (), "n_iterations": ()}
-    if hands_prior is not None:
-        shapes["hands"] = in_hands.shape
+    shapes |= {"distances": (combine.shape[0],), "converged": (), "n_iterations": ()}
+    if with_hands:
+        shapes["hands"] = (len(model.hand_pose("relaxed")),)
     return ModelFit(
         **{
             name: np.array([getattr(fit, name) for fit in fits]).reshape((*lead, *shape))
             for name, shape in shapes.items()
         }
     )
+
+
+def _surfaces_of(model: Any, points: Any, combine: sparse.csr_array, whole: bool) -> np.ndarray:
+    """Return the surfaces to fit, which have the model's unit and, if whole, a body's size."""
+    surfaces = real_array(points, "points", ("n_points", 3))
+    n_points = combine.shape[0]
+    if surfaces.shape[-2] != n_points:
+        what = "the model's vertices" if whole else "the rows of correspondence"
+        raise ArgumentError(
+            f"points must have one point for each of {what}, {n_points}; found {surfaces.shape}"
+        )
+    remedy, rest = "a fit is in the unit of the model", combine @ model.template.vertices
+    check_resolution(surfaces, "points")
+    check_same_scale(surfaces, rest, "points", "the model", remedy=remedy)
+    if whole:
+        check_body_sizes(surfaces, model.template, "points")
+    return surfaces
+
+
+def _priors(
+    model: Any, betas_prior: float, pose_prior: float, hands_prior: float | None
+) -> np.ndarray:
+    """Return the weight of the prior of each parameter: pose, betas, hands and translation."""
+    in_pose = np.where(model.parents >= 0, real_number(pose_prior, "pose_prior", minimum=0.0), 0.0)
+    in_betas = np.full(model.n_betas, real_number(betas_prior, "betas_prior", minimum=0.0))
+    in_hands = np.zeros(0)
+    if hands_prior is not None:
+        weight = real_number(hands_prior, "hands_prior", minimum=0.0)
+        in_hands = np.full(len(model.hand_pose("relaxed")), weight)
+    return np.concatenate([np.repeat(in_pose, 3), in_betas, in_hands, np.zeros(3)])
 
 
 def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_array:

@@ -30,6 +30,9 @@ _USUAL_BETAS = 10
 _HANDS = ("hands_componentsl", "hands_componentsr", "hands_meanl", "hands_meanr")
 _LANDMARKS = ("lmk_faces_idx", "dynamic_lmk_faces_idx")
 
+# SKEL has a skin and a skeleton of bones, and axes for each joint.
+_FIELDS_OF_SKEL = ("skin_template_v", "osim_kintree_table")
+
 # By the number of joints.
 _FAMILIES = {24: "SMPL", 52: "SMPL-H", 55: "SMPL-X", 33: "SMAL", 35: "SMAL"}
 _OTHER_FAMILY = "SMPL's layout"
@@ -124,7 +127,16 @@ def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) 
 def _load_arrays(path: str | os.PathLike[str]) -> dict[str, Any]:
     is_pickle = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() in _PICKLES
     load = load_pickled_arrays if is_pickle else load_arrays
-    return load(path, _REQUIRED, (*_OPTIONAL, *_HANDS, *_LANDMARKS))
+    try:
+        return load(path, _REQUIRED, (*_OPTIONAL, *_HANDS, *_LANDMARKS))
+    except FileFormatError as error:
+        if not load(path, (), _FIELDS_OF_SKEL):
+            raise
+        raise FileFormatError(
+            f"{os.fspath(path)} is a model of SKEL, whose 46 angles turn bones about anatomical "
+            "axes: these are no rotations of joints as in SMPL's layout, so that it is not read. "
+            "Its skin has SMPL's mesh: `registration.TopologyMap` converts bodies that it made"
+        ) from error
 
 
 def _contents(fields: Mapping[str, Any], n_betas: int | None) -> ModelContents:

@@ -179,6 +179,7 @@ class JointMotions:
         return below @ bones - (self.rotations @ self.skeleton.joint_shapes).reshape(n_joints, -1)
 
 
+# More than eight arguments: the arrays of one patch of points, each of its own shape.
 def skinning_derivatives(
     motions: JointMotions,
     shaped: onp.ndarray,
@@ -211,6 +212,7 @@ def skinning_derivatives(
     return rows
 
 
+# More than eight arguments: a compiled loop takes plain arrays.
 @compiled(fastmath=FUSED)
 def _fill_derivatives(
     shaped: onp.ndarray,
@@ -255,8 +257,10 @@ def _fill_derivatives(
             row[0, about_x], row[0, about_y], row[0, about_z] = 0.0, c, -b
             row[1, about_x], row[1, about_y], row[1, about_z] = -c, 0.0, a
             row[2, about_x], row[2, about_y], row[2, about_z] = b, -a, 0.0
+        # One by one: numba takes two seconds to compile the assignment of an array to a slice.
         for x in range(3):
-            row[x, betas : betas + n_betas] = of_betas[x]
+            for b in range(n_betas):
+                row[x, betas + b] = of_betas[x, b]
             row[x, betas + n_betas :] = 0.0
             row[x, betas + n_betas + x] = 1.0
 

@@ -26,6 +26,8 @@ from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._commands import Answer, make_parser
 from riemhuman.cli._terminal import interrupt
 from riemhuman.errors import RiemhumanError
+from riemhuman.kernels.compilation import compilation_time
+from riemhuman.memory import lack_of_memory
 from riemhuman.optional import import_optional
 
 __all__ = ["interrupt", "main"]
@@ -87,6 +89,7 @@ def _run(given: Sequence[str]) -> int:
         return _DONE
     options.bars = not options.quiet and sys.stderr.isatty()
     options.task, options.written, options.files = partial(terminal.task, options), [], {}
+    compilation_time.tell(terminal.say_compilation if options.bars else None)
     try:
         with terminal.short_warnings() as unconverged:
             for check in (*options.input_checks, *options.checks):
@@ -99,7 +102,7 @@ def _run(given: Sequence[str]) -> int:
             raise
         if isinstance(error, RiemhumanError):
             terminal.note(str(error))
-        elif isinstance(error, MemoryError):
+        elif lack_of_memory(error):
             needed = f": {error}" if str(error) else ""
             terminal.note(f"not enough memory; use fewer or coarser meshes{needed}")
         else:

@@ -53,7 +53,7 @@ TOPICS = {
     "look": ("examples", "view", "info", "formats", "plot", "report"),
     "compare": ("tables", "dist", "matrix", "retrieve", "scores"),
     "scan": ("register", "match", "align", "fit", "make-map", "convert", "convert-model"),
-    "measure": ("measure", "sheet", "compare"),
+    "measure": ("measure", "compare"),
     "move": ("geodesic", "transfer", "disentangle", "basis", "motions"),
     "populations": ("mean", "components"),
 }
@@ -188,7 +188,7 @@ def output(
             options.files[dest] = place
         if options.ending in FIGURE_ENDINGS or (not options.ending and options.has_figure):
             import_matplotlib()  # before the work, not after it
-        setattr(options, dest, place)
+        setattr(options, dest, place)  # argparse named the attribute after the flag
         options.written.append(place)
 
     kinds = ["folder"] * (names is not None) + ["file"] * bool(endings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,23 +52,29 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
 @cli.command(
     "view",
     "an interactive page of bodies or of a path",
-    "Writes a page for any browser, without a network connection, or a picture: registered\n"
-    "meshes side by side, or one after the other with --motion; the path in an .npz file or in\n"
-    "the folder of a geodesic, which holds path.npz; or a motion capture recording\n"
+    "Writes a page for any browser, without a network connection, a picture, or a film (GIF, or\n"
+    "MP4 with the extra video), in which bodies that do not move turn once: registered meshes\n"
+    "side by side, or one after the other with --motion; a raw scan over the body that is\n"
+    "registered to it, with distances; the path in an .npz file or in the folder of a\n"
+    "geodesic, which holds path.npz; or a motion capture recording\n"
     "(.bvh, .amc, .trc, .c3d, .npz of AMASS, or .npz, .pkl and .pt of methods that watch\n"
     "videos), performed by a body of its proportions.",
     "  riemhuman view anna.ply ben.ply                # opens in the browser\n"
     "  riemhuman view anna.ply ben.ply -o both.html\n"
+    "  riemhuman view scan.ply body.ply               # a scan over its registered body\n"
     "  riemhuman view walk/ --motion -o walk.html\n"
     "  riemhuman view path/ -o path.html --open\n"
     "  riemhuman view anna.ply ben.ply -o both.png\n"
-    "  riemhuman view walk.bvh -o walk.html\n",
+    "  riemhuman view walk.bvh -o walk.html\n"
+    "  riemhuman view walk.bvh -o walk.mp4            # a film; .gif too\n",
     cli.path_option("meshes", "FILES", "meshes, folders, an .npz, or a recording", nargs="+"),
     cli.output(
         "FILE",
         ".html",
         ".png",
-        text="file to write; without one, a temporary page opens in the browser",
+        ".gif",
+        ".mp4",
+        text="page, picture or film to write; without one, a temporary page opens in the browser",
         required=False,
     ),
     cli.flag("--motion", "the meshes are the frames of one motion"),
@@ -95,7 +101,9 @@ def _view(options: argparse.Namespace) -> cli.Answer:
                 raise ArgumentError(f"give either one {ending} file with a path, or meshes")
             motion, faces, timing = inputs.read_motion(first)
             title = first.parent.resolve().name if first.name == _PATH_FILE else first.name
-            viewer = rh.plots.view_path(motion[:], faces, title=title, **timing)
+            viewer = rh.plots.view_path(motion, faces, title=title, **timing)
+        elif (scan_and_body := _scan_and_body(options)) is not None:
+            viewer = _scan_over_body(*scan_and_body, options)
         else:
             surfaces = inputs.read_surfaces(options, options.meshes)
             names = [file.stem for file in surfaces.files]
@@ -104,12 +112,54 @@ def _view(options: argparse.Namespace) -> cli.Answer:
                 viewer = rh.plots.view_path(surfaces[:], surfaces.faces, title=title)
             else:
                 viewer = rh.plots.view_bodies(surfaces[:], surfaces.faces, names, title=title)
-        viewer.save(place)
+        viewer.save(place, progress=options.bars)
     if options.open or options.output is None:
         webbrowser.open(place.resolve().as_uri())
     if options.output is None:
         return cli.Answer({"page": place}, {"page": place})
     return cli.Answer(record={})
+
+
+def _scan_and_body(options: argparse.Namespace) -> tuple[Path, Path] | None:
+    """Return the two files given, if they are a scan and its body: points, or other triangles."""
+    import numpy as np
+
+    files = options.meshes
+    if len(files) != 2 or options.motion or any(map(_is_not_scan, files)):
+        return None
+    (first, faces), (second, others) = (rh.io.load_points(file)[:2] for file in files)
+    if faces is None or others is None:
+        return None if faces is others else _body_last(files, others is None)
+    if np.array_equal(faces, others):
+        return None
+    are_bodies = [rh.io.is_registered_scan(file) for file in files]
+    if not any(are_bodies):
+        are_bodies = [_is_open_body(first, faces), _is_open_body(second, others)]
+    return _body_last(files, are_bodies == [True, False])
+
+
+def _body_last(files: Sequence[Path], is_body_first: bool) -> tuple[Path, Path]:
+    first, second = files
+    return (second, first) if is_body_first else (first, second)
+
+
+def _is_not_scan(file: Path) -> bool:
+    return file.is_dir() or file.suffix.lower() not in rh.io.meshes.POINT_SUFFIXES
+
+
+def _is_open_body(points: ndarray, faces: ndarray) -> bool:
+    return rh.measurements.open_measurements(rh.Template(points, faces)) is not None
+
+
+def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> Any:
+    """Return the page of a scan over its body."""
+    surface = rh.registration.load_scan(body)
+    return rh.plots.view_scan(
+        rh.registration.load_scan(scan, options.unit),
+        surface.points,
+        surface.faces,
+        title=f"{scan.name} over {body.name}",
+    )
 
 
 @cli.command(
@@ -119,7 +169,8 @@ def _view(options: argparse.Namespace) -> cli.Answer:
     "NPY), a folder of meshes or of motions, an .npz file (basis, body model, distances, path\n"
     "or other arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle\n"
     "(without running it), an HDF5 file of Dynamic FAUST or a recording (BVH,\n"
-    "Acclaim, TRC, C3D, or of methods that watch videos).",
+    "Acclaim, TRC, C3D, .smpl, or of methods that watch videos), with the fields that are used\n"
+    "and left out.",
     "  riemhuman info scan.ply            # closed? degenerate triangles? which unit?\n"
     "  riemhuman info scans/              # do they share one triangulation?\n"
     "  riemhuman info basis.npz --json\n",
@@ -147,7 +198,7 @@ def _facts(file: Path) -> dict[str, Any]:
         **dict.fromkeys((".hdf5", ".h5"), _hdf5_facts),
         **dict.fromkeys(_SKELETON_ENDINGS, _skeleton_facts),
         **dict.fromkeys((".pkl", ".pickle"), _pickle_facts),
-        **dict.fromkeys((".joblib", ".pt", ".pth"), _recording_facts),
+        **dict.fromkeys((".joblib", ".pt", ".pth", ".smpl"), _recording_facts),
     }
     return readers[suffix_of(file, readers)](file)
 
@@ -268,14 +319,13 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
 
 
 def _npz_facts(file: Path) -> dict[str, Any]:
-    from riemhuman.io.arrays import array_shapes, first_headers
+    from riemhuman.io.arrays import array_shapes
 
     every_name, shapes = array_shapes(file, ("path", "faces"))
     names = set(every_name)
     if names & {"mocap_framerate", "mocap_frame_rate"}:
         (motion,) = rh.datasets.load_amass(file)
-        unused = ", ".join(sorted(names - rh.datasets.amass.FIELDS_READ)) or "nothing"
-        return {"kind": "motion of AMASS", **_times(motion), "left_out": unused}
+        return {"kind": "motion of AMASS", **_times(motion), **_fields_of_recording(file)}
     if {"vectors", "format_version"} <= names:
         basis = rh.DeformationBasis.load(file)
         ratio = basis.explained_variance_ratio
@@ -303,6 +353,17 @@ def _npz_facts(file: Path) -> dict[str, Any]:
         n_times, n_vertices = shapes["path"][:2]
         sizes = {"times": n_times, "vertices": n_vertices, "triangles": shapes["faces"][0]}
         return {"kind": "path", **sizes}
+    if names & rh.datasets.recordings.POSE_FIELDS:
+        try:
+            return _recording_facts(file)
+        except FileFormatError:  # arrays of other programs, under one of these names
+            return _array_facts(file)
+    return _array_facts(file)
+
+
+def _array_facts(file: Path) -> dict[str, Any]:
+    from riemhuman.io.arrays import first_headers
+
     every_name, headers = first_headers(file, _MOST_LISTED)
     facts = {"kind": "arrays"}
     facts |= {name: f"{dtype} {shape}" for name, (shape, dtype) in headers.items()}
@@ -400,7 +461,16 @@ def _pickle_facts(file: Path) -> dict[str, Any]:
 
 
 def _recording_facts(file: Path) -> dict[str, Any]:
-    return {"kind": "recording of poses", **_times(rh.datasets.load_recording(file))}
+    times = _times(rh.datasets.load_recording(file))
+    return {"kind": "recording of poses", **times, **_fields_of_recording(file)}
+
+
+def _fields_of_recording(file: Path) -> dict[str, str]:
+    contents = rh.datasets.recording_contents(file)
+    return {
+        "used": ", ".join(contents.used),
+        "left_out": ", ".join(contents.left_out) or "nothing",
+    }
 
 
 def _skeleton_facts(file: Path) -> dict[str, Any]:

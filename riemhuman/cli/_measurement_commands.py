@@ -13,12 +13,11 @@ from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._readable_units import UNITS
 from riemhuman.errors import ArgumentError
-from riemhuman.readable_units import READABLE_UNITS, readable_unit, readable_value
 
 if TYPE_CHECKING:
     from numpy import ndarray
 
-    from riemhuman.measurements import BodySizes, VisitComparison
+    from riemhuman.measurements import BodySizes, Measurements, VisitComparison
 
 _MOST_COLUMNS = 5
 
@@ -70,10 +69,10 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
     with options.task(f"Measurements of {len(files)} meshes"):
         measured = measurements.measure(points, axes=axes, missing="nan", trusted_vertices=trusted)
     if options.picture is not None:
-        lines = measurements.lines(points[0], axes=axes)
-        faces = measurements.definitions.faces
         with rh.plots.figure_style():
-            figure = rh.plots.plot_measurement_lines(points[0], faces, lines)
+            figure = rh.plots.plot_measurements(
+                measurements, points[0], pose="as is", axes=axes, system=options.units
+            )
             rh.plots.figures.save_figure(figure, options.picture)
     names, units = measured.names, dict(zip(measured.names, measured.units, strict=True))
     rows = [[str(f), *v] for f, v in zip(files, measured.values.tolist(), strict=True)]
@@ -106,8 +105,8 @@ def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> 
     said = [f"{'':{width}}  {titles}"]
     for number, (name, unit) in enumerate(zip(measured.names, measured.units, strict=True)):
         values = zip(measured.values[: len(shown), number], columns, strict=True)
-        shown_unit = readable_unit(unit, system)
-        numbers = " ".join(readable_value(value, shown_unit, w) for value, w in values)
+        shown_unit = rh.measurements.readable_unit(unit, system)
+        numbers = " ".join(shown_unit.text(value, w) for value, w in values)
         said.append(f"{name:{width}}  {numbers} {shown_unit.name}")
     if len(files) > len(shown):
         said.append(f"and {len(files) - len(shown)} more bodies; -o CSV writes all")
@@ -116,16 +115,26 @@ def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> 
 
 @cli.command(
     "compare",
-    "changes of one person between two visits",
+    "changes of one person between two visits, differences of two people",
     "Brings two registered meshes of one person to the standard pose and prints how their\n"
     "measurements changed. A change is marked if it exceeds its threshold: two standard\n"
     "deviations of a difference over poses of one person. What a scan did not show is nan.\n"
-    "Bodies that are hardly one person are warned of.",
+    "Bodies that are hardly one person are warned of. With --view, a page shows both side by\n"
+    "side, where the second is outside or inside of the first, and the line of each measurement.",
     "  riemhuman compare visit1.ply visit2.ply\n"
+    "  riemhuman compare anna.ply ben.ply --view differences.html\n"
     "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
     cli.mesh_option("before", "BEFORE", "the first visit"),
     cli.mesh_option("after", "AFTER", "the second visit"),
     cli.output("CSV", ".csv", text="table to write", required=False),
+    cli.output(
+        "PAGE",
+        ".html",
+        ".png",
+        text="page of both bodies, coloured by millimetres, with their measurements (or .png)",
+        flags="--view",
+        required=False,
+    ),
     _DEFINITIONS,
 )
 def _compare(options: argparse.Namespace) -> cli.Answer:
@@ -135,6 +144,8 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
     measurements, points, trusted = _read(files, options)
     with options.task("Standard pose of 2 meshes"):
         result = rh.measurements.compare_visits(measurements, *points, trusted_vertices=trusted)
+    if options.view is not None:
+        _view_differences(files, measurements, result, options)
     distance, usual = _distance_of_people(points, measurements.definitions.faces)
     columns = (
         *(result.names, result.units, result.before, result.after),
@@ -166,9 +177,9 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
     said = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'threshold':>9}"]
     for name, unit, before, after, change, threshold, is_significant in rows:
         mark = "  changed" if is_significant else ""
-        shown_unit = readable_unit(unit, options.units)
+        shown_unit = rh.measurements.readable_unit(unit, options.units)
         signed = ((before, ""), (after, ""), (change, "+"), (threshold, ""))
-        numbers = " ".join(readable_value(value, shown_unit, 9, sign) for value, sign in signed)
+        numbers = " ".join(shown_unit.text(value, 9, sign) for value, sign in signed)
         said.append(f"{name:{width}}  {numbers} {shown_unit.name}{mark}")
     said += [
         *said_missing,
@@ -182,55 +193,22 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
     return cli.Answer("\n".join(said), record)
 
 
-_SHEET_UNITS = cli.choice(
-    "--units",
-    "units of the sheets: centimetres, litres and kilograms, or inches and pounds; tables keep "
-    "metres and kilograms",
-    *READABLE_UNITS,
-)
-
-
-@cli.command(
-    "sheet",
-    "a sheet for each person: measurements, percentiles, changes",
-    "Writes for each registered body a page and a PDF of two sides: the scan and the body\n"
-    "from three sides, whether and where to trust it, measurements with uncertainties and\n"
-    "percentiles among adults of that sex and stature, the silhouette over the average's,\n"
-    "posture, and changes since the visit before. index.html lists all people, and a CSV\n"
-    "table and a workbook hold all numbers. A table of labels names each file's person, sex\n"
-    "(woman or man), visit and date. PDF files need Chromium or matplotlib, the workbook openpyxl.",
-    "  riemhuman sheet bodies/ -o sheets/    # the output of riemhuman register scans/ -o bodies/\n"
-    "  riemhuman sheet visit1.ply visit2.ply -o sheets/ --labels labels.csv\n"
-    "  riemhuman sheet bodies/ -o sheets/ --units in\n",
-    cli.FILES,
-    cli.path_option("-o --output", "SHEETS", "folder to write", required=True),
-    cli.FORCE,
-    cli.path_option(
-        "--labels", "CSV", "table of file, person, sex, visit, date (default: labels.csv there)"
-    ),
-    inputs.MEASURED_MODEL,
-    cli.UNIT,
-    _SHEET_UNITS,
-)
-def _sheet(options: argparse.Namespace) -> cli.Answer:
-    cli.check_needs(options, "--definitions", "--model NPZ")
-    options.written.append(options.output)
-    measurements = None
-    if options.model is not None:
-        model = rh.BodyModel.from_file(options.model)
-        measurements = rh.measurements.Measurements(model, options.definitions)
-    page = rh.report.make_sheets(
-        options.meshes,
-        options.output,
-        labels=options.labels,
-        measurements=measurements,
-        units=options.units,
-        unit=options.unit,
-        up=options.up,
-        replace_output=options.force,
-        progress=options.task,
-    )
-    return cli.Answer(f"open {page}", {"page": page, "files": sorted(options.output.iterdir())})
+def _view_differences(
+    files: Sequence[Path],
+    measurements: Measurements,
+    result: VisitComparison,
+    options: argparse.Namespace,
+) -> None:
+    """Write the page, or a picture, of where two bodies differ."""
+    names = (files[0].stem, files[1].stem)
+    with options.task("Page"):
+        if options.view.suffix.lower() == ".html":
+            viewer = rh.plots.view_difference(result, names=names, measurements=measurements)
+            viewer.save(options.view)
+            return
+        with rh.plots.figure_style():
+            figure = rh.plots.plot_difference(result, names=names, measurements=measurements)
+            rh.plots.figures.save_figure(figure, options.view)
 
 
 def _distance_of_people(points: ndarray, faces: ndarray) -> tuple[float, dict[str, float]]:

@@ -88,6 +88,11 @@ def note(text: str) -> None:
         sys.stderr.write(f"{begin}riemhuman: {' '.join(text.split())}\n")
 
 
+def say_compilation() -> None:
+    """Say what the first run of a command on a machine waits for."""
+    note("compiling, once on this machine: up to half a minute; later runs start at once")
+
+
 # When the process was interrupted from the keyboard, if at all.
 _interruptions: list[float] = []
 

@@ -12,7 +12,11 @@ from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
 from riemhuman.datasets.open_motions import load_open_motions
 from riemhuman.datasets.open_poses import joint_rotations, pose_vectors
 from riemhuman.datasets.photographed_bodies import PhotographedBodies, load_photographed_bodies
-from riemhuman.datasets.recordings import load_recording
+from riemhuman.datasets.recordings import (
+    RecordingContents,
+    load_recording,
+    recording_contents,
+)
 from riemhuman.datasets.registered_meshes import (
     RegisteredMeshes,
     find_meshes,
@@ -35,6 +39,7 @@ __all__ = [
     "Motion",
     "Motions",
     "PhotographedBodies",
+    "RecordingContents",
     "RegisteredMeshes",
     "RetargetedMotion",
     "RetargetingErrors",
@@ -60,6 +65,7 @@ __all__ = [
     "motion_from_arrays",
     "pose_vectors",
     "read_labels",
+    "recording_contents",
     "retarget",
 ]
 

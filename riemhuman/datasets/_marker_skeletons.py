@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy import ndarray
-from scipy.interpolate import CubicSpline
 
 from riemhuman.datasets._marker_names import NEEDED, MarkerNames, Recipe
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, warn
@@ -232,6 +231,8 @@ def _filled(path: ndarray, rate: float) -> ndarray | None:
     frames = np.clip(np.arange(len(path)), known[0], known[-1])
     if len(known) == 1:
         return np.asarray(path[frames])
+    from scipy.interpolate import CubicSpline  # takes long to import
+
     return np.asarray(CubicSpline(known, path[known])(frames))
 
 

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
@@ -124,6 +123,8 @@ def load_open_motions(
 
 def _values(curve: Any, phases: np.ndarray) -> np.ndarray:
     """Return a curve at phases in cycles: periodic, smooth, and within its written values."""
+    from scipy.interpolate import PchipInterpolator  # takes long to import
+
     written = np.atleast_1d(np.asarray(curve, dtype=np.float64))
     # The slope at a value depends on the two values beside it.
     numbers = np.arange(-2, len(written) + 3)

@@ -17,11 +17,14 @@ from riemhuman.io.arrays import load_arrays
 from riemhuman.io.files import file_path, format_errors, natural_key
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.meshes import load_mesh
+from riemhuman.kernels.surface import unit_vectors
 from riemhuman.surfaces.procrustes import AXES, make_upright
 
 _VERTICES = "pred_vertices"
 # Cosine of the direction from the feet to the middle of a body with an axis that surely points up.
 _SURELY_UP = 0.3
+# The same where all six axes are possible.
+_STANDS = 0.8
 _N_EXTREMITIES = 5
 _OPTIONAL = ("pred_cam_t", "pred_keypoints_3d", "shape_params")
 
@@ -143,12 +146,25 @@ def turn_upright(points: np.ndarray, up: str) -> np.ndarray:
     return points * [1.0, -1.0, -1.0] if up == "-y" else make_upright(points, up=up)
 
 
-def _upward_axis(surfaces: np.ndarray, faces: np.ndarray, name: str) -> str:
-    """Return which direction of y points up in most bodies: away from their feet."""
+def standing_axis(surface: np.ndarray, faces: np.ndarray) -> str:
+    """Return the axis that points up in a body, away from its feet; "y" if it stands along none."""
+    (upward,) = _away_from_feet(surface[np.newaxis], faces)
+    number = int(np.abs(upward).argmax())
+    if abs(upward[number]) < _STANDS:
+        return "y"
+    return f"{'-' if upward[number] < 0 else ''}{'xyz'[number]}"
+
+
+def _away_from_feet(surfaces: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the directions from the feet to the middle of bodies, shape (n, 3)."""
     body = _largest_part(faces, surfaces.shape[1])
     feet = _find_feet(surfaces[0], faces, body)
-    upward = surfaces[:, body].mean(axis=1) - surfaces[:, feet].mean(axis=1)
-    cosine = float(np.median(upward[:, 1] / np.linalg.norm(upward, axis=1)))
+    return unit_vectors(surfaces[:, body].mean(axis=1) - surfaces[:, feet].mean(axis=1))
+
+
+def _upward_axis(surfaces: np.ndarray, faces: np.ndarray, name: str) -> str:
+    """Return which direction of y points up in most bodies: away from their feet."""
+    cosine = float(np.median(_away_from_feet(surfaces, faces)[:, 1]))
     if abs(cosine) < _SURELY_UP:
         warn(
             f"{name}: -y was taken to point up, as SAM 3D Body has it, but the people may lie: "

@@ -16,7 +16,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
-from riemhuman.datasets.amass import load_amass
+from riemhuman.datasets._smpl_files import FIELDS_USED, SMPL_ENDING, fields_of_smpl
+from riemhuman.datasets.amass import FIELDS_READ, load_amass
 from riemhuman.datasets.amc import load_amc
 from riemhuman.datasets.bvh import load_bvh
 from riemhuman.datasets.markers import load_c3d, load_trc
@@ -26,7 +27,7 @@ from riemhuman.datasets.photographed_bodies import load_photographed_bodies, tur
 from riemhuman.datasets.retargeting import retarget
 from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import array_shapes, load_arrays
-from riemhuman.io.files import file_path, suffix_of
+from riemhuman.io.files import file_path, format_errors, suffix_of
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.pickles import load_pickled_tree
 from riemhuman.io.torch_files import load_torch_tree
@@ -34,7 +35,7 @@ from riemhuman.retargeting.skeleton_motion import nearest_frames
 
 RECORDING_ENDINGS = (
     *(".bvh", ".amc", ".trc", ".c3d"),
-    *(".npz", ".pkl", ".pickle", ".joblib", ".pt", ".pth"),
+    *(".npz", ".smpl", ".pkl", ".pickle", ".joblib", ".pt", ".pth"),
 )
 """Endings of the files that `load_recording` reads."""
 
@@ -45,6 +46,8 @@ _WHOLE_POSES = (
 )
 _ROOT_POSES = ("global_orient", "root_orient", "smpl_orient", "pred_global_orient")
 _BODY_POSES = ("body_pose", "pose_body", "smpl_body_pose", "pred_body_pose")
+POSE_FIELDS = frozenset((*_WHOLE_POSES, *_ROOT_POSES))
+"""Names of fields of which a file with a recording of poses has at least one."""
 _TRANSLATIONS = (
     *("trans_world", "trans", "transl", "smpl_trans", "pred_trans", "translation", "root_trans"),
     *("cam_trans", "pred_cam_t", "camera"),
@@ -59,6 +62,17 @@ _IN_SPACE, _BEFORE_CAMERA = ("global", "world"), ("incam", "cam")
 _RATE_OF_AIST, _RATE_OF_VIDEOS = 60.0, 30.0
 _AMASS = ("mocap_framerate", "mocap_frame_rate")
 _MOST_FIELDS = 24
+# What fields hold that the open model has no part for: it has neither a face nor single fingers.
+_MEANINGS = {
+    **dict.fromkeys(("dmpls", "dmpl"), "soft tissue"),
+    **dict.fromkeys(("expression", "expressionParameters", "exp"), "expression of the face"),
+    **dict.fromkeys(("pose_jaw", "jaw_pose", "headPose"), "jaw and eyes, of SMPL-X"),
+    **dict.fromkeys(("pose_eye", "leye_pose", "reye_pose"), "eyes, of SMPL-X"),
+    **dict.fromkeys(("pose_hand", "left_hand_pose", "right_hand_pose"), "fingers"),
+    **dict.fromkeys(("leftHandPose", "rightHandPose"), "fingers, of models that have them"),
+    "vertexOffsets": "details of the surface",
+    "gender": "model to choose",
+}
 _SKELETONS = "skeletons and markers, in .bvh, .amc, .trc and .c3d"
 _DEEPEST = 4
 
@@ -72,8 +86,91 @@ class _Person:
     translations: np.ndarray
     betas: np.ndarray | None
     rate: float | None
+    used: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class RecordingContents:
+    """The fields of a file with a recording.
+
+    Attributes
+    ----------
+    used, left_out : tuple of str
+        Names of fields that `load_recording` uses and leaves out, in alphabetical order. Where the
+        open model has no part for it, such as a face or single fingers, what it is in parentheses.
+
+    Examples
+    --------
+    >>> rh.datasets.load_open_motions("coarse")[0].save("dance.npz")
+    >>> rh.datasets.recording_contents("dance.npz").left_out
+    ()
+    """
+
+    used: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+def recording_contents(
+    path: str | os.PathLike[str], *, person: str | None = None
+) -> RecordingContents:
+    """Return which fields of a file `load_recording` uses, and which it leaves out.
+
+    Parameters
+    ----------
+    path : path_like
+        A file of AMASS, a ``.smpl`` file, or one of a method that watches videos.
+    person : str, optional
+        Which person, as for `load_recording`.
+
+    Raises
+    ------
+    FileFormatError
+        If the file holds no motion.
+
+    Examples
+    --------
+    >>> rh.datasets.load_open_motions("coarse")[0].save("dance.npz")
+    >>> rh.datasets.recording_contents("dance.npz").used[:2]
+    ('betas', 'gender')
+    """
+    file = file_path(path)
+    suffix = suffix_of(file, (".npz", SMPL_ENDING, ".pkl", ".pickle", ".joblib", ".pt", ".pth"))
+    if suffix in (".npz", SMPL_ENDING):
+        names = set(array_shapes(file, ())[0])
+        if suffix == SMPL_ENDING or names & set(_AMASS):
+            used = names & set(FIELDS_USED if suffix == SMPL_ENDING else FIELDS_READ)
+            return _contents(used, names)
+    content = _read(file, suffix)
+    chosen = _choose(_known_people(file, content), person, file)
+    return _contents(set(chosen.used), _leaves(content))
+
+
+def _contents(used: set[str], names: set[str]) -> RecordingContents:
+    """Return names with what they mean, where they are known."""
+    texts = [
+        tuple(f"{name} ({_MEANINGS[name]})" if name in _MEANINGS else name for name in sorted(some))
+        for some in (used, names - used)
+    ]
+    return RecordingContents(*texts)
+
+
+def _leaves(content: Any, depth: int = 0) -> set[str]:
+    """Return the names of all fields that are no dictionaries, of people in frames and lists."""
+    if isinstance(content, list):
+        found = [_leaves(item, depth + 1) for item in content if isinstance(item, dict)]
+        return set().union(*found)
+    if not isinstance(content, dict) or depth > 2 * _DEEPEST:
+        return set()
+    names = set()
+    for key, value in content.items():
+        is_nested = isinstance(value, dict) or (
+            isinstance(value, list) and any(isinstance(item, dict) for item in value)
+        )
+        names |= _leaves(value, depth + 1) if is_nested else {str(key)}
+    return names
+
+
+# More than eight arguments: each keyword states a fact that some kind of file leaves open.
 def load_recording(
     path: str | os.PathLike[str],
     model: BodyModel | None = None,
@@ -91,6 +188,7 @@ def load_recording(
     - ``.bvh`` and ``.amc`` (Acclaim, with its ``.asf`` beside it), see `load_bvh`, `load_amc`;
     - ``.trc`` and ``.c3d``, markers that tell the centres of joints, see `load_trc`, `load_c3d`;
     - ``.npz`` in AMASS's layout, see `load_amass`;
+    - ``.smpl``, avatars of Meshcapade's codec, with frames or in the rest pose;
     - ``.npz``, ``.pkl`` and ``.pt`` of methods that watch videos, see `motion_from_arrays`: those
       of AIST++, WHAM, GVHMR, 4D-Humans, TRAM and ROMP, and others whose fields have the same
       names. Nothing in a file runs; a file that holds other objects is refused;
@@ -203,19 +301,7 @@ def _video_motion(
 ) -> ModelMotion:
     """Return the motion of one person in a file of a method that watches videos."""
     content = _read(file, suffix)
-    people = list(_people(content, ""))
-    if not people and isinstance(content, dict) and "pred_vertices" in content:
-        raise FileFormatError(
-            f"{file} holds bodies of SAM 3D Body, without poses of SMPL: "
-            "load_photographed_bodies(path, faces) reads them, and faces= makes a motion of them"
-        )
-    if not people:
-        raise FileFormatError(
-            f"{file} holds no motion that is known: poses in SMPL's joint order, such as poses, "
-            f"or global_orient and body_pose, and a translation, such as trans; it holds "
-            f"{_fields(content)}"
-        )
-    chosen = _choose(people, person, file)
+    chosen = _choose(_known_people(file, content), person, file)
     rate = chosen.rate or frames_per_second or _RATE_OF_VIDEOS
     frames = np.arange(len(chosen.poses))
     if frames_per_second is not None:
@@ -238,7 +324,28 @@ def _video_motion(
         raise FileFormatError(f"{file}: {error}") from error
 
 
+def _known_people(file: Path, content: Any) -> list[_Person]:
+    """Return the people in a file, of whom there must be one."""
+    people = list(_people(content, ""))
+    if not people and isinstance(content, dict) and "pred_vertices" in content:
+        raise FileFormatError(
+            f"{file} holds bodies of SAM 3D Body, without poses of SMPL: "
+            "load_photographed_bodies(path, faces) reads them, and faces= makes a motion of them"
+        )
+    if not people:
+        raise FileFormatError(
+            f"{file} holds no motion that is known: poses in SMPL's joint order, such as poses, "
+            f"or global_orient and body_pose, and a translation, such as trans; it holds "
+            f"{_fields(content)}"
+        )
+    return people
+
+
 def _read(file: Path, suffix: str) -> Any:
+    if suffix == SMPL_ENDING:
+        arrays = load_arrays(file, ())
+        with format_errors(file, "an avatar of SMPL's codec"):
+            return fields_of_smpl(arrays)
     if suffix == ".npz":
         return load_arrays(file, ())
     if suffix in (".pt", ".pth"):
@@ -333,7 +440,12 @@ def _person(content: Mapping[str, Any], name: str) -> _Person | None:
     known = float(rate.item()) if rate is not None and rate.size == 1 and rate.item() > 0 else None
     if known is None and scale is not None:
         known = _RATE_OF_AIST
-    return _Person(name, poses, translations, betas, known)
+    pose_names = [_first_name(content, _WHOLE_POSES)]
+    if _vectors(_first(content, _WHOLE_POSES)) is None:
+        pose_names = [_first_name(content, names) for names in (_ROOT_POSES, _BODY_POSES)]
+    others = [_first_name(content, names) for names in (_TRANSLATIONS, _BETAS, _RATES, (_SCALE,))]
+    used = tuple(found for found in (*pose_names, *others) if found is not None)
+    return _Person(name, poses, translations, betas, known, used)
 
 
 def _poses(content: Mapping[str, Any]) -> np.ndarray | None:
@@ -364,6 +476,12 @@ def _vectors(array: np.ndarray | None) -> np.ndarray | None:
 
 def _first(content: Mapping[str, Any], names: tuple[str, ...]) -> np.ndarray | None:
     """Return the first of some fields that holds numbers."""
+    name = _first_name(content, names)
+    return None if name is None else np.asarray(content[name])
+
+
+def _first_name(content: Mapping[str, Any], names: tuple[str, ...]) -> str | None:
+    """Return the name of the first of some fields that holds numbers."""
     for name in names:
         value = content.get(name)
         if isinstance(value, (int, float, np.ndarray, list)):
@@ -372,7 +490,7 @@ def _first(content: Mapping[str, Any], names: tuple[str, ...]) -> np.ndarray | N
             except ValueError:  # parts of different lengths
                 continue
             if array.dtype.kind in "fiu":
-                return array
+                return name
     return None
 
 

@@ -238,6 +238,7 @@ def load_faust(
     return _load(list(files.values()), labels, template, align=align)
 
 
+# More than eight arguments: each keyword states a fact that files of meshes leave open.
 def load_bodies(
     folder: str | os.PathLike[str],
     labels: str | os.PathLike[str] | None = None,
@@ -395,6 +396,7 @@ def no_meshes(root: Path) -> FileError:
     return FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
 
 
+# More than eight arguments: those of `load_bodies`, handed on.
 def _load(
     files: Sequence[Path],
     labels: Mapping[str, Any],

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import fftconvolve
 from scipy.special import rel_entr
 
 from riemhuman.checks import real_number, whole_number
@@ -205,6 +204,8 @@ def _deposit(places: np.ndarray, areas: np.ndarray, shape: tuple[int, ...]) -> n
 
 def _ball_sums(values: np.ndarray, radius: float) -> np.ndarray:
     """Sum values over the ball around every voxel; the rim counts by its share, to first order."""
+    from scipy.signal import fftconvolve  # takes long to import
+
     half = int(np.ceil(radius + 0.5))
     offsets = np.arange(-half, half + 1)
     squares = offsets**2

@@ -13,6 +13,7 @@ from scipy.spatial.distance import pdist, squareform
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.kernels.threads import mapped, thread_count
+from riemhuman.memory import enough_memory
 from riemhuman.representation import constructor_text
 
 Mesh = tuple[ArrayLike, ArrayLike]
@@ -52,6 +53,7 @@ class Descriptor(ABC):
             Vertex indices of each triangle, counted from 0.
         """
 
+    @enough_memory("the vectors of these surfaces")
     def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
         """Return the vectors of many surfaces.
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import operator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import autograd.numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import Array, Booleans, Points, TangentVectors, Triangles
 from riemhuman.checks import (
     SCALES,
     Rng,
@@ -19,14 +20,14 @@ from riemhuman.checks import (
     values_of,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, SeamWarning, warn
-from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
+from riemhuman.geometry.manifold import SurfaceSpace, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.surface_metric import ElasticMetric
 from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import common_seams
 from riemhuman.kernels import surface
-from riemhuman.terms._sum import nearly_degenerate
+from riemhuman.terms._drivers import nearly_degenerate
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 _TEAR = 1e-6
 
 
-class AlignedSurfaces(Manifold):
+class AlignedSurfaces(SurfaceSpace):
     """Maps f: T → R³ that are linear on the triangles of a template T.
 
     A point holds the vertices of a surface in the template's order: an open subset of the vector
@@ -63,8 +64,6 @@ class AlignedSurfaces(Manifold):
     ((2400, 2, 2), (2400, 3))
     """
 
-    is_surface_space = True
-
     def __init__(
         self, template: Template, equip: bool = True, *, scale: str | None = "template"
     ) -> None:
@@ -81,25 +80,25 @@ class AlignedSurfaces(Manifold):
     def default_metric(self) -> type[RiemannianMetric]:
         return ElasticMetric
 
-    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+    def belongs(self, point: Points, atol: float = 1e-9) -> Booleans:
         point, finite = self._candidates(point, "point")
         degenerate = nearly_degenerate(point.reshape(-1, *self.shape), self.template)
         return finite & ~np.any(degenerate, axis=-1).reshape(point.shape[:-2])
 
-    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+    def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
         return real_array(vector, "vector", self.shape)
 
-    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
         noise = generator(rng).uniform(-1.0, 1.0, (sample_count(n_samples), 3, 3))
         maps = np.eye(3) + 0.2 * sample_bound(bound) * noise
         return stack_samples(self.template.vertices @ maps, n_samples)
 
     @property
-    def faces(self) -> ndarray:
+    def faces(self) -> Triangles:
         """Vertex indices of each triangle, shape (F, 3)."""
         return self.template.faces
 
-    def face_areas(self, point: ndarray) -> ndarray:
+    def face_areas(self, point: Points) -> Array:
         """Return the areas of the triangles of surfaces, square metres, shape (..., F).
 
         Gradients are 0 where a triangle has no area.
@@ -111,7 +110,7 @@ class AlignedSurfaces(Manifold):
         normals = self.normals(point)
         return surface.square_root(surface.dot(normals, normals))
 
-    def normals(self, point: ndarray) -> ndarray:
+    def normals(self, point: Points) -> Array:
         """Return the normals of triangles, as long as their areas, shape (..., F, 3).
 
         Parameters
@@ -121,7 +120,7 @@ class AlignedSurfaces(Manifold):
         area_vectors = np.cross(*self.partial_derivatives(self.check_point(point)))
         return self.template.face_areas[:, None] * area_vectors
 
-    def partial_derivatives(self, f: ndarray) -> tuple[ndarray, ndarray]:
+    def partial_derivatives(self, f: Points) -> tuple[Array, Array]:
         """Return f_u and f_v in orthonormal frames of the template, each of shape (..., F, 3).
 
         Parameters
@@ -133,7 +132,7 @@ class AlignedSurfaces(Manifold):
             self.check_tangent_vec(f, "f"), self.template.differential_operator
         )
 
-    def to_fields(self, f: ndarray) -> tuple[ndarray, ndarray]:
+    def to_fields(self, f: Points) -> tuple[Array, Array]:
         """Return Φ(f) = (g, n), the metric field and the normal field (equation 1).
 
         Surfaces with triangles of no area raise DegenerateSurfaceError here and wherever normals
@@ -153,7 +152,7 @@ class AlignedSurfaces(Manifold):
         derivatives = self.partial_derivatives(f)
         return surface.first_fundamental_form(*derivatives), self._normals(*derivatives)
 
-    def metric_field(self, f: ndarray) -> ndarray:
+    def metric_field(self, f: Points) -> Array:
         """Return the metric field g alone, shape (..., F, 2, 2); triangles without area are legal.
 
         Parameters
@@ -162,7 +161,7 @@ class AlignedSurfaces(Manifold):
         """
         return surface.first_fundamental_form(*self.partial_derivatives(f))
 
-    def normal_field(self, f: ndarray) -> ndarray:
+    def normal_field(self, f: Points) -> Array:
         """Return the normal field n alone, shape (..., F, 3).
 
         Parameters
@@ -171,10 +170,12 @@ class AlignedSurfaces(Manifold):
         """
         return self._normals(*self.partial_derivatives(f))
 
-    def as_array(self, points: Any, name: str = "points") -> Any:
+    def as_array(self, points: object, name: str = "points") -> object:
         if isinstance(points, (list, tuple)):
-            each = [self.as_array(point, f"{name}[{k}]") for k, point in enumerate(points)]
-            return points if all(map(operator.is_, each, points)) else np.stack(each)
+            each: list[object] = [
+                self.as_array(point, f"{name}[{k}]") for k, point in enumerate(points)
+            ]
+            return points if all(map(operator.is_, each, points)) else np.stack(each)  # type: ignore[arg-type]  # or NumPy refuses
         if not hasattr(points, "faces") and not hasattr(points, "cells"):
             return points
         vertices, faces = as_arrays(points)
@@ -188,7 +189,7 @@ class AlignedSurfaces(Manifold):
             )
         return vertices
 
-    def check_point(self, point: Any, name: str = "point") -> ndarray:
+    def check_point(self, point: object, name: str = "point") -> Array:
         if not isinstance(point, ndarray):
             point = self.as_array(point, name)
         dtype = getattr(point, "dtype", None)
@@ -198,7 +199,7 @@ class AlignedSurfaces(Manifold):
         check_resolution(point, name, dtype)
         return point
 
-    def check_tangent_vec(self, tangent_vec: Any, name: str = "tangent_vec") -> ndarray:
+    def check_tangent_vec(self, tangent_vec: object, name: str = "tangent_vec") -> Array:
         """Return deformations as float64 arrays after checking them, shape (..., V, 3).
 
         Parameters
@@ -209,12 +210,12 @@ class AlignedSurfaces(Manifold):
         """
         return real_array(self.as_array(tangent_vec, name), name, self.shape, lengths=True)
 
-    def check_scale(self, point: ndarray, name: str = "point") -> None:
+    def check_scale(self, point: Points, name: str = "point") -> None:
         check_resolution(point, name)
         if self.scale is not None:
             check_same_scale(values_of(point), self._reference, name, "the template")
 
-    def warn_of_tears(self, points: ndarray, directions: ndarray | None = None) -> None:
+    def warn_of_tears(self, points: Points, directions: TangentVectors | None = None) -> None:
         seams = self.template.seams
         if not seams:
             return
@@ -233,7 +234,7 @@ class AlignedSurfaces(Manifold):
                 SeamWarning,
             )
 
-    def check_immersed(self, f: Any, name: str = "f") -> ndarray:
+    def check_immersed(self, f: object, name: str = "f") -> Array:
         """Return surfaces as float64 arrays if all their triangles have area, shape (..., V, 3).
 
         Parameters
@@ -246,6 +247,6 @@ class AlignedSurfaces(Manifold):
         return f
 
     @staticmethod
-    def _normals(f_u: ndarray, f_v: ndarray, name: str = "the surface") -> ndarray:
+    def _normals(f_u: Array, f_v: Array, name: str = "the surface") -> Array:
         surface.refuse_degenerate(surface.is_degenerate(values_of(f_u), values_of(f_v)), name)
         return surface.unit_normals(f_u, f_v)

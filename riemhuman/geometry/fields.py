@@ -5,12 +5,12 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 import autograd.numpy as np
-from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, joint_shape, real_array, values_of
+from riemhuman.arrays import Array, ArrayLike, Booleans, Points, TangentVectors
+from riemhuman.checks import Rng, generator, joint_shape, real_array, refuse_type, values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
@@ -21,7 +21,7 @@ from riemhuman.kernels.rotations import axial, cross_product_matrix, transpose
 from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.terms import ConeTerm, EbinTerm
 from riemhuman.terms import _cone_geodesics as cones
-from riemhuman.terms._sum import SumOfTerms
+from riemhuman.terms._drivers import SumOfTerms
 from riemhuman.terms.normals import NormalTerm, RotationTerm
 from riemhuman.terms.term import Fields, Term
 
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 class TriangleFields(Manifold):
     """Fields with a value of one kind on every triangle of a template."""
 
+    template: Template
     value_dim: int
     value_shape: tuple[int, ...]
     value_name: str
@@ -41,41 +42,51 @@ class TriangleFields(Manifold):
         super().__init__(self.value_dim * n_faces, (n_faces, *self.value_shape), equip)
 
     @abstractmethod
-    def _are_values(self, values: ndarray, atol: float) -> ndarray:
+    def _are_values(self, values: Array, atol: float) -> Booleans:
         """Return which triangles have a value of the kind, shape (..., F)."""
 
-    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+    def belongs(self, point: Points, atol: float = 1e-9) -> Booleans:
         point, finite = self._candidates(point, "point")
         return finite & np.all(self._are_values(point, atol), axis=-1)
 
-    def check_point(self, point: Any, name: str = "point") -> ndarray:
+    def check_point(self, point: object, name: str = "point") -> Array:
         point = real_array(point, name, self.shape, rows=True)
         wrong = ~self._are_values(values_of(point), 1e-6)
         refuse_triangles(wrong, f"{name} must hold {self.value_name}", ArgumentError)
         return point
 
-    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         return stack_samples(self.projection(noise), n_samples)
+
+
+class FaceAreas(Protocol):
+    """What integrals over triangles need of a template."""
+
+    @property
+    def face_areas(self) -> Array: ...
 
 
 class FieldMetric(RiemannianMetric):
     """An integral over the triangles of a template, with closed forms on each."""
 
+    has_closed_form_geodesic = True
+    has_closed_form_transport = True
+
     _term: Term
-    _fields: Callable[..., Fields]
-    _products: Callable[[ndarray, ndarray, ndarray], ndarray]
-    _curvatures: Callable[[ndarray, ndarray, ndarray], ndarray]
 
     def __init__(self, space: Manifold) -> None:
         super().__init__(space)
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
+        self,
+        tangent_vec_a: TangentVectors,
+        tangent_vec_b: TangentVectors,
+        base_point: Points | None = None,
+    ) -> Array:
         return self._form(self._products, tangent_vec_a, tangent_vec_b, base_point)
 
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+    def squared_dist(self, point_a: Points, point_b: Points) -> Array:
         first, second = self._fields(point_a, "point_a"), self._fields(point_b, "point_b")
         joint_shape(point_a=first[0], point_b=second[0])
         return self._integral(self._term.squared_dist(first, second))
@@ -85,17 +96,35 @@ class FieldMetric(RiemannianMetric):
         fields = partial(self._fields, name="points")
         return SumOfTerms([self._term], self._template, fields)
 
-    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+    @abstractmethod
+    def _fields(self, point: Points, name: str) -> Fields:
+        """Return the fields of the term that points are, after checking them."""
+
+    @abstractmethod
+    def _products(self, a: Array, b: Array, point: Points) -> Array:
+        """Return the inner products of tangent vectors on every triangle."""
+
+    @abstractmethod
+    def _curvatures(self, a: Array, b: Array, point: Points) -> Array:
+        """Return `curvature_form` on every triangle."""
+
+    def injectivity_radius(self, base_point: Points | None = None) -> Array:
         r"""Return π√w of the smallest triangle, on which a way around has twice that length."""
         leading = () if base_point is None else np.shape(base_point)[: -self.space.point_ndim]
         return np.full(leading, np.pi * np.sqrt(self._template.face_areas.min()))
 
     def curvature_form(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
-    ) -> ndarray:
+        self, tangent_vec_a: TangentVectors, tangent_vec_b: TangentVectors, base_point: Points
+    ) -> Array:
         return self._form(self._curvatures, tangent_vec_a, tangent_vec_b, base_point)
 
-    def _form(self, of_triangles: Callable[..., ndarray], a: Any, b: Any, point: Any) -> ndarray:
+    def _form(
+        self,
+        of_triangles: Callable[[Array, Array, Points], Array],
+        a: TangentVectors,
+        b: TangentVectors,
+        point: Points | None,
+    ) -> Array:
         """Integrate a form of two tangent vectors at a point."""
         point = self.space.check_point(point, "base_point")
         a = real_array(a, "tangent_vec_a", self.space.shape)
@@ -105,11 +134,13 @@ class FieldMetric(RiemannianMetric):
         return values + np.zeros(point.shape[: -self.space.point_ndim])
 
     @property
-    def _template(self) -> Any:
+    def _template(self) -> FaceAreas:
         space = self.space.factors[0] if self.space.factors else self.space
+        if space.template is None:
+            refuse_type(space, "space", "fields on a template")
         return space.template
 
-    def _integral(self, values: ndarray) -> ndarray:
+    def _integral(self, values: Array) -> Array:
         return np.sum(values * self._template.face_areas, axis=-1)
 
 
@@ -135,17 +166,18 @@ class MetricFields(TriangleFields):
     def default_metric(self) -> type[RiemannianMetric]:
         return EbinMetric
 
-    def _are_values(self, values: ndarray, atol: float) -> ndarray:
+    def _are_values(self, values: Array, atol: float) -> Booleans:
         symmetric = np.abs(values[..., 0, 1] - values[..., 1, 0]) <= atol
-        return symmetric & (values[..., 0, 0] > 0) & ~cones.is_degenerate(values)
+        degenerate: Booleans = cones.is_degenerate(values)
+        return symmetric & (values[..., 0, 0] > 0) & ~degenerate
 
-    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+    def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
         return cones.symmetric_part(vector)
 
-    def projection(self, point: ndarray) -> ndarray:
+    def projection(self, point: Points) -> Array:
         return cones.symmetric_part(point)
 
-    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         logarithm = 0.5 * sample_bound(bound) * cones.symmetric_part(noise)
         size = np.exp(0.5 * cones.trace(logarithm))[..., None, None]
@@ -153,7 +185,7 @@ class MetricFields(TriangleFields):
         points = size * cones.traceless_exp(shear, np.array(1.0))
         return stack_samples(points, n_samples)
 
-    def check_point(self, point: Any, name: str = "point", *, completion: bool = False) -> ndarray:
+    def check_point(self, point: object, name: str = "point", *, completion: bool = False) -> Array:
         point = real_array(point, name, self.shape, rows=True)
         g = values_of(point)
         size = np.abs(g[..., 0, 0]) + np.abs(g[..., 1, 1])
@@ -177,35 +209,40 @@ class ConeMetric(FieldMetric):
     """A metric whose triangles are cones, over points g or pairs of g and n."""
 
     _term: ConeTerm
+    space: MetricFields | ProductManifold
 
-    def _split(self, points: Any) -> tuple[ndarray, ...]:
+    def _split(self, points: Points) -> tuple[Array, ...]:
         """Return g, or g and n, of points or tangent vectors."""
-        return self.space.project_from_product(points) if self.space.factors else (points,)
+        if isinstance(self.space, ProductManifold):
+            return self.space.project_from_product(points)
+        return (points,)
 
-    def _join(self, parts: Sequence[ndarray]) -> ndarray:
-        return self.space.embed_to_product(parts) if self.space.factors else parts[0]
+    def _join(self, parts: Sequence[Array]) -> Array:
+        if isinstance(self.space, ProductManifold):
+            return self.space.embed_to_product(parts)
+        return parts[0]
 
-    def _checked(self, point: Any, name: str) -> tuple[ndarray, ...]:
-        if not self.space.factors:
+    def _checked(self, point: Points, name: str) -> tuple[Array, ...]:
+        if not isinstance(self.space, ProductManifold):
             return (self.space.check_point(point, name, completion=True),)
         parts = zip(self.space.factors, self._split(point), strict=True)
         return tuple(factor.check_point(part, name) for factor, part in parts)
 
-    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        g = self._checked(base_point, "base_point")[0]
+    def injectivity_radius(self, base_point: Points | None = None) -> Array:
+        g = self._checked(self.space._needed_base_point(base_point), "base_point")[0]
         radii = 4.0 * np.sqrt(self._term.b * np.sqrt(cones.determinants(g)))
         # The angle on the cone to the antipodal normal; from ½π on the apex is nearer.
         angle = min(np.pi * self._term.angle_per_turn, 0.5 * np.pi) if self._term.c else 0.5 * np.pi
         return np.min(np.sqrt(self._template.face_areas) * np.sin(angle) * radii, axis=-1)
 
-    def _fields(self, point: Any, name: str) -> Fields:
+    def _fields(self, point: Points, name: str) -> Fields:
         g, *n = self._checked(point, name)
         return *cones.coordinates(g), *n
 
-    def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+    def _products(self, a: Array, b: Array, point: Points) -> Array:
         return cones.inner_product(self._split(a), self._split(b), self._split(point), self._term)
 
-    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+    def _exp(self, velocity: TangentVectors, point: Points) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):
             end, met_apex = cones.exp(self._split(velocity), self._split(point), self._term)
             lost = cones.has_lost_its_shape(values_of(end[0]))
@@ -221,7 +258,7 @@ class ConeMetric(FieldMetric):
         )
         return self._join(end)
 
-    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+    def _log(self, point: Points, start: Points) -> Array:
         ends = self._split(start), self._split(point)
         self._refuse_antipodal(*ends, "point must hold no normal antipodal to that of base_point")
         velocity, psi = cones.log(*ends, self._term)
@@ -233,14 +270,14 @@ class ConeMetric(FieldMetric):
         )
         return self._join(velocity)
 
-    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+    def _transport(self, vector: TangentVectors, point: Points, velocity: TangentVectors) -> Array:
         self._exp(velocity, point)  # where the geodesic exists
         carried = cones.parallel_transport(
             self._split(vector), self._split(point), self._split(velocity), self._term
         )
         return self._join(carried)
 
-    def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+    def _curvatures(self, a: Array, b: Array, point: Points) -> Array:
         # With κ = ψ/ℓ and ρ = ψ/φ the link has curvature −1/κ² across hyperbolic planes and 1/ρ²
         # across spheres; the cone of radius r has that of the link less 1, over r².
         g, kappa, rho = (
@@ -251,12 +288,12 @@ class ConeMetric(FieldMetric):
         (delta_a, *turn_a), (delta_b, *turn_b) = self._split(a), self._split(b)
         shear_a, shear_b = (cones.traceless(cones.whiten(h, g)) for h in (delta_a, delta_b))
 
-        def area(aa: Any, bb: Any, ab: Any) -> Any:
+        def area(aa: Array, bb: Array, ab: Array) -> Array:
             return aa * bb - ab**2
 
         pairs = (shear_a, shear_a), (shear_b, shear_b), (shear_a, shear_b)
         in_plane = [0.5 * kappa**2 * cones.trace(x @ y) for x, y in pairs]
-        curvature: Any = -area(*in_plane) / kappa**2 if kappa else 0.0
+        curvature = -area(*in_plane) / kappa**2 if kappa else np.zeros(())
         whole = in_plane
         for u, v in zip(turn_a, turn_b, strict=True):
             turns = [rho**2 * dot(x, y) for x, y in ((u, u), (v, v), (u, v))]
@@ -265,7 +302,7 @@ class ConeMetric(FieldMetric):
         squared_radii = 16.0 * self._term.b * np.sqrt(cones.determinants(g))
         return squared_radii * (curvature - area(*whole))
 
-    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+    def _geodesic_between(self, start: Points, end: Points) -> Callable[[ArrayLike], Points]:
         ends = self._checked(start, "initial_point"), self._checked(end, "end_point")
         through_apex = values_of(cones.runs_through_apex(*ends, self._term))
         message = "end_point must hold no normal antipodal to that of initial_point where ψ < π"
@@ -276,14 +313,14 @@ class ConeMetric(FieldMetric):
             for parts in ends
         )
 
-        def follow(t: Any) -> ndarray:
+        def follow(t: ArrayLike) -> Points:
             times = np.reshape(self._times(t), (-1, 1))
             return self._join(cones.geodesic(first, last, times, self._term))
 
         return follow
 
     def _refuse_antipodal(
-        self, start: Any, end: Any, message: str, unless: ndarray | bool = False
+        self, start: Fields, end: Fields, message: str, unless: Booleans | bool = False
     ) -> None:
         for n1, n2 in zip(start[1:], end[1:], strict=True):
             refuse_triangles(
@@ -354,13 +391,13 @@ class NormalFields(TriangleFields):
     def default_metric(self) -> type[RiemannianMetric]:
         return NormalFieldMetric
 
-    def _are_values(self, values: ndarray, atol: float) -> ndarray:
+    def _are_values(self, values: Array, atol: float) -> Booleans:
         return np.abs(np.sqrt(dot(values, values)) - 1.0) <= atol
 
-    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+    def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
         return sphere.to_tangent(vector, self._needed_base_point(base_point))
 
-    def projection(self, point: ndarray) -> ndarray:
+    def projection(self, point: Points) -> Array:
         return point / np.sqrt(dot(point, point))[..., None]
 
 
@@ -385,16 +422,16 @@ class NormalFieldMetric(FieldMetric):
 
     _term = NormalTerm()
 
-    def _fields(self, point: Any, name: str) -> Fields:
+    def _fields(self, point: Points, name: str) -> Fields:
         return (self.space.check_point(point, name),)
 
-    def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+    def _products(self, a: Array, b: Array, point: Points) -> Array:
         return dot(a, b)
 
-    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+    def _exp(self, velocity: TangentVectors, point: Points) -> Array:
         return sphere.exp(velocity, point)
 
-    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+    def _log(self, point: Points, start: Points) -> Array:
         refuse_triangles(
             values_of(sphere.angle(start, point)) >= sphere.ANTIPODAL,
             "point must hold no normal antipodal to that of base_point, or there is no unique "
@@ -403,12 +440,14 @@ class NormalFieldMetric(FieldMetric):
         )
         return sphere.log(start, point)
 
-    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+    def _transport(self, vector: TangentVectors, point: Points, velocity: TangentVectors) -> Array:
         return sphere.parallel_transport(vector, point, velocity)
 
-    def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+    def _curvatures(self, a: Array, b: Array, point: Points) -> Array:
         # Spheres of radius 1 have curvature 1.
-        return dot(a, a) * dot(b, b) - dot(a, b) ** 2
+        squares: Array = dot(a, a) * dot(b, b)
+        product: Array = dot(a, b)
+        return squares - product**2
 
 
 class RotationFields(TriangleFields):
@@ -435,16 +474,16 @@ class RotationFields(TriangleFields):
     def default_metric(self) -> type[RiemannianMetric]:
         return RotationFieldMetric
 
-    def _are_values(self, values: ndarray, atol: float) -> ndarray:
+    def _are_values(self, values: Array, atol: float) -> Booleans:
         # Gaps are twice as large as those of lengths from 1.
         gaps = transpose(values) @ values - np.eye(3)
         return np.all(np.abs(gaps) <= 2.0 * atol, axis=(-2, -1)) & (np.linalg.det(values) > 0)
 
-    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+    def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
         base_point = self._needed_base_point(base_point)
         return _tangent_vec(_angular_velocity(vector, base_point), base_point)
 
-    def projection(self, point: ndarray) -> ndarray:
+    def projection(self, point: Points) -> Array:
         return rotations.nearest_rotations(point)
 
 
@@ -469,16 +508,16 @@ class RotationFieldMetric(FieldMetric):
 
     _term = RotationTerm()
 
-    def _fields(self, point: Any, name: str) -> Fields:
+    def _fields(self, point: Points, name: str) -> Fields:
         return (rotations.quaternions(self.space.check_point(point, name)),)
 
-    def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+    def _products(self, a: Array, b: Array, point: Points) -> Array:
         return 0.5 * np.sum(a * b, axis=(-2, -1))
 
-    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+    def _exp(self, velocity: TangentVectors, point: Points) -> Array:
         return rotations.exp(_angular_velocity(velocity, point), point)
 
-    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+    def _log(self, point: Points, start: Points) -> Array:
         omega = rotations.log(start, point)
         values = values_of(omega)
         refuse_triangles(
@@ -489,22 +528,22 @@ class RotationFieldMetric(FieldMetric):
         )
         return _tangent_vec(omega, start)
 
-    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+    def _transport(self, vector: TangentVectors, point: Points, velocity: TangentVectors) -> Array:
         omega = _angular_velocity(velocity, point)
         moved = rotations.parallel_transport(_angular_velocity(vector, point), omega)
         return _tangent_vec(moved, rotations.exp(omega, point))
 
-    def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+    def _curvatures(self, a: Array, b: Array, point: Points) -> Array:
         # On a group with a two-sided invariant metric ⟨R(a, b) b, a⟩ is a quarter of the squared
         # length of [a, b]: every plane of the rotations of a triangle has curvature ¼ / w_t.
         bracket = np.cross(_angular_velocity(a, point), _angular_velocity(b, point))
         return 0.25 * dot(bracket, bracket)
 
 
-def _angular_velocity(tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+def _angular_velocity(tangent_vec: TangentVectors, base_point: Points) -> Array:
     """Return the angular velocity v of tangent vectors R [v]×, in the axes before R."""
     return axial(np.matmul(transpose(base_point), tangent_vec))
 
 
-def _tangent_vec(angular_velocity: ndarray, base_point: ndarray) -> ndarray:
+def _tangent_vec(angular_velocity: Array, base_point: Points) -> Array:
     return np.matmul(base_point, cross_product_matrix(angular_velocity))

@@ -3,15 +3,31 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from copy import copy
-from typing import Any, Self
+from typing import TYPE_CHECKING, Self, TypeGuard
 
 import autograd.numpy as np
-from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array, real_number, values_of, whole_number
+from riemhuman.arrays import Array, Booleans, Points, TangentVectors, Triangles
+from riemhuman.checks import (
+    Rng,
+    generator,
+    real_array,
+    real_number,
+    refuse_type,
+    values_of,
+    whole_number,
+)
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.representation import constructor_text
+
+if TYPE_CHECKING:
+    from riemhuman.geometry.metric import RiemannianMetric
+    from riemhuman.surfaces.template import Template
+
+    # A class of metrics, each of which has parameters of its own.
+    MetricClass = Callable[..., RiemannianMetric]  # type: ignore[explicit-any]
 
 
 class Manifold(ABC):
@@ -46,12 +62,12 @@ class Manifold(ABC):
     [True, False]
     """
 
-    metric: Any  # of RiemannianMetric, which imports this module
+    metric: RiemannianMetric
 
     is_surface_space: bool = False
     """Whether points are surfaces over a `template`, with metric and normal fields."""
 
-    template: Any = None
+    template: Template | None = None
     """The template that points are surfaces over, or fields on, if there is one."""
 
     factors: tuple[Manifold, ...] = ()
@@ -76,11 +92,11 @@ class Manifold(ABC):
         """Whether the manifold has a metric."""
         return "metric" in vars(self)
 
-    def default_metric(self) -> type[Any] | None:
+    def default_metric(self) -> MetricClass | None:
         """Return the class of the metric the manifold comes with, if there is one."""
         return None
 
-    def equip_with_metric(self, Metric: type[Any] | None = None, **metric_kwargs: Any) -> Self:
+    def equip_with_metric(self, Metric: MetricClass | None = None, **metric_kwargs: object) -> Self:
         """Equip the manifold with a metric, `Metric(self, **metric_kwargs)`, and return it.
 
         Parameters
@@ -89,14 +105,15 @@ class Manifold(ABC):
             Subclass of `RiemannianMetric`; by default the manifold's own.
         **metric_kwargs
         """
-        if Metric is None and (Metric := self.default_metric()) is None:
+        make = self.default_metric() if Metric is None else Metric
+        if make is None:
             raise ArgumentTypeError(f"{type(self).__name__} has no default metric: give one")
-        if not callable(Metric):
+        if not callable(make):
             raise ArgumentTypeError(
                 "Metric must be a class of metrics, whose parameters follow by name as in "
-                f"equip_with_metric(ElasticMetric, a=1.0); found {type(Metric).__name__}"
+                f"equip_with_metric(ElasticMetric, a=1.0); found {type(make).__name__}"
             )
-        self.metric = Metric(self, **metric_kwargs)
+        self.metric = make(self, **metric_kwargs)
         return self
 
     def new(self, equip: bool = True) -> Self:
@@ -113,7 +130,7 @@ class Manifold(ABC):
         return other
 
     @abstractmethod
-    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+    def belongs(self, point: Points, atol: float = 1e-9) -> Booleans:
         r"""Return whether arrays are points of the manifold, shape (...).
 
         Arrays of another shape are not points.
@@ -125,7 +142,7 @@ class Manifold(ABC):
         """
 
     @abstractmethod
-    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+    def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
         r"""Project arrays to the tangent space at a point, shape (..., \*shape).
 
         Parameters
@@ -136,7 +153,7 @@ class Manifold(ABC):
         """
 
     @abstractmethod
-    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
         r"""Draw random points, shape (n_samples, \*shape), or (\*shape,) for one sample.
 
         Parameters
@@ -149,8 +166,8 @@ class Manifold(ABC):
         """
 
     def is_tangent(
-        self, vector: ndarray, base_point: ndarray | None = None, atol: float = 1e-9
-    ) -> ndarray:
+        self, vector: TangentVectors, base_point: Points | None = None, atol: float = 1e-9
+    ) -> Booleans:
         r"""Return whether arrays are tangent vectors at a point, shape (...).
 
         Parameters
@@ -168,8 +185,8 @@ class Manifold(ABC):
         return finite & np.all(error <= atol, axis=self._point_axes)
 
     def random_tangent_vec(
-        self, base_point: ndarray | None = None, n_samples: int = 1, rng: Rng = None
-    ) -> ndarray:
+        self, base_point: Points | None = None, n_samples: int = 1, rng: Rng = None
+    ) -> Array:
         r"""Draw random tangent vectors, one at each of several points or several at one.
 
         Parameters
@@ -194,7 +211,7 @@ class Manifold(ABC):
             )
         return self.to_tangent(generator(rng).standard_normal(shape), base_point)
 
-    def warn_of_tears(self, points: ndarray, directions: ndarray | None = None) -> None:
+    def warn_of_tears(self, points: Points, directions: TangentVectors | None = None) -> None:
         r"""Warn if moving points along directions would tear them, as solvers do.
 
         Spaces of surfaces look for seams of their template.
@@ -207,7 +224,7 @@ class Manifold(ABC):
         """
         del points, directions  # elsewhere, nothing tears
 
-    def projection(self, point: ndarray) -> ndarray:
+    def projection(self, point: Points) -> Array:
         r"""Project arrays near the manifold to it, differentiably, shape (..., \*shape).
 
         Parameters
@@ -216,7 +233,7 @@ class Manifold(ABC):
         """
         return point
 
-    def check_point(self, point: Any, name: str = "point") -> ndarray:
+    def check_point(self, point: object, name: str = "point") -> Array:
         r"""Return points as float64 arrays after checking them, shape (..., \*shape).
 
         Parameters
@@ -227,7 +244,7 @@ class Manifold(ABC):
         """
         return real_array(self.as_array(point, name), name, self.shape, rows=True)
 
-    def check_scale(self, point: ndarray, name: str = "point") -> None:
+    def check_scale(self, point: Points, name: str = "point") -> None:
         r"""Raise an error if points are measured in another unit of length, where there is one.
 
         Parameters
@@ -237,7 +254,7 @@ class Manifold(ABC):
         """
         return
 
-    def as_array(self, points: Any, name: str = "points") -> Any:
+    def as_array(self, points: object, name: str = "points") -> object:
         """Return points that are no arrays, such as meshes on a space of surfaces, as arrays.
 
         Parameters
@@ -251,7 +268,7 @@ class Manifold(ABC):
     def _point_axes(self) -> tuple[int, ...]:
         return tuple(range(-self.point_ndim, 0))
 
-    def _needed_base_point(self, base_point: ndarray | None) -> ndarray:
+    def _needed_base_point(self, base_point: Points | None) -> Array:
         """Return a base point; raise ArgumentTypeError if there is none."""
         if base_point is None:
             raise ArgumentTypeError(
@@ -260,7 +277,7 @@ class Manifold(ABC):
             )
         return base_point
 
-    def _candidates(self, array: ndarray, name: str) -> tuple[ndarray, ndarray]:
+    def _candidates(self, array: Array, name: str) -> tuple[Array, Booleans]:
         """Return arrays of the points' shape, and which of them are those that were given."""
         # Arrays of another shape, and arrays with infinite entries, become 0.
         values = real_array(values_of(array, name), name, finite=False)
@@ -269,6 +286,79 @@ class Manifold(ABC):
             return np.zeros((*leading, *self.shape)), np.zeros(leading, dtype=bool)
         good = np.all(np.isfinite(values), axis=self._point_axes)
         return np.where(np.expand_dims(good, self._point_axes), values, 0.0), good
+
+
+class SurfaceSpace(Manifold):
+    """A manifold of surfaces over a template: what metrics and solvers need of one."""
+
+    is_surface_space = True
+    template: Template
+
+    @property
+    @abstractmethod
+    def faces(self) -> Triangles:
+        """Vertex indices of each triangle, shape (F, 3)."""
+
+    @abstractmethod
+    def partial_derivatives(self, f: Points) -> tuple[Array, Array]:
+        """Return f_u and f_v in orthonormal frames of the template, each of shape (..., F, 3).
+
+        Parameters
+        ----------
+        f : array, shape (..., V, 3)
+            Surfaces, or deformations.
+        """
+
+    @abstractmethod
+    def metric_field(self, f: Points) -> Array:
+        """Return the metric field g, shape (..., F, 2, 2); triangles without area are legal.
+
+        Parameters
+        ----------
+        f : array, shape (..., V, 3)
+        """
+
+    @abstractmethod
+    def normal_field(self, f: Points) -> Array:
+        """Return the normal field n, shape (..., F, 3).
+
+        Parameters
+        ----------
+        f : array, shape (..., V, 3)
+        """
+
+    @abstractmethod
+    def check_tangent_vec(self, tangent_vec: object, name: str = "tangent_vec") -> TangentVectors:
+        """Return deformations as float64 arrays after checking them, shape (..., V, 3).
+
+        Parameters
+        ----------
+        tangent_vec : array_like, shape (..., V, 3)
+            Deformations, of any size.
+        name : str, for messages
+        """
+
+    @abstractmethod
+    def check_immersed(self, f: object, name: str = "f") -> Points:
+        """Return surfaces as float64 arrays if all their triangles have area, shape (..., V, 3).
+
+        Parameters
+        ----------
+        f : array_like, shape (..., V, 3)
+        name : str, for messages
+        """
+
+
+def holds_surfaces(space: Manifold) -> TypeGuard[SurfaceSpace]:
+    """Return whether points are surfaces over a template, in words that type checkers follow."""
+    return space.is_surface_space
+
+
+def surface_space(space: Manifold) -> SurfaceSpace:
+    """Return a space of surfaces; raise an ArgumentTypeError for any other space."""
+    if not holds_surfaces(space):
+        refuse_type(space, "space", "a space of surfaces, such as AlignedSurfaces(template)")
+    return space
 
 
 def sample_count(n_samples: int) -> int:
@@ -281,6 +371,6 @@ def sample_bound(bound: float) -> float:
     return real_number(bound, "bound", minimum=0.0)
 
 
-def stack_samples(samples: ndarray, n_samples: int) -> ndarray:
+def stack_samples(samples: Array, n_samples: int) -> Array:
     """Return samples without their first axis if there is only one."""
     return samples[0] if n_samples == 1 else samples

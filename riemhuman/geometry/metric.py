@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import cast
 
 import autograd.numpy as np
 from autograd import elementwise_grad, value_and_grad
 from numpy import ndarray
+from scipy import sparse
 
+from riemhuman.arrays import Array, ArrayLike, Integers, Points, PointsLike, TangentVectors
 from riemhuman.checks import (
     check_shape,
     joint_shape,
@@ -19,14 +21,13 @@ from riemhuman.checks import (
     refuse_type,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
-from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.manifold import Manifold, holds_surfaces
 from riemhuman.geometry.pairwise import (
     MEMORY,
     PRECISIONS,
     Bulk,
     Features,
     PairByPair,
-    Points,
     SumOfFactors,
     features_in_threads,
     table_of_distances,
@@ -35,6 +36,7 @@ from riemhuman.geometry.strategies import (
     ExpSolver,
     GeodesicSolver,
     LogSolver,
+    SolvedPath,
     Solvers,
     TransportSolver,
     check_strategy,
@@ -42,12 +44,12 @@ from riemhuman.geometry.strategies import (
 )
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.surface import differential, square_root
+from riemhuman.memory import check_memory, enough_memory
 from riemhuman.provided import default_solvers
 from riemhuman.representation import Unchanging, constructor_text
 
-
-def _is_overridden(metric: RiemannianMetric, name: str) -> bool:
-    return getattr(type(metric), name) is not getattr(RiemannianMetric, name)
+# Points of more bytes are many, of which the features are foreseen.
+_MANY_BYTES = 2**26
 
 
 class RiemannianMetric(Unchanging):
@@ -56,8 +58,14 @@ class RiemannianMetric(Unchanging):
     A subclass defines `inner_product`, or `squared_dist` where there is a closed form, or both;
     norm, distance, energy, length and their gradients by autograd follow. With `squared_dist`
     alone the inner product is half its second derivative on the diagonal. What cannot be derived
-    raises NotDefinedError. Properties say what a metric has and what leaves its distances
-    unchanged; solvers read them. The parameters of a metric never change.
+    raises NotDefinedError. The parameters of a metric never change.
+
+    Properties say what a metric has, and what leaves its distances unchanged; solvers read them.
+    By default a metric has what its class defines, `exp` and `log` together being geodesics in
+    closed form. A subclass that knows better, as one whose distances depend on a parameter,
+    defines the property: `has_closed_form_dist`, `has_closed_form_geodesic`,
+    `has_closed_form_transport`, `has_inner_product`, `has_metric_matrix` or
+    `has_lower_bound_coordinates`.
 
     Parameters
     ----------
@@ -107,7 +115,7 @@ class RiemannianMetric(Unchanging):
                 f"{type(self).__name__} takes a space of points, such as "
                 f"AlignedSurfaces(template); found {type(space).__name__}"
             )
-        self.space: Any = space
+        self.space = space
         for name, solver in (
             ("geodesic_solver", geodesic_solver),
             ("exp_solver", exp_solver),
@@ -147,44 +155,42 @@ class RiemannianMetric(Unchanging):
 
     @property
     def has_closed_form_dist(self) -> bool:
-        """Whether the class has distances itself."""
-        return _is_overridden(self, "squared_dist")
+        """Whether it has distances itself; by default if the class defines `squared_dist`."""
+        return type(self).squared_dist is not RiemannianMetric.squared_dist
 
     @property
     def has_inner_product(self) -> bool:
-        """Whether it has inner products itself."""
-        return _is_overridden(self, "inner_product")
+        """Whether it has inner products itself; by default if the class defines them."""
+        return type(self).inner_product is not RiemannianMetric.inner_product
 
     @property
     def has_closed_form_transport(self) -> bool:
-        """Whether parallel transport needs no solver."""
-        return _is_overridden(self, "parallel_transport") or _is_overridden(self, "_transport")
+        """Whether parallel transport needs no solver; by default if the class defines it."""
+        return type(self).parallel_transport is not RiemannianMetric.parallel_transport
 
     @property
     def has_metric_matrix(self) -> bool:
         """Whether `metric_matrix` is defined."""
-        return _is_overridden(self, "metric_matrix")
+        return type(self).metric_matrix is not RiemannianMetric.metric_matrix
 
     @property
     def has_lower_bound_coordinates(self) -> bool:
         """Whether `lower_bound_coordinates` is defined."""
-        return _is_overridden(self, "lower_bound_coordinates")
+        default = RiemannianMetric.lower_bound_coordinates
+        return type(self).lower_bound_coordinates is not default
 
     @property
     def has_closed_form_geodesic(self) -> bool:
-        """Whether geodesics need no solver."""
-        exp, log = (
-            _is_overridden(self, name) or _is_overridden(self, f"_{name}")
-            for name in ("exp", "log")
-        )
-        return _is_overridden(self, "_geodesic_between") or (exp and log)
+        """Whether geodesics need no solver; by default if the class defines `exp` and `log`."""
+        cls = type(self)
+        return cls.exp is not RiemannianMetric.exp and cls.log is not RiemannianMetric.log
 
     @property
     def target_metric(self) -> RiemannianMetric:
         """The metric on the image of `map`, for metrics that are pulled back."""
         raise self._not_defined("target_metric")
 
-    def map(self, point: ndarray) -> ndarray:
+    def map(self, point: Points) -> Array:
         r"""Return the points of the space of `target_metric` that it is pulled back from.
 
         Parameters
@@ -193,7 +199,7 @@ class RiemannianMetric(Unchanging):
         """
         raise self._not_defined("map")
 
-    def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+    def differential(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         r"""Apply the differential of `map` to tangent vectors.
 
         Parameters
@@ -225,8 +231,11 @@ class RiemannianMetric(Unchanging):
     # Inner products and distances.
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
+        self,
+        tangent_vec_a: TangentVectors,
+        tangent_vec_b: TangentVectors,
+        base_point: Points | None = None,
+    ) -> Array:
         r"""Return the inner product of tangent vectors, shape (...).
 
         Parameters
@@ -244,7 +253,7 @@ class RiemannianMetric(Unchanging):
         covector = self.covector(tangent_vec_a, base_point)
         return np.sum(covector * tangent_vec_b, axis=self.space._point_axes)
 
-    def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+    def covector(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         r"""Lower the index of tangent vectors: ⟨covector(v), w⟩ = inner_product(v, w).
 
         The default differentiates `inner_product` or, where only `squared_dist` is defined, takes
@@ -269,7 +278,7 @@ class RiemannianMetric(Unchanging):
         behind = slope(base_point - step * tangent_vec)
         return (ahead - behind) / (4.0 * step)
 
-    def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
+    def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
         r"""Return the inner products of all pairs of vectors, averaged over points, shape (K, K).
 
         Parameters
@@ -288,7 +297,7 @@ class RiemannianMetric(Unchanging):
         gram = np.tensordot(covectors, vectors, (axes, axes))
         return 0.5 * (gram + gram.T)
 
-    def metric_matrix(self, base_point: ndarray) -> Any:
+    def metric_matrix(self, base_point: Points) -> sparse.csr_array:
         r"""Return the sparse matrix M of the metric: ⟨h, k⟩ = h·(M k), points flattened.
 
         Parameters
@@ -298,7 +307,7 @@ class RiemannianMetric(Unchanging):
         """
         raise self._not_defined("metric_matrix")
 
-    def squared_norm(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+    def squared_norm(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
         r"""Return the squared norm of tangent vectors, shape (...).
 
         Parameters
@@ -307,7 +316,7 @@ class RiemannianMetric(Unchanging):
         """
         return self.inner_product(vector, vector, base_point)
 
-    def norm(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+    def norm(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
         r"""Return the norm of tangent vectors, shape (...).
 
         Parameters
@@ -316,7 +325,7 @@ class RiemannianMetric(Unchanging):
         """
         return square_root(self.squared_norm(vector, base_point))
 
-    def normalize(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+    def normalize(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
         r"""Return tangent vectors scaled to norm 1, shape (..., \*shape); zero vectors stay zero.
 
         Parameters
@@ -328,7 +337,7 @@ class RiemannianMetric(Unchanging):
         scale = 1.0 / np.where(norm == 0.0, 1.0, norm)
         return np.expand_dims(scale, self.space._point_axes) * vector
 
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+    def squared_dist(self, point_a: Points, point_b: Points) -> Array:
         r"""Return the squared distance of points, shape (...).
 
         Without a closed form, it is the energy of the path that `geodesic_solver` finds, for one
@@ -344,9 +353,9 @@ class RiemannianMetric(Unchanging):
                 "whose paths it shall measure, such as "
                 "geodesic_solver=riemhuman.solvers.BasisPath(basis)"
             )
-        return self._solve(self.geodesic_solver, "squared_dist", point_a, point_b).energy
+        return self._solve(self.geodesic_solver, "squared_dist", point_a, point_b).energy  # type: ignore[return-value]  # one number
 
-    def dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+    def dist(self, point_a: Points, point_b: Points) -> Array:
         r"""Return the distance of points, with gradient 0 where they coincide, shape (...).
 
         Parameters
@@ -364,13 +373,13 @@ class RiemannianMetric(Unchanging):
 
     def dist_pairwise(
         self,
-        points: Points,
+        points: PointsLike,
         n_jobs: int | None = None,
         *,
         precision: str = "single",
         memory: int = MEMORY,
         progress: bool = False,
-    ) -> ndarray:
+    ) -> Array:
         r"""Return all distances within a set of points, shape (n, n), symmetric.
 
         Parameters
@@ -391,14 +400,14 @@ class RiemannianMetric(Unchanging):
 
     def cdist(
         self,
-        points_a: Points,
-        points_b: Points,
+        points_a: PointsLike,
+        points_b: PointsLike,
         n_jobs: int | None = None,
         *,
         precision: str = "single",
         memory: int = MEMORY,
         progress: bool = False,
-    ) -> ndarray:
+    ) -> Array:
         r"""Return all distances between two sets of points, see `dist_pairwise`, shape (n_a, n_b).
 
         Parameters
@@ -411,7 +420,7 @@ class RiemannianMetric(Unchanging):
 
     def features(
         self,
-        points: Points,
+        points: PointsLike,
         precision: str = "double",
         n_jobs: int | None = None,
         *,
@@ -437,9 +446,14 @@ class RiemannianMetric(Unchanging):
             check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
         else:
             checked = self.check_points(points, name)
-        return self.bulk.features(checked, precision)
+        task = f"the features of {len(checked):,} points"
+        with enough_memory(task):
+            if checked.nbytes > _MANY_BYTES:
+                one = self.bulk.features(checked[:1], precision)
+                check_memory(len(checked) * sum(array.nbytes for array in one), task)
+            return self.bulk.features(checked, precision)
 
-    def lower_bound_coordinates(self, points: ndarray) -> ndarray:
+    def lower_bound_coordinates(self, points: Points) -> Array:
         r"""Return coordinates, shape (..., m), at most as far apart as their points.
 
         Parameters
@@ -448,7 +462,7 @@ class RiemannianMetric(Unchanging):
         """
         raise self._not_defined("lower_bound_coordinates")
 
-    def closest_neighbor_index(self, point: ndarray, neighbors: ndarray) -> Any:
+    def closest_neighbor_index(self, point: Points, neighbors: Points) -> Integers:
         r"""Return the index of the neighbour that is nearest to each point, shape (...).
 
         Parameters
@@ -462,7 +476,7 @@ class RiemannianMetric(Unchanging):
         apart = self.dist(point.reshape(*lead, 1, *self.space.shape), neighbors)
         return np.argmin(apart, axis=-1)
 
-    def check_points(self, points: Points, name: str = "points") -> ndarray:
+    def check_points(self, points: object, name: str = "points") -> Points:
         r"""Return a set of points as a float64 array after checking it, shape (n, \*shape).
 
         Parameters
@@ -472,13 +486,13 @@ class RiemannianMetric(Unchanging):
         """
         if not isinstance(points, ndarray):
             points = self.space.as_array(points, name)
-        checked: ndarray = real_array(points, name, self.space.shape, rows=True)
+        checked = real_array(points, name, self.space.shape, rows=True)
         check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
         return checked
 
     # Energies and lengths of discrete paths.
 
-    def energy(self, path: ndarray) -> ndarray:
+    def energy(self, path: Points) -> Array:
         r"""Return the energy of discrete paths with n segments, shape (...).
 
         :math:`n \sum_i d^2(x_i, x_{i+1})` where `squared_dist` has a closed form, else the finite
@@ -490,10 +504,10 @@ class RiemannianMetric(Unchanging):
         path : array, shape (..., n_times, \*shape)
         """
         path = path_array(path, self.space)
-        n_segments = path.shape[-len(self.space.shape) - 1] - 1
+        n_segments: int = path.shape[-len(self.space.shape) - 1] - 1
         return n_segments * np.sum(self._squared_segments(path), axis=-1)
 
-    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
+    def energy_and_gradient(self, path: Points) -> tuple[float, Array]:
         r"""Return the energy of one path, infinite outside the manifold, and its gradient.
 
         Parameters
@@ -504,7 +518,7 @@ class RiemannianMetric(Unchanging):
         energy, gradient = value_and_grad(self.energy)(path)
         return float(energy), gradient
 
-    def length(self, path: ndarray) -> ndarray:
+    def length(self, path: Points) -> Array:
         r"""Return the length of discrete paths, summed over their segments, shape (...).
 
         Parameters
@@ -516,8 +530,8 @@ class RiemannianMetric(Unchanging):
         return np.sum(square_root(self._squared_segments(path)), axis=-1)
 
     def squared_dists_and_gradient(
-        self, point: ndarray, others: ndarray, weights: ndarray
-    ) -> tuple[ndarray, ndarray]:
+        self, point: Points, others: Points, weights: Array
+    ) -> tuple[Array, Array]:
         r"""Return the squared distances of a point from others, and the gradient of their sum.
 
         Distances are energies of paths of one segment, infinite where a point leaves the manifold;
@@ -535,23 +549,24 @@ class RiemannianMetric(Unchanging):
             gradient += weight * slopes[1]
         return squared, gradient
 
-    def remove_drift(self, path: ndarray) -> ndarray:
+    def remove_drift(self, path: Points) -> Array:
         r"""Move interior points of a path by motions that leave its energy unchanged, if any do.
 
         Parameters
         ----------
         path : array, shape (n_times, \*shape)
         """
-        if not (self.is_translation_invariant and self.space.is_surface_space):
+        if not (self.is_translation_invariant and holds_surfaces(self.space)):
             return path
         path, areas = self.check_points(path, "path"), self.space.template.vertex_areas
         return still_path(path, areas, rotations=self.is_rotation_invariant)
 
-    def _squared_segments(self, path: ndarray) -> ndarray:
+    def _squared_segments(self, path: Points) -> Array:
         whole_point = (slice(None),) * len(self.space.shape)
-        before: Any = (..., slice(None, -1), *whole_point)
-        after: Any = (..., slice(1, None), *whole_point)
-        start, end = path[before], path[after]
+        times = slice(None, -1), slice(1, None)
+        # Type checkers know no index of as many axes as the points have.
+        start = path[..., times[0], *whole_point]  # type: ignore[arg-type]
+        end = path[..., times[1], *whole_point]  # type: ignore[arg-type]
         if self.has_closed_form_dist:
             return self.squared_dist(start, end)
         return self.squared_norm(end - start, self.space.projection(0.5 * (start + end)))
@@ -559,7 +574,7 @@ class RiemannianMetric(Unchanging):
     # Geodesics, exponentials, logarithms and transport. Where there is neither a closed form nor a
     # strategy given, the default strategies of `riemhuman.solvers` find them.
 
-    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+    def exp(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         r"""Return the end of the geodesic with this initial velocity after unit time.
 
         OutsideManifoldError says where it leaves the manifold. Without a closed form, `exp_solver`
@@ -573,9 +588,10 @@ class RiemannianMetric(Unchanging):
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         joint_shape(tangent_vec=tangent_vec, base_point=base_point)
-        return self._exp(tangent_vec, base_point)
+        with enough_memory("these exponentials"):
+            return self._exp(tangent_vec, base_point)
 
-    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+    def _exp(self, velocity: TangentVectors, point: Points) -> Array:
         solver: ExpSolver | None = self.exp_solver
         if solver is None:
             solver = default_solvers().exp_solver(self)
@@ -583,7 +599,7 @@ class RiemannianMetric(Unchanging):
             lambda x, v: solve_geodesic(v, x, self, solver)[-1], point, velocity
         )
 
-    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
+    def log(self, point: Points, base_point: Points) -> Array:
         r"""Return the initial velocity of the minimal geodesic from `base_point` to `point`.
 
         OutsideManifoldError says where none, or more than one, exists. Without a closed form,
@@ -596,9 +612,10 @@ class RiemannianMetric(Unchanging):
         point = self.space.check_point(point, "point")
         base_point = self.space.check_point(base_point, "base_point")
         joint_shape(point=point, base_point=base_point)
-        return self._log(point, base_point)
+        with enough_memory("these logarithms"):
+            return self._log(point, base_point)
 
-    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+    def _log(self, point: Points, start: Points) -> Array:
         solver: LogSolver | None = self.log_solver
         if solver is None:
             solver = default_solvers().log_solver(self)
@@ -606,11 +623,11 @@ class RiemannianMetric(Unchanging):
 
     def parallel_transport(
         self,
-        tangent_vec: ndarray,
-        base_point: ndarray,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-    ) -> ndarray:
+        tangent_vec: TangentVectors,
+        base_point: Points,
+        direction: TangentVectors | None = None,
+        end_point: Points | None = None,
+    ) -> Array:
         r"""Transport tangent vectors in parallel along geodesics, shape (..., \*shape).
 
         Without a closed form, `transport_solver` transports them, by default by pole ladders along
@@ -640,21 +657,21 @@ class RiemannianMetric(Unchanging):
         if solver is None:
             solver = default_solvers().transport_solver(self)
 
-        def carry(vector: ndarray, start: ndarray, goal: ndarray) -> ndarray:
+        def carry(vector: TangentVectors, start: Points, goal: Array) -> Array:
             return solver.solve(self, vector, start, **{name: goal}).tangent_vec
 
         return self._one_by_one(carry, tangent_vec, base_point, goals)
 
-    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+    def _transport(self, vector: TangentVectors, point: Points, velocity: TangentVectors) -> Array:
         """Return vectors at the ends of geodesics with initial velocities, in closed form."""
         raise self._not_defined("parallel_transport")
 
     def geodesic(
         self,
-        initial_point: ndarray,
-        end_point: ndarray | None = None,
-        initial_tangent_vec: ndarray | None = None,
-    ) -> Callable[[Any], ndarray]:
+        initial_point: Points,
+        end_point: Points | None = None,
+        initial_tangent_vec: Array | None = None,
+    ) -> Callable[[ArrayLike], Points]:
         r"""Return a geodesic as a function of times in [0, 1], shape (n_times,).
 
         Between two points, without a closed form, it is the path that `geodesic_solver` finds, by
@@ -679,7 +696,7 @@ class RiemannianMetric(Unchanging):
         )
         return lambda t: self.exp(self._times(t) * velocity, point)
 
-    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+    def _geodesic_between(self, start: Points, end: Points) -> Callable[[ArrayLike], Points]:
         start = self.space.check_point(start, "initial_point")
         end = self.space.check_point(end, "end_point")
         if self.has_closed_form_geodesic:
@@ -689,15 +706,16 @@ class RiemannianMetric(Unchanging):
             solver = default_solvers().geodesic_solver(self)
         path = np.asarray(self._solve(solver, "geodesic", start, end).path)
 
-        def follow(t: Any) -> ndarray:
+        def follow(t: ArrayLike) -> Points:
             position = self._times(t).ravel() * (len(path) - 1)
             index = np.clip(position.astype(int), 0, len(path) - 2)
             weight = np.expand_dims(position - index, self.space._point_axes)
-            return (1 - weight) * path[index] + weight * path[index + 1]
+            between: Points = (1 - weight) * path[index] + weight * path[index + 1]
+            return between
 
         return follow
 
-    def _solve(self, solver: GeodesicSolver, name: str, start: ndarray, end: ndarray) -> Any:
+    def _solve(self, solver: GeodesicSolver, name: str, start: Points, end: Points) -> SolvedPath:
         """Return the result of a solver for one pair of points."""
         shape = self.space.shape
         start, end = (real_array(point, "point", shape, rows=True) for point in (start, end))
@@ -708,7 +726,9 @@ class RiemannianMetric(Unchanging):
             )
         return solver.solve(self, start, end)
 
-    def _one_by_one(self, solve: Callable[..., ndarray], *arrays: ndarray) -> ndarray:
+    def _one_by_one(  # type: ignore[explicit-any]  # a function of as many arrays
+        self, solve: Callable[..., Array], *arrays: Array
+    ) -> Array:
         """Return the results for broadcast arrays of points or vectors."""
         shape = np.broadcast_shapes(*(np.shape(array) for array in arrays))
         # autograd's `broadcast_to` adds no axes.
@@ -717,7 +737,7 @@ class RiemannianMetric(Unchanging):
         results = [solve(*(array[index] for array in arrays)) for index in np.ndindex(leading)]
         return np.reshape(np.array(results), shape)
 
-    def _times(self, t: Any) -> ndarray:
+    def _times(self, t: ArrayLike) -> Array:
         """Return times followed by the axes of a point."""
         times = np.atleast_1d(real_array(t, "t"))
         if times.ndim != 1:
@@ -726,7 +746,7 @@ class RiemannianMetric(Unchanging):
 
     # Curvature; subclasses that know it define `curvature_form` and `injectivity_radius`.
 
-    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+    def injectivity_radius(self, base_point: Points | None = None) -> Array:
         r"""Return the radius of the largest ball in which `exp` is one to one, shape (...).
 
         Parameters
@@ -736,8 +756,8 @@ class RiemannianMetric(Unchanging):
         raise self._not_defined("injectivity_radius")
 
     def curvature_form(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
-    ) -> ndarray:
+        self, tangent_vec_a: TangentVectors, tangent_vec_b: TangentVectors, base_point: Points
+    ) -> Array:
         r"""Return ⟨R(a, b) b, a⟩, R the curvature tensor, shape (...).
 
         Parameters
@@ -748,10 +768,10 @@ class RiemannianMetric(Unchanging):
 
     def sectional_curvature(
         self,
-        tangent_vec_a: ndarray,
-        tangent_vec_b: ndarray,
-        base_point: ndarray | None = None,
-    ) -> ndarray:
+        tangent_vec_a: TangentVectors,
+        tangent_vec_b: TangentVectors,
+        base_point: Points | None = None,
+    ) -> Array:
         r"""Return the sectional curvature of the planes of two vectors, NaN where they span none.
 
         .. math:: K = \frac{\langle R(a, b) b, a\rangle}{\|a\|^2\|b\|^2 - \langle a, b\rangle^2}
@@ -761,7 +781,7 @@ class RiemannianMetric(Unchanging):
         tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
         base_point : array, shape (..., \*shape), optional
         """
-        a, b, point = tangent_vec_a, tangent_vec_b, cast(ndarray, base_point)
+        a, b, point = tangent_vec_a, tangent_vec_b, cast(Array, base_point)
         form = self.curvature_form(a, b, point)
         squares = self.squared_norm(a, point) * self.squared_norm(b, point)
         area = squares - self.inner_product(a, b, point) ** 2
@@ -779,6 +799,7 @@ class ScalarProductMetric(RiemannianMetric):
         super().__init__(metric.space, **metric.solvers)
         self.underlying_metric = metric
         self.scale = metric_weight(scale, "scale", strict=True)
+        self._root: float = self.scale**0.5
         self.is_translation_invariant = metric.is_translation_invariant
         self.is_rotation_invariant = metric.is_rotation_invariant
         self.is_stretch_invariant = metric.is_stretch_invariant
@@ -801,77 +822,80 @@ class ScalarProductMetric(RiemannianMetric):
     def with_stretching(self, weight: float) -> RiemannianMetric:
         return self.scale * self.underlying_metric.with_stretching(weight / self.scale)
 
-    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
+    def energy_and_gradient(self, path: Points) -> tuple[float, Array]:
         energy, gradient = self.underlying_metric.energy_and_gradient(path)
         return self.scale * energy, self.scale * gradient
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
+        self,
+        tangent_vec_a: TangentVectors,
+        tangent_vec_b: TangentVectors,
+        base_point: Points | None = None,
+    ) -> Array:
         return self.scale * self.underlying_metric.inner_product(
             tangent_vec_a, tangent_vec_b, base_point
         )
 
-    def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+    def covector(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         return self.scale * self.underlying_metric.covector(tangent_vec, base_point)
 
-    def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
+    def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
         return self.scale * self.underlying_metric.gram_matrix(vectors, base_point)
 
-    def metric_matrix(self, base_point: ndarray) -> Any:
+    def metric_matrix(self, base_point: Points) -> sparse.csr_array:
         return self.scale * self.underlying_metric.metric_matrix(base_point)
 
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+    def squared_dist(self, point_a: Points, point_b: Points) -> Array:
         return self.scale * self.underlying_metric.squared_dist(point_a, point_b)
 
-    def energy(self, path: ndarray) -> ndarray:
+    def energy(self, path: Points) -> Array:
         return self.scale * self.underlying_metric.energy(path)
 
     def curvature_form(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
-    ) -> ndarray:
+        self, tangent_vec_a: TangentVectors, tangent_vec_b: TangentVectors, base_point: Points
+    ) -> Array:
         return self.scale * self.underlying_metric.curvature_form(
             tangent_vec_a, tangent_vec_b, base_point
         )
 
-    def length(self, path: ndarray) -> ndarray:
-        return self.scale**0.5 * self.underlying_metric.length(path)
+    def length(self, path: Points) -> Array:
+        return self._root * self.underlying_metric.length(path)
 
-    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        return self.scale**0.5 * self.underlying_metric.injectivity_radius(base_point)
+    def injectivity_radius(self, base_point: Points | None = None) -> Array:
+        return self._root * self.underlying_metric.injectivity_radius(base_point)
 
-    def lower_bound_coordinates(self, points: ndarray) -> ndarray:
-        return self.scale**0.5 * self.underlying_metric.lower_bound_coordinates(points)
+    def lower_bound_coordinates(self, points: Points) -> Array:
+        return self._root * self.underlying_metric.lower_bound_coordinates(points)
 
     # A multiple has the same geodesics.
 
-    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+    def exp(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         return self.underlying_metric.exp(tangent_vec, base_point)
 
-    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
+    def log(self, point: Points, base_point: Points) -> Array:
         return self.underlying_metric.log(point, base_point)
 
     def parallel_transport(
         self,
-        tangent_vec: ndarray,
-        base_point: ndarray,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-    ) -> ndarray:
+        tangent_vec: TangentVectors,
+        base_point: Points,
+        direction: TangentVectors | None = None,
+        end_point: Points | None = None,
+    ) -> Array:
         return self.underlying_metric.parallel_transport(
             tangent_vec, base_point, direction, end_point
         )
 
-    def remove_drift(self, path: ndarray) -> ndarray:
+    def remove_drift(self, path: Points) -> Array:
         return self.underlying_metric.remove_drift(path)
 
-    def map(self, point: ndarray) -> ndarray:
+    def map(self, point: Points) -> Array:
         return self.underlying_metric.map(point)
 
-    def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+    def differential(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         return self.underlying_metric.differential(tangent_vec, base_point)
 
-    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+    def _geodesic_between(self, start: Points, end: Points) -> Callable[[ArrayLike], Points]:
         return self.underlying_metric._geodesic_between(start, end)
 
     @property
@@ -899,13 +923,13 @@ class ScalarProductMetric(RiemannianMetric):
         return self.underlying_metric.has_lower_bound_coordinates
 
 
-def check_metric(metric: Any, name: str = "metric") -> None:
+def check_metric(metric: object, name: str = "metric") -> None:
     """Raise an ArgumentTypeError unless a solver was given a metric where it takes one."""
     if not isinstance(metric, RiemannianMetric):
         refuse_type(metric, name, "a metric, such as ElasticMetric(space), before the points")
 
 
-def metric_of(space: Any) -> RiemannianMetric:
+def metric_of(space: object) -> RiemannianMetric:
     """Return the metric that a manifold was equipped with, or a metric given in its place."""
     if isinstance(space, RiemannianMetric):
         return space

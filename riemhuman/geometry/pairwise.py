@@ -3,27 +3,43 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import Array, PointsLike
 from riemhuman.checks import check_shape, one_of, unflatten, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import mapped, thread_count
+from riemhuman.memory import check_memory, enough_memory
 from riemhuman.progress import ProgressBar
+from riemhuman.terms._drivers import Bulk, Features, PairByPair, SumOfFactors
 
-__all__ = ["MEMORY", "PRECISIONS", "Bulk", "Features", "Points", "squared_dist_rectangle"]
+if TYPE_CHECKING:
+    from riemhuman.geometry.metric import RiemannianMetric
 
-Points = Sequence[Any] | ndarray
-Features = tuple[ndarray, ...]
+__all__ = [
+    "MEMORY",
+    "PRECISIONS",
+    "Bulk",
+    "Features",
+    "PairByPair",
+    "SumOfFactors",
+    "squared_dist_rectangle",
+]
 
 PRECISIONS = ("single", "double")
 
 MEMORY = 2**29
 """Bytes of features in memory at once, by default."""
+
+_IN_BLOCKS = (
+    "pass a smaller `memory`, compute blocks with `cdist`, or let riemhuman.pairwise_job (on the "
+    "command line: matrix --resume FOLDER) write them to a file"
+)
 
 # A distance is exact enough when rounding of its features is at most this share of it.
 _ROUNDING_SHARE = 5e-6
@@ -33,82 +49,9 @@ _BLOCK = 256
 _CLOSE_BLOCK = 16
 
 
-class Bulk(Protocol):
-    """Features of points, and distances computed from them; a metric's `bulk` is one."""
-
-    n_arrays: int
-
-    def features(self, points: ndarray, precision: str) -> Features:
-        """Return the features of n points, arrays whose first axis is that of the points."""
-
-    def rounding(self, features: Features) -> ndarray:
-        """Return bounds on the rounding errors of each point's features, as distances."""
-
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
-        """Return the table of squared distances; the same features twice for those within a set."""
-
-
-class PairByPair(Bulk):
-    """Distances computed one by one: the points are their own features."""
-
-    n_arrays = 1
-
-    def __init__(self, squared_dist: Callable[..., ndarray]) -> None:
-        self._squared_dist = squared_dist
-
-    def features(self, points: ndarray, precision: str) -> Features:
-        return (np.ascontiguousarray(points),)
-
-    def rounding(self, features: Features) -> ndarray:
-        return np.zeros(len(features[0]))
-
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
-        squared = np.zeros((len(a[0]), len(b[0])))
-
-        def fill_row(i: int) -> None:
-            for j in range(i + 1 if a is b else 0, len(b[0])):
-                squared[i, j] = self._squared_dist(a[0][i], b[0][j])
-                if a is b:
-                    squared[j, i] = squared[i, j]
-
-        list(mapped(fill_row, range(len(squared)), n_threads))
-        return squared
-
-
-class SumOfFactors(Bulk):
-    """Distances of a product: of each factor the map to its component, its weight and its bulk."""
-
-    def __init__(self, parts: Sequence[tuple[Callable[[ndarray], ndarray], float, Bulk]]) -> None:
-        self._parts = tuple(parts)
-        self.n_arrays = sum(bulk.n_arrays for _, _, bulk in parts)
-
-    def features(self, points: ndarray, precision: str) -> Features:
-        return tuple(
-            feature
-            for component, _, bulk in self._parts
-            for feature in bulk.features(component(points), precision)
-        )
-
-    def rounding(self, features: Features) -> ndarray:
-        return np.sqrt(sum(w * bulk.rounding(part) ** 2 for w, bulk, part in self._split(features)))
-
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
-        parts_a = list(self._split(a))
-        parts_b = parts_a if b is a else list(self._split(b))
-        total: Any = sum(
-            w * bulk.squared_distances(part_a, part_b, n_threads)
-            for (w, bulk, part_a), (_, _, part_b) in zip(parts_a, parts_b, strict=True)
-        )
-        return total
-
-    def _split(self, features: Features) -> Iterator[tuple[float, Bulk, Features]]:
-        start = 0
-        for _, weight, bulk in self._parts:
-            yield weight, bulk, features[start : start + bulk.n_arrays]
-            start += bulk.n_arrays
-
-
-def features_in_threads(metric: Any, points: Points, precision: str, n_jobs: int) -> Features:
+def features_in_threads(
+    metric: RiemannianMetric, points: PointsLike, precision: str, n_jobs: int
+) -> Features:
     """Return the features of points, computed in threads."""
     n_threads = thread_count(n_jobs)
     if n_threads == 1 or len(points) < 2:
@@ -119,13 +62,13 @@ def features_in_threads(metric: Any, points: Points, precision: str, n_jobs: int
 
 
 def squared_dist_rectangle(
-    metric: Any,
+    metric: RiemannianMetric,
     features_a: Features,
     features_b: Features,
-    points_a: Points,
-    points_b: Points,
+    points_a: PointsLike,
+    points_b: PointsLike,
     n_jobs: int | None = None,
-) -> ndarray:
+) -> Array:
     """Return all squared distances between two sets, those of close pairs in double precision.
 
     Both sets of features are one object for the distances within a set; points are looked at only
@@ -162,42 +105,39 @@ def squared_dist_rectangle(
     return squared
 
 
+@enough_memory("a table of distances", _IN_BLOCKS)
 def table_of_distances(
-    metric: Any,
-    points_a: Points,
-    points_b: Points | None,
+    metric: RiemannianMetric,
+    points_a: PointsLike,
+    points_b: PointsLike | None,
     n_jobs: int | None,
     precision: str,
     memory: int,
     progress: bool,
-) -> ndarray:
+) -> Array:
     """Return the distances between two sets, or within the first; see `RiemannianMetric.cdist`."""
     n_threads = thread_count(n_jobs)
     one_of(precision, "precision", PRECISIONS)
     memory = whole_number(memory, "memory", minimum=1)
     within = points_b is None
-    sets: dict[str, Any] = {"points": points_a} if within else {}
-    sets = sets or {"points_a": points_a, "points_b": points_b}
-    for name, points in sets.items():
-        # Other sequences are sliced, and their parts checked, as they are needed.
-        has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
-        if not has_slices or isinstance(points, (Mapping, memoryview)):
-            sets[name] = metric.check_points(points, name)
-        elif isinstance(points, ndarray):
-            sets[name] = unflatten(points, metric.space.shape)
-            check_shape(sets[name], name, ("n_points", *metric.space.shape), batched=False)
+    sets = _point_sets(metric, points_a, points_b)
     (row_name, rows), *_, (column_name, columns) = 2 * list(sets.items())
-    result = np.zeros((len(rows), len(columns)))
-    if not result.size:
-        return result
+    if not len(rows) or not len(columns):
+        return np.zeros((len(rows), len(columns)))
 
     blocks = partial(_blocks, metric, precision, n_threads)
     [(_, features_of_one)] = blocks(rows, row_name, 0, 1)
     bytes_per_point = sum(array.nbytes for array in features_of_one)
-    n_at_once = len(result) if within else sum(result.shape)
+    n_at_once = len(rows) if within else len(rows) + len(columns)
     if n_at_once * bytes_per_point > memory:
         # If the features of all points do not fit, those of as many rows as columns do.
         n_at_once = max(1, memory // (2 * bytes_per_point))
+    check_memory(
+        8 * len(rows) * len(columns) + n_at_once * bytes_per_point,
+        f"a table of {len(rows):,} × {len(columns):,} distances",
+        _IN_BLOCKS,
+    )
+    result = np.zeros((len(rows), len(columns)))
     n_pairs = len(result) * (len(result) - 1) // 2 if within else result.size
     with ProgressBar(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
         for first in range(0, len(rows), n_at_once):
@@ -223,15 +163,34 @@ def table_of_distances(
     return result
 
 
+def _point_sets(
+    metric: RiemannianMetric, points_a: PointsLike, points_b: PointsLike | None
+) -> dict[str, PointsLike]:
+    """Return one or two sets of points by their names in messages; arrays are checked."""
+    sets: dict[str, PointsLike] = {"points": points_a}
+    if points_b is not None:
+        sets = {"points_a": points_a, "points_b": points_b}
+    for name, points in sets.items():
+        # Other sequences are sliced, and their parts checked, as they are needed.
+        has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
+        if not has_slices or isinstance(points, (Mapping, memoryview)):
+            sets[name] = metric.check_points(points, name)
+        elif isinstance(points, ndarray):
+            array = unflatten(points, metric.space.shape)
+            check_shape(array, name, ("n_points", *metric.space.shape), batched=False)
+            sets[name] = array
+    return sets
+
+
 def _blocks(
-    metric: Any,
+    metric: RiemannianMetric,
     precision: str,
     n_threads: int,
-    points: Any,
+    points: PointsLike,
     name: str,
     first: int,
     last: int,
-) -> list[tuple[slice, Features]]:
+) -> list[tuple[slice[int, int, None], Features]]:
     """Return the features of the points from `first` to `last`, block by block, in threads."""
     last = min(last, len(points))
     if not isinstance(points, ndarray):
@@ -240,7 +199,7 @@ def _blocks(
     size = min(_BLOCK, math.ceil((last - first) / n_threads))
     parts = [slice(k, min(k + size, last)) for k in range(first, last, size)]
 
-    def of_part(part: slice) -> tuple[slice, Features]:
+    def of_part(part: slice[int, int, None]) -> tuple[slice[int, int, None], Features]:
         is_whole = part == slice(0, len(points))
         # Messages count from the start of the part.
         where = name if is_whole else f"{name}[{part.start}:{part.stop}]"

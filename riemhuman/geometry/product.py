@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from operator import attrgetter
-from typing import Any, Unpack
+from typing import Unpack
 
 import autograd.numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, ArrayLike, Booleans, Points, TangentVectors
 from riemhuman.checks import Rng, generator, joint_shape, metric_weight, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
@@ -50,7 +50,7 @@ class ProductManifold(Manifold):
     def default_metric(self) -> type[RiemannianMetric]:
         return ProductMetric
 
-    def embed_to_product(self, points: Sequence[ndarray]) -> ndarray:
+    def embed_to_product(self, points: Sequence[Array]) -> Array:
         """Join points or tangent vectors of the factors, shape (..., size).
 
         Parameters
@@ -72,7 +72,7 @@ class ProductManifold(Manifold):
         flat = [point + np.zeros((*leading, 1)) for point in flat]
         return np.concatenate(flat, axis=-1)
 
-    def project_from_product(self, point: ndarray) -> tuple[ndarray, ...]:
+    def project_from_product(self, point: Points) -> tuple[Array, ...]:
         """Split a point or tangent vector into its factors.
 
         Parameters
@@ -81,7 +81,7 @@ class ProductManifold(Manifold):
         """
         return tuple(self.component(point, k) for k in range(len(self.factors)))
 
-    def component(self, point: ndarray, index: int) -> ndarray:
+    def component(self, point: Points | None, index: int) -> Array:
         """Return one factor of a point or tangent vector.
 
         Parameters
@@ -94,7 +94,7 @@ class ProductManifold(Manifold):
         flat = point[..., start : self._ends[index]]
         return np.reshape(flat, flat.shape[:-1] + self.factors[index].shape)
 
-    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+    def belongs(self, point: Points, atol: float = 1e-9) -> Booleans:
         point, finite = self._candidates(point, "point")
         components = self.project_from_product(point)
         verdicts = [
@@ -103,15 +103,15 @@ class ProductManifold(Manifold):
         ]
         return finite & np.all(np.stack(verdicts), axis=0)
 
-    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+    def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
         if base_point is None:
             return self._each(attrgetter("to_tangent"), vector)
         return self._each(attrgetter("to_tangent"), vector, base_point)
 
-    def projection(self, point: ndarray) -> ndarray:
+    def projection(self, point: Points) -> Array:
         return self._each(attrgetter("projection"), point)
 
-    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
         rng, n_samples = generator(rng), sample_count(n_samples)
         samples = [
             factor.random_point(n_samples, bound, rng).reshape(n_samples, *factor.shape)
@@ -119,7 +119,9 @@ class ProductManifold(Manifold):
         ]
         return stack_samples(self.embed_to_product(samples), n_samples)
 
-    def _each(self, function: Callable[[Manifold], Any], *points: ndarray) -> ndarray:
+    def _each(  # type: ignore[explicit-any]  # a function of as many points
+        self, function: Callable[[Manifold], Callable[..., Array]], *points: Points
+    ) -> Array:
         """Join the results of a function of every factor on components of points."""
         components = zip(*(self.project_from_product(point) for point in points), strict=True)
         return self.embed_to_product(
@@ -128,10 +130,6 @@ class ProductManifold(Manifold):
                 for factor, arguments in zip(self.factors, components, strict=True)
             ]
         )
-
-
-def _all_factors(name: str) -> Any:
-    return property(lambda self: all(getattr(one.metric, name) for one in self.space.factors))
 
 
 class ProductMetric(RiemannianMetric):
@@ -154,6 +152,8 @@ class ProductMetric(RiemannianMetric):
     5.0
     """
 
+    space: ProductManifold
+
     def __init__(
         self,
         space: ProductManifold,
@@ -168,11 +168,10 @@ class ProductMetric(RiemannianMetric):
                     f"factors[{k}] must be equipped with a metric; found {type(factor).__name__} "
                     "without one"
                 )
-        if weights is None:
-            weights = [1.0] * count
-        weights = real_array(weights, "weights", (count,), batched=False)
+        given = [1.0] * count if weights is None else weights
+        checked = real_array(given, "weights", (count,), batched=False)
         self.weights = tuple(
-            metric_weight(value, f"weights[{k}]") for k, value in enumerate(weights)
+            metric_weight(value, f"weights[{k}]") for k, value in enumerate(checked)
         )
         if not any(self.weights):
             raise ArgumentError("weights must not all be 0: every distance would be 0")
@@ -181,17 +180,45 @@ class ProductMetric(RiemannianMetric):
     def has_closed_form_dist(self) -> bool:
         return all(factor.metric.has_closed_form_dist for _, factor, _ in self._weighted_factors())
 
-    has_closed_form_geodesic = _all_factors("has_closed_form_geodesic")
-    has_closed_form_transport = _all_factors("has_closed_form_transport")
+    @property
+    def has_closed_form_geodesic(self) -> bool:
+        return all(factor.metric.has_closed_form_geodesic for factor in self.space.factors)
+
+    @property
+    def has_closed_form_transport(self) -> bool:
+        return all(factor.metric.has_closed_form_transport for factor in self.space.factors)
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
-        return self._sum("inner_product", tangent_vec_a, tangent_vec_b, base_point)
+        self,
+        tangent_vec_a: TangentVectors,
+        tangent_vec_b: TangentVectors,
+        base_point: Points | None = None,
+    ) -> Array:
+        return sum(
+            (
+                weight
+                * factor.metric.inner_product(
+                    self.space.component(tangent_vec_a, k),
+                    self.space.component(tangent_vec_b, k),
+                    self.space.component(base_point, k),
+                )
+                for k, factor, weight in self._weighted_factors()
+            ),
+            start=np.zeros(()),
+        )
 
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+    def squared_dist(self, point_a: Points, point_b: Points) -> Array:
         """Return Σ_k w_k d_k² (Theorem 2)."""
-        return self._sum("squared_dist", point_a, point_b)
+        return sum(
+            (
+                weight
+                * factor.metric.squared_dist(
+                    self.space.component(point_a, k), self.space.component(point_b, k)
+                )
+                for k, factor, weight in self._weighted_factors()
+            ),
+            start=np.zeros(()),
+        )
 
     @property
     def bulk(self) -> Bulk:
@@ -202,13 +229,13 @@ class ProductMetric(RiemannianMetric):
             ]
         )
 
-    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+    def _exp(self, velocity: TangentVectors, point: Points) -> Array:
         return self.space._each(attrgetter("metric.exp"), velocity, point)
 
-    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+    def _log(self, point: Points, start: Points) -> Array:
         return self.space._each(attrgetter("metric.log"), point, start)
 
-    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+    def injectivity_radius(self, base_point: Points | None = None) -> Array:
         base_point = self.space.check_point(base_point, "base_point")
         radii = [
             np.sqrt(weight) * factor.metric.injectivity_radius(self.space.component(base_point, k))
@@ -217,14 +244,25 @@ class ProductMetric(RiemannianMetric):
         return np.min(np.stack(radii), axis=0)
 
     def curvature_form(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
-    ) -> ndarray:
-        return self._sum("curvature_form", tangent_vec_a, tangent_vec_b, base_point)
+        self, tangent_vec_a: TangentVectors, tangent_vec_b: TangentVectors, base_point: Points
+    ) -> Array:
+        return sum(
+            (
+                weight
+                * factor.metric.curvature_form(
+                    self.space.component(tangent_vec_a, k),
+                    self.space.component(tangent_vec_b, k),
+                    self.space.component(base_point, k),
+                )
+                for k, factor, weight in self._weighted_factors()
+            ),
+            start=np.zeros(()),
+        )
 
-    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+    def _transport(self, vector: TangentVectors, point: Points, velocity: TangentVectors) -> Array:
         return self.space._each(attrgetter("metric.parallel_transport"), vector, point, velocity)
 
-    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+    def _geodesic_between(self, start: Points, end: Points) -> Callable[[ArrayLike], Points]:
         components = zip(
             self.space.factors,
             self.space.project_from_product(start),
@@ -237,13 +275,6 @@ class ProductMetric(RiemannianMetric):
     def _weighted_factors(self) -> list[tuple[int, Manifold, float]]:
         triples = zip(range(len(self.weights)), self.space.factors, self.weights, strict=True)
         return [triple for triple in triples if triple[2] > 0]
-
-    def _sum(self, method: str, *points: Any) -> ndarray:
-        return sum(
-            weight
-            * getattr(factor.metric, method)(*(self.space.component(point, k) for point in points))
-            for k, factor, weight in self._weighted_factors()
-        )
 
 
 class PullbackMetric(RiemannianMetric):
@@ -281,7 +312,7 @@ class PullbackMetric(RiemannianMetric):
         self,
         space: Manifold,
         target_metric: RiemannianMetric,
-        map: Callable[[ndarray], ndarray],
+        map: Callable[[Array], Array],
         **solvers: Unpack[Solvers],
     ) -> None:
         super().__init__(space, **solvers)
@@ -297,8 +328,11 @@ class PullbackMetric(RiemannianMetric):
         return self.target_metric.has_closed_form_dist
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
+        self,
+        tangent_vec_a: TangentVectors,
+        tangent_vec_b: TangentVectors,
+        base_point: Points | None = None,
+    ) -> Array:
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         image_a = image_b = self.differential(tangent_vec_a, base_point)
@@ -308,7 +342,7 @@ class PullbackMetric(RiemannianMetric):
             image_b = self.differential(tangent_vec_b, base_point)
         return self.target_metric.inner_product(image_a, image_b, self.map(base_point))
 
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+    def squared_dist(self, point_a: Points, point_b: Points) -> Array:
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
         joint_shape(point_a=point_a, point_b=point_b)
@@ -317,10 +351,10 @@ class PullbackMetric(RiemannianMetric):
     @property
     def bulk(self) -> Bulk:
 
-        def image(points: ndarray) -> ndarray:
+        def image(points: Points) -> Array:
             return self.map(self.space.check_point(points, "points"))
 
         return SumOfFactors([(image, 1.0, self.target_metric.bulk)])
 
-    def _squared_segments(self, path: ndarray) -> ndarray:
+    def _squared_segments(self, path: Points) -> Array:
         return self.target_metric._squared_segments(self.map(path))

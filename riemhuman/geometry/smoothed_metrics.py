@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any, Unpack
+from collections.abc import Callable
+from typing import Unpack
 
 import autograd.numpy as np
 import numpy as onp
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Booleans, Points, TangentVectors
 from riemhuman.checks import real_number, values_of
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.fields import RotationFields
-from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.manifold import SurfaceSpace
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, SumOfFactors
 from riemhuman.geometry.product import PullbackMetric
@@ -22,7 +23,7 @@ from riemhuman.kernels import surface
 from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.rotations import fill_quaternions, nearest_rotations, transpose
 from riemhuman.kernels.threads import of_one_kind
-from riemhuman.terms._sum import SumOfTerms, area_ratios
+from riemhuman.terms._drivers import SumOfTerms, area_ratios
 from riemhuman.terms.normals import RotationTerm
 
 # The skin of an adult, m², by whose area the default times of other templates follow.
@@ -34,34 +35,34 @@ _AT_A_TIME = 8
 class SmoothedMetric(PullbackMetric):
     """The pull-back of a metric by a field of surfaces, smoothed by heat for a time."""
 
+    space: SurfaceSpace
     _adult_time: float
     is_translation_invariant = True
 
     def __init__(
         self,
-        space: Manifold,
+        space: SurfaceSpace,
         target_metric: RiemannianMetric,
-        map: Any,
+        map: Callable[[Points], Array],
         time: float | None,
         **solvers: Unpack[Solvers],
     ) -> None:
         if time is None:
-            surfaces: Any = space
-            time = self._adult_time / _SKIN * surfaces.template.face_areas.sum()
+            time = self._adult_time / _SKIN * space.template.face_areas.sum()
         self.time = real_number(time, "time", minimum=0.0)
         super().__init__(space, target_metric, map, **solvers)
 
     @abstractmethod
-    def _undefined(self, f: ndarray) -> bool:
+    def _undefined(self, f: Points) -> bool:
         """Return whether a surface, or one of several, has no field."""
 
-    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
+    def energy_and_gradient(self, path: Points) -> tuple[float, Array]:
         path = self.check_points(path, "path")
         if self._undefined(path):
             return np.inf, np.zeros(path.shape)
         return super().energy_and_gradient(path)
 
-    def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
+    def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
         vectors = self.check_points(vectors, "vectors")
         surfaces = self.space.check_point(base_point, "base_point").reshape(-1, *self.space.shape)
         gram = np.zeros((len(vectors), len(vectors)))
@@ -110,17 +111,16 @@ class RotationMetric(SmoothedMetric):
 
     def __init__(
         self,
-        space: Manifold,
+        space: SurfaceSpace,
         time: float | None = None,
         **solvers: Unpack[Solvers],
     ) -> None:
-        surfaces: Any = space
-        template = surfaces.template
-        axes = surface.polar_frames(*surfaces.partial_derivatives(template.vertices))
+        template = space.template
+        axes = surface.polar_frames(*space.partial_derivatives(template.vertices))
         self._axes = of_one_kind(axes)
         super().__init__(space, RotationFields(template).metric, self.rotations, time, **solvers)
 
-    def rotations(self, f: ndarray) -> ndarray:
+    def rotations(self, f: Points) -> Array:
         """Return the rotations of all triangles from the template, diffused, shape (..., F, 3, 3).
 
         Parameters
@@ -131,7 +131,7 @@ class RotationMetric(SmoothedMetric):
         surface.refuse_degenerate(surface.is_degenerate(values_of(f_u), values_of(f_v)))
         return self._diffused(np.matmul(surface.polar_frames(f_u, f_v), transpose(self._axes)))
 
-    def _diffused(self, rotations: ndarray) -> ndarray:
+    def _diffused(self, rotations: Array) -> Array:
         if self.time == 0:
             return rotations
         flat = np.reshape(rotations, (*np.shape(rotations)[:-2], 9))
@@ -141,7 +141,7 @@ class RotationMetric(SmoothedMetric):
     @property
     def bulk(self) -> Bulk:
 
-        def fields(points: ndarray) -> tuple[ndarray]:
+        def fields(points: Points) -> tuple[Array]:
             surfaces = self.space.check_point(points, "points")
             n_faces = self.space.template.n_faces
             components, rotations = np.empty((len(surfaces), n_faces, 4)), np.empty((n_faces, 3, 3))
@@ -155,12 +155,12 @@ class RotationMetric(SmoothedMetric):
 
         return SumOfTerms([RotationTerm()], self.space.template, fields)
 
-    def lower_bound_coordinates(self, points: ndarray) -> ndarray:
+    def lower_bound_coordinates(self, points: Points) -> Array:
         rotations = self.rotations(points)
         flat = np.sqrt(0.5) * np.reshape(rotations, (*np.shape(rotations)[:-2], 9))
         return field_coordinates(flat, self.space.template.face_areas)
 
-    def _undefined(self, f: ndarray) -> bool:
+    def _undefined(self, f: Points) -> bool:
         return bool(surface.is_degenerate(*self.space.partial_derivatives(f)).any())
 
 
@@ -211,16 +211,15 @@ class AreaMetric(SmoothedMetric):
 
     def __init__(
         self,
-        space: Manifold,
+        space: SurfaceSpace,
         time: float | None = None,
         **solvers: Unpack[Solvers],
     ) -> None:
-        surfaces: Any = space
-        areas = surfaces.template.vertex_heat.masses
+        areas = space.template.vertex_heat.masses
         fields = VectorSpace((len(areas),)).equip_with_metric(FlatMetric, weights=areas)
         super().__init__(space, fields.metric, self.log_areas, time, **solvers)
 
-    def log_areas(self, f: ndarray) -> ndarray:
+    def log_areas(self, f: Points) -> Array:
         """Return the logarithms of the area ratios at vertices, smoothed, shape (..., V).
 
         Parameters
@@ -232,7 +231,7 @@ class AreaMetric(SmoothedMetric):
     @property
     def bulk(self) -> Bulk:
 
-        def fields(points: ndarray) -> ndarray:
+        def fields(points: Points) -> Array:
             surfaces, template = self.space.check_point(points, "points"), self.space.template
             averages = np.empty((len(surfaces), template.n_vertices))
             for one, ratios in zip(averages, area_ratios(surfaces, template), strict=True):
@@ -241,21 +240,22 @@ class AreaMetric(SmoothedMetric):
 
         return SumOfFactors([(fields, 1.0, self.target_metric.bulk)])
 
-    def lower_bound_coordinates(self, points: ndarray) -> ndarray:
+    def lower_bound_coordinates(self, points: Points) -> Array:
         return np.sqrt(self.space.template.vertex_heat.masses) * self.log_areas(points)
 
-    def _ratios(self, f: ndarray) -> ndarray:
+    def _ratios(self, f: Points) -> Array:
         """Return the area ratios of triangles, shape (..., F)."""
         first = surface.follow_up(*self.space.partial_derivatives(f))
         return np.where(first.degenerate, 0.0, first.areas)
 
-    def _averages(self, ratios: ndarray) -> ndarray:
+    def _averages(self, ratios: Array) -> Array:
         """Return area ratios at vertices, 1 where no triangle counts, shape (..., V)."""
         template = self.space.template
         averages = surface.apply_operator(template.averaging_operator, ratios[..., None])[..., 0]
-        return averages + (template.vertex_heat.masses == 0.0)
+        unused: Booleans = template.vertex_heat.masses == 0.0
+        return averages + unused
 
-    def _smoothed(self, averages: ndarray) -> ndarray:
+    def _smoothed(self, averages: Array) -> Array:
         _refuse_lost(values_of(averages))
         logarithms, template = np.log(averages), self.space.template
         if self.time > 0:
@@ -263,11 +263,11 @@ class AreaMetric(SmoothedMetric):
             logarithms = surface.apply_operator(step, logarithms[..., None])[..., 0]
         return logarithms[..., template.seams.first_copies] if template.seams else logarithms
 
-    def _undefined(self, f: ndarray) -> bool:
+    def _undefined(self, f: Points) -> bool:
         return bool(np.any(self._averages(self._ratios(f)) == 0.0))
 
 
-def _refuse_lost(averages: ndarray) -> None:
+def _refuse_lost(averages: Array) -> None:
     surface.refuse_vertices(
         averages == 0.0,
         "every vertex of the surface must be a corner of a triangle with an area, for its area "

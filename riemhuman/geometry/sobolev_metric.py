@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Unpack
 
 import numpy as np
 
 from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.manifold import SurfaceSpace
 from riemhuman.geometry.strategies import Solvers
-from riemhuman.geometry.surface_metric import MetricOfTerms, SurfaceMetric, all_terms
+from riemhuman.geometry.surface_metric import MetricOfTerms, SurfaceMetric
 from riemhuman.kernels.surface import derivatives
+from riemhuman.terms._drivers import SumOfQuadraticTerms, checked_terms
 from riemhuman.terms._quadratic import (
     FirstOrderTerm,
     FirstOrderWeights,
     NormalPartTerm,
     QuadraticTerm,
     SecondOrderTerm,
-    SumOfQuadraticTerms,
     ZerothOrderTerm,
 )
 
@@ -30,9 +31,23 @@ class MidpointMetric(MetricOfTerms):
     second order in the time step.
     """
 
-    driver = SumOfQuadraticTerms
-    is_translation_invariant = all_terms("is_translation_invariant")
-    is_reparametrization_invariant = all_terms("is_reparametrization_invariant")
+    terms: tuple[QuadraticTerm, ...]
+    _sum: SumOfQuadraticTerms
+
+    def __init__(
+        self, space: SurfaceSpace, terms: Sequence[QuadraticTerm], **solvers: Unpack[Solvers]
+    ) -> None:
+        super().__init__(space, **solvers)
+        self.terms = checked_terms(terms, QuadraticTerm)  # type: ignore[type-abstract]  # of subclasses
+        self._sum = SumOfQuadraticTerms(self.terms, space.template)
+
+    @property
+    def is_translation_invariant(self) -> bool:  # type: ignore[override]  # read only
+        return all(term.is_translation_invariant for term in self.terms)
+
+    @property
+    def is_reparametrization_invariant(self) -> bool:  # type: ignore[override]  # read only
+        return all(term.is_reparametrization_invariant for term in self.terms)
 
 
 class SobolevMetric(MidpointMetric):
@@ -72,7 +87,7 @@ class SobolevMetric(MidpointMetric):
 
     def __init__(
         self,
-        space: Manifold,
+        space: SurfaceSpace,
         a0: float = 0.0,
         a1: float = 1.0,
         b1: float = 1.0,

@@ -6,14 +6,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypedDict
+from typing import TYPE_CHECKING, Protocol, TypedDict, TypeGuard
 
 import numpy as np
 from autograd.extend import defvjp_argnums, primitive
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Points, TangentVectors
 from riemhuman.checks import check_methods
 from riemhuman.errors import NotDefinedError, OutsideManifoldError
+
+if TYPE_CHECKING:
+    from riemhuman.geometry.metric import RiemannianMetric
 
 __all__ = [
     "ExpSolver",
@@ -28,10 +31,44 @@ __all__ = [
 ]
 
 
+class SolvedPath(Protocol):
+    """The result of a `GeodesicSolver`."""
+
+    @property
+    def path(self) -> Points: ...
+
+    @property
+    def energy(self) -> float: ...
+
+
+class SolvedExp(Protocol):
+    """The result of an `ExpSolver`."""
+
+    @property
+    def end(self) -> Points: ...
+
+
+class SolvedVector(Protocol):
+    """The result of a `LogSolver` or a `TransportSolver`."""
+
+    @property
+    def tangent_vec(self) -> TangentVectors: ...
+
+
+class SolvedMean(Protocol):
+    """The result of a `MeanSolver`."""
+
+    @property
+    def point(self) -> Points: ...
+
+    @property
+    def variance(self) -> float: ...
+
+
 class GeodesicSolver(Protocol):
     """A strategy for paths of least energy between two points."""
 
-    def solve(self, metric: Any, start: ndarray, end: ndarray) -> Any:
+    def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> SolvedPath:
         """Return an object with `path`, shape (n_nodes, *shape), with both ends, and `energy`."""
 
 
@@ -42,17 +79,44 @@ class ExpSolver(Protocol):
     covectors)`` and its results a `path`, see `riemhuman.solvers.DiscreteExponential`.
     """
 
-    def solve(self, metric: Any, tangent_vec: ndarray, base_point: ndarray) -> Any:
+    def solve(
+        self, metric: RiemannianMetric, tangent_vec: TangentVectors, base_point: Points
+    ) -> SolvedExp:
         """Return an object with `end`, the point reached.
 
         It may have `complete`, False where the geodesic was not followed to its end, and `message`.
         """
 
 
+class SolvedCurve(SolvedExp, Protocol):
+    """The result of a `DifferentiableExpSolver`."""
+
+    @property
+    def path(self) -> Points: ...
+
+
+class DifferentiableExpSolver(Protocol):
+    """An `ExpSolver` that autograd differentiates through."""
+
+    def solve(
+        self, metric: RiemannianMetric, tangent_vec: TangentVectors, base_point: Points
+    ) -> SolvedCurve:
+        """Return an object with `end`, the point reached, and `path`, all points on the way."""
+
+    def derivatives(
+        self,
+        metric: RiemannianMetric,
+        path: Points,
+        tangent_vec: TangentVectors,
+        covectors: TangentVectors,
+    ) -> Sequence[TangentVectors]:
+        """Return the derivatives of a pairing with the path by velocity and by base point."""
+
+
 class LogSolver(Protocol):
     """A strategy for the initial velocity of a geodesic between two points."""
 
-    def solve(self, metric: Any, point: ndarray, base_point: ndarray) -> Any:
+    def solve(self, metric: RiemannianMetric, point: Points, base_point: Points) -> SolvedVector:
         """Return an object with `tangent_vec`, the initial velocity at `base_point`."""
 
 
@@ -61,12 +125,12 @@ class TransportSolver(Protocol):
 
     def solve(
         self,
-        metric: Any,
-        tangent_vec: ndarray,
-        base_point: ndarray,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-    ) -> Any:
+        metric: RiemannianMetric,
+        tangent_vec: TangentVectors,
+        base_point: Points,
+        direction: TangentVectors | None = None,
+        end_point: Points | None = None,
+    ) -> SolvedVector:
         """Return an object with `tangent_vec`, the vector at the end of the geodesic.
 
         Either `direction`, the initial velocity, or `end_point` is given.
@@ -78,22 +142,22 @@ class MeanSolver(Protocol):
 
     def solve(
         self,
-        metric: Any,
-        points: ndarray,
-        weights: ndarray | None = None,
-        initial_point: ndarray | None = None,
+        metric: RiemannianMetric,
+        points: Points,
+        weights: Array | None = None,
+        initial_point: Points | None = None,
         exponent: int = 2,
-    ) -> Any:
+    ) -> SolvedMean:
         """Return an object with `point`, the mean, and `variance`; medians have exponent 1."""
 
 
 class PathEnergy(Protocol):
     """An energy of discrete paths, with its gradient."""
 
-    def value(self, metric: Any, path: ndarray) -> float:
+    def value(self, metric: RiemannianMetric, path: Points) -> float:
         """Return the energy of a path, shape (n_nodes, ...)."""
 
-    def value_and_gradient(self, metric: Any, path: ndarray) -> tuple[float, ndarray]:
+    def value_and_gradient(self, metric: RiemannianMetric, path: Points) -> tuple[float, Array]:
         """Return the energy, which may be infinite, and its gradient by all points."""
 
 
@@ -109,35 +173,48 @@ class Solvers(TypedDict, total=False):
 _STRATEGY = "a strategy with a method solve, as LinearPath() for paths, BasisMean() for means"
 
 
-def check_strategy(solver: Any, name: str) -> None:
+def check_strategy(solver: object, name: str) -> None:
     """Raise an ArgumentTypeError for what has no method `solve`, and for classes."""
     check_methods(solver, name, _STRATEGY, "solve")
 
 
 @primitive
 def solve_geodesic(
-    tangent_vec: ndarray, base_point: ndarray, metric: Any, solver: ExpSolver
-) -> ndarray:
+    tangent_vec: TangentVectors, base_point: Points, metric: RiemannianMetric, solver: ExpSolver
+) -> Array:
     """Return the path of the geodesic that a solver finds if it has derivatives, else its end."""
-    result: Any = solver.solve(metric, tangent_vec, base_point)
+    if _is_differentiable(solver):
+        curve = solver.solve(metric, tangent_vec, base_point)
+        _check_complete(curve, solver)
+        return np.asarray(curve.path)
+    result = solver.solve(metric, tangent_vec, base_point)
+    _check_complete(result, solver)
+    return np.asarray(result.end)[None]
+
+
+def _is_differentiable(solver: ExpSolver) -> TypeGuard[DifferentiableExpSolver]:
+    return hasattr(solver, "derivatives")
+
+
+def _check_complete(result: SolvedExp, solver: ExpSolver) -> None:
     if not getattr(result, "complete", True):
         where = getattr(result, "message", "a point on the way")
         raise OutsideManifoldError(
             f"tangent_vec must be the velocity of a geodesic that {type(solver).__name__} "
             f"can follow for unit time; it stopped at {where}"
         )
-    if hasattr(solver, "derivatives"):
-        return np.asarray(result.path)
-    return np.asarray(result.end)[None]
 
 
 def _derivatives(
-    argnums: Sequence[int], path: ndarray, args: tuple[Any, ...], kwargs: dict[str, Any]
-) -> Callable[[ndarray], tuple[ndarray, ...]]:
+    argnums: Sequence[int],
+    path: Points,
+    args: tuple[TangentVectors, Points, RiemannianMetric, ExpSolver],
+    kwargs: dict[str, object],
+) -> Callable[[Array], tuple[Array, ...]]:
     tangent_vec, _, metric, solver = args
 
-    def pull_back(covectors: ndarray) -> tuple[ndarray, ...]:
-        if not hasattr(solver, "derivatives"):
+    def pull_back(covectors: TangentVectors) -> tuple[Array, ...]:
+        if not _is_differentiable(solver):
             raise NotDefinedError(
                 f"{type(solver).__name__} has no derivatives of exp; "
                 "riemhuman.solvers.DiscreteExponential() has"

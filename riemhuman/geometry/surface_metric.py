@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import autograd.numpy as np
 import numpy as onp
 from autograd import grad
 from autograd.extend import defvjp, primitive
 from autograd.tracer import isbox
-from numpy import ndarray
 from scipy import sparse
 
+from riemhuman.arrays import Array, Points, TangentVectors
 from riemhuman.checks import joint_shape, metric_weight, path_array, values_of
-from riemhuman.errors import ArgumentError, NotDefinedError
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.fields import (
     EbinMetric,
     GeneralElasticFieldMetric,
     MetricFields,
     NormalFields,
 )
-from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.manifold import Manifold, SurfaceSpace
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.strategies import Solvers
@@ -30,10 +30,10 @@ from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels import surface
 from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.threads import quadratic_form
-from riemhuman.terms._quadratic import SumOfQuadraticTerms
-from riemhuman.terms._sum import SumOfTerms, checked_terms
+from riemhuman.terms._drivers import SumOfTerms, SumOnSurfaces, checked_terms
+from riemhuman.terms._quadratic import QuadraticTerm
 from riemhuman.terms.cone import ConeTerm, EbinTerm
-from riemhuman.terms.flat import FlatTerm, RootNormalTerm
+from riemhuman.terms.flat import RootNormalTerm
 from riemhuman.terms.normals import NormalTerm
 from riemhuman.terms.term import Fields, Term
 
@@ -41,31 +41,23 @@ if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
 
 
-def all_terms(name: str) -> Any:
-    """Return a property: whether all terms of a metric have a property."""
-    return property(lambda self: all(getattr(term, name) for term in self.terms))
-
-
 class MetricOfTerms(RiemannianMetric):
-    """A metric on aligned surfaces that is a sum of terms, which its `driver` runs."""
+    """A metric on aligned surfaces that is a sum of terms; subclasses set them and their driver."""
 
-    driver: type[SumOfTerms] | type[SumOfQuadraticTerms]
-    is_stretch_invariant = all_terms("is_stretch_invariant")
-    _sum: Any
+    space: SurfaceSpace
+    terms: tuple[Term, ...] | tuple[QuadraticTerm, ...]
+    _sum: SumOnSurfaces
 
-    def __init__(
-        self,
-        space: Manifold,
-        terms: Sequence[Any],
-        **solvers: Unpack[Solvers],
-    ) -> None:
-        super().__init__(space, **solvers)
-        self.terms = checked_terms(terms, self.driver.term_class)
-        self._sum = self.driver(self.terms, space.template)
+    @property
+    def is_stretch_invariant(self) -> bool:  # type: ignore[override]  # read only, as metrics are
+        return all(term.is_stretch_invariant for term in self.terms)
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
+        self,
+        tangent_vec_a: TangentVectors,
+        tangent_vec_b: TangentVectors,
+        base_point: Points | None = None,
+    ) -> Array:
         base_point = self.space.check_tangent_vec(base_point, "base_point")
         h = self.space.check_tangent_vec(tangent_vec_a, "tangent_vec_a")
         k = h
@@ -74,53 +66,54 @@ class MetricOfTerms(RiemannianMetric):
         joint_shape(tangent_vec_a=h, tangent_vec_b=k, base_point=base_point)
         return self._sum.inner_product(h, k, base_point)
 
-    def metric_matrix(self, base_point: ndarray) -> sparse.csr_array:
+    def metric_matrix(self, base_point: Points) -> sparse.csr_array:
         surfaces = self.space.check_tangent_vec(base_point, "base_point")
         if surfaces.size == 0:
             raise ArgumentError("base_point must hold at least one surface; found none")
         return self._sum.matrix(surfaces.reshape(-1, *self.space.shape))
 
-    def energy(self, path: ndarray) -> ndarray:
+    def energy(self, path: Points) -> Array:
         path = path_array(path, self.space)
         if path.ndim == 3:
             if isbox(path):
                 energy = _energy_and_slopes(path, self)[0]
             else:
-                energy, _ = self._sum.path_energy(path, gradient=False)
+                energy = self._sum.path_energy(path, gradient=False)[0]
             if np.isfinite(energy):
-                return energy
+                return energy  # type: ignore[no-any-return]  # one number
         return super().energy(path)
 
-    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
+    def energy_and_gradient(self, path: Points) -> tuple[float, Array]:
         return self._sum.path_energy(path_array(path, self.space, batched=False))
 
-    def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+    def covector(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         vectors = self.space.check_tangent_vec(tangent_vec)
         surfaces = self.space.check_tangent_vec(base_point, "base_point")
         if surfaces.ndim == 2:
             columns = vectors.reshape(-1, self.space.dim).T
-            return (self.metric_matrix(surfaces) @ columns).T.reshape(vectors.shape)
+            covectors: Array = self.metric_matrix(surfaces) @ columns
+            return covectors.T.reshape(vectors.shape)
         return self._one_by_one(lambda f, h: self.covector(h, f), surfaces, vectors)
 
-    def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
+    def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
         flat = self.check_points(vectors, "vectors").reshape(len(vectors), self.space.dim)
-        gram = quadratic_form(self.metric_matrix(base_point), flat)
+        gram: Array = quadratic_form(self.metric_matrix(base_point), flat)
         return 0.5 * (gram + gram.T)
 
 
 @primitive
-def _energy_and_slopes(path: ndarray, metric: MetricOfTerms) -> ndarray:
+def _energy_and_slopes(path: Points, metric: MetricOfTerms) -> Array:
     """Return the energy of a path and then its slopes, both computed in one pass."""
     energy, gradient = metric.energy_and_gradient(path)
     return onp.concatenate([[energy], gradient.ravel()])
 
 
-def _pull_back(answer: Any, path: Any, metric: MetricOfTerms) -> Callable[[Any], Any]:
+def _pull_back(answer: Array, path: Points, metric: MetricOfTerms) -> Callable[[Array], Points]:
     """Return the transposed derivative; that of the slopes comes from the definition."""
 
-    def pull_back(upstream: Any) -> Any:
+    def pull_back(upstream: Array) -> Points:
         # The answer is traced too where higher derivatives are asked for.
-        pulled = upstream[0] * np.reshape(answer[1:], np.shape(path))
+        pulled: Points = upstream[0] * np.reshape(answer[1:], np.shape(path))
         direction = upstream[1:]
         if onp.any(values_of(direction)):
             direction = np.reshape(direction, np.shape(path))
@@ -159,25 +152,36 @@ class SurfaceMetric(MetricOfTerms):
     True
     """
 
-    driver = SumOfTerms
     is_translation_invariant = True
-    is_rotation_invariant = all_terms("is_rotation_invariant")
+    terms: tuple[Term, ...]
+    _sum: SumOfTerms
 
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+    def __init__(
+        self, space: SurfaceSpace, terms: Sequence[Term], **solvers: Unpack[Solvers]
+    ) -> None:
+        super().__init__(space, **solvers)
+        self.terms = checked_terms(terms, Term)  # type: ignore[type-abstract]  # of subclasses
+        self._sum = SumOfTerms(self.terms, space.template)
+
+    @property
+    def is_rotation_invariant(self) -> bool:  # type: ignore[override]  # read only, as metrics are
+        return all(term.is_rotation_invariant for term in self.terms)
+
+    def squared_dist(self, point_a: Points, point_b: Points) -> Array:
         """Return the sum of the squared distances of fields (equation 5)."""
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
         if point_a.shape != point_b.shape:
             joint_shape(point_a=point_a, point_b=point_b)
         first_a, first_b = self._derivatives(point_a), self._derivatives(point_b)
-        total: Any = 0.0
+        total = np.zeros(())
         for term in self.terms:
             total = total + self._integral(term, term.fields(first_a), term.fields(first_b))
         return total
 
     def squared_dists_and_gradient(
-        self, point: ndarray, others: ndarray, weights: ndarray
-    ) -> tuple[ndarray, ndarray]:
+        self, point: Points, others: Points, weights: Array
+    ) -> tuple[Array, Array]:
         point = self.check_points(point[None], "point")[0]
         others = self.check_points(others, "others")
         return self._sum.squared_dists(point, others, weights)
@@ -186,7 +190,7 @@ class SurfaceMetric(MetricOfTerms):
     def bulk(self) -> SumOfTerms:
         return self._sum
 
-    def lower_bound_coordinates(self, points: ndarray) -> ndarray:
+    def lower_bound_coordinates(self, points: Points) -> Array:
         points = self.space.check_point(points, "points")
         first = self._derivatives(points)
         sketches = [np.zeros((*points.shape[:-2], 0))]
@@ -199,40 +203,37 @@ class SurfaceMetric(MetricOfTerms):
 
     @property
     def has_target_metric(self) -> bool:  # type: ignore[override]
-        return all(map(_parts_of, self.terms))
+        return all(term.has_target_space for term in self.terms)
 
     @cached_property
     def target_metric(self) -> RiemannianMetric:
-        factors = [_space_of(term, self.space.template) for term in self.terms]
+        spaces = SpacesOverTemplate(self.space.template)
+        factors = [_space_of(term, spaces) for term in self.terms]
         weights = [term.weight for term in self.terms]
-        if weights == [1.0] and isinstance(self.terms[0], FlatTerm):
-            return factors[0].metric
+        if weights == [1.0] and isinstance(factors[0].metric, FlatMetric):
+            return factors[0].metric  # a vector space needs no product around it
         return ProductManifold(factors).equip_with_metric(ProductMetric, weights=weights).metric
 
-    def map(self, point: ndarray) -> ndarray:
+    def map(self, point: Points) -> Array:
         first = self._derivatives(self.space.check_point(point))
-        g = surface.first_fundamental_form(first.f_u, first.f_v)
-        fields = [
-            g if part == "g" else term.fields(first)[-1]
-            for term in self.terms
-            for part in _parts_of(term)
-        ]
-        if isinstance(self.target_metric, FlatMetric):
-            return fields[0]
+        is_flat = isinstance(self.target_metric, FlatMetric)
+        points = [term.target_point(first) for term in self.terms]
+        if is_flat:
+            return points[0]
         # Points of products of products are joined in the same way.
         leading = np.shape(first.areas)[:-1]
-        return np.concatenate([np.reshape(f, (*leading, -1)) for f in fields], axis=-1)
+        return np.concatenate([np.reshape(p, (*leading, -1)) for p in points], axis=-1)
 
-    def _derivatives(self, f: ndarray) -> surface.Derivatives:
+    def _derivatives(self, f: Points) -> surface.Derivatives:
         operator = self.space.template.differential_operator
         first = surface.follow_up(*surface.partial_derivatives(f, operator))
         if self._sum.needs_area and first.degenerate.any():
             surface.refuse_degenerate(first.degenerate)
         return first
 
-    def _squared_segments(self, path: ndarray) -> ndarray:
+    def _squared_segments(self, path: Points) -> Array:
         first, times = self._derivatives(path), (slice(None),) * (path.ndim - 3)
-        total: Any = 0.0
+        total = np.zeros(())
         for term in self.terms:
             fields = term.fields(first)
             before, after = (
@@ -242,35 +243,43 @@ class SurfaceMetric(MetricOfTerms):
             total = total + self._integral(term, before, after)
         return total
 
-    def _integral(self, term: Term, fields_a: Fields, fields_b: Fields) -> ndarray:
+    def _integral(self, term: Term, fields_a: Fields, fields_b: Fields) -> Array:
         """Return w ∫ d² dx of one term."""
         values = term.squared_dist(fields_a, fields_b) * self._sum.areas
         return term.weight * np.sum(values, axis=-1)
 
 
-def _parts_of(term: Term) -> tuple[str, ...]:
-    """Return which fields, of metrics, normals or vectors, the space of a term is made of."""
-    if isinstance(term, ConeTerm) and term.c > 0.0:
-        return "g", "n"
-    kinds = {EbinTerm: "g", NormalTerm: "n", FlatTerm: "q"}
-    return tuple(part for kind, part in kinds.items() if isinstance(term, kind))
+class SpacesOverTemplate:
+    """The spaces that a term may choose from in `Term.target_space`, over one template."""
+
+    def __init__(self, template: Template) -> None:
+        self.template = template
+
+    def metric_fields(self, lam: float) -> Manifold:
+        return MetricFields(self.template).equip_with_metric(EbinMetric, lam=lam)
+
+    def normal_fields(self) -> Manifold:
+        return NormalFields(self.template)
+
+    def metric_and_normal_fields(self, a: float, b: float, c: float) -> Manifold:
+        product = ProductManifold([MetricFields(self.template), NormalFields(self.template)])
+        return product.equip_with_metric(GeneralElasticFieldMetric, a=a, b=b, c=c)
+
+    def vector_fields(self, n_features: int) -> Manifold:
+        space = VectorSpace((self.template.n_faces, n_features))
+        return space.equip_with_metric(FlatMetric, weights=self.template.face_areas)
 
 
-def _space_of(term: Term, template: Template) -> Manifold:
-    if isinstance(term, ConeTerm) and term.c > 0.0:
-        product = ProductManifold([MetricFields(template), NormalFields(template)])
-        return product.equip_with_metric(GeneralElasticFieldMetric, a=term.a, b=term.b, c=term.c)
-    if isinstance(term, EbinTerm):
-        return MetricFields(template).equip_with_metric(EbinMetric, lam=term.lam)
-    if isinstance(term, NormalTerm):
-        return NormalFields(template)
-    if isinstance(term, FlatTerm):
-        space = VectorSpace((template.n_faces, term.n_features))
-        return space.equip_with_metric(FlatMetric, weights=template.face_areas)
-    raise NotDefinedError(
-        f"the fields of {type(term).__name__} have no manifold with exp and log; statistics of "
-        'fields need an elastic metric, normals or flat terms; use image="points" otherwise'
-    )
+def _space_of(term: Term, spaces: SpacesOverTemplate) -> Manifold:
+    """Return the space of a term's fields after checking that it has a metric."""
+    space = term.target_space(spaces)
+    if not isinstance(space, Manifold) or not space.is_equipped:
+        raise ArgumentTypeError(
+            f"target_space of {type(term).__name__} must return a manifold equipped with a metric, "
+            f"such as spaces.vector_fields(1); found {type(space).__name__}"
+            f"{' without one' if isinstance(space, Manifold) else ''}"
+        )
+    return space
 
 
 class ElasticMetric(SurfaceMetric):
@@ -313,7 +322,7 @@ class ElasticMetric(SurfaceMetric):
 
     def __init__(
         self,
-        space: Manifold,
+        space: SurfaceSpace,
         a: float = 1.0,
         lam: float = 1e-4,
         c: float = 0.0,
@@ -397,7 +406,7 @@ class GeneralElasticMetric(SurfaceMetric):
 
     def __init__(
         self,
-        space: Manifold,
+        space: SurfaceSpace,
         a: float = 1.0,
         b: float = 1.0,
         c: float = 1.0,
@@ -433,7 +442,7 @@ class SRNFMetric(SurfaceMetric):
 
     def __init__(
         self,
-        space: Manifold,
+        space: SurfaceSpace,
         **solvers: Unpack[Solvers],
     ) -> None:
         super().__init__(space, [RootNormalTerm()], **solvers)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import autograd.numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Booleans, Points, TangentVectors
 from riemhuman.checks import Rng, generator, metric_weight, real_array
-from riemhuman.geometry.fields import FieldMetric
+from riemhuman.geometry.fields import FaceAreas, FieldMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.surface import Derivatives
@@ -40,13 +39,13 @@ class VectorSpace(Manifold):
     def default_metric(self) -> type[RiemannianMetric]:
         return FlatMetric
 
-    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+    def belongs(self, point: Points, atol: float = 1e-9) -> Booleans:
         return self._candidates(point, "point")[1]
 
-    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+    def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
         return real_array(vector, "vector", self.shape)
 
-    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
         n_samples, bound = sample_count(n_samples), sample_bound(bound)
         points = generator(rng).uniform(-bound, bound, (n_samples, *self.shape))
         return stack_samples(points, n_samples)
@@ -57,7 +56,7 @@ class _Numbers(FlatTerm):
 
     n_features = 1
 
-    def field(self, first: Derivatives) -> ndarray:
+    def field(self, first: Derivatives) -> Array:
         raise NotImplementedError
 
 
@@ -81,7 +80,7 @@ class FlatMetric(FieldMetric):
 
     _term = _Numbers()
 
-    def __init__(self, space: Manifold, weights: ndarray | None = None) -> None:
+    def __init__(self, space: Manifold, weights: Array | None = None) -> None:
         super().__init__(space)
         length = space.shape[0]
         if weights is None:
@@ -93,55 +92,61 @@ class FlatMetric(FieldMetric):
         self._weights = weights
 
     @property
-    def _template(self) -> Any:
+    def _template(self) -> FaceAreas:
         """What stands for a template: a triangle for each number, with its weight for an area."""
         areas = np.repeat(self._weights, int(np.prod(self.space.shape[1:])))
         return SimpleNamespace(faces=None, frame_coefficients=None, face_areas=areas)
 
-    def _fields(self, point: Any, name: str) -> Fields:
+    def _fields(self, point: Points, name: str) -> Fields:
         return (self._numbers(self.space.check_point(point, name))[..., None],)
 
-    def _numbers(self, arrays: ndarray) -> ndarray:
+    def _numbers(self, arrays: Array) -> Array:
         return np.reshape(arrays, (*np.shape(arrays)[: -self.space.point_ndim], -1))
 
-    def lower_bound_coordinates(self, points: ndarray) -> ndarray:
+    def lower_bound_coordinates(self, points: Points) -> Array:
         """Return weighted numbers, which are exactly as far apart as their points."""
         roots = np.repeat(np.sqrt(self._weights), int(np.prod(self.space.shape[1:])))
         return self._numbers(self.space.check_point(points, "points")) * roots
 
-    def _form(self, of_triangles: Callable[..., ndarray], a: Any, b: Any, point: Any) -> ndarray:
+    def _form(
+        self,
+        of_triangles: Callable[[Array, Array, Points], Array],
+        a: TangentVectors,
+        b: TangentVectors,
+        point: Points | None,
+    ) -> Array:
         # Inner products are the same at every point.
         point = np.zeros(self.space.shape) if point is None else point
         return super()._form(of_triangles, a, b, point)
 
-    def _products(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+    def _products(self, a: Array, b: Array, point: Points) -> Array:
         return self._numbers(a * b)
 
-    def _curvatures(self, a: ndarray, b: ndarray, point: ndarray) -> ndarray:
+    def _curvatures(self, a: Array, b: Array, point: Points) -> Array:
         return 0.0 * self._products(a, b, point)
 
-    def _exp(self, velocity: ndarray, point: ndarray) -> ndarray:
+    def _exp(self, velocity: TangentVectors, point: Points) -> Array:
         return point + velocity
 
-    def _log(self, point: ndarray, start: ndarray) -> ndarray:
+    def _log(self, point: Points, start: Points) -> Array:
         return point - start
 
     def parallel_transport(
         self,
-        tangent_vec: ndarray,
-        base_point: ndarray | None = None,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-    ) -> ndarray:
+        tangent_vec: TangentVectors,
+        base_point: Points | None = None,
+        direction: TangentVectors | None = None,
+        end_point: Points | None = None,
+    ) -> Array:
         # Vectors stay as they are, wherever they go.
         start = np.zeros(self.space.shape) if base_point is None else base_point
         if direction is None and end_point is None:
             direction = np.zeros(self.space.shape)
         return super().parallel_transport(tangent_vec, start, direction, end_point)
 
-    def _transport(self, vector: ndarray, point: ndarray, velocity: ndarray) -> ndarray:
+    def _transport(self, vector: TangentVectors, point: Points, velocity: TangentVectors) -> Array:
         return vector + np.zeros_like(point + velocity)
 
-    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+    def injectivity_radius(self, base_point: Points | None = None) -> Array:
         leading = np.shape(base_point)[: -self.space.point_ndim] if base_point is not None else ()
         return np.full(leading, np.inf)

@@ -6,7 +6,6 @@ or the new one. Only regular files are read: a device or a pipe may never end.
 
 from __future__ import annotations
 
-import errno
 import os
 import re
 import secrets
@@ -25,6 +24,7 @@ from riemhuman.errors import (
     OutOfMemoryError,
     RiemhumanError,
 )
+from riemhuman.memory import lack_of_memory
 
 # How to convert files of point clouds that the library does not read.
 _POINT_CLOUDS = {
@@ -33,12 +33,6 @@ _POINT_CLOUDS = {
 }
 # Some errors quote a whole file.
 _LONGEST_MESSAGE = 300
-# How libraries in C say in other errors than `MemoryError` that they got no memory.
-_NO_MEMORY = re.compile(
-    r"(can(no|')t|unable to|failed to|could not) (allocate|map segment)|out of memory|"
-    r"memory allocation failed|error -4 while",  # of zlib
-    re.IGNORECASE,
-)
 # Bytes of the name of a file or folder.
 _LONGEST_NAME = 255
 
@@ -194,9 +188,7 @@ def memory_errors(file: Path | str) -> Iterator[None]:
 
 def raise_lack_of_memory(file: Path | str, error: BaseException) -> None:
     """Raise `OutOfMemoryError` if an error, while a file was read, came from a lack of memory."""
-    cause: BaseException | None = error
-    while cause is not None and not _is_lack_of_memory(cause):
-        cause = cause.__cause__ or cause.__context__
+    cause = lack_of_memory(error, OSError, ImportError, RuntimeError, zlib.error)
     if cause is None:
         return
     try:
@@ -205,14 +197,6 @@ def raise_lack_of_memory(file: Path | str, error: BaseException) -> None:
         size = ""
     needed = f": {short_message(cause)}" if str(cause) else ""
     raise OutOfMemoryError(f"{file}{size} cannot be read, memory is short{needed}") from error
-
-
-def _is_lack_of_memory(error: BaseException) -> bool:
-    if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
-        return True
-    # Other errors may quote what a file says.
-    is_of_library = isinstance(error, (OSError, ImportError, RuntimeError, zlib.error))
-    return is_of_library and _NO_MEMORY.search(str(error)) is not None
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

@@ -9,17 +9,23 @@ functions of modules: one composed at run time would be compiled anew in every p
 from __future__ import annotations
 
 import functools
+import hashlib
 import os
 import threading
+import time
 import warnings
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar, overload
 
 FUSED = {"contract", "nsz"}
 """Value of `fastmath` for functions in loops over pairs: products may join sums."""
 
 SUM = {"contract", "nsz", "reassoc"}
 """Value of `fastmath` for sums: terms may also change places."""
+
+# Seconds of compilation after which somebody who waits is told.
+_LONG = 2.0
 
 _lock = threading.RLock()
 _waiting: list[Compiled] = []
@@ -53,7 +59,22 @@ class Compiled:
         return self.function(*arguments)
 
 
-def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+Function = TypeVar("Function", bound=Callable[..., object])
+
+
+@overload
+def compiled(function: Function) -> Function: ...
+
+
+@overload
+def compiled(
+    *, forceinline: bool = ..., inline: str = ..., fastmath: set[str] = ...
+) -> Callable[[Function], Function]: ...
+
+
+def compiled(
+    function: Callable[..., object] | None = None, **options: bool | str | set[str]
+) -> object:
     """Mark a function of a module to be compiled by numba when it is first called.
 
     It may call other marked functions, its own module's and those that its module imports by name.
@@ -82,9 +103,58 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     return Compiled(function, options)
 
 
+class CompilationTime:
+    """The time that compilation takes in this process, and what to call once it is long."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._tell: Callable[[], None] | None = None
+        self._starts: list[float] = []
+        self._listens = False
+
+    def tell(self, function: Callable[[], None] | None) -> None:
+        """Have a function called, once, when compilation has taken two seconds."""
+        self._tell = function
+
+    def listen(self) -> None:
+        """Take the time from now on."""
+        if self._listens:
+            return
+        self._listens = True
+        from numba.core import event
+
+        taken = self
+
+        class Listener(event.Listener):
+            def on_start(self, started: Any) -> None:
+                taken._begin()
+
+            def on_end(self, ended: Any) -> None:
+                taken._end()
+
+        event.register("numba:compile", Listener())
+
+    def _begin(self) -> None:
+        self._starts.append(time.perf_counter())
+
+    def _end(self) -> None:
+        # One function may wait for others, which it calls.
+        start = self._starts.pop()
+        elapsed = self.seconds + time.perf_counter() - (self._starts or [start])[0]
+        if not self._starts:
+            self.seconds = elapsed
+        if self._tell is not None and elapsed > _LONG:
+            tell, self._tell = self._tell, None
+            tell()
+
+
+compilation_time = CompilationTime()
+
+
 def _njit(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     import numba
 
+    compilation_time.listen()
     # Without an error model, every division would look whether to raise. Without a value of
     # fastmath, a function takes that of its first caller: its bits depend on who came first.
     # Compiling C-callable wrappers, and Python wrappers of inlined functions, is slow.
@@ -92,17 +162,17 @@ def _njit(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     options["no_cfunc_wrapper"] = True
     if options.get("forceinline"):  # kept on disk as a part of its callers
         return numba.njit(no_cpython_wrapper=True, **options)(function)
+    # Numba by itself looks at the file of the function alone, not at those of functions that are
+    # inlined. What it keeps is named by the qualified name, which a digest of all of them joins:
+    # what other sources led to is then not found, and stays until somebody empties the folder.
+    digest = _digest(function.__globals__)
+    if digest is not None:
+        function.__qualname__ += f"-{digest}"
     try:
-        dispatcher = numba.njit(cache=True, **options)(function)
+        return numba.njit(cache=True, **options)(function)
     except (OSError, RuntimeError):  # numba finds no folder that it can write to
         _warn_once()
         return numba.njit(**options)(function)
-    stamp = _stamp(function.__globals__)
-    if dispatcher is not function and stamp is not None:  # numba may be switched off
-        # Numba by itself looks at the file of the function alone, not at those of functions that
-        # are inlined.
-        dispatcher._cache._cache_file._source_stamp = stamp
-    return dispatcher
 
 
 @functools.cache
@@ -115,7 +185,7 @@ def _warn_once() -> None:
     )
 
 
-def _stamp(names: dict[str, Any]) -> tuple[tuple[float, int], ...] | None:
+def _digest(names: dict[str, Any]) -> str | None:
     """Return what changes with the files of a module and of its imports; None in notebooks."""
     files, modules = {__file__}, [names]
     while modules:
@@ -127,8 +197,13 @@ def _stamp(names: dict[str, Any]) -> tuple[tuple[float, int], ...] | None:
             files.add(file)
             functions = [value for value in list(names.values()) if hasattr(value, "py_func")]
             modules += [function.py_func.__globals__ for function in functions]
-    found = (os.stat(file) for file in sorted(files))
-    return tuple((status.st_mtime, status.st_size) for status in found)
+    contents = b"".join(_digest_of_file(file) for file in sorted(files))
+    return hashlib.sha256(contents).hexdigest()[:16]
+
+
+@functools.cache
+def _digest_of_file(file: str) -> bytes:
+    return hashlib.sha256(Path(file).read_bytes()).digest()
 
 
 def _bind() -> None:

@@ -23,6 +23,7 @@ from autograd.numpy.numpy_vjps import unbroadcast_f
 from numpy import ndarray
 from scipy.sparse import csr_array, csr_matrix
 
+from riemhuman.arrays import Array, Booleans
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels.compilation import compiled
 
@@ -64,13 +65,13 @@ class Derivatives(NamedTuple):
     True
     """
 
-    f_u: ndarray
-    f_v: ndarray
-    area_vectors: ndarray
-    areas: ndarray
-    e: ndarray
-    m: ndarray
-    degenerate: ndarray
+    f_u: Array
+    f_v: Array
+    area_vectors: Array
+    areas: Array
+    e: Array
+    m: Array
+    degenerate: Booleans
 
 
 def derivatives(points: ndarray, operator: csr_matrix) -> Derivatives:

@@ -32,7 +32,8 @@ class PairedCodes(ABC):
     code_names: ClassVar[tuple[str, str]]
     parameters_: dict[str, ndarray]
 
-    # Other whole numbers in files, the file that ships, and hidden layers in units of `n_hidden`.
+    # Other whole numbers in files, which `_read` keeps; the file that ships; hidden layers in units
+    # of `n_hidden`.
     _SETTINGS: ClassVar[tuple[str, ...]]
     _SHIPPED: ClassVar[str]
     _WIDTH: ClassVar[int] = 1
@@ -41,8 +42,7 @@ class PairedCodes(ABC):
         with format_errors(file_path(path), "a trained network"):
             weights = Weights(path, type(self).__name__, (*self._SETTINGS, "n_hidden"))
             self._fields = weights.fields
-            for name, value in weights.settings.items():
-                setattr(self, name, value)
+            self.n_hidden = weights.settings["n_hidden"]
             self._home = self._template = weights.template
             self._read(weights)
 
@@ -129,9 +129,9 @@ class PairedCodes(ABC):
         return codes[:, : self._n_codes[0]], codes[:, self._n_codes[0] :]
 
     @property
+    @abstractmethod
     def _n_codes(self) -> tuple[int, int]:
-        first, second = self.code_names
-        return getattr(self, f"n_{first}"), getattr(self, f"n_{second}")
+        """Numbers of entries of both codes."""
 
     @abstractmethod
     def _sizes(self) -> dict[str, tuple[int, int]]:
@@ -139,7 +139,7 @@ class PairedCodes(ABC):
 
     @abstractmethod
     def _read(self, weights: Weights) -> None:
-        """Read the learned arrays from a file."""
+        """Read the settings and the learned arrays from a file."""
 
     def _read_networks(self, weights: Weights, others: Mapping[str, tuple[int, ...]]) -> None:
         """Read the networks, and other parameters of the given shapes."""

@@ -122,7 +122,16 @@ class IntrinsicExtrinsicCodes(PairedCodes):
             "spectrum": (self.n_intrinsic, self.n_eigenvalues),
         }
 
+    @property
+    def _n_codes(self) -> tuple[int, int]:
+        return self.n_intrinsic, self.n_extrinsic
+
     def _read(self, weights: Weights) -> None:
+        self.n_intrinsic = weights.settings["n_intrinsic"]
+        self.n_extrinsic = weights.settings["n_extrinsic"]
+        self.n_points = weights.settings["n_points"]
+        self.n_eigenvalues = weights.settings["n_eigenvalues"]
+        self.n_features = weights.settings["n_features"]
         n_vertices = weights.template.n_vertices
         self.vertices_ = weights.indices("vertices", (self.n_points,), 0, n_vertices)
         self._place = weights.numbers("place", (self.n_points, 3))

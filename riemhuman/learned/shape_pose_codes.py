@@ -135,7 +135,14 @@ class ShapePoseCodes(PairedCodes):
             "stretches": (n_codes, 2 * n_rotations),
         }
 
+    @property
+    def _n_codes(self) -> tuple[int, int]:
+        return self.n_shape, self.n_pose
+
     def _read(self, weights: Weights) -> None:
+        self.n_shape = weights.settings["n_shape"]
+        self.n_pose = weights.settings["n_pose"]
+        self.n_parts = weights.settings["n_parts"]
         self._parts = Parts.read(weights, self.n_parts)
         self._center = weights.numbers("center", (9 * self.n_parts,))
         self._scale = weights.numbers("scale", (9 * self.n_parts,), positive=True)

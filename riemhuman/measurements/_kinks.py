@@ -19,7 +19,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy import ndarray
 from scipy.linalg import cholesky, solve_triangular
-from scipy.optimize import minimize
 
 # The search ends when the model predicts a gain below this, in the unit of half a sum of squares of
 # residuals with unit variance.
@@ -94,6 +93,8 @@ def _weights_of_least_gain(products: ndarray, errors: ndarray) -> ndarray:
     if size == 1:
         return np.ones(1)
     scale = 1.0 / max(float(np.abs(products).max()), np.finfo(float).tiny)
+
+    from scipy.optimize import minimize  # takes long to import
 
     def gain(w: ndarray) -> tuple[float, ndarray]:
         slope = products @ w

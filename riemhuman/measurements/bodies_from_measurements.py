@@ -32,10 +32,8 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from scipy import stats
 from scipy.linalg import solve_triangular
-from scipy.optimize import least_squares
-from scipy.special import softmax
+from scipy.special import fdtrc, gammaln, softmax, stdtrit
 
 from riemhuman.checks import SUSPECTED_UNITS, one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
@@ -364,8 +362,7 @@ def predict(
         explained = np.sum(covariance[np.ix_(rows, rest)] * slopes, axis=0)
         variances[k] = np.diag(covariance)[rest] - explained
         if known:
-            tails = stats.multivariate_t(mean[rows], inner, df=_DEGREES)
-            likelihoods[k] = tails.logpdf(values)
+            likelihoods[k] = _log_density(values - mean[rows], inner)
     shares = softmax(likelihoods)
     expected = shares @ means
     variance = shares @ (variances + (means - expected) ** 2)
@@ -376,6 +373,16 @@ def predict(
         dict(zip(sexes, shares.tolist(), strict=True)),
         *_contradictions(known, values, noise, sexes[int(shares.argmax())]),
     )
+
+
+def _log_density(deviations: ndarray, scale: ndarray) -> float:
+    """Return the logarithm of the density of Student's distribution in several dimensions."""
+    # As `scipy.stats.multivariate_t`, whose package takes half a second to import.
+    n, root = len(deviations), np.linalg.cholesky(scale)
+    within = float(np.sum(solve_triangular(root, deviations, lower=True) ** 2))
+    constant = gammaln(0.5 * (_DEGREES + n)) - gammaln(0.5 * _DEGREES)
+    constant -= 0.5 * n * np.log(np.pi * _DEGREES) + np.sum(np.log(np.diag(root)))
+    return float(constant - 0.5 * (_DEGREES + n) * np.log1p(within / _DEGREES))
 
 
 def _contradictions(
@@ -389,7 +396,7 @@ def _contradictions(
     covariance = adults()[sex]["covariance"][np.ix_(rows, rows)]
     covariance = covariance + np.diag(np.maximum(_ERROR * values, noise) ** 2)
     scores, _ = _t_values(deviations, covariance)
-    limit = stats.t.ppf(1.0 - _SHARE / (2 * len(known)), _DEGREES + len(known) - 1)
+    limit = stdtrit(_DEGREES + len(known) - 1, 1.0 - _SHARE / (2 * len(known)))
     order = np.argsort(-np.abs(scores))
     contradictory = tuple(known[k] for k in order if abs(scores[k]) > limit)
     pair = None
@@ -405,7 +412,7 @@ def _contradictions(
                     (known[worst], known[j], float(values[worst] - gaps[0])),
                 )
     squared = deviations @ np.linalg.solve(covariance, deviations) / len(known)
-    rarity = float(stats.f.sf(squared, len(known), _DEGREES))
+    rarity = float(fdtrc(len(known), _DEGREES, squared))
     return dict(zip(known, scores.tolist(), strict=True)), contradictory, pair, rarity
 
 
@@ -468,6 +475,8 @@ def _nearest_betas(
     start: ndarray | None = None,
 ) -> _Search:
     """Search for the shape coefficients whose measurements are nearest to goals, and their body."""
+    from scipy.optimize import least_squares  # takes long to import
+
     model, pose = measurements.definitions.model, measurements.definitions.standard_pose_vector
     assert model is not None
     means, covariances = (
@@ -609,17 +618,8 @@ def nearest_body(
     n_steps, penalty = 0, 0.0
     while n_steps < max_iter:
         n_steps += 1
-        factor = SparseCholeskyFactor(2.0 * metric.metric_matrix(f))
-        rows = slopes.reshape(len(targets), -1)
-        solved = factor.inverse(np.concatenate([rows, gradient.reshape(1, -1)]).T)
-        by_rows, by_gradient = solved[:, :-1], solved[:, -1]
-        gram = rows @ by_rows
-        multipliers = -np.linalg.solve(gram, targets - values + rows @ by_gradient)
-        # The second step only meets the values; it helps at a kink of a hull.
-        steps = [
-            -(by_gradient + by_rows @ multipliers),
-            by_rows @ np.linalg.solve(gram, targets - values),
-        ]
+        hessian = 2.0 * metric.metric_matrix(f)
+        steps, multipliers = _newton_steps(hessian, gradient, slopes, targets - values)
         penalty = max(penalty, 2.0 * float(np.abs(multipliers).max()))
         merit = energy + penalty * np.abs(values - targets).sum()
         for step, halvings in product(steps, range(_MOST_HALVINGS)):
@@ -651,6 +651,25 @@ def nearest_body(
     )
     distance = float(np.sqrt(max(energy, 0.0)))
     return NearestBody(f, distance, before, after, converged, n_steps, message)
+
+
+def _newton_steps(
+    hessian: Any, gradient: ndarray, slopes: ndarray, missing: ndarray
+) -> tuple[list[ndarray], ndarray]:
+    """Return two steps that bring the missing change of values, and Lagrange's multipliers.
+
+    The first also lowers the energy; the second only meets the values, which helps at a kink of a
+    hull.
+    """
+    rows = slopes.reshape(len(missing), -1)
+    solved = SparseCholeskyFactor(hessian).inverse(
+        np.concatenate([rows, gradient.reshape(1, -1)]).T
+    )
+    by_rows, by_gradient = solved[:, :-1], solved[:, -1]
+    gram = rows @ by_rows
+    multipliers = -np.linalg.solve(gram, missing + rows @ by_gradient)
+    lowering = -(by_gradient + by_rows @ multipliers)
+    return [lowering, by_rows @ np.linalg.solve(gram, missing)], multipliers
 
 
 def _measured(measurements: Measurements, f: ndarray) -> tuple[ndarray, Any]:

@@ -18,6 +18,7 @@ from riemhuman.checks import one_of, real_number, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
 from riemhuman.measurements._geodesics import geodesics
+from riemhuman.measurements._landmarks import AXES, Place
 from riemhuman.measurements._sections import (
     MEETS_OTHER_PART,
     MISSES,
@@ -26,7 +27,7 @@ from riemhuman.measurements._sections import (
     section,
     straight_lines,
 )
-from riemhuman.measurements.landmarked_bodies import AXES, LandmarkedBodies, Place
+from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 
 # Density of a body in kg/m³: that of water, from which the body's differs by a few per cent.
 DENSITY = 1000.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import autograd.numpy as np
 import numpy as onp
@@ -14,16 +14,9 @@ from riemhuman.bodies import joints_between
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements._geodesics import SurfacePoint
+from riemhuman.measurements._landmarks import AXES, LandmarkedTemplate, Place
 from riemhuman.measurements._sections import FOREIGN, LEFT_OUT, WANTED, Cutter, weighted_vertices
 from riemhuman.surfaces.nearest_points import nearest_points
-
-if TYPE_CHECKING:
-    from riemhuman.measurements.measurement_set import MeasurementSet
-
-Place = str | Mapping[str, float]
-"""A landmark, or an affine combination of landmarks such as ``{"hip": 0.5, "knee": 0.5}``."""
-
-AXES = ("left", "up", "forward")
 
 
 class LandmarkedBodies:
@@ -53,7 +46,7 @@ class LandmarkedBodies:
     ((1, 3), [[0.0, 1.0, 0.0]])
     """
 
-    def __init__(self, measurement_set: MeasurementSet, surfaces: Any, axes: str) -> None:
+    def __init__(self, measurement_set: LandmarkedTemplate, surfaces: Any, axes: str) -> None:
         self.set, self.surfaces, self._frames = measurement_set, surfaces, axes
         self._positions: dict[str, Any] = {}
         self._numbers = onp.arange(len(surfaces))[:, None]

@@ -22,10 +22,12 @@ from riemhuman.kernels.threads import in_chunks
 from riemhuman.measurements.definitions import nearest_name
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
+from riemhuman.memory import check_memory, enough_memory
 from riemhuman.solvers import ShapeTransfer
 from riemhuman.surfaces.template import Template, check_body_sizes
 
 _POSES = ("as is", "standard")
+_FEWER = "measure fewer at a time"
 _AXES = ("body", "space")
 # Vertices of the bodies that are measured together: their temporary arrays stay in the cache.
 _VERTICES = 20_000
@@ -145,6 +147,7 @@ class Measurements:
     def __repr__(self) -> str:
         return f"<Measurements: {', '.join(self.names)}>"
 
+    @enough_memory("the measurements of these bodies", _FEWER)
     def measure(
         self,
         points: Any,
@@ -194,6 +197,9 @@ class Measurements:
         if not self.definitions.frame:
             axes = "space"
         values = np.empty((len(surfaces), len(self.names)))
+        if gradient:
+            what = f"the derivatives of {len(self.names)} measurements of {len(surfaces):,} bodies"
+            check_memory(8 * values.size * surfaces[:1].size, what, _FEWER)
         slopes = np.empty((*values.shape, *points.shape[-2:])) if gradient else None
         size = max(1, _VERTICES // points.shape[-2])
 

@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
 from riemhuman.estimator import Estimator
-from riemhuman.geometry import FlatMetric, RiemannianMetric, VectorSpace
+from riemhuman.geometry import RiemannianMetric, VectorSpace
 from riemhuman.kernels.projections import Projection
 from riemhuman.motions._frames import (
     Motion,
@@ -83,7 +83,7 @@ class MotionDescriptor(Estimator):
     (3, 20)
     """
 
-    metric_: FlatMetric
+    metric_: RiemannianMetric
     n_features_out_: int
 
     def __init__(

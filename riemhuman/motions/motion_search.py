@@ -12,7 +12,8 @@ from numpy import ndarray
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.motions._frames import FrameDistances, Motion, frame_count, frame_runs
+from riemhuman.memory import enough_memory
+from riemhuman.motions._frames import FEWER_FRAMES, FrameDistances, Motion, frame_count, frame_runs
 from riemhuman.motions._warping_kernels import extend_paths
 from riemhuman.progress import ProgressBar
 
@@ -64,6 +65,7 @@ class MotionSearch:
         if real_number(self.shortest, "shortest", minimum=0.0) > 1.0:
             raise ArgumentError(f"shortest must be at most 1; found {self.shortest:g}")
 
+    @enough_memory("this search", FEWER_FRAMES)
     def find(self, query: Motion, motion: Motion, n_occurrences: int = 5) -> list[Occurrence]:
         """Return the parts of a motion that are most like a query.
 

@@ -14,7 +14,9 @@ from numpy import ndarray
 from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry import AlignedSurfaces, RiemannianMetric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
+from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import (
+    FEWER_FRAMES,
     FrameDistances,
     Frames,
     Motion,
@@ -100,6 +102,7 @@ class MotionDistance(ABC):
         """
         return self.warp(m1, m2).dist
 
+    @enough_memory("the comparison of these motions", FEWER_FRAMES)
     def warp(self, m1: Motion, m2: Motion) -> Warp:
         """Return the best re-timing: the corresponding times of the two motions.
 
@@ -110,6 +113,7 @@ class MotionDistance(ABC):
         basis = self._basis()
         return self._match(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
 
+    @enough_memory("the comparison of these motions", FEWER_FRAMES)
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
         """Return all distances within a set of motions, shape (n, n).
 

@@ -5,13 +5,14 @@ from riemhuman.plots.body_plots import (
     contributions,
     per_area,
     plot_body,
-    plot_measurement_lines,
     plot_path,
 )
 from riemhuman.plots.component_views import view_components
+from riemhuman.plots.difference_views import plot_difference, view_difference
 from riemhuman.plots.figures import figure_style
 from riemhuman.plots.maps import describe_stress, embed, plot_embedding, stress
 from riemhuman.plots.match_plots import plot_match, position_colors
+from riemhuman.plots.measurement_views import plot_measurements, view_measurements
 from riemhuman.plots.rendering import View, render, surfaces_html
 from riemhuman.plots.result_plots import (
     plot_confusion,
@@ -19,6 +20,7 @@ from riemhuman.plots.result_plots import (
     plot_precision_recall,
     plot_sweep,
 )
+from riemhuman.plots.scan_views import plot_scan, view_scan
 from riemhuman.plots.viewer import (
     ViewedBody,
     Viewer,
@@ -41,12 +43,14 @@ __all__ = [
     "per_area",
     "plot_body",
     "plot_confusion",
+    "plot_difference",
     "plot_embedding",
     "plot_energy",
     "plot_match",
-    "plot_measurement_lines",
+    "plot_measurements",
     "plot_path",
     "plot_precision_recall",
+    "plot_scan",
     "plot_sweep",
     "position_colors",
     "render",
@@ -57,7 +61,10 @@ __all__ = [
     "view_alignment",
     "view_bodies",
     "view_components",
+    "view_difference",
+    "view_measurements",
     "view_path",
+    "view_scan",
 ]
 
 

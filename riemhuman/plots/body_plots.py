@@ -5,7 +5,7 @@ Functions draw into the axes that they are given, or into those of a new figure.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,6 @@ from riemhuman.optional import import_matplotlib
 from riemhuman.plots.figures import (
     SKIN,
     new_axes,
-    new_figure,
     scale_ends,
     value_colors,
 )
@@ -32,15 +31,6 @@ from riemhuman.terms import EbinTerm, NormalTerm
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-# The sides of a body with measurement lines: titles and azimuths in degrees.
-_SIDES = (("front", 0.0), ("left side", 90.0), ("back", 180.0))
-_ELEVATION = 4.0  # degrees
-_LINES = ("-", "--", ":", "-.")  # styles of each ten lines
-_BODY_INCHES = 4.6
-_LEGEND_COLUMNS = 4
-_LEGEND_ROW_INCHES = 0.19
 
 
 def plot_body(
@@ -101,6 +91,7 @@ def plot_body(
     return ax
 
 
+# More than eight arguments: each keyword is one choice about the picture.
 def plot_path(
     path: ArrayLike | Sequence[Any],
     faces: ArrayLike | None = None,
@@ -268,63 +259,3 @@ def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarra
     if not areas.all():
         raise ArgumentError("faces must not include triangles without area")
     return real_array(values, "values", (len(areas),)) / areas
-
-
-def plot_measurement_lines(
-    surface: Any,
-    faces: ArrayLike | None,
-    lines: Mapping[str, Sequence[ArrayLike]],
-    *,
-    height: int = 700,
-) -> Figure:
-    """Draw a body from three sides with its measurement lines, also those on its far side.
-
-    Parameters
-    ----------
-    surface : array_like, shape (V, 3), or mesh
-    faces : array_like, shape (F, 3), or None
-        Triangles; None for a mesh.
-    lines : mapping of str to sequence of array, shape (k, 3)
-        Curves by name, as `rh.measurements.Measurements.lines` returns them.
-    height : int
-        Pixels.
-
-    Examples
-    --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> lines = rh.measurements.Measurements(bodies.model).lines(bodies[0])
-    >>> figure = rh.plots.plot_measurement_lines(bodies[0], bodies.template.faces, lines)
-    """
-    surface, faces = as_surfaces(surface, faces)
-    collections = import_matplotlib("collections")
-    curves = {name: parts for name, parts in lines.items() if len(parts)}
-    n_rows = -(-len(curves) // _LEGEND_COLUMNS)
-    figure = new_figure(9.6, _BODY_INCHES + _LEGEND_ROW_INCHES * n_rows)
-    views = [View(azimuth, _ELEVATION) for _, azimuth in _SIDES]
-    windows = [window_around(surface, view) for view in views]
-    # Windows have one height, so that all sides have one scale.
-    tallest = max(window.height for window in windows)
-    windows = [replace(window, height=tallest) for window in windows]
-    all_axes = figure.subplots(1, len(_SIDES), width_ratios=[window.width for window in windows])
-    for axes, (side, _), view, window in zip(all_axes, _SIDES, views, windows, strict=True):
-        (x, y), width, tall = window.centre, window.width / 2, window.height / 2
-        picture = render(surface, faces, height=height, view=view, window=window)
-        axes.imshow(picture, extent=(x - width, x + width, y - tall, y + tall))
-        axes.set_title(side)
-        axes.set_axis_off()
-        handles = []
-        for number, parts in enumerate(curves.values()):
-            style = {"colors": f"C{number % 10}", "linestyles": _LINES[number // 10 % len(_LINES)]}
-            flat = [view.rotate(np.asarray(part))[:, :2] for part in parts]
-            drawn = collections.LineCollection(flat, linewidths=0.9, **style)
-            handles.append(axes.add_collection(drawn, autolim=False))
-    figure.legend(
-        handles,
-        list(curves),
-        loc="outside lower center",
-        ncols=_LEGEND_COLUMNS,
-        columnspacing=1.0,
-        fontsize=9,
-        frameon=False,
-    )
-    return figure

@@ -40,6 +40,7 @@ _OUTLIERS = 0.01
 # Red, green and blue of a body without other colour, and of a mean.
 SKIN = (0.80, 0.73, 0.66)
 MEAN = (0.93, 0.74, 0.30)
+UNKNOWN = (0.60, 0.63, 0.66)  # where a value is not known
 
 # From the colour of skin, for 0, to the colour of the largest value.
 VALUE_COLORS = ("#d4c8bb", "#ecb169", "#d95f30", "#8c1d3f")
@@ -137,13 +138,16 @@ def class_colors(n_classes: int) -> ndarray:
 
 def has_sign(values: ndarray) -> bool:
     """Return whether some values are negative by more than rounding."""
-    return bool(values.min(initial=0.0) < -1e-12 * np.abs(values).max(initial=0.0))
+    known = values[np.isfinite(values)]
+    return bool(known.min(initial=0.0) < -1e-12 * np.abs(known).max(initial=0.0))
 
 
 def colour_limit(values: ndarray) -> float:
     """Return the end of the colour scale, which the sizes of 1 % of the values exceed."""
     # One extreme triangle must not set the scale.
-    sizes = np.abs(values)
+    sizes = np.abs(values[np.isfinite(values)])
+    if not len(sizes):
+        return 0.0
     return float(np.quantile(sizes, 1.0 - _OUTLIERS)) or float(sizes.max(initial=0.0))
 
 
@@ -158,6 +162,8 @@ def value_colors(
 ) -> ndarray:
     """Return colours of values, from 0 or, if some are negative, about 0; the scale has an end.
 
+    Unknown values, which are NaN, are grey.
+
     Parameters
     ----------
     values : array, shape (...)
@@ -168,10 +174,12 @@ def value_colors(
         Whether the scale has a sign; by default, whether a value is negative.
     """
     values = np.asarray(values, dtype=np.float64)
-    top = float(np.abs(values).max(initial=0.0)) if largest is None else largest
+    known = np.isfinite(values)
+    top = float(np.abs(values[known]).max(initial=0.0)) if largest is None else largest
     share = values / (top if top > 0 else 1.0)
     is_signed = has_sign(values) if signed is None else signed
     colors = SIGNED_COLORS if is_signed else VALUE_COLORS
     stops = np.array([rgb(color) for color in colors])
     places = np.linspace(-1.0 if is_signed else 0.0, 1.0, len(stops))
-    return np.stack([np.interp(share, places, stops[:, channel]) for channel in range(3)], axis=-1)
+    shown = [np.interp(share, places, stops[:, channel]) for channel in range(3)]
+    return np.where(known[..., np.newaxis], np.stack(shown, axis=-1), UNKNOWN)

@@ -26,6 +26,8 @@ from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import vertex_normals
+from riemhuman.plots._depth import draw_triangles, shares_at
+from riemhuman.plots._occlusion import shade_of
 from riemhuman.plots.figures import SKIN
 
 _REFLECTED = 0.04  # share of the light that skin mirrors when seen from the front
@@ -127,7 +129,7 @@ def render(
         The part that is shown; by default the surface with a margin.
     color : array_like, shape (3,), (F, 3) or (V, 3)
         Red, green and blue between 0 and 1, of the surface, of each triangle or, blended between
-        them, of each vertex.
+        them, of each vertex. In one colour, the folds of the open body model are darker.
 
     Returns
     -------
@@ -141,7 +143,10 @@ def render(
     100
     """
     vertices, faces = check_mesh(*as_surfaces(vertices, faces))
-    colors = _corner_colors(real_array(color, "color", (3,)), len(vertices), faces)
+    colors = _linear(_corner_colors(real_array(color, "color", (3,)), len(vertices), faces))
+    shade = shade_of(faces) if np.ndim(color) == 1 else None
+    if shade is not None:
+        colors *= shade[faces][..., None]
     whole_number(height, "height", minimum=1)
     view = View() if view is None else view
     window = window_around(vertices, view) if window is None else window
@@ -154,8 +159,8 @@ def render(
     rows = shape[0] / 2 - (rotated[:, 1] - window.centre[1]) * scale
     corners = np.stack([columns, rows, rotated[:, 2]], axis=1)[faces]
     owner, picture = np.full(shape, -1), np.empty((height, width, 4), dtype=np.uint8)
-    _draw_triangles(corners, np.full(shape, -np.inf), owner)
-    _paint(corners, normals[faces], _linear(colors), *_light(), owner, picture)
+    draw_triangles(corners, np.full(shape, -np.inf), owner)
+    _paint(corners, normals[faces], colors, *_light(), owner, picture)
     return picture
 
 
@@ -175,6 +180,8 @@ def _corner_colors(colors: ndarray, n_vertices: int, faces: ndarray) -> ndarray:
 def surface_values(values: ArrayLike, n_vertices: int, n_faces: int) -> ndarray:
     """Return real values of triangles, or of vertices, checked; their number tells which.
 
+    NaN stands for values that are not known.
+
     Parameters
     ----------
     values : array_like, shape (..., F) or (..., V)
@@ -186,7 +193,10 @@ def surface_values(values: ArrayLike, n_vertices: int, n_faces: int) -> ndarray:
             f"values must have one number per triangle ({n_faces}) or vertex ({n_vertices}); "
             f"found shape {shape}"
         )
-    return real_array(values, "values", shape, batched=False)
+    numbers = np.asarray(values)
+    is_known = ~np.isnan(numbers) if numbers.dtype.kind == "f" else np.ones(shape, dtype=bool)
+    checked = real_array(np.where(is_known, numbers, 0.0), "values", shape, batched=False)
+    return np.where(is_known, checked, np.nan)
 
 
 @cache
@@ -214,40 +224,6 @@ def _linear(colors: ndarray) -> ndarray:
 
 
 @compiled
-def _draw_triangles(corners: ndarray, nearest: ndarray, owner: ndarray) -> None:
-    """Write the nearest triangle at the middle of each sample."""
-    # Corners, shape (F, 3, 3), are columns, rows and depths; greater depths are nearer.
-    height, width = owner.shape
-    for f in range(len(corners)):
-        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners[f]
-        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        # Rows count downwards, so triangles that face the eye are clockwise.
-        if not area < 0:
-            continue
-        top, bottom = np.ceil(min(ay, by, cy) - 0.5), np.floor(max(ay, by, cy) + 0.5)
-        left, right = np.ceil(min(ax, bx, cx) - 0.5), np.floor(max(ax, bx, cx) + 0.5)
-        for row in range(int(max(top, 0.0)), int(min(bottom, height))):
-            for column in range(int(max(left, 0.0)), int(min(right, width))):
-                a, b, c = _shares(corners[f], row + 0.5, column + 0.5)
-                depth = a * az + b * bz + c * cz
-                if min(a, b, c) >= 0 and depth > nearest[row, column]:
-                    nearest[row, column] = depth
-                    owner[row, column] = f
-
-
-@compiled
-def _shares(corners: ndarray, y: float, x: float) -> tuple[float, float, float]:
-    """Return barycentric coordinates."""
-    (ax, ay, _), (bx, by, _), (cx, cy, _) = corners
-    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    return (
-        ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area,
-        ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area,
-        ((ax - x) * (by - y) - (ay - y) * (bx - x)) / area,
-    )
-
-
-@compiled
 def _paint(
     corners: ndarray,
     normals: ndarray,
@@ -268,7 +244,7 @@ def _paint(
                 j = column * _SAMPLES + sample % _SAMPLES
                 f = owner[i, j]
                 if f >= 0:
-                    shares = _shares(corners[f], i + 0.5, j + 0.5)
+                    shares = shares_at(corners[f], i + 0.5, j + 0.5)
                     normal = _normal(normals[f], shares)
                     _shade(normal, lights, hemisphere, roughness, diffuse, mirrored)
                     sums[3] += 1.0

@@ -5,18 +5,13 @@ A page contains the surfaces, and three.js draws them; pictures replace them wit
 
 from __future__ import annotations
 
-import base64
 import json
 import os
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
 from html import escape
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-import jinja2
 import numpy as np
 from markupsafe import Markup
 from numpy import ndarray
@@ -24,10 +19,19 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number
 from riemhuman.datasets import load_open_model
+from riemhuman.datasets.motions import ModelMotion, Motion
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.measurements import open_measurements
+from riemhuman.plots._bones import bone_record
+from riemhuman.plots._films import FILM_ENDINGS, Film, save_film
+from riemhuman.plots._occlusion import shade_of
+from riemhuman.plots._packing import LEVELS, deflated, packed
+from riemhuman.plots._panels import Panel
+from riemhuman.plots._web_files import fill
+from riemhuman.plots._web_files import web_file as web_file
+from riemhuman.plots._web_files import web_templates as web_templates
 from riemhuman.plots.body_plots import plot_path
 from riemhuman.plots.figures import (
     MEAN,
@@ -54,43 +58,31 @@ from riemhuman.plots.rendering import (
 if TYPE_CHECKING:
     from riemhuman.motions import Warp
 
-_LEVELS = 2**16 - 1  # of coordinates
+SAVED_VIEWS = (".html", ".htm", ".png", *FILM_ENDINGS)
+"""Endings of the files that `save` of a viewer writes."""
+
 _SECONDS = 2.4  # a path is played in, unless its duration is given
 _STILL_HEIGHT = 480
 _MOST_IN_PICTURE = 8
+# Parts of the script, in their order.
 _SCRIPTS = (
-    "_ground",
-    "_body",
-    "_components",
-    "_gestures",
-    "",
-)  # parts of the script, in their order
+    "viewer_ground.js",
+    "viewer_motion.js",
+    "viewer_body.js",
+    "viewer_values.js",
+    "viewer_components.js",
+    "viewer_panels.js",
+    "scan_over_body.js",
+    "viewer_export.js",
+    "measurements.js",
+    "viewer_gestures.js",
+    "viewer.js",
+)
 _N_MATCHES = 8  # pairs of frames on the page of two motions
 _MATCH_HEIGHT = 200
 _NO_PART = 255
-
-
-@cache
-def web_templates(package: str) -> jinja2.Environment:
-    """Return the templates in the folder ``web`` of a subpackage."""
-    environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(partial(web_file, package)),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-    )
-    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
-    return environment
-
-
-@cache
-def web_file(package: str, name: str) -> str:
-    """Return a text file of the folder ``web`` of a subpackage."""
-    return (files(f"riemhuman.{package}") / "web" / name).read_text(encoding="utf-8")
-
-
-def _fill(template: str, **values: Any) -> Markup:
-    return Markup(web_templates("plots").get_template(template).render(**values))
+_STEP = 1e-4  # metres, of coordinates
+_AS_LARGE_AS_BODIES = 0.2  # metres
 
 
 def page_styles() -> str:
@@ -108,7 +100,7 @@ def page_scripts() -> str:
 
 def viewer_script() -> str:
     """Return the script of viewers, which needs three.js: the light, then one file a subject."""
-    own = "".join(web_file("plots", f"viewer{part}.js") for part in _SCRIPTS)
+    own = "".join(web_file("plots", name) for name in _SCRIPTS)
     light = json.dumps(json.loads(web_file("plots", "light.json")))
     return f"(() => {{\nconst LIGHT = {light};\n{own}}})();\n"
 
@@ -142,8 +134,9 @@ class ViewedBody:
     Parameters
     ----------
     label : str
-    frames : array, shape (n_times, V, 3)
-        Surfaces at equally spaced times, metres.
+    frames : array, shape (n_times, V, 3), or motion of a body model
+        Surfaces at equally spaced times, metres. The page poses a motion of a body model, such
+        as `ArrayMotion`, by its bones: it is tens of times smaller.
     color : tuple of float
         Red, green and blue between 0 and 1.
     values : array, shape (F,) or (V,), optional
@@ -154,6 +147,9 @@ class ViewedBody:
         Label of the colour scale.
     components : ComponentChanges, optional
         What the sliders of `view_components` change about the only surface in `frames`.
+    times : array, shape (n,), optional
+        Numbers of frames, also between two, that are shown at equally spaced times, such as those
+        of a motion that is aligned with another; by default each frame once.
 
     Examples
     --------
@@ -161,11 +157,12 @@ class ViewedBody:
     """
 
     label: str
-    frames: ndarray
+    frames: ndarray | ModelMotion
     color: tuple[float, float, float] = SKIN
     values: ndarray | None = None
     value_label: str = ""
     components: ComponentChanges | None = None
+    times: ndarray | None = None
 
     @property
     def limit(self) -> float:
@@ -200,6 +197,8 @@ class Viewer:
     parts : mapping of str to array of int, optional
         Triangles of each part of the body, whose name is shown beside the pointer; by default
         those of `MeasurementSet.parts` where the triangles are those of the open body model.
+    panel : Panel, optional
+        What else is drawn on the bodies, with controls beside them, such as a scan.
 
     Examples
     --------
@@ -215,6 +214,7 @@ class Viewer:
     below: str = ""
     frames_per_second: float | None = None
     parts: Mapping[str, ndarray] | None = None
+    panel: Panel | None = None
 
     def __post_init__(self) -> None:
         if not (self.choices and all(self.choices.values())):
@@ -243,7 +243,7 @@ class Viewer:
         shown_first, view = next(iter(self.choices.values())), View()
         data: dict[str, Any] = {
             # Neighbouring triangles have similar numbers.
-            "faces": _packed(self.faces.astype("<u4")),
+            "faces": packed(self.faces.astype("<u4")),
             "n_vertices": len(shown_first[0].frames[0]),
             "azimuth": view.azimuth,
             "elevation": view.elevation,
@@ -256,10 +256,15 @@ class Viewer:
         }
         if self.frames_per_second is not None:
             data["frames_per_second"] = self.frames_per_second
+        shade = shade_of(self.faces)
+        if shade is not None:
+            data["shade"] = deflated(np.round(255 * shade).astype(np.uint8))
         parts = _parts_of(self.faces) if self.parts is None else self.parts
         if parts:
             data["parts"] = _numbered_parts(parts, len(self.faces))
-        return _fill(
+        if self.panel is not None:
+            data["panel"] = {"name": self.panel.name, **self.panel.data()}
+        return fill(
             "viewer.html",
             identifier=identifier,
             title=self.title,
@@ -270,12 +275,13 @@ class Viewer:
             },
             moving=any(len(body.frames) > 1 for body in shown_first),
             shares=_component_shares(shown_first),
+            panel="" if self.panel is None else self.panel.html(identifier),
             data=data,
         )
 
     def page(self) -> str:
         """Return the self-contained HTML page."""
-        page = _fill(
+        page = fill(
             "viewer_page.html",
             title=self.title,
             description=self.description,
@@ -286,25 +292,45 @@ class Viewer:
         )
         return str(page)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str], *, progress: bool = False) -> None:
         """Write the page to a file for any browser, without a network connection, or a picture.
 
         Parameters
         ----------
         path : path_like
             ``x.html`` is the page; ``x.png`` is a picture of the first choice, twice as high
-            as the one that the page shows without WebGL.
+            as the one that the page shows without WebGL; ``x.gif`` and ``x.mp4`` (extra
+            ``video``) are films of it, in which bodies that do not move turn once.
+        progress : bool
+            Whether to show a progress bar while a film is drawn.
 
         Raises
         ------
         FileFormatError
             If the ending is another one.
+        MissingDependencyError
+            If the extra that writes films in MP4 is not installed.
         """
         file = file_path(path)
-        if suffix_of(file, (".html", ".htm", ".png")) == ".png":
-            write_bytes(file, png_bytes(self._picture(next(iter(self.choices.values())), 960)))
+        ending = suffix_of(file, SAVED_VIEWS)
+        bodies = next(iter(self.choices.values()))
+        if ending in FILM_ENDINGS:
+            if self.panel is not None:
+                raise ArgumentError(
+                    f"{file}: a film shows bodies alone; save this view as .html or .png"
+                )
+            film = Film(bodies, self.faces, self._duration(bodies), self.frames_per_second)
+            save_film(file, film, progress=progress)
+        elif ending == ".png":
+            write_bytes(file, png_bytes(self._picture(bodies, 960)))
         else:
             write_text(file, self.page())
+
+    def _duration(self, bodies: Sequence[ViewedBody]) -> float:
+        """Return the seconds that bodies play at speed 1."""
+        if self.frames_per_second is None:
+            return self.seconds
+        return (max(len(body.frames) for body in bodies) - 1) / self.frames_per_second
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, which separates it from the notebook."""
@@ -316,10 +342,13 @@ class Viewer:
 
     def _picture(self, bodies: Sequence[ViewedBody], height: int) -> ndarray:
         """Return a picture of a choice: bodies half way, or times of the path of a single body."""
+        shown = None if self.panel is None else self.panel.picture(height)
+        if shown is not None:
+            return shown
         if len(bodies) == 1:
             (body,) = bodies
             places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), 6))
-            bodies = [replace(body, frames=body.frames[[round(place)]]) for place in places]
+            bodies = [replace(body, frames=body.frames[round(place)][None]) for place in places]
         surfaces = [body.frames[len(body.frames) // 2] for body in bodies]
         colors = [
             body.color
@@ -353,41 +382,51 @@ def _numbered_parts(parts: Mapping[str, ndarray], n_faces: int) -> dict[str, Any
                 f"found {members.min()} to {members.max()}"
             )
         numbers[members] = number
-    return {"names": list(parts), "numbers": _deflated(numbers)}
+    return {"names": list(parts), "numbers": deflated(numbers)}
 
 
 def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
-    """Return the data of a body in types that JSON can hold; coordinates have 16 bits."""
-    low = body.frames.min(axis=(0, 1))
-    step = np.maximum(body.frames.max(axis=(0, 1)) - low, 1e-9) / _LEVELS
-    integers = np.round((body.frames - low) / step).astype("<u2")
+    """Return the data of a body in types that JSON can hold."""
     red, green, blue = (round(255 * channel) for channel in body.color)
-    record = {
+    record: dict[str, Any] = {
         "label": body.label,
-        "n_frames": len(integers),
-        # Differences in time, or along the surface of a single frame, are small.
-        "frames": _packed(
-            integers.reshape(len(integers), -1) if len(integers) > 1 else integers[0]
-        ),
-        "low": low.tolist(),
-        "step": step.tolist(),
+        "n_frames": len(body.frames),
         "color": f"#{red:02x}{green:02x}{blue:02x}",
     }
+    if isinstance(body.frames, ModelMotion):
+        record["bones"] = bone_record(body.frames)
+    else:
+        record |= _coordinates(body.frames)
+    if body.times is not None:
+        record["times"] = np.round(body.times, 3).tolist()
     if body.values is not None:
         colors = value_colors(_vertex_values(body, faces), body.limit, signed=body.signed)
-        record["colors"] = _deflated(np.round(255 * colors).astype(np.uint8))
-        record["values"] = _deflated(body.values.astype("<f4"))
+        record["colors"] = deflated(np.round(255 * colors).astype(np.uint8))
+        record["values"] = deflated(body.values.astype("<f4"))
         record["largest"] = body.limit
         record["signed"] = body.signed
         record["scale"] = SIGNED_COLORS if body.signed else VALUE_COLORS
         record["value_label"] = body.value_label
     if body.components is not None:
         changes = (body.components.linear, body.components.quadratic)
-        packed = [[_packed_changes(each) for each in pair] for pair in zip(*changes, strict=True)]
+        pairs = [[_packed_changes(each) for each in pair] for pair in zip(*changes, strict=True)]
         record["components"] = [
-            {"linear": linear, "quadratic": quadratic} for linear, quadratic in packed
+            {"linear": linear, "quadratic": quadratic} for linear, quadratic in pairs
         ]
     return record
+
+
+def _coordinates(frames: ndarray) -> dict[str, Any]:
+    """Return the coordinates of all frames as whole numbers of 16 bits."""
+    low = frames.min(axis=(0, 1))
+    size = frames.max(axis=(0, 1)) - low
+    step = np.maximum(size, 1e-9) / LEVELS
+    # What is as large as a body is told to 0.1 mm, which compresses better.
+    step = np.where(size > _AS_LARGE_AS_BODIES, np.maximum(step, _STEP), step)
+    integers = np.round((frames - low) / step).astype("<u2")
+    # Differences in time, or along the surface of a single frame, are small.
+    rows = integers.reshape(len(integers), -1) if len(integers) > 1 else integers[0]
+    return {"frames": packed(rows), "low": low.tolist(), "step": step.tolist()}
 
 
 def _component_shares(bodies: Sequence[ViewedBody]) -> list[float]:
@@ -398,9 +437,9 @@ def _component_shares(bodies: Sequence[ViewedBody]) -> list[float]:
 
 def _packed_changes(changes: ndarray) -> dict[str, Any]:
     """Return displacements, shape (V, 3), as signed whole numbers of 16 bits, and their step."""
-    step = max(float(np.abs(changes).max()), 1e-9) / (_LEVELS // 2)
+    step = max(float(np.abs(changes).max()), 1e-9) / (LEVELS // 2)
     integers = np.round(changes / step).astype("<i2")
-    return {"step": step, "changes": _packed(integers.view("<u2"))}
+    return {"step": step, "changes": packed(integers.view("<u2"))}
 
 
 def _vertex_values(body: ViewedBody, faces: ndarray) -> ndarray:
@@ -408,25 +447,13 @@ def _vertex_values(body: ViewedBody, faces: ndarray) -> ndarray:
     values = np.asarray(body.values)
     if len(values) != len(faces):
         return values
-    counts = np.bincount(faces.ravel(), minlength=body.frames.shape[1])
+    counts = np.bincount(faces.ravel(), minlength=len(body.frames[0]))
     sums = np.bincount(faces.ravel(), np.repeat(values, 3), len(counts))
     return np.asarray(sums / np.maximum(counts, 1))
 
 
-def _packed(rows: ndarray) -> str:
-    """Return differences of successive rows, bytes of one significance together, compressed."""
-    differences = rows.copy()
-    differences[1:] -= rows[:-1]  # unsigned integers wrap around
-    planes = differences.reshape(-1, 1).view(np.uint8).T
-    return _deflated(planes)
-
-
-def _deflated(array: ndarray) -> str:
-    return base64.b64encode(zlib.compress(np.ascontiguousarray(array).tobytes(), 9)).decode("ascii")
-
-
 def view_path(
-    path: ArrayLike | Sequence[Any] | Mapping[str, ArrayLike],
+    path: ArrayLike | Sequence[Any] | Motion | Mapping[str, ArrayLike | Motion],
     faces: ArrayLike | None = None,
     *,
     side_by_side: bool = False,
@@ -440,10 +467,11 @@ def view_path(
 
     Parameters
     ----------
-    path : array_like, shape (n_times, V, 3), sequence of meshes, or mapping of str to such
-        Surfaces at equally spaced times, metres, y up; several paths by name.
+    path : array_like, shape (n_times, V, 3), sequence of meshes, motion, or mapping of str to such
+        Surfaces at equally spaced times, metres, y up; several paths by name. The page poses
+        motions of body models by their bones, which keeps it small.
     faces : array_like, shape (F, 3), optional
-        Triangles; none for mesh objects.
+        Triangles; none for mesh objects and motions.
     side_by_side : bool
         Whether to play several paths beside each other instead.
     legend, title, description : str
@@ -459,12 +487,16 @@ def view_path(
     >>> viewer = rh.plots.view_path(bodies.points[:4], bodies.template.faces)
     >>> motion = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
     >>> rate = motion.frames_per_second
-    >>> viewer = rh.plots.view_path(motion[:30], motion.faces, frames_per_second=rate)
+    >>> viewer = rh.plots.view_path(motion, frames_per_second=rate)
     """
     paths = path if isinstance(path, Mapping) else {"": path}
-    frames = {}
+    frames: dict[str, ndarray | ModelMotion] = {}
     triangles: Any = faces
     for name, given in paths.items():
+        if isinstance(given, Motion):
+            triangles = given.faces if triangles is None else triangles
+            frames[name] = given if isinstance(given, ModelMotion) else given[:]
+            continue
         surfaces, triangles = as_surfaces(given, triangles)
         frames[name] = real_array(surfaces, "path", ("n_times", "n_vertices", 3), batched=False)
     if side_by_side:
@@ -621,7 +653,7 @@ def view_alignment(
         )
         for k in np.linspace(0, last, min(_N_MATCHES, last + 1)).round().astype(int)
     }
-    below = _fill(
+    below = fill(
         "alignment.html",
         first=names[0],
         second=names[1],

@@ -18,6 +18,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path
 from riemhuman.io.meshes import load_mesh
 from riemhuman.plots.component_views import view_components
+from riemhuman.plots.scan_views import view_scan
 from riemhuman.plots.viewer import Viewer, view_bodies, view_path
 from riemhuman.registration import RegisteredScan
 from riemhuman.solvers import MeanResult, PathResult, TangentPCA
@@ -39,8 +40,8 @@ def view(shown: Any, faces: ArrayLike | None = None) -> Viewer:
     shown : object
         A body or several: an array of shape (V, 3) or (n, V, 3), a mesh or a sequence of meshes;
         `Bodies`, of which the first ten are shown; a motion, which plays in seconds; the path or
-        mean of a solver; a registered scan; a fitted `TangentPCA`, with a slider for each
-        component; a template or body model; or the path of a mesh or recording.
+        mean of a solver; a registered scan, over its body; a fitted `TangentPCA`, with a slider
+        for each component; a template or body model; or the path of a mesh or recording.
     faces : array_like, shape (F, 3), optional
         Triangles, metres and y up as everywhere; needed for arrays, paths and means.
 
@@ -73,8 +74,8 @@ def _(shown: Bodies, faces: ArrayLike | None = None) -> Viewer:
 @view.register
 def _(shown: Motion, faces: ArrayLike | None = None) -> Viewer:
     return view_path(
-        shown[:],
-        shown.faces if faces is None else faces,
+        shown,
+        faces,
         title=shown.sequence or "Motion",
         frames_per_second=shown.frames_per_second,
     )
@@ -94,8 +95,7 @@ def _(shown: MeanResult, faces: ArrayLike | None = None) -> Viewer:
 
 @view.register
 def _(shown: RegisteredScan, faces: ArrayLike | None = None) -> Viewer:
-    title = "Registered scan" if shown.trusted else "Registered scan, not trusted"
-    return view_bodies(shown.points, shown.faces if faces is None else faces, title=title)
+    return view_scan(shown)
 
 
 @view.register

@@ -15,6 +15,7 @@ from riemhuman.registration.registered_scans import RegisteredScan
 from riemhuman.registration.registration_traces import RegistrationTrace
 from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan, find_inward_triangles, load_landmarks, load_scan
+from riemhuman.registration.scans_over_bodies import ScanOverBody, lay_over_body
 from riemhuman.registration.settings import (
     ArmSettings,
     AssignmentSettings,
@@ -49,6 +50,7 @@ __all__ = [
     "RivalSettings",
     "Scan",
     "ScanCorrespondence",
+    "ScanOverBody",
     "ScanRecord",
     "ScanRegistration",
     "SearchRound",
@@ -60,6 +62,7 @@ __all__ = [
     "correspondence",
     "find_inward_triangles",
     "geodesic_errors",
+    "lay_over_body",
     "load_landmarks",
     "load_scan",
     "read_records",

@@ -8,12 +8,15 @@ explanation of the same points. If it is nearly as near to them, either may be r
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.bodies import rotation_matrix
+from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.kernels.threads import mapped
+from riemhuman.registration._arm_positions import elbow_bend, move_hand, swing_elbow
 from riemhuman.registration._arm_surfaces import ArmSurface
 from riemhuman.registration._arms_and_hands import (
     BodyFit,
@@ -24,7 +27,7 @@ from riemhuman.registration._arms_and_hands import (
     points_on,
 )
 from riemhuman.registration._dense_fit import DenseTask
-from riemhuman.registration._posed_body import Pose, pose_body
+from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body
 from riemhuman.registration._scan_preparation import N_THREADS
 from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration.settings import RivalSettings
@@ -42,6 +45,19 @@ class LimbDoubt:
     reason: str
 
 
+@dataclass(frozen=True)
+class _Limb:
+    """A part of the body that is fitted alone from other starts."""
+
+    vertices: np.ndarray  # numbers of those that are compared
+    joints: np.ndarray  # those that move
+    samples: ModelSamples
+    arm: ArmSurface | None = None  # whose unlikely bends count
+
+    def strain(self, pose: Pose) -> float:
+        return 1.0 if self.arm is None else self.arm.strain(pose.local)
+
+
 def find_limb_doubts(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
     """Return the limbs of a fitted body that something else explains almost as well."""
     touching = _touching_hands(body, settings)
@@ -50,6 +66,7 @@ def find_limb_doubts(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
         others += _turned_arm(body, arm, settings)
     for arm, fits in body.hand_fits.items():
         others += _other_hand(body, arm, fits, settings)
+        others += _arm_elsewhere(body, arm, settings)
     others += _turned_head(body, settings)
     for joint in ("elbow", "knee"):
         others += _exchanged_limbs(body, joint, settings)
@@ -104,7 +121,7 @@ def _other_hand(
 ) -> list[LimbDoubt]:
     """Return doubt about fingers that are almost as near to the scan in another pose."""
     best = min(fits, key=lambda fit: fit.cost)
-    if best.cost > np.hypot(settings.doubtful_hand_metres, body.task.scan.noise):
+    if best.cost > settings.most_hand_excess * _usual_distance(body, arm, settings):
         return _doubts_about(body, arm.on_hand, f"{arm.side} hand: no pose of it fits the scan")
     displaced = np.zeros(len(arm.vertices), dtype=bool)
     for rival in fits:
@@ -114,53 +131,133 @@ def _other_hand(
     return _doubts_about(body, arm.vertices[displaced], reason)
 
 
+def _usual_distance(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> float:
+    """Return the mean distance of points from a hand where the model fits it like its arm, metres.
+
+    The noise of a scan and what the model cannot show of a person are in both.
+    """
+    task, parts, pose = body.task, body.task.body.parts, body.fit.pose
+    on_arm = np.flatnonzero(np.isin(parts.owners, arm.joints[1:-1]))
+    points = points_on(task, pose, on_arm)
+    if not len(points):
+        return settings.least_usual_metres
+    points = points[:: max(len(points) // settings.n_compared, 1)]
+    around = np.flatnonzero(parts.vertices([int(arm.joints[0])]))
+    surface = pose_body(task.body.samples(None).only(around), pose).points
+    usual = _mean_distance(points, surface, _faces_of(body, around), arm.settings.hand_metres)
+    return max(usual, settings.least_usual_metres)
+
+
+def _arm_elsewhere(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> list[LimbDoubt]:
+    """Return doubt about an arm that is almost as near to the scan in another position."""
+    skeleton, pose = arm.samples.skeleton, body.fit.pose
+    vertices = np.flatnonzero(body.task.body.parts.vertices(arm.joints[1:].tolist()))
+    limb = _Limb(vertices, arm.joints[1:], arm.samples, arm)
+    swings, shifts = [], []
+    if elbow_bend(skeleton, pose, arm.joints) > settings.least_swung:
+        swings = [swing_elbow(skeleton, pose, arm.joints, by) for by in settings.elbow_swings]
+    inward = find_contact(body, arm, settings)
+    if inward is not None:
+        shifts = [move_hand(skeleton, pose, arm.joints, by * inward) for by in settings.across]
+    starts = [*swings, *shifts]
+    displaced = _displaced_in_rivals(body, limb, starts, settings.least_margin, settings)
+    by_swings, by_shifts = displaced[: len(swings)], displaced[len(swings) :]
+    elsewhere = f"{arm.side} arm: {_EQUAL}, in which the elbow points elsewhere"
+    across = f"{arm.side} arm: {_EQUAL}, in which the hand is on the other side of what it touches"
+    return [
+        *_doubts_about(body, vertices[by_swings.any(axis=0)], elsewhere),
+        *_doubts_about(body, vertices[by_shifts.any(axis=0)], across),
+    ]
+
+
+def find_contact(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> np.ndarray | None:
+    """Return the direction from a hand into what it touches, None if it touches little."""
+    parts, points, faces = body.task.body.parts, body.fit.points, body.task.body.model.faces
+    hand = np.flatnonzero(parts.vertices([int(arm.joints[-1])]))
+    others = faces[~parts.vertices(arm.joints[1:].tolist())[faces].any(axis=1)]
+    places, gaps = nearest_points(points[hand], points, others)
+    touching = gaps < settings.touching_metres
+    if np.mean(touching) < settings.crossing_share:
+        return None
+    normals = vertex_normals(points, faces)[others[places.triangles[touching], 0]]
+    inward: np.ndarray = -unit_vectors(normals.mean(axis=0))
+    return inward
+
+
 def _turned_head(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
     """Return doubt about a head that is almost as near to the scan turned or nodded otherwise."""
     task, parts, pose = body.task, body.task.body.parts, body.fit.pose
     joints = parts.numbers("neck", "head")
     if len(joints) < 2:
         return []
-    head = np.flatnonzero(parts.vertices(joints[1:]))
-    seen = points_on(task, pose, head)
-    if not len(seen):
-        return []
-    seen = seen[:: max(len(seen) // settings.n_compared, 1)]
     on_neck = parts.vertices(joints)
     samples = task.samples.only((task.samples.numbers >= 0) & on_neck[task.samples.numbers])
-
-    def fit_from(turn: tuple[float, float]) -> Pose:
+    limb = _Limb(np.flatnonzero(parts.vertices(joints[1:])), np.array(joints), samples)
+    starts = []
+    for turn in settings.head_turns:
         local = pose.local.copy()
         local[joints[1]] = local[joints[1]] @ rotation_matrix(np.radians([*turn, 0.0]))
-        start = pose._replace(local=local)
-        return fit_joints(task, np.array(joints), samples, task.prior, start)
-
-    poses = [pose, *mapped(fit_from, ((0.0, 0.0), *settings.head_turns), N_THREADS)]
-    surfaces = [task.body.surface(each) for each in poses]
-    costs = _mean_distances(body, seen, head, surfaces, settings)
-    displaced = np.zeros(len(head), dtype=bool)
-    for surface, cost in zip(surfaces, costs, strict=True):
-        if cost < (1.0 + settings.head_margin) * min(costs[:2]):
-            displaced |= _displaced(surfaces[0][head], surface[head], settings)
+        starts.append(pose._replace(local=local))
+    displaced = _displaced_in_rivals(body, limb, starts, settings.head_margin, settings)
     reason = f"head: {_EQUAL}, in which it is turned or nods differently"
-    return _doubts_about(body, head[displaced], reason)
+    return _doubts_about(body, limb.vertices[displaced.any(axis=0)], reason)
 
 
-def _mean_distances(
-    body: BodyFit,
-    points: np.ndarray,
-    vertices: np.ndarray,
-    surfaces: list[np.ndarray],
-    settings: RivalSettings,
-) -> list[float]:
-    """Return the mean distance of points from some vertices' part of each surface, metres."""
+def _displaced_in_rivals(
+    body: BodyFit, limb: _Limb, starts: list[Pose], margin: float, settings: RivalSettings
+) -> np.ndarray:
+    """Return which vertices of a limb are elsewhere in rivals almost as near, a row for each start.
+
+    The limb is fitted from where it is, too: what it leaves then is elsewhere in all rows.
+    """
+    task, pose, vertices = body.task, body.fit.pose, limb.vertices
+    displaced = np.zeros((len(starts), len(vertices)), dtype=bool)
+    seen = points_on(task, pose, vertices) if starts else vertices[:0]
+    if not len(seen):
+        return displaced
+    seen = seen[:: max(len(seen) // settings.n_compared, 1)]
+    skin = task.body.samples(None).only(vertices)
+    faces = _faces_of(body, vertices)
+
+    def surfaces_of(poses: list[Pose]) -> list[np.ndarray]:
+        return [pose_body(skin, each).points for each in poses]
+
+    def costs_of(poses: list[Pose], points: np.ndarray) -> np.ndarray:
+        farthest = settings.exchanged_metres
+        distances = [_mean_distance(points, each, faces, farthest) for each in surfaces_of(poses)]
+        return np.array(distances) * [limb.strain(each) for each in poses]
+
+    def fit(starts: list[Pose], scales: tuple[float, ...]) -> list[Pose]:
+        fit_one = partial(fit_joints, task, limb.joints, limb.samples, task.prior, scales=scales)
+        return list(mapped(fit_one, starts, N_THREADS))
+
+    n_first, scales = task.body.settings.arms.n_first_steps, task.body.settings.dense.scales
+    first = fit([pose, *starts], scales[:n_first])
+    costs = costs_of([pose, *first], seen[:: settings.n_compared_first])
+    # What is still far away then comes no nearer.
+    near = np.flatnonzero(costs[2:] < settings.most_farther * min(costs[:2]))
+    poses = [pose, *fit([first[0], *(first[1 + k] for k in near)], scales[n_first:])]
+    costs, surfaces = costs_of(poses, seen), surfaces_of(poses)
+    for k, surface, cost in zip(near, surfaces[2:], costs[2:], strict=True):
+        if cost < (1.0 + margin) * min(costs[:2]):
+            displaced[k] = _displaced(surfaces[0], surface, settings)
+    return displaced | _displaced(surfaces[0], surfaces[1], settings)
+
+
+def _faces_of(body: BodyFit, vertices: np.ndarray) -> np.ndarray:
+    """Return the triangles of some vertices, numbered among these."""
     faces = body.task.body.model.faces
-    faces = faces[np.isin(faces, vertices).all(axis=1)]
-    return [
-        float(
-            np.minimum(nearest_points(points, surface, faces)[1], settings.exchanged_metres).mean()
-        )
-        for surface in surfaces
-    ]
+    numbers = np.full(len(body.fit.points), -1)
+    numbers[vertices] = np.arange(len(vertices))
+    of_limb: np.ndarray = numbers[faces]
+    return of_limb[(of_limb >= 0).all(axis=1)]
+
+
+def _mean_distance(
+    points: np.ndarray, surface: np.ndarray, faces: np.ndarray, farthest: float
+) -> float:
+    """Return the mean distance of points from a surface, metres."""
+    return float(np.minimum(nearest_points(points, surface, faces)[1], farthest).mean())
 
 
 def _displaced(surface: np.ndarray, rival: np.ndarray, settings: RivalSettings) -> np.ndarray:
@@ -194,11 +291,14 @@ def _exchanged_limbs(body: BodyFit, joint: str, settings: RivalSettings) -> list
     if not len(seen):
         return []
     rival = _exchange(task, body.fit.pose, joint)
-    surfaces = [task.body.surface(pose) for pose in (body.fit.pose, rival)]
-    costs = _mean_distances(body, seen, both, surfaces, settings)
-    if costs[1] > (1.0 + settings.least_margin) * costs[0]:
+    surface, exchanged = (task.body.surface(pose)[both] for pose in (body.fit.pose, rival))
+    faces, farthest = _faces_of(body, both), settings.exchanged_metres
+    cost, rival_cost = (
+        _mean_distance(seen, each, faces, farthest) for each in (surface, exchanged)
+    )
+    if rival_cost > (1.0 + settings.least_margin) * cost:
         return []
-    displaced = _displaced(surfaces[0][both], surfaces[1][both], settings)
+    displaced = _displaced(surface, exchanged, settings)
     limbs = "arms" if joint == "elbow" else "legs"
     return _doubts_about(body, both[displaced], f"{limbs}: they cross, and {_EQUAL}")
 

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage, sparse
+from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import ConvexHull, cKDTree
 
@@ -431,6 +431,8 @@ def _find_strays(
     points: np.ndarray, wanted: np.ndarray, settings: PreparationSettings
 ) -> np.ndarray:
     """Return which points belong to small separate parts."""
+    from scipy.ndimage import label  # takes long to import
+
     strays = np.zeros(len(points), dtype=bool)
     chosen = points[wanted]
     if not len(chosen):
@@ -447,7 +449,7 @@ def _find_strays(
     cells = np.floor((chosen[inside] - low) / width).astype(np.int64)
     grid = np.zeros(np.ceil((high - low) / width).astype(int) + 1, dtype=bool)
     grid[tuple(cells.T)] = True
-    labels, _ = ndimage.label(grid, structure=np.ones((3, 3, 3)))
+    labels, _ = label(grid, structure=np.ones((3, 3, 3)))
     parts = labels[tuple(cells.T)]
     areas = _areas(spacing, settings)
     sizes = np.bincount(parts, areas[inside])

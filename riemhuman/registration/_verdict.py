@@ -58,7 +58,6 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
     """Return what is trusted of a body fitted to the scan of a search."""
     body, scan, fit = search.body, search.scan, fitted.fit
     settings, parts, whole = body.settings.trust, body.parts, scan.whole
-    limb_rivals = find_limb_doubts(fitted, body.settings.rivals)
     places, distances = nearest_points(whole.points, fit.points, body.model.faces)
     background = scan.background | find_hair(body, fit.model_points, whole.points)
     visible = body.find_visible(fit.model_points, scan.points, search.candidates[0].up)
@@ -73,6 +72,8 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
     if limb_doubts:
         limb = int(np.argmin(parts.shares(found.matched)))
         trusted_vertices &= ~parts.limb_vertices(limb)
+    # Of a body that is refused no vertex is trusted, so that its limbs need no rivals.
+    limb_rivals = [] if doubts else find_limb_doubts(fitted, body.settings.rivals)
     rivals = [doubt for doubt in limb_rivals if (doubt.vertices & trusted_vertices).any()]
     for doubt in rivals:
         trusted_vertices = trusted_vertices & ~doubt.vertices

@@ -49,6 +49,8 @@ class VertexPlaces:
     A vertex lies at a height above a point of the source, along the interpolated normal. On other
     bodies, this offset turns with the neighbourhoods of the corners of the triangle, and grows with
     the local size of the source.
+
+    Where weights were learned, as from a coarser source, they take the place of the offset.
     """
 
     faces: np.ndarray  # (F, 3) of the source
@@ -59,6 +61,8 @@ class VertexPlaces:
     target: np.ndarray  # (n, 3) that of the target, in the same pose
     target_faces: np.ndarray
     parts: tuple[FilledPart, ...]
+    columns: np.ndarray | None = None  # (n, k) vertices of the source that are combined
+    weights: np.ndarray | None = None  # (n, k)
 
     @cached_property
     def matrix(self) -> sparse.csr_array:
@@ -70,6 +74,15 @@ class VertexPlaces:
             (np.repeat(np.arange(n_points), 3), corners.ravel()),
         )
         return sparse.csr_array(entries, shape=(n_points, self.n_source))
+
+    @cached_property
+    def reconstruction(self) -> sparse.csr_array | None:
+        """The matrix (n, n_source) of the weights that were learned, or None."""
+        if self.columns is None or self.weights is None:
+            return None
+        rows = np.repeat(np.arange(len(self.columns)), self.columns.shape[1])
+        entries = (self.weights.ravel(), (rows, self.columns.ravel()))
+        return sparse.csr_array(entries, shape=(len(self.columns), self.n_source))
 
     @cached_property
     def _sizes(self) -> np.ndarray:
@@ -94,6 +107,17 @@ class VertexPlaces:
 
     def apply(self, surface: np.ndarray) -> np.ndarray:
         """Return the target's vertices for a surface of the source, shape (n_source, 3)."""
+        points: np.ndarray
+        if self.reconstruction is None:
+            points = self._carried(surface)
+        else:
+            points = self.reconstruction @ surface
+        for filler in self._fillers:
+            points[filler.part.vertices] = filler.fill(points)
+        return points
+
+    def _carried(self, surface: np.ndarray) -> np.ndarray:
+        """Return the target's vertices above their places."""
         # An offset is carried by the rotations of the corners: where the source bends, the height
         # along the normal alone would not follow the curve between its vertices.
         rotations = self._vertex_rotations(surface)
@@ -102,8 +126,6 @@ class VertexPlaces:
         offsets = np.einsum("nxy,ny->nx", blended, self.target) - self.matrix @ carried
         factors = self._local_sizes(surface) / self._sizes
         points: np.ndarray = self.matrix @ surface + factors[:, np.newaxis] * offsets
-        for filler in self._fillers:
-            points[filler.part.vertices] = filler.fill(points)
         return points
 
     @cached_property

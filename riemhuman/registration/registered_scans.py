@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from riemhuman.bodies import ModelFit
+from riemhuman.provided import View, notebook_pictures
 from riemhuman.registration.registration_traces import RegistrationTrace
 from riemhuman.registration.scans import Scan
 from riemhuman.surfaces.nearest_points import SurfacePoints
@@ -88,6 +89,13 @@ class RegisteredScan:
     def upright_points(self) -> np.ndarray:
         """The registered surface in upright axes, facing z, on the ground; shape (V, 3), metres."""
         return apply_transform(self.transform, self.points)
+
+    def view(self) -> View:
+        """Return a page with the scan over the body, see `riemhuman.plots.view_scan`.
+
+        A notebook shows it; ``.save("x.html")`` writes it.
+        """
+        return notebook_pictures().view(self)
 
     def __repr__(self) -> str:
         share = 100.0 * self.matched.mean()

@@ -17,6 +17,7 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.memory import enough_memory
 from riemhuman.progress import ProgressBar
 from riemhuman.registration._pipeline import ModelAndHalves, ScanTask, register_scan
 from riemhuman.registration._posed_body import Pose
@@ -81,6 +82,7 @@ class ScanRegistration:
         if not isinstance(self.settings, RegistrationSettings):
             refuse_type(self.settings, "settings", "RegistrationSettings")
 
+    @enough_memory("the registration of this scan", "thin it out, or register to a coarser model")
     def solve(
         self,
         scan: Any,

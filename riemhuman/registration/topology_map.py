@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from riemhuman.bodies import BodyModel, ModelFit
 from riemhuman.checks import check_same_scale, one_of, real_array, refuse_type
 from riemhuman.datasets import load_open_model
+from riemhuman.datasets.photographed_bodies import standing_axis, turn_upright
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, format_errors
@@ -21,6 +22,11 @@ from riemhuman.io.meshes import as_arrays, load_mesh
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.registration._scan_preparation import split_triangles
+from riemhuman.registration._topology_weights import (
+    combined_vertices,
+    example_people,
+    learned_weights,
+)
 from riemhuman.registration._vertex_places import (
     FilledPart,
     VertexPlaces,
@@ -66,6 +72,8 @@ _ARRAYS = (
     "model_part_numbers",
     "message",
 )
+# Of one direction, and not in older files.
+_LEARNED = ("to_model_columns", "to_model_weights", "to_template_columns", "to_template_weights")
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +81,13 @@ class TopologyMap:
     """A map between the bodies of a body model and those of another topology.
 
     Every vertex of each mesh has a place on the other: a triangle, barycentric coordinates, and a
-    height along the interpolated normal, which turns and grows with the triangles around it. A map
-    is made once, by registration of one or several bodies of the other topology, and takes
-    milliseconds a body from then on. On simulated people of another mesh, other people in other
-    poses come 2.5 mm from their places in the mean (tests/registration/test_topology_map.py).
+    height along the interpolated normal, which turns and grows with the triangles around it.
+    Between the vertices of a coarser mesh, where flat triangles miss the body, each vertex is a
+    weighted mean of those around its place, with weights learned from simulated people of the
+    model. A map is made once, by registration of one or several bodies of the other topology, and
+    takes milliseconds a body from then on. On simulated people of another mesh, other people in
+    other poses come within 3 mm of their places in the mean, and there and back, through the coarse
+    model too, within 1 mm (tests/registration/test_topology_map.py asserts it).
 
     Use it to convert bodies that exist. `transfer_model` makes instead a body model of the other
     topology, with skinning weights and shape directions, to make and pose new bodies.
@@ -114,7 +125,12 @@ class TopologyMap:
 
     @classmethod
     def fit(
-        cls, template: Any, model: BodyModel | None = None, *, faces: Any = None
+        cls,
+        template: Any,
+        model: BodyModel | None = None,
+        *,
+        faces: Any = None,
+        up: str | None = None,
     ) -> TopologyMap:
         """Make a map from bodies of the other topology.
 
@@ -128,6 +144,9 @@ class TopologyMap:
             By default the open model at full resolution.
         faces : array_like of int, shape (F, 3), optional
             Triangles, where `template` is an array of vertices alone.
+        up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+            Axis that points up in the bodies, which are turned upright. By default it is found by
+            the feet of the first one; registration finds out where that is in doubt.
 
         Raises
         ------
@@ -138,8 +157,10 @@ class TopologyMap:
         model = load_open_model() if model is None else model
         if not isinstance(model, BodyModel):
             refuse_type(model, "model", "a BodyModel")
+        one_of(up, "up", (None, *AXES))
         points, triangles = _bodies_and_faces(template, faces)
         _check_bodies(points, points[0], triangles, "template", model.template.vertices)
+        points = turn_upright(points, up=up or standing_axis(points[0], triangles))
         dense, kept = _dense_model(model)
         with single_threaded_libraries():
             results = [_register(body, triangles, dense) for body in points]
@@ -147,14 +168,13 @@ class TopologyMap:
             registered = _mean_surface(points, triangles, surfaces, dense)
             reference = _rounded(points[0])
             there = _symmetric_places(reference, triangles, _rounded(registered), dense)
-            registered = registered if there is None else there
-            return cls._from_surfaces(
-                model,
-                reference,
-                triangles,
-                _rounded(registered[kept]),
-                "; ".join(dict.fromkeys(each.message for each in results if each.message)),
-            )
+            registered = _rounded(registered if there is None else there)
+            message = "; ".join(dict.fromkeys(each.message for each in results if each.message))
+            fine = cls._from_surfaces(dense, reference, triangles, registered, message)
+            if dense is model:
+                return fine._with_learned_weights(fine, kept)
+            found = cls._from_surfaces(model, reference, triangles, registered[kept], message)
+            return found._with_learned_weights(fine, kept)
 
     @classmethod
     def _from_surfaces(
@@ -194,6 +214,26 @@ class TopologyMap:
                 to_template, registered, model.faces, reference, triangles, template_parts
             ),
         )
+
+    def _with_learned_weights(self, fine: TopologyMap, kept: np.ndarray) -> TopologyMap:
+        """Return the map with weights that are learned from people of the model.
+
+        Their bodies are known. On the template, they are where the places of a dense model put
+        them, which needs no weights.
+
+        `fine` is the map of the dense model, of whose vertices the model has those in `kept`.
+        """
+        people = example_people(fine.model)
+        templates = np.stack([fine.template_places.apply(body) for body in people])
+        bodies = people[:, kept]
+        to_model = _learned(self.model_places, self.template_places.parts, [templates], bodies)
+        if self.model.n_vertices >= self.n_template_vertices:
+            return replace(self, model_places=to_model)
+        # From what comes from the template, too, so that bodies return to where they were.
+        returned = np.stack([to_model.apply(body) for body in templates])
+        lacking = self.model_places.parts
+        to_template = _learned(self.template_places, lacking, [bodies, returned], templates)
+        return replace(self, model_places=to_model, template_places=to_template)
 
     @property
     def n_template_vertices(self) -> int:
@@ -356,7 +396,7 @@ class TopologyMap:
         FileFormatError
             If the file holds no map, or one of another model.
         """
-        arrays = load_arrays(path, _ARRAYS, optional=[])
+        arrays = load_arrays(path, _ARRAYS, optional=_LEARNED)
         file = file_path(path)
         with format_errors(file, "a topology map"):
             template, registered = (
@@ -370,13 +410,19 @@ class TopologyMap:
             to_template = _read_places("to_template", arrays, len(template), len(model_faces))
             model_parts = _read_parts("model", arrays, len(registered))
             template_parts = _read_parts("template", arrays, len(template))
-        return cls(
-            chosen,
-            faces,
-            str(arrays["message"]),
-            _vertex_places(to_model, template, faces, registered, model_faces, model_parts),
-            _vertex_places(to_template, registered, model_faces, template, faces, template_parts),
-        )
+            model_places = _with_read_weights(
+                "to_model",
+                arrays,
+                _vertex_places(to_model, template, faces, registered, model_faces, model_parts),
+            )
+            template_places = _with_read_weights(
+                "to_template",
+                arrays,
+                _vertex_places(
+                    to_template, registered, model_faces, template, faces, template_parts
+                ),
+            )
+        return cls(chosen, faces, str(arrays["message"]), model_places, template_places)
 
 
 def nearest_like(
@@ -417,6 +463,37 @@ def _vertex_places(
         target_faces=target_faces,
         parts=parts,
     )
+
+
+def _learned(
+    places: VertexPlaces,
+    lacking: Sequence[FilledPart],
+    sources: Sequence[np.ndarray],
+    targets: np.ndarray,
+) -> VertexPlaces:
+    """Return places with weights, learned from the same people on both surfaces.
+
+    `lacking` are the parts of the source without counterpart.
+    """
+    usable = np.ones(places.n_source, dtype=bool)
+    for part in lacking:
+        usable[part.vertices] = False
+    corners = places.faces[places.places.triangles]
+    columns = combined_vertices(places.target, places.source, corners, usable)
+    weights = learned_weights(
+        np.concatenate(sources),
+        np.concatenate([targets] * len(sources)),
+        columns,
+        places.places.barycentric,
+    )
+    return _with_weights(places, columns, weights)
+
+
+def _with_weights(places: VertexPlaces, columns: np.ndarray, weights: np.ndarray) -> VertexPlaces:
+    """Return places with weights as a file holds them, whose rows sum to one."""
+    rounded = _rounded(weights)
+    rounded[:, 0] += 1.0 - rounded.sum(axis=1)
+    return replace(places, columns=columns, weights=rounded)
 
 
 def _applied(places: VertexPlaces, surfaces: np.ndarray) -> np.ndarray:
@@ -605,11 +682,15 @@ def _model_with(model: BodyModel | None, faces: np.ndarray, n_vertices: int) -> 
 
 
 def _stored_places(name: str, places: VertexPlaces) -> dict[str, np.ndarray]:
-    return {
+    stored = {
         f"{name}_triangles": places.places.triangles.astype(np.int32),
         f"{name}_barycentric": places.places.barycentric.astype(np.float32),
         f"{name}_heights": places.heights.astype(np.float32),
     }
+    if places.columns is not None and places.weights is not None:
+        stored[f"{name}_columns"] = places.columns.astype(np.int32)
+        stored[f"{name}_weights"] = places.weights.astype(np.float32)
+    return stored
 
 
 def _read_places(
@@ -623,6 +704,24 @@ def _read_places(
     if triangles.shape != (n_points,) or triangles.min() < 0 or triangles.max() >= n_faces:
         raise ArgumentError(f"{name}_triangles must number {n_points} triangles below {n_faces}")
     return SurfacePoints(triangles, np.asarray(barycentric)), np.asarray(heights)
+
+
+def _with_read_weights(
+    name: str, arrays: Mapping[str, np.ndarray], places: VertexPlaces
+) -> VertexPlaces:
+    """Return places with the weights in a file, if it has any."""
+    if f"{name}_weights" not in arrays or f"{name}_columns" not in arrays:
+        return places
+    columns = arrays[f"{name}_columns"].astype(np.int64)
+    weights = real_array(arrays[f"{name}_weights"], f"{name}_weights", ("n", "k"), batched=False)
+    if columns.shape != weights.shape or len(columns) != len(places.heights):
+        raise ArgumentError(
+            f"{name}_columns and {name}_weights must have one shape, with {len(places.heights)} "
+            f"rows; found {columns.shape} and {weights.shape}"
+        )
+    if columns.size and (columns.min() < 0 or columns.max() >= places.n_source):
+        raise ArgumentError(f"{name}_columns must number vertices below {places.n_source}")
+    return _with_weights(places, columns, np.asarray(weights, dtype=float))
 
 
 def _stored_parts(name: str, parts: Sequence[FilledPart]) -> dict[str, np.ndarray]:

@@ -21,7 +21,7 @@ from riemhuman.plots import (
     embed,
     plot_confusion,
     plot_embedding,
-    plot_measurement_lines,
+    plot_measurements,
     plot_path,
     plot_precision_recall,
     plot_sweep,
@@ -309,5 +309,4 @@ def _draw_sweep(panels: Mapping[str, ndarray], lams: Sequence[float], weights: l
 
 
 def _draw_lines(surface: ndarray, faces: ndarray) -> Figure:
-    lines = Measurements(Template(surface, faces)).lines(surface, axes="space")
-    return plot_measurement_lines(surface, faces, lines)
+    return plot_measurements(Measurements(Template(surface, faces)), surface, pose="as is")

@@ -106,13 +106,7 @@ def make_report(
     import_matplotlib(extra="report")
     import_optional("sklearn.manifold", "report")
     started = _now()
-    if bodies is None:
-        with progress("Loading the bodies"):
-            bodies = load_open_bodies("coarse" if quick else "full")
-    if len(bodies) < _FEWEST_BODIES:
-        raise ArgumentError(f"bodies must be at least {_FEWEST_BODIES}; found {len(bodies)}")
-    if basis is not None:
-        basis.check_fits(bodies.template)
+    bodies = _bodies_to_report(bodies, basis, quick, progress)
     compared = {**table_metrics(bodies), **(of_extensions if quick else representations)(bodies)}
     first = [] if scans is None else [scan_section(read_records(scans))]
     folder = open_folder(output)
@@ -146,21 +140,37 @@ def make_report(
         "Bodies in 3-D are drawn by three.js (MIT licence).",
     )
     write_text(folder / "index.html", text)
-    provenance = {
-        "status": "finished",
-        "started": started,
-        "finished": _now(),
-        "versions": _versions(),
-        "machine": {"system": platform.system(), "processor": platform.machine()},
-        "sizes": sizes,
-        "fingerprint": digest,
-        "basis": report.basis[1],
-        "parameters": asdict(plan),
-        "seeds": {"t-sne": plan.seed},
-        "steps": steps,
-    }
-    write_provenance(folder, provenance)
+    write_provenance(
+        folder,
+        {
+            "status": "finished",
+            "started": started,
+            "finished": _now(),
+            "versions": _versions(),
+            "machine": {"system": platform.system(), "processor": platform.machine()},
+            "sizes": sizes,
+            "fingerprint": digest,
+            "basis": report.basis[1],
+            "parameters": asdict(plan),
+            "seeds": {"t-sne": plan.seed},
+            "steps": steps,
+        },
+    )
     return folder / "index.html"
+
+
+def _bodies_to_report(
+    bodies: Bodies | None, basis: DeformationBasis | None, quick: bool, progress: Progress
+) -> Bodies:
+    """Return the bodies, by default the open ones; there must be enough, and the basis must fit."""
+    if bodies is None:
+        with progress("Loading the bodies"):
+            bodies = load_open_bodies("coarse" if quick else "full")
+    if len(bodies) < _FEWEST_BODIES:
+        raise ArgumentError(f"bodies must be at least {_FEWEST_BODIES}; found {len(bodies)}")
+    if basis is not None:
+        basis.check_fits(bodies.template)
+    return bodies
 
 
 def _sizes(bodies: Bodies) -> dict[str, int]:

@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 
-from riemhuman.io.files import write_text
+from riemhuman.io.files import convert_errors, write_text
 from riemhuman.plots.figures import VALUE_COLORS, value_colors
 from riemhuman.plots.rendering import View, image_source, points_picture, render, window_around
+from riemhuman.plots.scan_views import view_scan
 from riemhuman.plots.viewer import web_file
 from riemhuman.registration import ScanRecord, read_records
 from riemhuman.report._page import Image, Section, fill, page
 
 _LARGEST_METRES = 0.02  # distance of the last colour, also used for larger distances
 _HEIGHT = 300  # pixels
+_VIEWS = "views"  # folder of the pages of scans over their bodies
 # Colours of parts of a body without and with a counterpart in its scan.
 _UNMATCHED, _MATCHED = (0.62, 0.68, 0.76), (0.83, 0.78, 0.73)
 
 
 def scan_page(folder: str | os.PathLike[str]) -> Path:
     """Write a page that shows the registered scans of a folder, ``index.html`` in it.
+
+    Each scan also has a page on which it can be turned and cut over its body, in the folder
+    ``views``.
 
     Parameters
     ----------
@@ -34,12 +41,13 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
     >>> page = rh.report.scan_page("bodies")  # doctest: +SKIP
     """
     records = read_records(folder)
+    views = _write_views(Path(folder), records)
     trusted = sum(record.trusted for record in records)
     text = page(
         "Registered scans",
         "Each scan and its registered body, the worst first.",
         [(str(len(records)), "scans"), (str(trusted), "trusted")],
-        [scan_section(records)],
+        [scan_section(records, views)],
         "",
     )
     place = Path(folder) / "index.html"
@@ -47,12 +55,35 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
     return place
 
 
-def scan_section(records: Sequence[ScanRecord]) -> Section:
-    """Return the section of a page that shows registered scans in the order of their records."""
+def _write_views(folder: Path, records: Sequence[ScanRecord]) -> dict[str, str]:
+    """Write the pages of scans over their bodies, and return their addresses by names of scans."""
+    views = {}
+    for record in records:
+        if not record.arrays:
+            continue
+        with convert_errors(folder / _VIEWS, "cannot be made"):
+            (folder / _VIEWS).mkdir(exist_ok=True)
+        viewer = view_scan(record)
+        title = f"{record.name}: {viewer.title[0].lower()}{viewer.title[1:]}"
+        replace(viewer, title=title).save(folder / _VIEWS / f"{record.name}.html")
+        views[record.name] = f"{_VIEWS}/{quote(record.name)}.html"
+    return views
+
+
+def scan_section(records: Sequence[ScanRecord], views: Mapping[str, str] | None = None) -> Section:
+    """Return the section of a page that shows registered scans in the order of their records.
+
+    Parameters
+    ----------
+    records : sequence of ScanRecord
+    views : mapping of str to str, optional
+        Addresses of the pages of scans over their bodies, by names of scans.
+    """
     html = fill(
         "scans",
         css=web_file("report", "scans.css"),
         records=[(record, _pictures(record)) for record in records],
+        views=views or {},
         badge=_badge,
         n_partial=sum(_badge(record)[0] == "partial" for record in records),
         n_trusted=sum(record.trusted for record in records),
@@ -62,17 +93,13 @@ def scan_section(records: Sequence[ScanRecord]) -> Section:
     return Section("scans", "Scans and their bodies", "Scans", html)
 
 
-def badge_of(trusted: bool, message: str, share: float) -> tuple[str, str]:
-    """Return the class and the words of a badge; the message of a trusted body limits it."""
-    if not trusted:
-        return "untrusted", "not trusted"
-    if message:
-        return "partial", f"partly seen: {100 * share:.0f} %"
-    return "trusted", "trusted"
-
-
 def _badge(record: ScanRecord) -> tuple[str, str]:
-    return badge_of(record.trusted, record.message, record.matched_share)
+    """Return the class and the words of a record's badge; a message of a trusted body limits it."""
+    if not record.trusted:
+        return "untrusted", "not trusted"
+    if record.message:
+        return "partial", f"partly seen: {100 * record.matched_share:.0f} %"
+    return "trusted", "trusted"
 
 
 def _pictures(record: ScanRecord) -> list[tuple[Image, str]]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy import ndarray
-from scipy.ndimage import uniform_filter1d
 
 from riemhuman.retargeting.joint_names import BONES, SIDES, find_joints
 from riemhuman.retargeting.skeleton_motion import SkeletonMotion
@@ -158,6 +157,8 @@ def _is_on_one_floor(parts: ndarray, positions: ndarray, leg: float) -> ndarray:
 
 def _is_still(paths: ndarray, rate: float, leg: float) -> ndarray:
     """Return whether feet stand still, shape (n_frames, 2)."""
+    from scipy.ndimage import uniform_filter1d  # takes long to import
+
     if len(paths) < 2:
         return np.ones(paths.shape[:2], dtype=bool)
     width = max(1, round(_SMOOTHED * rate))

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from riemhuman.retargeting._limbs import joint_positions, reach
 from riemhuman.retargeting._recorded_skeletons import RecordedSkeleton
@@ -66,6 +65,8 @@ def stand(
 
 def _raised(depths: ndarray, source: RecordedSkeleton) -> ndarray:
     """Return how much a body is raised so that it is nowhere below the floor, smoothly."""
+    from scipy.ndimage import maximum_filter1d, uniform_filter1d  # take long to import
+
     needed = np.maximum(0.0, depths - _TOUCHING)
     width = max(1, round(_RAISED * source.frames_per_second)) | 1
     # A mean of largest values nearby is nowhere below the values themselves.
@@ -77,6 +78,8 @@ def _raised(depths: ndarray, source: RecordedSkeleton) -> ndarray:
 
 def _body_shift(source: RecordedSkeleton, shifts: ndarray) -> ndarray:
     """Return the mean shift of the feet, above all of those that stand still."""
+    from scipy.ndimage import uniform_filter1d  # takes long to import
+
     width = max(1, round(_SHIFTED * source.frames_per_second))
     still = source.still.astype(np.float64)
     weights = _SWING + uniform_filter1d(still, width, axis=0, mode="nearest")

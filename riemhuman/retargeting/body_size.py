@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
-from scipy.optimize import least_squares
 
 from riemhuman.bodies import BodyModel
 from riemhuman.retargeting.joint_names import BONES, model_joints
@@ -41,6 +40,8 @@ class OwnPerson(NamedTuple):
 
 def recorded_person(positions: ndarray, joints: Mapping[str, int], model: BodyModel) -> ndarray:
     """Return the shape coefficients of a person whose bones have the recorded proportions."""
+    from scipy.optimize import least_squares  # takes long to import
+
     lengths = np.linalg.norm(bones(positions, joints, _LENGTHS), axis=-1)
     recorded = np.median(lengths, axis=0) / leg_length(positions, joints)
     mean, own = model.joints(), model_joints(model)

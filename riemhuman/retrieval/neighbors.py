@@ -14,6 +14,7 @@ from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.projections import Projection, in_blocks
 from riemhuman.kernels.threads import mapped, slices, thread_count
+from riemhuman.memory import check_memory, enough_memory
 from riemhuman.retrieval.jobs import checked_part
 
 _ALGORITHMS = ("auto", "brute", "index")
@@ -98,6 +99,7 @@ class NearestNeighbors(Estimator):
         self.n_components = n_components
         self.n_jobs = n_jobs
 
+    @enough_memory("an index of these bodies")
     def fit(self, X: Sequence[Any] | ndarray) -> Self:
         r"""Index points.
 
@@ -117,7 +119,10 @@ class NearestNeighbors(Estimator):
         tables: list[ndarray] = []
         for part in slices(len(X), _BLOCK):
             rows = self._rows_of(X, part)
-            tables = tables or [np.empty((len(X), *row.shape[1:]), row.dtype) for row in rows]
+            if not tables:
+                bytes_each = sum(row.nbytes for row in rows) / (part.stop - part.start)
+                check_memory(bytes_each * len(X), f"an index of {len(X):,} bodies")
+                tables = [np.empty((len(X), *row.shape[1:]), row.dtype) for row in rows]
             for table, row in zip(tables, rows, strict=True):
                 table[part] = row
         self._tables = tables

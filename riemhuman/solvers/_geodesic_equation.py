@@ -23,6 +23,7 @@ from numpy import ndarray
 
 from riemhuman.errors import RiemhumanError
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.manifold import holds_surfaces, surface_space
 from riemhuman.kernels.drift import centroid
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.solvers._preconditioners import metric_factor
@@ -140,7 +141,7 @@ class GeodesicEquation:
             shift = variables.reshape(shape)
             if metric.is_translation_invariant:
                 # Without translations, which the metric ignores, centroids move uniformly.
-                shift = shift - centroid(shift, metric.space.template.vertex_areas)
+                shift = shift - centroid(shift, surface_space(metric.space).template.vertex_areas)
             return shift
 
         def equation(variables: ndarray) -> tuple[ndarray, ndarray] | None:
@@ -170,7 +171,7 @@ def has_long_step(metric: RiemannianMetric, path: ndarray, all_coordinates: bool
     # they change. Over all coordinates a triangle that rotates by more than 60 degrees may have two
     # next points, as in a fold of skin that snaps.
     space = metric.space
-    if not space.is_surface_space:
+    if not holds_surfaces(space):
         return False
     if all_coordinates:
         normals = space.normal_field(path)
@@ -192,13 +193,13 @@ def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> s
     if not np.isfinite(after).all():
         return "entries are not finite"
     if not np.all(space.belongs(after)):
-        check = space.check_immersed if space.is_surface_space else space.check_point
+        check = space.check_immersed if holds_surfaces(space) else space.check_point
         try:
             check(after, "the next point")
         except RiemhumanError as error:
             return str(error)
         return "the next point leaves the manifold"
-    if not space.is_surface_space:
+    if not holds_surfaces(space):
         return ""
     cosines = np.sum(space.normal_field(before) * space.normal_field(after), axis=1)
     worst = int(np.argmin(cosines))
@@ -210,10 +211,10 @@ def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> s
 def vanishing_triangle(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
     """Return which triangle of a surface has lost half of its area within one step, or ""."""
     space = metric.space
-    if not space.is_surface_space:
+    if not holds_surfaces(space):
         return ""
-    before, after = (np.linalg.det(space.metric_field(point)) for point in (before, after))
-    shares = np.sqrt(np.maximum(after, 0.0) / before)
+    had, has = (np.linalg.det(space.metric_field(point)) for point in (before, after))
+    shares = np.sqrt(np.maximum(has, 0.0) / had)
     least = int(np.argmin(shares))
     if shares[least] > _LEAST_AREA:
         return ""

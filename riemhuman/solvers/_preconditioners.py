@@ -17,6 +17,7 @@ from scipy import linalg, sparse
 
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.manifold import holds_surfaces
 from riemhuman.kernels.elimination import (
     WIDTH,
     eliminate,
@@ -125,7 +126,7 @@ class SparseCholeskyFactor(CholeskyFactor):
         )
         if not np.all(pivots > 0.0):
             raise ArgumentError(_INDEFINITE)
-        self._lower = elimination.ends, elimination.rows, lower
+        self._lower: tuple[ndarray, ndarray, ndarray] = elimination.ends, elimination.rows, lower
         self._squared_scale = pivots.reshape(-1, 1)
         self._scale = np.sqrt(self._squared_scale)
 
@@ -216,7 +217,7 @@ def metric_factor(
     # surfaces further apart: `stiffness` weighs the Dirichlet energy, relative to the diagonals.
     if metric.has_metric_matrix:
         matrix = metric.metric_matrix(points)
-        if stiffness > 0 and metric.space.is_surface_space:
+        if stiffness > 0 and holds_surfaces(metric.space):
             template = metric.space.template
             laplacian = cotangent_laplacian(template.vertices, template.faces)
             share = matrix.diagonal().mean() / laplacian.diagonal().mean()

@@ -13,6 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import check_function, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.manifold import surface_space
 from riemhuman.geometry.strategies import PathEnergy
 from riemhuman.kernels.threads import check_interrupt
 from riemhuman.solvers._alignment import align_ends
@@ -83,7 +84,7 @@ def rotating_paths(
     All paths that are tried are added to `found`.
     """
     # In these a whole limb rotates the other way, and their energy is only a little higher.
-    space = metric.space
+    space = surface_space(metric.space)
     space.check_immersed(start, "start")
     space.check_immersed(end, "end")
     interpolator = space.template.interpolator

@@ -13,6 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import check_methods, real_array, refuse_type
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.manifold import surface_space
 from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import GeodesicSolver, check_strategy
 from riemhuman.representation import Record
@@ -272,7 +273,7 @@ def _measured(
     reference: ndarray | None,
 ) -> PathComparison:
     """Return the measures of a path under all metrics."""
-    template = metrics[metric_name].space.template
+    template = surface_space(metrics[metric_name].space).template
     path, faces, edges = template.check_points(result.path), template.faces, template.edges
     deviations = np.array(np.nan)
     if reference is not None:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy import ndarray
-from scipy.interpolate import make_interp_spline
 
 from riemhuman.checks import check_basis, check_function, check_methods, real_number, whole_number
 from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.manifold import holds_surfaces
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy, check_strategy
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.solvers._alignment import AlignedEnds, align_ends, ends_as_given
@@ -51,9 +51,8 @@ _RIDGES = 1e-6, 1e-4
 
 @dataclass(frozen=True)
 class PathSearch(PathSolver):
-    """What searches for paths of least energy have in common; no basis frees all coordinates."""
+    """What searches for paths of least energy have in common."""
 
-    basis: DeformationBasis | None
     n_nodes: int = 11
     energy: PathEnergy = SegmentEnergy()
     initial: GeodesicSolver | None = None
@@ -165,6 +164,11 @@ class PathSearch(PathSolver):
 
         return replace(self, callback=report)
 
+    @property
+    @abstractmethod
+    def _directions(self) -> ndarray | None:
+        """Deformations that interior points may move along, shape (K, n); None frees all."""
+
     @abstractmethod
     def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
         """Raise an error or warn if a search makes no sense."""
@@ -221,8 +225,8 @@ class PathSearch(PathSolver):
     ) -> PathResult:
         """Minimise over the interior points of a path."""
         path = _on_manifold(metric, path)
-        over_all = self.basis is None
-        directions = None if self.basis is None else self.basis.flat
+        directions = self._directions
+        over_all = directions is None
 
         def energy(nodes: ndarray) -> tuple[float, ndarray]:
             if over_all and not np.all(metric.space.belongs(nodes)):
@@ -255,7 +259,7 @@ class PathSearch(PathSolver):
             progress="geodesic" if self.progress else "",
         )
         if not np.isfinite(minimum.value):
-            if metric.space.is_surface_space:
+            if holds_surfaces(metric.space):
                 metric.space.check_immersed(path, "the initial path")
             raise ArgumentError(
                 "the initial path leaves the manifold or has no finite energy; pass another "
@@ -272,7 +276,14 @@ class PathSearch(PathSolver):
 
 
 @dataclass(frozen=True)
-class BasisPath(PathSearch):
+class _OverBasis:
+    """The basis of a search: its first parameter, as fields of the last base come first."""
+
+    basis: DeformationBasis
+
+
+@dataclass(frozen=True)
+class BasisPath(PathSearch, _OverBasis):
     r"""Paths of least energy over a basis, without exponential map: Algorithm 1 of the paper.
 
     .. math:: f(t_i) = l(t_i) + \sum_j \alpha_{ij} \mathcal{D}_j
@@ -319,14 +330,16 @@ class BasisPath(PathSearch):
     (5, 1202, 3)
     """
 
-    basis: DeformationBasis
-
     _recent_decrease = 1e-3
     _recent_tolerances = 10.0
 
     def __post_init__(self) -> None:
         check_basis(self.basis, "basis")
         super().__post_init__()
+
+    @property
+    def _directions(self) -> ndarray:
+        return self.basis.flat
 
     def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
         self.basis.check_fits(start.shape[0])
@@ -380,10 +393,12 @@ class PathStraightening(PathSearch):
     2.0
     """
 
-    basis: None = field(init=False, repr=False, default=None)
-
     _recent_decrease = 2e-3
     _recent_tolerances = 20.0
+
+    @property
+    def _directions(self) -> None:
+        return None
 
     def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
         if metric.is_reparametrization_invariant and not np.array_equal(start, end):
@@ -402,6 +417,8 @@ class PathStraightening(PathSearch):
 
 def refine_path(path: ndarray, n_segments: int) -> ndarray:
     """Return a path at other times, by a spline."""
+    from scipy.interpolate import make_interp_spline  # takes long to import
+
     known = np.linspace(0.0, 1.0, len(path))
     spline = make_interp_spline(known, path, k=min(3, len(path) - 1))
     refined = spline(np.linspace(0.0, 1.0, n_segments + 1))

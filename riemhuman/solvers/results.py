@@ -16,6 +16,7 @@ from numpy import ndarray
 from riemhuman.errors import ConvergenceWarning, FileFormatError, NotDefinedError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.kernels.threads import is_abandoned
+from riemhuman.memory import enough_memory
 from riemhuman.provided import notebook_pictures
 from riemhuman.representation import Record, field_texts
 
@@ -362,13 +363,17 @@ class Interrupted(KeyboardInterrupt):
 
 
 @contextmanager
-def interruptible(best: Callable[[Result | None], Result]) -> Iterator[None]:
+def interruptible(
+    best: Callable[[Result | None], Result], task: str = "this search"
+) -> Iterator[None]:
     """Raise `Interrupted` where the block is stopped from the keyboard, with the best so far.
 
-    `best` is given the result of a solver that the block called, if that was what was stopped.
+    `best` is given the result of a solver that the block called, if that was what was stopped. A
+    lack of memory is raised as an error that names the task.
     """
     try:
-        yield
+        with enough_memory(task):
+            yield
     except KeyboardInterrupt as stopped:
         if is_abandoned():
             raise

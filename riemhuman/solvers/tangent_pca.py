@@ -12,7 +12,7 @@ from riemhuman.checks import Rng, generator, one_of, real_array, refuse_type, wh
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator, Transformer
 from riemhuman.geometry import Manifold, RiemannianMetric
-from riemhuman.geometry.manifold import sample_count, stack_samples
+from riemhuman.geometry.manifold import sample_count, stack_samples, surface_space
 from riemhuman.geometry.metric import metric_of
 from riemhuman.geometry.strategies import check_strategy
 from riemhuman.solvers._mixed_poses import warn_of_mixed_poses
@@ -332,5 +332,5 @@ class TangentPCA(ImageEstimator, Transformer):
     def _is_sound(self, point: ndarray) -> bool:
         if not self._takes_fields:
             return True
-        faces = self._metric.space.template.faces
+        faces = surface_space(self._metric.space).template.faces
         return not inverted_triangles(point, self.mean_, faces).any()

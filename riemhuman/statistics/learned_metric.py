@@ -17,6 +17,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Transformer
 from riemhuman.geometry import PullbackMetric, RiemannianMetric, VectorSpace
 from riemhuman.kernels.projections import in_blocks, principal_components
+from riemhuman.memory import enough_memory
 from riemhuman.optional import import_optional
 
 LEDOIT_WOLF = "ledoit-wolf"
@@ -86,6 +87,7 @@ class LearnedMetric(Transformer):
         self.shrinkage = shrinkage
         self.n_folds = n_folds
 
+    @enough_memory("a metric that is learned from these bodies")
     def fit(self, X: ndarray, y: Sequence[Hashable] | ndarray) -> Self:
         r"""Learn the metric.
 

@@ -15,6 +15,7 @@ from riemhuman.checks import check_same_scale, real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.mesh_arrays import read_only
+from riemhuman.memory import check_memory, enough_memory
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.spectra import harmonics
 from riemhuman.surfaces.template import Template
@@ -24,6 +25,8 @@ _OUTSIDE = 1e-9
 # Largest deviation from orthonormal vectors that is accepted.
 _ORTHONORMAL = 1e-8
 _FORMAT_VERSION = 1
+
+_FEWER_COMPONENTS = "ask for fewer components, or use coarser bodies"
 
 
 class DeformationBasis:
@@ -79,6 +82,7 @@ class DeformationBasis:
         self.explained_variance_ratio: np.ndarray | None = None
 
     @classmethod
+    @enough_memory("a basis of motions", _FEWER_COMPONENTS)
     def from_motions(
         cls,
         motions: Iterable[Any],
@@ -134,6 +138,7 @@ class DeformationBasis:
         return basis
 
     @classmethod
+    @enough_memory("a basis of harmonics", _FEWER_COMPONENTS)
     def from_laplacian(cls, template: Template, n_components: int = 100) -> DeformationBasis:
         """Return mesh harmonics of the template, each along x, then y, then z.
 
@@ -398,7 +403,14 @@ def singular_rows(
     that it drops, and keeps at least 1.5 K larger ones.
     """
     fitting = _BUFFER_BYTES // (8 * n_features)
-    buffer = np.empty((max(3 * n_components, min(fitting, 2 * n_features)), n_features))
+    n_buffered = max(3 * n_components, min(fitting, 2 * n_features))
+    if n_buffered > fitting:
+        check_memory(
+            16 * n_buffered * n_features,  # the rows, and their copy while they are merged
+            f"a basis of {n_components:,} components",
+            _FEWER_COMPONENTS,
+        )
+    buffer = np.empty((n_buffered, n_features))
     n_filled = n_rows = 0
     sum_of_squares = 0.0
     for row in rows:

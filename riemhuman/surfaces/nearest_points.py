@@ -118,6 +118,7 @@ def _nothing_found(n_queries: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.zeros(n_queries, np.int64), np.zeros((n_queries, 3)), np.full(n_queries, np.inf)
 
 
+# More than eight arguments: a compiled loop takes plain arrays.
 @compiled
 def _try_vertices(
     queries: np.ndarray,

@@ -17,6 +17,7 @@ from riemhuman.checks import (
     whole_number,
 )
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
+from riemhuman.memory import enough_memory
 
 # A rotation is undetermined if the spread of the points is within rounding of zero: relative to
 # the size of the surface, and to the coordinates from which the spread was computed.
@@ -25,6 +26,7 @@ _REMEDY = "scale=True scales them, scale=None accepts them unscaled"
 _ROUNDING = 100 * np.finfo(np.float64).eps
 
 
+@enough_memory("the alignment of these surfaces")
 def procrustes(
     points: ArrayLike,
     to: ArrayLike | None = None,
@@ -78,6 +80,7 @@ def procrustes(
     return aligned
 
 
+@enough_memory("the alignment of these surfaces")
 def generalized_procrustes(
     points: ArrayLike,
     *,

@@ -16,8 +16,9 @@ from numpy.polynomial import Chebyshev, Polynomial
 from riemhuman.kernels.compilation import FUSED, compiled
 
 
-def _in_single(*coefficients: float) -> tuple[np.float32, ...]:
-    return tuple(map(np.float32, coefficients))
+def _in_single(*coefficients: float) -> tuple[float, ...]:
+    # Numbers of single precision, which type checkers do not count as float.
+    return tuple(np.array(coefficients, dtype=np.float32))
 
 
 # fmt: off
@@ -77,50 +78,55 @@ branches, which therefore return one type.
 """
 
 
+# Longer loops over coefficients are not unrolled, and loops around them not vectorised.
+_UNROLLED = 10
+
+
 @compiled(forceinline=True, fastmath=FUSED)
 def polynomial(coefficients: tuple[float, ...], x: float) -> float:
     """Return the polynomial in x, by Horner's rule; the constant term comes first."""
-    value = coefficients[-1]
-    for k in range(len(coefficients) - 2, -1, -1):
+    return _horner(coefficients[-1], coefficients[:-1], x)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def long_polynomial(coefficients: tuple[float, ...], x: float) -> float:
+    """Return the `polynomial` of more than `_UNROLLED` + 1 coefficients."""
+    value = _horner(coefficients[-1], coefficients[_UNROLLED:-1], x)
+    return _horner(value, coefficients[:_UNROLLED], x)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def _horner(value: float, coefficients: tuple[float, ...], x: float) -> float:
+    for k in range(len(coefficients) - 1, -1, -1):
         value = value * x + coefficients[k]
     return value
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def squared_short_arc(chord: float, single: bool | None) -> float:
-    """Return θ² of unit vectors at the squared chord p = ‖n − m‖² ≤ 2."""
-    if single is None:
-        return chord * type(chord)(polynomial(_ARC, chord))
-    return chord * polynomial(_SINGLE_ARC, chord)
+def _derivative(coefficients: tuple[float, ...], x: float) -> float:
+    """Return the derivative of the polynomial in x."""
+    value = type(x)(0.0)
+    for k in range(len(coefficients) - 1, 0, -1):
+        value = value * x + type(x)(k) * coefficients[k]
+    return value
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def squared_angle(
-    x1: float, y1: float, z1: float, x2: float, y2: float, z2: float, single: bool | None
-) -> float:
-    """Return the squared angle between unit vectors n₁ and n₂ in R³."""
-    # By the shorter squared chord p, n₁ to ±n₂: θ² = p Q(p) or (π − √(p Q(p)))².
-    real = type(x1)
-    acute = x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)
-    sign = real(1.0) if acute else real(-1.0)
-    x, y, z = x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
-    squared = squared_short_arc(x * x + y * y + z * z, single)
-    obtuse = real(math.pi) - np.sqrt(squared)
-    return squared if acute else obtuse * obtuse
-
-
-@compiled(forceinline=True, fastmath=FUSED)
-def squared_angle_and_slope(chord: float, acute: bool) -> tuple[float, float]:
-    """Return θ² and dθ²/dp = θ/sin θ of unit vectors n and m, where p = ‖n − m‖²."""
-    # `chord` is p if `acute`, else 4 − p = ‖n + m‖². At antipodal vectors the slope is set to 0.
-    ratio = np.sqrt(polynomial(_ARC, chord))
-    shorter = np.sqrt(chord) * ratio
+def squared_arc_and_slope(chord: float, acute: bool, single: bool | None) -> tuple[float, float]:
+    """Return θ² and |dθ²/dp| = θ/sin θ of unit vectors n and m."""
+    # By the shorter squared chord p ≤ 2, from n to m if `acute`, else from n to −m:
+    # θ² = p Q(p) or (π − √(p Q(p)))². At antipodal vectors the slope is set to 0.
+    real = type(chord)
+    quotient = (
+        real(long_polynomial(_ARC, chord)) if single is None else polynomial(_SINGLE_ARC, chord)
+    )
+    squared = chord * quotient
+    angle = real(math.pi) - np.sqrt(squared)
+    rest = real(4.0) - chord
     # sin θ = ½ √(p (4 − p)).
-    slope = 2.0 * ratio / np.sqrt(4.0 - chord)
-    angle = math.pi - shorter
-    sine = 0.5 * np.sqrt(chord * (4.0 - chord))
-    obtuse = angle / sine if chord > 0.0 else 0.0
-    return (shorter * shorter, slope) if acute else (angle * angle, obtuse)
+    slope = real(2.0) * np.sqrt(quotient / rest)
+    obtuse = real(2.0) * angle / np.sqrt(chord * rest) if chord > real(0.0) else real(0.0)
+    return (squared, slope) if acute else (angle * angle, obtuse)
 
 
 @compiled(forceinline=True, fastmath=FUSED)
@@ -143,47 +149,44 @@ def hyperbolic_length(m: float, sinh: float, single: bool | None) -> float:
     exponent, scale = _split(real(1.0) + growth, single)
     fraction = growth * scale + (scale - real(1.0))
     if single is None:
-        quotient = real(polynomial(_LOGARITHM, fraction))
+        quotient = real(long_polynomial(_LOGARITHM, fraction))
     else:
         quotient = polynomial(_SINGLE_LOGARITHM, fraction)
     return exponent * real(math.log(2.0)) + fraction * quotient + real(0.0) * growth
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def squared_length(m: float, single: bool | None) -> float:
-    """Return ℓ², where m = cosh ℓ − 1 ≥ 0; NaN where m² overflows."""
-    length = hyperbolic_length(m, np.sqrt(m * (m + type(m)(2.0))), single)
-    return length * length
+def squared_length_and_slope(m: float, single: bool | None) -> tuple[float, float]:
+    """Return ℓ² and dℓ²/dm = 2ℓ/sinh ℓ, where m = cosh ℓ − 1 ≥ 0; NaN where m² overflows."""
+    real = type(m)
+    tiny = real(1e-30)  # keeps 0/0 from m = 0, where ℓ/sinh ℓ = 1
+    sinh = np.sqrt(m * (m + real(2.0)))
+    length = hyperbolic_length(m, sinh, single)
+    return length * length, real(2.0) * (length + tiny) / (sinh + tiny)
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def squared_length_and_slope(m: float) -> tuple[float, float]:
-    """Return ℓ² and dℓ²/dm = 2ℓ/sinh ℓ, where m = cosh ℓ − 1 ≥ 0."""
-    tiny = 1e-300  # keeps 0/0 from m = 0, where ℓ/sinh ℓ = 1
-    sinh = np.sqrt(m * (m + 2.0))
-    length = hyperbolic_length(m, sinh, None)
-    return length * length, 2.0 * (length + tiny) / (sinh + tiny)
-
-
-@compiled(forceinline=True, fastmath=FUSED)
-def half_sine_squared(squared: float, single: bool | None) -> float:
-    """Return sin²(min(½ψ, ½π)) from ¼ψ²."""
-    limit = type(squared)(0.25 * math.pi**2)
+def half_sine_squared_and_slope(squared: float, single: bool | None) -> tuple[float, float]:
+    """Return sin²(min(½ψ, ½π)), and its slope in ¼ψ²."""
+    real = type(squared)
+    limit = real(0.25 * math.pi**2)
+    inside = squared < limit
     # This way round, NaN stays NaN.
     squared = limit if squared > limit else squared
+    slope = real(long_polynomial(_DOUBLE_SINE, squared)) if inside else real(0.0)
     if single is None:
-        return squared * type(squared)(polynomial(_SINE, squared))
-    return squared * polynomial(_SINGLE_SINE, squared)
+        return squared * real(polynomial(_SINE, squared)), slope
+    return squared * polynomial(_SINGLE_SINE, squared), slope
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def half_sine_squared_and_slope(squared: float) -> tuple[float, float]:
-    """Return sin²(min(½ψ, ½π)), and its slope in ¼ψ²."""
-    limit = 0.25 * math.pi**2
-    inside = squared < limit
-    squared = squared if inside else limit
-    slope = polynomial(_DOUBLE_SINE, squared) if inside else 0.0
-    return squared * polynomial(_SINE, squared), slope
+def half_sine_of_share(share: float, fit: tuple[float, ...]) -> tuple[float, float]:
+    """Return sin²(min(½ψ, ½π)) by a `half_angle_fit`, and its slope in the share."""
+    real = type(share)
+    inside = share < real(1.0)
+    share = share if inside else real(1.0)
+    value = polynomial(fit, share)
+    return share * value, value + share * _derivative(fit, share) if inside else real(0.0)
 
 
 def excess_at_pi(ratio: float) -> float:

@@ -31,22 +31,19 @@ from numpy import ndarray
 from riemhuman.checks import metric_weight
 from riemhuman.kernels.compilation import FUSED, SUM, compiled
 from riemhuman.kernels.sphere import sine_cardinal
-from riemhuman.kernels.surface import Derivatives, dot, square_root
+from riemhuman.kernels.surface import Derivatives, dot, first_fundamental_form, square_root
 from riemhuman.kernels.threads import CHUNK, LARGEST, SMALLEST, UNDERFLOW, of_one_kind
 from riemhuman.terms._polynomial_fits import (
     LARGEST_RATIO,
     PRECISION,
     excess_at_pi,
     half_angle_fit,
-    half_sine_squared,
+    half_sine_of_share,
     half_sine_squared_and_slope,
-    polynomial,
-    squared_angle,
-    squared_length,
     squared_length_and_slope,
 )
-from riemhuman.terms.normals import add_segment, nearer_normal, squared_arc
-from riemhuman.terms.term import LENGTH, Fields, Term
+from riemhuman.terms.normals import add_segment, arc_pair, squared_arc
+from riemhuman.terms.term import LENGTH, Fields, FieldSpace, FieldSpaces, Term
 
 
 class ConeTerm(Term):
@@ -92,6 +89,20 @@ class ConeTerm(Term):
     @property
     def is_rotation_invariant(self) -> bool:  # type: ignore[override]
         return self.c == 0.0
+
+    @property
+    def has_target_space(self) -> bool:  # type: ignore[override]  # read only, as no weight changes
+        return self.c > 0.0
+
+    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+        if self.c == 0.0:
+            return super().target_space(spaces)
+        return spaces.metric_and_normal_fields(self.a, self.b, self.c)
+
+    def target_point(self, first: Derivatives) -> ndarray:
+        g, n = first_fundamental_form(first.f_u, first.f_v), self.fields(first)[-1]
+        leading = np.shape(first.areas)[:-1]
+        return np.concatenate([np.reshape(part, (*leading, -1)) for part in (g, n)], axis=-1)
 
     def fields(self, first: Derivatives) -> Fields:
         x, y, s = half_plane(first.e, first.m, first.areas, first.degenerate)
@@ -181,13 +192,12 @@ class ConeTerm(Term):
         return 16.0 * self.b * gap
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
-        real, squared = a.dtype.type, np.zeros((len(a), len(b)))
-        single, fit = PRECISION[a.dtype], None
-        scale, turn = 0.25 * self.angle_per_length**2, real(0.25 * self.angle_per_turn**2)
+        real, single, squared = a.dtype.type, PRECISION[a.dtype], np.zeros((len(a), len(b)))
+        scale, turn, fit = 0.25 * self.angle_per_length**2, 0.25 * self.angle_per_turn**2, None
         if self.c == 0.0 and self.b <= LARGEST_RATIO * self.a:
-            ratio, turn, single = self.b / self.a, None, None
+            ratio = self.b / self.a
             scale, fit = 1.0 / excess_at_pi(ratio), half_angle_fit(ratio, a.dtype)
-        _tile(a, b, real(scale), turn, fit, single, a is b, squared)
+        _tile(a, b, (real(scale), real(turn)), fit, single, a is b, squared)
         return 16.0 * self.b * squared
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
@@ -219,6 +229,16 @@ class EbinTerm(ConeTerm):
     def __init__(self, weight: float = 1.0, lam: float = 0.5) -> None:
         self.lam = metric_weight(lam, "lam", strict=True)
         super().__init__(weight, a=1.0, b=self.lam, c=0.0)
+
+    @property
+    def has_target_space(self) -> bool:  # type: ignore[override]  # read only, as no weight changes
+        return True
+
+    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+        return spaces.metric_fields(self.lam)
+
+    def target_point(self, first: Derivatives) -> ndarray:
+        return first_fundamental_form(first.f_u, first.f_v)
 
 
 # Steeper charts are tighter, but wind bodies around in too many dimensions.
@@ -285,6 +305,43 @@ defvjp(
 )
 
 
+Point = tuple[float, float, float]
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def cone_pair(
+    a: Point,
+    b: Point,
+    inverse: float,
+    angle: float,
+    scale: float,
+    fit: tuple[float, ...] | None,
+    single: bool | None,
+) -> tuple[float, Point, Point, float]:
+    """Return d²/16b of points (x, y, s) and its slopes by both and by `angle`, for all loops.
+
+    `inverse` is 1/(2 y₁ y₂), `angle` what normals add to ¼ψ², and `scale` is ¼ (ψ/ℓ)². With the
+    coefficients of a `half_angle_fit`, which is faster and leaves no room for normals, `scale` is
+    that of its argument.
+    """
+    (x1, y1, s1), (x2, y2, s2), real = a, b, type(inverse)
+    x, y, s = x1 - x2, y1 - y2, s1 - s2
+    m = (x * x + y * y) * inverse
+    if fit is None:
+        length, by_length = squared_length_and_slope(m, single)
+        half, by_angle = half_sine_squared_and_slope(scale * length + angle, single)
+        by_m = by_angle * scale * by_length
+    else:
+        half, by_share = half_sine_of_share(scale * m, fit)
+        by_m, by_angle = by_share * scale, real(0.0)
+    product = real(4.0) * (s1 * s2)
+    squared = s * s + product * half
+    rate = real(2.0) * inverse * product * by_m
+    slopes_a = rate * x, rate * (y - m * y2), real(2.0) * s + real(4.0) * s2 * half
+    slopes_b = -rate * x, -rate * (y + m * y1), real(-2.0) * s + real(4.0) * s1 * half
+    return squared, slopes_a, slopes_b, product * by_angle
+
+
 @compiled
 def _segments(
     records: ndarray,
@@ -335,37 +392,44 @@ def _segment(
     by_x2, by_y2, by_s2 = by_points2[0], by_points2[1], by_points2[2]
     angles, rates = onp.zeros(len(areas)), onp.empty(len(areas))
     # Three loops: one over everything would have too many arrays for vector registers.
-    if turn > 0.0:
-        _fill_angles(record1, record2, turn, angles)
+    _fill_angles(record1[6:9], record2[6:9], turn, None, angles, 0, len(areas))
     total = 0.0
     for t in range(len(areas)):
         weight = factor * areas[t]
-        dx, dy, ds = x1[t] - x2[t], y1[t] - y2[t], s1[t] - s2[t]
-        inverse = 1.0 / (y1[t] * y2[t])
-        m = 0.5 * (dx * dx + dy * dy) * inverse
-        length, by_m = squared_length_and_slope(m)
-        half, rate = half_sine_squared_and_slope(stretch * length + angles[t])
-        total += weight * _cone(s1[t], s2[t], half)
-        by_s1[t] += weight * (2.0 * ds + 4.0 * s2[t] * half)
-        by_s2[t] += weight * (-2.0 * ds + 4.0 * s1[t] * half)
-        rate *= weight * 4.0 * s1[t] * s2[t]
-        rates[t] = rate
-        rate *= stretch * by_m * inverse
-        by_x1[t] += rate * dx
-        by_x2[t] -= rate * dx
-        by_y1[t] += rate * (dy - m * y2[t])
-        by_y2[t] -= rate * (dy + m * y1[t])
+        a, b = (x1[t], y1[t], s1[t]), (x2[t], y2[t], s2[t])
+        inverse = 0.5 / (y1[t] * y2[t])
+        squared, by_a, by_b, rate = cone_pair(a, b, inverse, angles[t], stretch, None, None)
+        total += weight * squared
+        rates[t] = weight * rate
+        by_x1[t] += weight * by_a[0]
+        by_y1[t] += weight * by_a[1]
+        by_s1[t] += weight * by_a[2]
+        by_x2[t] += weight * by_b[0]
+        by_y2[t] += weight * by_b[1]
+        by_s2[t] += weight * by_b[2]
     if turn > 0.0:
         add_segment(record1, record2, slopes1, slopes2, rates, turn)
     return total
 
 
 @compiled(forceinline=True, fastmath=SUM)
-def _fill_angles(one: ndarray, other: ndarray, turn: float, angles: ndarray) -> None:
-    x1, y1, z1, x2, y2, z2 = one[6], one[7], one[8], other[6], other[7], other[8]
-    for t in range(len(angles)):
-        _, _, _, _, angle, _ = nearer_normal(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
-        angles[t] = turn * angle
+def _fill_angles(
+    one: ndarray,
+    other: ndarray,
+    turn: float,
+    single: bool | None,
+    angles: ndarray,
+    first: int,
+    last: int,
+) -> None:
+    """Fill what normals add to ¼ψ²; without their weight it is 0 already."""
+    zero = type(turn)(0.0)
+    if turn > zero:
+        x1, y1, z1 = one[0, first:last], one[1, first:last], one[2, first:last]
+        x2, y2, z2 = other[0, first:last], other[1, first:last], other[2, first:last]
+        for t in range(last - first):
+            a, b = (x1[t], y1[t], z1[t], zero), (x2[t], y2[t], z2[t], zero)
+            angles[t] = turn * arc_pair(a, b, None, single)[0]
 
 
 @compiled(forceinline=True, fastmath=FUSED)
@@ -415,27 +479,11 @@ def _pack(record: ndarray, areas: ndarray, stretch: float, turn: float, exact: n
     return gap
 
 
-@compiled(forceinline=True, fastmath=FUSED)
-def _excess(x1: float, y1: float, h1: float, x2: float, y2: float, h2: float) -> float:
-    """Return m = cosh ℓ − 1, with h = 1/(√2 y)."""
-    x, y = x1 - x2, y1 - y2
-    return (x * x + y * y) * (h1 * h2)
-
-
-@compiled(forceinline=True, fastmath=FUSED)
-def _cone(s1: float, s2: float, half: float) -> float:
-    """Return (s₁ − s₂)² + 4 s₁ s₂ sin²(½ψ)."""
-    s, product = s1 - s2, s1 * s2
-    product += product
-    return s * s + (product + product) * half
-
-
 @compiled(forceinline=True, fastmath=SUM)
 def _chunk(
     a: ndarray,
     b: ndarray,
-    scale: float,
-    turn: float | None,
+    scales: tuple[float, float],
     fit: tuple[float, ...] | None,
     single: bool | None,
     angles: ndarray,
@@ -444,23 +492,13 @@ def _chunk(
 ) -> float:
     x1, y1, h1, s1 = a[0, first:last], a[1, first:last], a[2, first:last], a[3, first:last]
     x2, y2, h2, s2 = b[0, first:last], b[1, first:last], b[2, first:last], b[3, first:last]
+    scale, turn = scales
     total = type(scale)(0.0)
-    # Numba compiles only one of the two: the other's argument is None.
-    if fit is not None:
-        for t in range(last - first):
-            share = scale * _excess(x1[t], y1[t], h1[t], x2[t], y2[t], h2[t])
-            share = share if share < type(scale)(1.0) else type(scale)(1.0)
-            total += _cone(s1[t], s2[t], share * polynomial(fit, share))
-    if turn is not None:
-        if turn > type(scale)(0.0):
-            u1, v1, w1 = a[4, first:last], a[5, first:last], a[6, first:last]
-            u2, v2, w2 = b[4, first:last], b[5, first:last], b[6, first:last]
-            for t in range(last - first):
-                angles[t] = turn * squared_angle(u1[t], v1[t], w1[t], u2[t], v2[t], w2[t], single)
-        for t in range(last - first):
-            m = _excess(x1[t], y1[t], h1[t], x2[t], y2[t], h2[t])
-            half = half_sine_squared(scale * squared_length(m, single) + angles[t], single)
-            total += _cone(s1[t], s2[t], half)
+    if fit is None:
+        _fill_angles(a[4:], b[4:], turn, single, angles, first, last)
+    for t in range(last - first):
+        one, other, inverse = (x1[t], y1[t], s1[t]), (x2[t], y2[t], s2[t]), h1[t] * h2[t]
+        total += cone_pair(one, other, inverse, angles[t], scale, fit, single)[0]
     return total
 
 
@@ -468,19 +506,16 @@ def _chunk(
 def _tile(
     a: ndarray,
     b: ndarray,
-    scale: float,
-    turn: float | None,
+    scales: tuple[float, float],
     fit: tuple[float, ...] | None,
     single: bool | None,
     within: bool,
     squared: ndarray,
 ) -> None:
-    """Add sums over triangles."""
-    # The scale is ¼ (ψ/ℓ)², or with the coefficients of `half_angle_fit` that of its argument;
-    # `turn` is then None, and otherwise ¼ (ψ/φ)², 0 without normals.
+    """Add sums over triangles, with the scales of `cone_pair` and of squared angles of normals."""
     n_values, angles = a.shape[2], onp.zeros(CHUNK, dtype=a.dtype)
     for first in range(0, n_values, CHUNK):
         last = min(first + CHUNK, n_values)
         for i in range(len(a)):
             for j in range(i + 1 if within else 0, len(b)):
-                squared[i, j] += _chunk(a[i], b[j], scale, turn, fit, single, angles, first, last)
+                squared[i, j] += _chunk(a[i], b[j], scales, fit, single, angles, first, last)

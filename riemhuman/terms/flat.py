@@ -11,7 +11,7 @@ from numpy import ndarray
 from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.kernels.surface import Derivatives, dot
 from riemhuman.kernels.threads import CHUNK, LARGEST, UNDERFLOW
-from riemhuman.terms.term import Fields, Term
+from riemhuman.terms.term import Fields, FieldSpace, FieldSpaces, Term
 
 # Numbers summed in the precision of the features before they join the sum over all.
 _CHUNK = 2 * CHUNK
@@ -38,6 +38,13 @@ class FlatTerm(Term):
     """
 
     single = True
+    has_target_space = True
+
+    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+        return spaces.vector_fields(self.n_features)
+
+    def target_point(self, first: Derivatives) -> ndarray:
+        return self.field(first)
 
     @abstractmethod
     def field(self, first: Derivatives) -> ndarray:

@@ -12,13 +12,8 @@ from riemhuman.kernels.compilation import FUSED, SUM, compiled
 from riemhuman.kernels.rotations import quaternions
 from riemhuman.kernels.surface import Derivatives, dot, polar_frames, square_root
 from riemhuman.kernels.threads import CHUNK, UNDERFLOW
-from riemhuman.terms._polynomial_fits import (
-    PRECISION,
-    squared_angle,
-    squared_angle_and_slope,
-    squared_short_arc,
-)
-from riemhuman.terms.term import Fields, Term
+from riemhuman.terms._polynomial_fits import PRECISION, squared_arc_and_slope
+from riemhuman.terms.term import Fields, FieldSpace, FieldSpaces, Term
 
 
 class _AngleTerm(Term):
@@ -58,6 +53,13 @@ class NormalTerm(_AngleTerm):
     """
 
     n_features = 3
+    has_target_space = True
+
+    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+        return spaces.normal_fields()
+
+    def target_point(self, first: Derivatives) -> ndarray:
+        return self.fields(first)[0]
 
     def fields(self, first: Derivatives) -> Fields:
         return (first.area_vectors / first.areas[..., None],)
@@ -147,20 +149,33 @@ defvjp(
 )
 
 
-@compiled(forceinline=True, fastmath=SUM)
-def nearer_normal(
-    x1: float, y1: float, z1: float, x2: float, y2: float, z2: float
-) -> tuple[float, float, float, float, float, float]:
-    """Return n₁ − ±n₂ for the nearer of ±n₂, the sign, the squared angle and its slope.
+Vector = tuple[float, float, float, float]
 
-    Near antipodal normals their difference is hardly more than multiples of the normals, which have
-    no effect on their slopes.
+
+@compiled(forceinline=True, fastmath=FUSED)
+def arc_pair(
+    a: Vector, b: Vector, either_sign: bool | None, single: bool | None
+) -> tuple[float, Vector, Vector]:
+    """Return θ² between unit vectors and its slopes by both, for all loops over pairs.
+
+    Normals have a last component of 0; quaternions may have either sign. Slopes are in multiples
+    of the vectors, which are normal to the sphere, as it suits rounding: near antipodal normals
+    their difference is hardly more than such multiples.
     """
-    acute = x1 * x2 + y1 * y2 + z1 * z2 >= 0.0
-    sign = 1.0 if acute else -1.0
-    x, y, z = x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
-    angle, slope = squared_angle_and_slope(x * x + y * y + z * z, acute)
-    return x, y, z, sign, angle, slope
+    real = type(a[0])
+    acute = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] >= real(0.0)
+    sign = real(1.0) if acute else real(-1.0)
+    x, y = a[0] - sign * b[0], a[1] - sign * b[1]
+    z, w = a[2] - sign * b[2], a[3] - sign * b[3]
+    chord = x * x + y * y + z * z + w * w
+    if either_sign is None:
+        squared, slope = squared_arc_and_slope(chord, acute, single)
+        by_a, by_b = real(2.0) * sign * slope, real(-2.0) * slope
+    else:
+        squared, slope = squared_arc_and_slope(chord, True, single)
+        by_a, by_b = real(2.0) * slope, real(-2.0) * sign * slope
+    slopes_a = (by_a * x, by_a * y, by_a * z, by_a * w)
+    return squared, slopes_a, (by_b * x, by_b * y, by_b * z, by_b * w)
 
 
 @compiled
@@ -190,16 +205,16 @@ def add_segment(
     by_x2, by_y2, by_z2 = by_other[6], by_other[7], by_other[8]
     total = 0.0
     for t in range(len(areas)):
-        x, y, z, sign, value, rate = nearer_normal(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
+        a, b = (x1[t], y1[t], z1[t], 0.0), (x2[t], y2[t], z2[t], 0.0)
+        squared, by_a, by_b = arc_pair(a, b, None, None)
         factor = weight * areas[t]
-        total += factor * value
-        rate *= 2.0 * factor
-        by_x1[t] += rate * x * sign
-        by_y1[t] += rate * y * sign
-        by_z1[t] += rate * z * sign
-        by_x2[t] -= rate * x
-        by_y2[t] -= rate * y
-        by_z2[t] -= rate * z
+        total += factor * squared
+        by_x1[t] += factor * by_a[0]
+        by_y1[t] += factor * by_a[1]
+        by_z1[t] += factor * by_a[2]
+        by_x2[t] += factor * by_b[0]
+        by_y2[t] += factor * by_b[1]
+        by_z2[t] += factor * by_b[2]
     return total
 
 
@@ -209,25 +224,6 @@ def _pack(vectors: ndarray, areas: ndarray, kept: ndarray) -> float:
     chords = ((vectors - kept[:, : len(areas)]) ** 2).sum(axis=0)
     # An angle of at most π/2 changes by at most √2 times the change of its chord.
     return UNDERFLOW * areas.max() * len(areas) + 2.0 * float(areas @ chords)
-
-
-@compiled(forceinline=True, fastmath=FUSED)
-def _squared_half_angle(
-    w1: float,
-    x1: float,
-    y1: float,
-    z1: float,
-    w2: float,
-    x2: float,
-    y2: float,
-    z2: float,
-    single: bool | None,
-) -> float:
-    real = type(x1)
-    near = w1 * w2 + x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)
-    sign = real(1.0) if near else real(-1.0)
-    w, x, y, z = w1 - sign * w2, x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
-    return squared_short_arc(w * w + x * x + y * y + z * z, single)
 
 
 @compiled(forceinline=True, fastmath=SUM)
@@ -242,17 +238,17 @@ def _chunk(
 ) -> float:
     x1, y1, z1 = a[0, first:last], a[1, first:last], a[2, first:last]
     x2, y2, z2 = b[0, first:last], b[1, first:last], b[2, first:last]
-    w = weights[first:last]
-    total = weights.dtype.type(0.0)
+    areas = weights[first:last]
+    total = zero = weights.dtype.type(0.0)
     if either_sign is None:
         for t in range(last - first):
-            total += w[t] * squared_angle(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t], single)
+            one, other = (x1[t], y1[t], z1[t], zero), (x2[t], y2[t], z2[t], zero)
+            total += areas[t] * arc_pair(one, other, either_sign, single)[0]
     else:
-        u1, u2 = a[3, first:last], b[3, first:last]
+        w1, w2 = a[3, first:last], b[3, first:last]
         for t in range(last - first):
-            total += w[t] * _squared_half_angle(
-                x1[t], y1[t], z1[t], u1[t], x2[t], y2[t], z2[t], u2[t], single
-            )
+            one, other = (x1[t], y1[t], z1[t], w1[t]), (x2[t], y2[t], z2[t], w2[t])
+            total += areas[t] * arc_pair(one, other, either_sign, single)[0]
     return total
 
 

@@ -12,19 +12,79 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from functools import cached_property, partial
+from typing import TYPE_CHECKING, Protocol
 
 import autograd.numpy as np
 from autograd import value_and_grad
 from numpy import ndarray
 
 from riemhuman.checks import metric_weight
+from riemhuman.errors import NotDefinedError
 from riemhuman.kernels.surface import Derivatives, differential, follow_up
 from riemhuman.representation import constructor_text
+
+if TYPE_CHECKING:
+    from riemhuman.surfaces.template import Template
 
 Fields = tuple[ndarray, ...]
 
 LENGTH = 12
 """Numbers in a record: three of f_u, three of f_v, three of n, then A, e and m."""
+
+
+class FieldSpace(Protocol):
+    """A manifold of fields, equipped with a metric: a `riemhuman.Manifold`."""
+
+    dim: int
+    shape: tuple[int, ...]
+
+    @property
+    def is_equipped(self) -> bool:
+        """Whether it has a metric."""
+
+
+class FieldSpaces(Protocol):
+    """The spaces of fields that the library has, given to `Term.target_space` to choose from."""
+
+    @property
+    def template(self) -> Template:
+        """The template that the fields are over."""
+
+    def metric_fields(self, lam: float) -> FieldSpace:
+        """Return the space of first fundamental forms, with the Ebin metric.
+
+        Its points have shape (F, 2, 2), as those of `riemhuman.MetricFields`.
+
+        Parameters
+        ----------
+        lam : float above 0
+            λ, the weight of changes of area.
+        """
+
+    def normal_fields(self) -> FieldSpace:
+        """Return the space of unit normals, with the metric of a product of spheres.
+
+        Its points have shape (F, 3), as those of `riemhuman.NormalFields`.
+        """
+
+    def metric_and_normal_fields(self, a: float, b: float, c: float) -> FieldSpace:
+        """Return the product of both, with the metric that `GeneralElasticMetric` pulls back.
+
+        Its points hold all first fundamental forms, then all normals, shape (7F,).
+
+        Parameters
+        ----------
+        a, b, c : float
+            Weights of stretching, of the change of area and of bending.
+        """
+
+    def vector_fields(self, n_features: int) -> FieldSpace:
+        """Return the space of n numbers a triangle, with the L² metric, points of shape (F, n).
+
+        Parameters
+        ----------
+        n_features : int
+        """
 
 
 class Term(ABC):
@@ -33,6 +93,10 @@ class Term(ABC):
     A subclass defines `fields`, `squared_dist` and `inner_product` with `autograd.numpy`, triangle
     by triangle, and all else follows: distances, energies and their gradients, matrices, bulk work.
     The other methods are compiled forms of these three; a subclass that overrides one gains speed.
+
+    A term whose fields are points of a manifold with exp and log may say so: `has_target_space`,
+    and `target_space` with `target_point`, as in the second example. Means, principal components
+    and geodesics of fields then work for metrics that contain it.
 
     Parameters
     ----------
@@ -50,6 +114,8 @@ class Term(ABC):
         Whether features may be kept in single precision.
     area_power : float
         Power of the area ratio A that `form` is multiplied by.
+    has_target_space : bool
+        Whether `target_space` and `target_point` are defined.
 
     Examples
     --------
@@ -69,6 +135,21 @@ class Term(ABC):
     >>> metric = rh.SurfaceMetric(rh.AlignedSurfaces(bodies.template), [LogArea()])
     >>> metric.dist_pairwise(bodies.points[:3]).shape
     (3, 3)
+
+    The logarithms of all areas are the points of a vector space:
+
+    >>> class LogAreaWithSpace(LogArea):
+    ...     has_target_space = True
+    ...
+    ...     def target_space(self, spaces):
+    ...         return spaces.vector_fields(1)
+    ...
+    ...     def target_point(self, first):
+    ...         return np.log(first.areas)[..., None]
+    >>> metric = rh.SurfaceMetric(rh.AlignedSurfaces(bodies.template), [LogAreaWithSpace()])
+    >>> change = metric.target_metric.log(metric.map(bodies[1]), metric.map(bodies[0]))
+    >>> bool(np.isclose(metric.target_metric.norm(change), metric.dist(bodies[0], bodies[1])))
+    True
     """
 
     weight = 1.0  # of subclasses that do not call __init__
@@ -77,6 +158,7 @@ class Term(ABC):
     needs_area = False
     single = False
     area_power = 0.0
+    has_target_space: bool = False
 
     def __init__(self, weight: float = 1.0) -> None:
         self.weight = metric_weight(weight, "weight", strict=True)
@@ -161,6 +243,32 @@ class Term(ABC):
         ]
         return np.stack(rows, axis=-2)
 
+    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+        """Return the manifold that the fields are points of, equipped with the term's metric.
+
+        The metric is that of the term integrated over the template, without the weight. Any
+        `riemhuman.Manifold` will do: one of `spaces`, or one of your own over `spaces.template`.
+
+        Parameters
+        ----------
+        spaces : FieldSpaces
+        """
+        raise NotDefinedError(
+            f"the fields of {type(self).__name__} have no manifold with exp and log: the term "
+            "defines no target_space, which statistics of fields need; use "
+            'image="points" otherwise'
+        )
+
+    def target_point(self, first: Derivatives) -> ndarray:
+        r"""Return the fields of surfaces as points of `target_space`, shape (..., \*shape).
+
+        Parameters
+        ----------
+        first : Derivatives
+            First derivatives of surfaces, arrays of shape (..., F) and (..., F, 3).
+        """
+        raise NotDefinedError(f"{type(self).__name__} defines no target_point")
+
     def chart(self, fields: Fields) -> ndarray | None:
         """Return coordinates whose Euclidean distances are at most those of the fields.
 
@@ -181,7 +289,7 @@ class Term(ABC):
         Parameters
         ----------
         records : array, shape (n_times, 12, n)
-            Records of triangles, see `riemhuman.terms._sum`.
+            Records of triangles, see `riemhuman.terms._drivers`.
         slopes : array, shape (n_times, 12, n)
             Added to: slopes by the numbers of the records.
         areas : array, shape (n,)
@@ -189,7 +297,7 @@ class Term(ABC):
         if self.needs_area and not records[:, 9].all():
             return np.inf
 
-        def energy(both: ndarray) -> float:
+        def energy(both: ndarray) -> ndarray:
             fields = self.fields(follow_up(both[..., :3], both[..., 3:]))
             before, after = (
                 tuple(field[part] for field in fields) for part in (slice(-1), slice(1, None))
@@ -227,7 +335,7 @@ class Term(ABC):
         Parameters
         ----------
         record : array, shape (12, F)
-            Records of its triangles, see `riemhuman.terms._sum`.
+            Records of its triangles, see `riemhuman.terms._drivers`.
         areas : array, shape (F,)
         kept : array of float32 or float64, shape (n_features, F⁺)
         """

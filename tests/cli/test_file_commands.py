@@ -223,3 +223,24 @@ def test_view_without_an_output_opens_a_temporary_page(run, scans, monkeypatch):
     assert opened == [page.resolve().as_uri()]
     assert page.read_text("utf-8").lower().startswith("<!doctype html>")
     shutil.rmtree(page.parent)
+
+
+def test_view_writes_films_and_refuses_other_endings(run, refused, scans, tmp_path):
+    run("view", scans / "body_0.ply", "-o", tmp_path / "turn.gif")
+    assert (tmp_path / "turn.gif").read_bytes().startswith(b"GIF89a")
+    said = refused("view", scans / "body_0.ply", "-o", tmp_path / "turn.avi")
+    assert ".mp4" in said
+    assert not (tmp_path / "turn.avi").exists()
+
+
+def test_info_says_which_fields_of_a_recording_are_used(run, tmp_path):
+    arrays = {"poses": np.zeros((4, 72)), "trans": np.zeros((4, 3))}
+    arrays["expression"] = np.zeros((4, 9))
+    save_arrays(tmp_path / "video.npz", arrays)
+    finished = run("info", tmp_path / "video.npz", "--json")
+    facts = json.loads(finished.out)
+    assert facts["kind"] == "recording of poses"
+    assert facts["used"] == "poses, trans"
+    assert facts["left_out"] == "expression (expression of the face)"
+    save_arrays(tmp_path / "other.npz", {"poses": np.zeros(3)})
+    assert json.loads(run("info", tmp_path / "other.npz", "--json").out)["kind"] == "arrays"

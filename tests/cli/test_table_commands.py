@@ -11,6 +11,8 @@ from third_party import Extents, VertexOffsets
 
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.io.meshes import save_mesh
+from riemhuman.registration import simulated_scan
 from riemhuman.retrieval import scores
 from riemhuman.surfaces import DeformationBasis
 
@@ -53,6 +55,21 @@ def matrix(scans, bodies, tmp_path_factory):
     distances = np.linalg.norm(places[:, None] - places, axis=-1)
     save_arrays(file, {"distances": distances, "names": np.array(names)})
     return file
+
+
+def test_view_lays_a_scan_over_its_body_in_either_order(run, refused, bodies, tmp_path):
+    faces = bodies.template.faces
+    scan = simulated_scan(bodies.points[0], faces, rng=0, n_points=3000)
+    save_mesh(tmp_path / "body.ply", bodies.points[0], faces)
+    np.save(tmp_path / "scan.npy", 1000.0 * scan.points)
+    for files in (("scan.npy", "body.ply"), ("body.ply", "scan.npy")):
+        page = tmp_path / "over.html"
+        finished = run("view", *[tmp_path / name for name in files], "-o", page, "--force")
+        assert finished.code == 0
+        assert "scan.npy over body.ply" in page.read_text(encoding="utf-8")
+    np.save(tmp_path / "other.npy", np.random.default_rng(0).uniform(0, 1.7, (2000, 3)))
+    message = refused("view", tmp_path / "other.npy", tmp_path / "body.ply", "-o", page, "-f")
+    assert "does not lie over the body" in message
 
 
 def test_view_shows_meshes_motions_and_paths(run, scans, bodies, tmp_path):

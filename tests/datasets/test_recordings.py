@@ -12,7 +12,7 @@ from model_pickles import Call, Raw, name_of, pickled, smpl_fields
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
-from riemhuman.datasets import RetargetedMotion, load_recording
+from riemhuman.datasets import RetargetedMotion, load_recording, recording_contents
 from riemhuman.errors import ArgumentError, FileFormatError
 
 FOLDER = Path(__file__).parent / "recordings"
@@ -267,3 +267,101 @@ def test_lists_in_each_other_without_end(tmp_path):
     (tmp_path / "a.pkl").write_bytes(pickle.dumps({"poses": value}))
     with pytest.raises(FileFormatError, match="nest too deep or too often"):
         load_recording(tmp_path / "a.pkl")
+
+
+def avatar(path, **changes):
+    """Write a .smpl file as Meshcapade's codec does: version 2 is SMPL-X."""
+    fields = {
+        "codecVersion": np.int32(2),
+        "smplVersion": np.int32(2),
+        "gender": np.int32(0),
+        "shapeParameters": BETAS.astype(np.float32),
+        "frameCount": np.int32(N_FRAMES),
+        "frameRate": np.float32(24.0),
+        "bodyTranslation": PLACES.astype(np.float32),
+        "bodyPose": POSES[:, :22].astype(np.float32),
+        "leftHandPose": np.zeros((N_FRAMES, 15, 3), np.float32),
+        "expressionParameters": np.zeros((N_FRAMES, 10), np.float32),
+        **changes,
+    }
+    with path.open("wb") as file:
+        np.savez_compressed(file, **{k: v for k, v in fields.items() if v is not None})
+    return path
+
+
+def test_avatars_of_smpl_files(smpl, tmp_path):
+    path = avatar(tmp_path / "walk.smpl")
+    motion = load_recording(path, smpl, up="y")
+    assert motion.frames_per_second == 24.0
+    np.testing.assert_allclose(motion.pose_vectors[:, :22], POSES[:, :22], atol=1e-6)
+    np.testing.assert_allclose(motion.translations, PLACES, atol=1e-6)
+    np.testing.assert_allclose(motion.betas, BETAS, atol=1e-6)
+    still = ("frameCount", "frameRate", "bodyTranslation", "bodyPose", "leftHandPose")
+    still += ("expressionParameters",)
+    path = avatar(tmp_path / "still.smpl", **dict.fromkeys(still))
+    (body,) = load_recording(path, smpl, up="y")[:]
+    np.testing.assert_allclose(body, smpl(BETAS), atol=1e-6)
+    for version, joints in ((0, 24), (1, 22)):
+        path = avatar(
+            tmp_path / "other.smpl", smplVersion=np.int32(version), bodyPose=POSES[:, :joints]
+        )
+        found = load_recording(path, smpl, up="y").pose_vectors
+        np.testing.assert_allclose(found[:, :joints], POSES[:, :joints], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"smplVersion": np.int32(5)}, "poses of SKEL, 46 angles"),
+        ({"smplVersion": np.int32(9)}, "must be from 0 to 7; found 9"),
+        ({"bodyPose": POSES}, r"bodyPose must have shape \(6, 22, 3\); found \(6, 24, 3\)"),
+        ({"frameCount": np.array([1, 2])}, "frameCount must be a whole number"),
+        ({"bodyTranslation": PLACES * np.nan}, "bad.smpl"),
+    ],
+)
+def test_bad_avatars_are_refused(tmp_path, changes, message):
+    with pytest.raises(FileFormatError, match=f"bad.smpl.*{message}|{message}"):
+        load_recording(avatar(tmp_path / "bad.smpl", **changes), up="y")
+
+
+def test_files_of_the_codec_itself(smpl, tmp_path):
+    codec = pytest.importorskip("smplcodec")
+    written = codec.SMPLCodec(
+        smpl_version=codec.SMPLVersion.SMPLX,
+        shape_parameters=BETAS,
+        frame_count=N_FRAMES,
+        frame_rate=24.0,
+        body_translation=PLACES,
+        body_pose=POSES[:, :22],
+        head_pose=POSES[:, :3],
+    )
+    written.write(str(tmp_path / "walk.smpl"))
+    motion = load_recording(tmp_path / "walk.smpl", smpl, up="y")
+    np.testing.assert_allclose(motion.pose_vectors[:, :22], POSES[:, :22], atol=1e-6)
+    np.testing.assert_allclose(motion.translations, PLACES, atol=1e-6)
+    contents = recording_contents(tmp_path / "walk.smpl")
+    assert "headPose (jaw and eyes, of SMPL-X)" in contents.used
+    assert contents.left_out == ("codecVersion", "gender (model to choose)")
+
+
+def test_what_is_used_of_a_file_and_what_is_left_out(tmp_path):
+    contents = recording_contents(avatar(tmp_path / "walk.smpl"))
+    assert {"bodyPose", "bodyTranslation", "frameRate", "shapeParameters"} <= {*contents.used}
+    assert "leftHandPose (fingers, of models that have them)" in contents.used
+    assert "expressionParameters (expression of the face)" in contents.left_out
+    aist(tmp_path / "dance.pkl")
+    contents = recording_contents(tmp_path / "dance.pkl")
+    assert contents.used == ("smpl_poses", "smpl_scaling", "smpl_trans")
+    assert contents.left_out == ("smpl_loss",)
+    amass = {"poses": np.zeros((4, 156)), "trans": np.zeros((4, 3)), "betas": np.zeros(16)}
+    amass |= {"dmpls": np.zeros((4, 8)), "mocap_framerate": 30.0, "gender": "female"}
+    np.savez(tmp_path / "amass.npz", **amass)
+    contents = recording_contents(tmp_path / "amass.npz")
+    assert contents.left_out == ("dmpls (soft tissue)",)
+    nested = {"smpl_params_global": {"global_orient": ROWS[:, :3], "body_pose": ROWS[:, 3:66]}}
+    nested["smpl_params_global"] |= {"transl": PLACES, "betas": BETAS}
+    nested |= {"K_fullimg": np.eye(3), "net_outputs": {"confidence": np.ones(N_FRAMES)}}
+    (tmp_path / "video.pkl").write_bytes(pickle.dumps(nested))
+    contents = recording_contents(tmp_path / "video.pkl")
+    assert contents.used == ("betas", "body_pose", "global_orient", "transl")
+    assert contents.left_out == ("K_fullimg", "confidence")

@@ -45,7 +45,7 @@ def wavy_path(size, n_times=5):
 def test_large_meshes_run_in_threads_with_the_same_result(metric, monkeypatch):
     path = wavy_path(0.2)
     alone = metric.energy_and_gradient(path)
-    monkeypatch.setattr("riemhuman.terms._sum._WORTH_THREADS", 0)
+    monkeypatch.setattr("riemhuman.terms._drivers._WORTH_THREADS", 0)
     threaded = metric.energy_and_gradient(path)
     assert alone[0] == threaded[0]
     np.testing.assert_array_equal(alone[1], threaded[1])
@@ -99,7 +99,7 @@ def test_an_energy_alone_does_without_its_gradient(monkeypatch):
     def fail(*_):
         raise AssertionError("slopes were added up")
 
-    monkeypatch.setattr("riemhuman.terms._sum.add_gradient", fail)
+    monkeypatch.setattr("riemhuman.terms._drivers.add_gradient", fail)
     assert metric.energy(path) == expected
 
 

@@ -1,5 +1,6 @@
 """Where compiled functions cannot be kept, everything works as well, and one warning says so."""
 
+import ast
 import os
 import shutil
 import subprocess
@@ -14,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 
 COMPUTE = """
 import numpy as np
-from riemhuman.terms._sum import fill_records
+from riemhuman.terms._drivers import fill_records
 records = np.empty((1, 12, 1))
 corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 fill_records(corners[:, None], np.array([[0, 1, 2]]), np.array([[1.0, 1.0, 0.0]]), 0, 1, records)
@@ -65,13 +66,52 @@ def test_nowhere_to_keep_compiled_functions(package, named):
     assert "Traceback" not in said
 
 
-def test_stamps_change_with_the_files_of_a_module(tmp_path):
-    file = tmp_path / "some.py"
-    assert compilation._stamp({}) is None
-    assert compilation._stamp({"__file__": str(file)}) is None
-    file.write_text("x = 1")
-    status = file.stat()
-    assert (status.st_mtime, status.st_size) in compilation._stamp({"__file__": str(file)})
+INLINED = """
+from riemhuman.terms import compiled
+
+@compiled(forceinline=True)
+def scaled(x):
+    return {factor} * x
+"""
+CALLER = """
+from riemhuman.terms import compiled
+from inlined import scaled
+
+@compiled
+def value(x):
+    return scaled(x)
+
+value(1.0)
+print(value(1.0), sum(value.stats.cache_hits.values()))
+"""
+
+
+def test_what_is_kept_follows_the_files_of_inlined_functions(tmp_path):
+    """Numba by itself looks at the file of the caller alone."""
+    (tmp_path / "caller.py").write_text(CALLER)
+    environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
+
+    def run(factor):
+        (tmp_path / "inlined.py").write_text(INLINED.replace("{factor}", factor))
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", "import caller"],
+            env=environment | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=120,
+        )
+        return done.stdout.split()
+
+    assert run("2.0") == ["2.0", "0"]
+    assert run("3.0") == ["3.0", "0"]
+    assert run("2.0") == ["2.0", "1"]
+
+
+def test_functions_of_no_file_have_no_digest():
+    assert compilation._digest({}) is None
+    assert compilation._digest({"__file__": "<notebook>"}) is None
 
 
 @compilation.compiled
@@ -105,3 +145,40 @@ def test_inlined_functions_run_in_python_too():
     """Without what numba needs to call them from there, they would end the interpreter."""
     assert four_times(3.0) == 12.0
     assert twice(3.0) == 6.0
+
+
+def test_a_long_compilation_is_told_once(monkeypatch):
+    now, told = iter([0.0, 0.5, 1.0, 1.5, 3.0, 4.0, 5.0, 9.0]), []
+    monkeypatch.setattr("time.perf_counter", lambda: next(now))
+    taken = compilation.CompilationTime()
+    taken.tell(lambda: told.append(taken.seconds))
+    taken._begin()
+    taken._end()
+    assert (told, taken.seconds) == ([], 0.5)
+    taken._begin()
+    taken._begin()  # a function that the first one calls
+    taken._end()
+    assert told == [0.5]  # 0.5 and 2.0 seconds
+    taken._end()
+    taken._begin()
+    taken._end()
+    assert (len(told), taken.seconds) == (1, 7.5)
+
+
+def test_compiled_functions_assign_no_arrays_to_slices():
+    """Numba takes two seconds to compile the first such assignment: loops are written out."""
+    slow = []
+    for file in sorted((ROOT / "riemhuman").rglob("*.py")):
+        for function in ast.parse(file.read_text(encoding="utf-8")).body:
+            if not isinstance(function, ast.FunctionDef):
+                continue
+            if not any("compiled" in ast.unparse(one) for one in function.decorator_list):
+                continue
+            slow += [
+                f"{file.name}, {function.name}: {ast.unparse(node)}"
+                for node in ast.walk(function)
+                if isinstance(node, ast.Assign)
+                and any(isinstance(part, ast.Slice) for part in ast.walk(node.targets[0]))
+                and not isinstance(node.value, (ast.Constant, ast.Name, ast.Attribute))
+            ]
+    assert slow == []

@@ -7,9 +7,8 @@ from cases import sphere_template, surfaces
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io import to_trimesh
-from riemhuman.measurements import Measurements
 from riemhuman.plots import contributions, view_bodies
-from riemhuman.plots.body_plots import per_area, plot_body, plot_measurement_lines, plot_path
+from riemhuman.plots.body_plots import per_area, plot_body, plot_path
 from riemhuman.plots.figures import colour_limit
 from riemhuman.surfaces import Template
 
@@ -145,18 +144,6 @@ def test_meshes_of_other_packages_are_drawn_as_their_arrays(made):
 def test_bad_arguments(call, message):
     with pytest.raises(ArgumentError, match=message):
         call()
-
-
-def test_every_line_is_drawn_on_every_side(nine_bodies):
-    lines = Measurements(nine_bodies.model).lines(nine_bodies.points[0])
-    figure = plot_measurement_lines(
-        nine_bodies.points[0], nine_bodies.template.faces, lines, height=60
-    )
-    shown = {name: curves for name, curves in lines.items() if curves}
-    for axes in figure.axes:
-        drawn = [len(collection.get_segments()) for collection in axes.collections]
-        assert drawn == [len(curves) for curves in shown.values()]
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == list(shown)
 
 
 def test_parts_are_the_distances_of_the_two_fields():

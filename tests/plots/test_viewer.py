@@ -49,7 +49,7 @@ def test_a_path_travels_whole():
         assert body["n_frames"] == 4
         packed = unpacked(body["frames"], np.uint16, PATH[0].size).reshape(PATH.shape)
         found = np.array(body["low"]) + np.array(body["step"]) * packed
-        assert max(body["step"]) < np.ptp(path) / 60000
+        assert max(body["step"]) <= 1e-4  # metres
         assert np.abs(found - path).max() <= 0.5001 * max(body["step"])
 
 
@@ -165,7 +165,7 @@ def test_the_ending_says_what_is_written(tmp_path):
     viewer = view_bodies(PATH[:2], TEMPLATE.faces)
     viewer.save(tmp_path / "two.png")
     assert (tmp_path / "two.png").read_bytes().startswith(b"\x89PNG")
-    for name in ("a.mp4", "a.gif", "a", "a.htmlx"):
+    for name in ("a.avi", "a.webm", "a", "a.htmlx"):
         with pytest.raises(FileFormatError, match=r"the ending must be .*\.html.*found"):
             viewer.save(tmp_path / name)
     assert [path.name for path in tmp_path.iterdir()] == ["two.png"]
@@ -183,7 +183,7 @@ def test_pictures_have_an_ending_that_says_so_and_a_name_for_each_body(tmp_path)
 
 
 def test_pages_stay_small():
-    assert len(page_scripts()) < 600_000
+    assert len(page_scripts()) < 650_000
     bodies = rh.datasets.load_open_bodies("coarse")
     page = view_bodies(bodies.points[0], bodies.template.faces).page()
     assert len(page) - len(page_scripts()) < 250_000

@@ -171,6 +171,8 @@ def test_values_of_vertices_are_said_under_the_pointer(browser, opened):
 
 
 def screenshot(browser):
+    """Return what the browser shows, outlines smooth."""
+    browser.wait_for("return document.querySelector('.viewer').dataset.fine === 'true'")
     shot = base64.b64decode(browser.devtools("Page.captureScreenshot", format="png")["data"])
     return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
 

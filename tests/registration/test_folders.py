@@ -141,6 +141,9 @@ def test_the_page_shows_every_scan(registered, folders):
     assert text.count("not trusted</strong>") == 2
     assert text.count('alt="body registered to the scan anna"') == 1
     assert text.count('class="colour-bar"') == 1
+    assert 'href="views/anna.html"' in text
+    assert "views/broken.html" not in text  # it has no body
+    assert 'data-scan="cut"' in (folders[1] / "views" / "anna.html").read_text(encoding="utf-8")
 
 
 def test_folders_without_scans_are_refused(tmp_path, registration):

@@ -11,10 +11,11 @@ from scipy.spatial import cKDTree
 import riemhuman as rh
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration import Scan, _limb_rivals
+from riemhuman.registration._arm_positions import move_hand, swing_elbow
 from riemhuman.registration._arms_and_hands import ArmFit, BodyFit, HandFit
 from riemhuman.registration._dense_fit import fit_densely
 from riemhuman.registration._elastic_step import leave_model
-from riemhuman.registration._limb_rivals import _exchange
+from riemhuman.registration._limb_rivals import _exchange, find_contact
 from riemhuman.registration._limb_rivals import find_limb_doubts as find_limb_doubts_with
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
@@ -65,14 +66,74 @@ def test_clasped_hands_hide_each_others_fingers(model, fitter):
     np.testing.assert_array_equal(doubt.vertices, fitter.parts.on_hands)
 
 
-@pytest.fixture(scope="module")
-def upright(model, fitter):
-    """Return the fit to a scan without noise of a start pose, in which the left arm is in doubt."""
-    pose = Pose(fitter.poses["a"], np.zeros(len(fitter.betas_precisions)), np.zeros(3))
+def exact_fit(model, fitter, name):
+    """Return the fit to a scan without noise of a start pose."""
+    pose = Pose(fitter.poses[name], np.zeros(len(fitter.betas_precisions)), np.zeros(3))
     scan = prepare_scan(Scan(fitter.surface(pose), model.faces))
     dense = fit_densely(fitter, Candidate(pose, fitter.prior(pose), 0.0, UP), scan)
     task, pose = dense.task, dense.pose
-    return BodyFit(task, leave_model(task, pose), [fitter.arm_surfaces[0]], {})
+    return BodyFit(task, leave_model(task, pose), [], {})
+
+
+@pytest.fixture(scope="module")
+def upright(model, fitter):
+    """Return the fit of an upright body, whose left arm is in doubt."""
+    return replace(exact_fit(model, fitter, "a"), doubtful_arms=[fitter.arm_surfaces[0]])
+
+
+@pytest.fixture(scope="module")
+def akimbo(model, fitter):
+    """Return the fit of a body whose hands are on the hips, with the hands' fits."""
+    body = exact_fit(model, fitter, "hips")
+    fits = {}
+    for arm in fitter.arm_surfaces:
+        surface = pose_body(arm.skin, body.fit.pose).points
+        fits[arm] = [HandFit(body.fit.pose, body.task.prior, surface, np.full(50, 0.001))]
+    return replace(body, hand_fits=fits)
+
+
+def with_pose(fitter, body, pose):
+    """Return a body in another pose than the scan's."""
+    points = fitter.surface(pose)
+    return replace(body, fit=replace(body.fit, pose=pose, points=points, model_points=points))
+
+
+def test_elbows_and_hands_in_their_places_leave_no_doubt(akimbo):
+    assert find_limb_doubts(akimbo) == []
+
+
+@pytest.mark.parametrize("degrees", [60.0, -90.0])
+@pytest.mark.parametrize("number", [0, 1])
+def test_an_elbow_that_points_elsewhere_is_not_trusted(fitter, akimbo, number, degrees):
+    arm = fitter.arm_surfaces[number]
+    pose = swing_elbow(arm.samples.skeleton, akimbo.fit.pose, arm.joints, degrees)
+    doubts = find_limb_doubts(with_pose(fitter, akimbo, pose))
+    reason = f"{arm.side} arm: two explanations fit almost equally, in which the elbow points"
+    (doubt,) = [each for each in doubts if each.reason.startswith(reason)]
+    on_arm = fitter.parts.vertices(arm.joints[1:].tolist())
+    assert on_arm[doubt.vertices].all()
+    assert doubt.vertices[fitter.parts.owners == arm.joints[2]].mean() > 0.5
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_hand_within_what_it_touches_is_not_trusted(fitter, akimbo, number):
+    arm = fitter.arm_surfaces[number]
+    inward = np.array([-1.0 if arm.side == "left" else 1.0, 0.0, 0.0])
+    skeleton, pose = arm.samples.skeleton, akimbo.fit.pose
+    pose = move_hand(skeleton, pose, arm.joints, 0.06 * inward)
+    within = with_pose(fitter, akimbo, pose)
+    contact = find_contact(within, arm, RivalSettings())
+    assert contact is not None
+    np.testing.assert_allclose(np.linalg.norm(contact), 1.0)
+    doubts = find_limb_doubts(within)
+    reason = f"{arm.side} arm: two explanations fit almost equally, in which the hand is on the"
+    (doubt,) = [each for each in doubts if each.reason.startswith(reason)]
+    assert doubt.vertices[fitter.parts.owners == arm.joints[3]].mean() > 0.9
+
+
+def test_hanging_hands_touch_nothing(fitter, upright):
+    for arm in fitter.arm_surfaces:
+        assert find_contact(upright, arm, RivalSettings()) is None
 
 
 @pytest.mark.parametrize(
@@ -114,7 +175,7 @@ def test_another_pose_of_a_hand_leaves_its_fingers_in_doubt(
             model(hands=model.hand_pose(name))[arm.vertices],
             np.full(50, distance),
         )
-        for name, distance in (("open", 0.004), ("fist", 0.004 * farther))
+        for name, distance in (("open", 0.003), ("fist", 0.003 * farther))
     ]
     doubts = find_limb_doubts(replace(upright, doubtful_arms=[], hand_fits={arm: fits}))
     assert len(doubts) == (0 if trusted else 1)
@@ -124,13 +185,29 @@ def test_another_pose_of_a_hand_leaves_its_fingers_in_doubt(
         assert np.isin(np.flatnonzero(doubt.vertices), arm.on_hand).all()
 
 
-def test_hands_that_no_pose_explains_are_not_trusted(upright):
+@pytest.mark.parametrize(
+    ("on_arm", "on_hand", "trusted"),
+    [
+        (0.0, 0.003, True),
+        (0.0, 0.006, False),
+        (0.003, 0.006, True),
+        (0.003, 0.009, False),
+    ],
+)
+def test_hands_much_farther_from_the_scan_than_their_arms_are_not_trusted(
+    upright, on_arm, on_hand, trusted
+):
+    """What the model cannot show of a person, and noise, are in both distances."""
     (arm,) = upright.doubtful_arms
-    points = np.full(50, 0.008)
+    scan, points = upright.task.scan, np.full(50, on_hand)
+    outside = replace(scan, points=scan.points + on_arm * scan.normals)
     fits = [HandFit(upright.fit.pose, upright.task.prior, np.zeros((1, 3)), points)] * 2
-    (doubt,) = find_limb_doubts(replace(upright, doubtful_arms=[], hand_fits={arm: fits}))
-    assert doubt.reason == "left hand: no pose of it fits the scan"
-    np.testing.assert_array_equal(np.flatnonzero(doubt.vertices), arm.on_hand)
+    body = replace(upright, doubtful_arms=[], hand_fits={arm: fits})
+    doubts = find_limb_doubts(replace(body, task=replace(body.task, scan=outside)))
+    assert len(doubts) == (0 if trusted else 1)
+    for doubt in doubts:
+        assert doubt.reason == "left hand: no pose of it fits the scan"
+        np.testing.assert_array_equal(np.flatnonzero(doubt.vertices), arm.on_hand)
 
 
 def test_a_head_that_another_turn_explains_better_is_not_trusted(fitter, upright):

@@ -78,7 +78,7 @@ def test_there_and_back_is_the_same_body(found, people):
 def test_files_hold_the_map(found, people, full, tmp_path):
     _, others, *_ = people
     found.save(tmp_path / "map.npz")
-    assert (tmp_path / "map.npz").stat().st_size < 1.5e6
+    assert (tmp_path / "map.npz").stat().st_size < 3e6
     again = TopologyMap.load(tmp_path / "map.npz")
     assert again.model is full
     np.testing.assert_allclose(again.to_model(others[1]), found.to_model(others[1]), atol=1e-7)
@@ -169,11 +169,82 @@ def test_symmetric_meshes_have_symmetric_places(full, monkeypatch):
     assert np.linalg.norm(gaps, axis=1).mean() < 0.25 * np.linalg.norm(uneven, axis=1).mean()
 
 
-def test_bodies_of_the_coarse_model_come_with_parameters(people, full, monkeypatch):
+@pytest.fixture(scope="module")
+def to_coarse(people, full):
+    """Return the map to the coarse model, from a body whose registration is known."""
     bodies, others, faces, _ = people
-    coarse = rh.datasets.load_open_model("coarse")
-    mapped = made_from(others[0], faces, bodies[0], coarse, monkeypatch)
-    points, fit = mapped.to_model(others, fit=True)
+    with pytest.MonkeyPatch.context() as patch:
+        return made_from(others[0], faces, bodies[0], rh.datasets.load_open_model("coarse"), patch)
+
+
+def test_a_coarse_model_shows_a_finer_mesh(to_coarse, people, full):
+    """Flat triangles miss it by 2.8 mm in the mean; so do there and back (asked: 1 mm)."""
+    bodies, others, *_ = people
+    kept = cKDTree(full.template.vertices).query(to_coarse.model.template.vertices)[1]
+    errors = np.linalg.norm(to_coarse.to_template(bodies[:, kept]) - others, axis=-1)[1:]
+    assert errors.mean() < 0.0012
+    back = to_coarse.to_template(to_coarse.to_model(others))
+    errors = np.linalg.norm(back - others, axis=-1)[1:]
+    assert errors.mean() < 0.001
+    back = to_coarse.to_model(to_coarse.to_template(bodies[:, kept]))
+    assert np.linalg.norm(back - bodies[:, kept], axis=-1)[1:].mean() < 0.0005
+
+
+def test_maps_do_not_depend_on_place_size_and_heading(to_coarse, people):
+    _, others, *_ = people
+    turn = rh.bodies.rotation_matrix(np.array([0.0, 1.1, 0.0]))
+    moved = 0.9 * others[1] @ turn.T + [3.0, 0.5, -2.0]
+    expected = 0.9 * to_coarse.to_model(others[1]) @ turn.T + [3.0, 0.5, -2.0]
+    np.testing.assert_allclose(to_coarse.to_model(moved), expected, atol=1e-9)
+
+
+class Stopped(Exception):
+    """Raised in place of a registration."""
+
+
+@pytest.mark.parametrize("up", ["x", "-x", "-y", "z", "-z"])
+def test_bodies_in_any_axes_are_registered_upright(people, monkeypatch, up):
+    """What registration gets is the body y up: a map has no way to depend on the axes of a file."""
+    _, others, faces, _ = people
+    seen = []
+
+    def register(body, *options):
+        seen.append(body)
+        raise Stopped
+
+    monkeypatch.setattr(topology_map, "_register", register)
+    axis, sign = "xyz".index(up[-1]), -1.0 if up.startswith("-") else 1.0
+    turned = np.roll(others[0], axis - 1, axis=1) if axis != 1 else others[0] * [1, -1, -1]
+    if axis != 1 and sign < 0:
+        turned = turned * np.where(np.arange(3) == (axis + 1) % 3, -1.0, 1.0)
+        turned[:, axis] *= -1.0
+    for options in ({}, {"up": up}):
+        with pytest.raises(Stopped):
+            TopologyMap.fit((turned, faces), **options)
+        np.testing.assert_allclose(seen[-1][:, 1], others[0][:, 1], atol=1e-12)
+    if up == "-y":
+        np.testing.assert_allclose(seen[0], others[0], atol=1e-12)
+
+
+def test_files_hold_what_was_learned(to_coarse, people, tmp_path):
+    _, others, *_ = people
+    to_coarse.save(tmp_path / "coarse.npz")
+    assert (tmp_path / "coarse.npz").stat().st_size < 1.5e6
+    again = TopologyMap.load(tmp_path / "coarse.npz")
+    bodies = again.to_model(others[1])
+    np.testing.assert_allclose(bodies, to_coarse.to_model(others[1]), atol=1e-7)
+    np.testing.assert_allclose(again.to_template(bodies), to_coarse.to_template(bodies), atol=1e-7)
+    arrays = rh.io.load_arrays(tmp_path / "coarse.npz", ())
+    arrays["to_model_columns"] = arrays["to_model_columns"] + 1_000_000
+    rh.io.save_arrays(tmp_path / "wrong.npz", arrays)
+    with pytest.raises(FileFormatError, match="to_model_columns must number vertices"):
+        TopologyMap.load(tmp_path / "wrong.npz")
+
+
+def test_bodies_of_the_coarse_model_come_with_parameters(to_coarse, people):
+    _, others, *_ = people
+    coarse = to_coarse.model
+    points, fit = to_coarse.to_model(others, fit=True)
     assert points.shape == (len(others), 1202, 3)
     assert fit.betas.shape == (len(others), coarse.n_betas)
     assert np.linalg.norm(coarse(fit.betas, fit.pose, fit.trans) - points, axis=-1).mean() < 0.005

@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from riemhuman.terms._sum import SumOfTerms
+from riemhuman.terms._drivers import SumOfTerms
 
 
 def field_features(term, fields, areas, precision):

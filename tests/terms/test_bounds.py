@@ -17,15 +17,15 @@ from riemhuman.terms import (
     NormalTerm,
     RootNormalTerm,
     RotationTerm,
+    _drivers,
     _polynomial_fits,
     _quadratic,
-    _sum,
     cone,
     flat,
     normals,
 )
+from riemhuman.terms._drivers import SumOfTerms
 from riemhuman.terms._quadratic import by_vertex
-from riemhuman.terms._sum import SumOfTerms
 
 TEMPLATE = open_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
@@ -38,7 +38,7 @@ QUADRATIC = [FIRST_ORDER, _quadratic.NormalPartTerm(TEMPLATE, FIRST_ORDER)]
 QUADRATIC += [_quadratic.ZerothOrderTerm(TEMPLATE, 0.4)]
 QUADRATIC += [_quadratic.SecondOrderTerm(TEMPLATE, 0.1)]
 # With functions of numbers alone: they would be compiled for these tests.
-MODULES = (_sum, cone, flat, normals, _polynomial_fits)
+MODULES = (_drivers, cone, flat, normals, _polynomial_fits)
 
 
 def collapsed(points):

@@ -21,6 +21,7 @@ from riemhuman.terms import (
     RotationTerm,
     Term,
 )
+from riemhuman.terms._drivers import SumOfTerms, add_gradient, fill_records
 from riemhuman.terms._quadratic import (
     FirstOrderTerm,
     FirstOrderWeights,
@@ -29,7 +30,6 @@ from riemhuman.terms._quadratic import (
     SecondOrderTerm,
     ZerothOrderTerm,
 )
-from riemhuman.terms._sum import SumOfTerms, add_gradient, fill_records
 
 TEMPLATE = sphere_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas

@@ -9,7 +9,7 @@ from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import FlatMetric, VectorSpace
 from riemhuman.kernels import surface, threads
 from riemhuman.terms import ConeTerm, EbinTerm, NormalTerm, RootNormalTerm
-from riemhuman.terms._sum import SumOfTerms
+from riemhuman.terms._drivers import SumOfTerms
 
 TEMPLATE = open_template()
 PRECISIONS = {"single": np.float32, "double": np.float64}

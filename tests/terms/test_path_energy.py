@@ -16,8 +16,8 @@ from riemhuman.geometry import (
 )
 from riemhuman.kernels import surface
 from riemhuman.kernels.threads import of_one_kind
-from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RootNormalTerm, _sum
-from riemhuman.terms._sum import SumOfTerms
+from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RootNormalTerm, _drivers
+from riemhuman.terms._drivers import SumOfTerms
 
 COMPILED = [case for case in SURFACES if isinstance(case.metric, SurfaceMetric)]
 
@@ -82,7 +82,7 @@ def test_how_thin_a_triangle_may_be(share):
     """Whatever the lengths of its sides: the sine of the angle between them counts."""
     for along, across in ((1e-3, 1e3), (1e3, 1e-3), (30.0, 20.0)):
         height = across * share * np.sqrt(surface.DEGENERATE)
-        *_, area = _sum.first_forms.py_func(along, 0.0, 0.0, across, height, 0.0)
+        *_, area = _drivers.first_forms.py_func(along, 0.0, 0.0, across, height, 0.0)
         assert area == pytest.approx(along * height if share > 1 else 0.0, rel=1e-12)
 
 
@@ -92,7 +92,7 @@ def test_nearly_degenerate_triangles_are_those_of_the_definition(at):
     path = surfaces(template, 3, rng=3)
     one, two, three = template.faces[5]
     path[1, three] = (1 - at) * path[1, one] + at * path[1, two]
-    marked = _sum.nearly_degenerate(path, template)
+    marked = _drivers.nearly_degenerate(path, template)
     assert marked[1, 5]
     derivatives = surface.partial_derivatives(path, template.differential_operator)
     np.testing.assert_array_equal(marked, surface.is_degenerate(*derivatives))
@@ -117,7 +117,7 @@ def test_triangles_in_many_parts(monkeypatch):
         return [*found, driver.path_energy(path, gradient=False)[0]]
 
     expected = results()
-    monkeypatch.setattr(_sum, "_IN_CACHE", 28)  # seven triangles of four surfaces
+    monkeypatch.setattr(_drivers, "_IN_CACHE", 28)  # seven triangles of four surfaces
     for one, other in zip(results(), expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
 

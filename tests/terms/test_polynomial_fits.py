@@ -27,7 +27,8 @@ def relative_errors(function, exact, arguments, real):
 @njit
 def half_angle(m, quarter, single):
     """Return sin²(½ min(π, ψ)) of ψ² = 4 · quarter · ℓ²."""
-    return fits.half_sine_squared(quarter * fits.squared_length(m, single), single)
+    squared, _ = fits.squared_length_and_slope(m, single)
+    return fits.half_sine_squared_and_slope(quarter * squared, single)[0]
 
 
 def as_compiled(function):
@@ -35,8 +36,8 @@ def as_compiled(function):
     return njit(lambda *given: function(*given))
 
 
-polynomial, squared_angle = as_compiled(fits.polynomial), as_compiled(fits.squared_angle)
-squared_short_arc = as_compiled(fits.squared_short_arc)
+squared_arc_and_slope = as_compiled(fits.squared_arc_and_slope)
+half_sine_of_share = as_compiled(fits.half_sine_of_share)
 
 
 @each_precision
@@ -45,7 +46,7 @@ def test_short_arcs(precision):
     single = fits.PRECISION[np.dtype(real)]
     chords = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, 2.0, 400)])
     errors = relative_errors(
-        lambda p: squared_short_arc(p, single),
+        lambda p: squared_arc_and_slope(p, True, single)[0],
         lambda p: (2 * mp.asin(mp.sqrt(p) / 2)) ** 2,
         chords,
         real,
@@ -85,44 +86,21 @@ def test_half_angles_for_a_small_ratio(lam, real, tolerance):
     shares = np.concatenate([np.logspace(-20, -1, 100), np.linspace(0.1, 1.5, 200), [1e20]])
 
     def found(m):
-        share = min(m * inverse, real(1.0))
-        return share * polynomial(coefficients, share)
+        return half_sine_of_share(m * inverse, coefficients)[0]
 
     def exact(m):
         theta = mp.acosh(1 + m) / (2 * mp.sqrt(2 * mp.mpf(lam)))
         return mp.sin(min(theta, mp.pi) / 2) ** 2
 
     assert relative_errors(found, exact, reach * shares, real).max() < tolerance
+    for share in np.linspace(0.0, 0.99, 20) + 1e-9:
+        with mp.workdps(40):
+            slope = float(mp.diff(lambda z: exact(reach * z), mp.mpf(float(share))))
+        found_slope = half_sine_of_share(real(share), coefficients)[1]
+        assert found_slope == pytest.approx(slope, abs=100 * tolerance)
+    assert half_sine_of_share(real(1.5), coefficients)[1] == 0.0
     theta = np.arccosh(1 + reach) / (2 * np.sqrt(2 * lam))
     assert theta == pytest.approx(np.pi, rel=1e-7)
-
-
-@each_precision
-def test_squared_angles_of_unit_vectors(precision):
-    """At angles of all sizes, near 0, π/2 and π too."""
-    real = PRECISIONS[precision]
-    single = fits.PRECISION[np.dtype(real)]
-    rng = np.random.default_rng(0)
-    first = rng.standard_normal((4000, 3))
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    across = np.cross(first, rng.standard_normal((4000, 3)))
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    small = np.logspace(-3, -1, 1000)
-    angles = [rng.uniform(0, np.pi, 1000), small, np.pi / 2 + small - 0.05, np.pi - small]
-    angles = np.concatenate(angles)[:, None]
-    second = (np.cos(angles) * first + np.sin(angles) * across).astype(real)
-    first = first.astype(real)
-    found = [squared_angle(*a, *b, single) for a, b in zip(first, second, strict=True)]
-    a, b = first.astype(np.longdouble), second.astype(np.longdouble)
-    a, b = (v / np.sqrt(np.sum(v**2, axis=1, keepdims=True)) for v in (a, b))
-    gap, total = (np.sqrt(np.sum(v**2, axis=1)) for v in (a - b, a + b))
-    expected = (2 * np.arctan2(gap, total)).astype(np.float64)
-    # Lengths of vectors are 1 up to rounding.
-    assert np.abs(np.sqrt(found) - expected).max() < 4 * ROUNDING[precision]
-    n = np.array([0.6, -0.48, 0.64], dtype=real)
-    assert squared_angle(*n, *n, single) == 0.0
-    opposite = squared_angle(*n, *-n, single)
-    assert opposite == pytest.approx(np.pi**2, rel=2 * ROUNDING[precision])
 
 
 def around(switch):
@@ -131,8 +109,8 @@ def around(switch):
 
 @njit
 def loops(m, quarter):
-    squared, in_m = fits.squared_length_and_slope(m)
-    value, rate = fits.half_sine_squared_and_slope(quarter * squared)
+    squared, in_m = fits.squared_length_and_slope(m, None)
+    value, rate = fits.half_sine_squared_and_slope(quarter * squared, None)
     return value, rate * quarter * in_m
 
 
@@ -164,9 +142,8 @@ def test_slopes_of_half_angles(lam, function):
 
 
 def test_slopes_of_squared_angles():
-    @njit
     def found(p, q):
-        return fits.squared_angle_and_slope(min(p, q), p <= q)
+        return squared_arc_and_slope(min(p, q), p <= q, None)
 
     squared_chords = np.concatenate([np.logspace(-30, 0, 200), around(0.04), [2.0, 3.0, 3.9, 3.99]])
     for p in squared_chords:

@@ -11,12 +11,12 @@ from oracles import taylor_slope
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.surfaces.template import Template
 from riemhuman.terms import _quadratic
+from riemhuman.terms._drivers import SumOfQuadraticTerms
 from riemhuman.terms._quadratic import (
     FirstOrderTerm,
     FirstOrderWeights,
     NormalPartTerm,
     SecondOrderTerm,
-    SumOfQuadraticTerms,
     ZerothOrderTerm,
     by_vertex,
     corner_averages,

@@ -10,7 +10,17 @@ import pytest
 from autograd import value_and_grad
 from cases import deformations, sphere_template, surfaces
 
-from riemhuman.geometry import AlignedSurfaces, RiemannianMetric, SurfaceMetric
+from riemhuman.errors import ArgumentTypeError, NotDefinedError
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    FlatMetric,
+    NormalFields,
+    ProductManifold,
+    RiemannianMetric,
+    SurfaceMetric,
+    VectorSpace,
+)
+from riemhuman.solvers import TangentPCA
 from riemhuman.terms import EbinTerm, FlatTerm, Term
 
 
@@ -122,9 +132,86 @@ def test_lower_bounds(metric):
     assert np.all(bound <= metric.dist_pairwise(POINTS, precision="double") * (1 + 1e-12) + 1e-12)
 
 
-def test_statistics_of_fields_know_flat_terms_alone():
+def test_statistics_of_fields_need_terms_that_say_where_their_fields_live():
     assert METRICS["flat"].has_target_metric
     assert not METRICS["any"].has_target_metric
+    with pytest.raises(NotDefinedError, match="the fields of LogArea have no manifold"):
+        METRICS["any"].map(POINTS[0])
+
+
+class LogAreaWithSpace(LogArea):
+    """Its fields are numbers, the points of a vector space of the library's."""
+
+    has_target_space = True
+
+    def target_space(self, spaces):
+        return spaces.vector_fields(1)
+
+    def target_point(self, first):
+        return anp.log(first.areas)[..., None]
+
+
+class NormalsAndAreas(LogAreaWithSpace):
+    """Its fields are points of a manifold of one's own: unit normals, and logarithms of areas."""
+
+    def fields(self, first):
+        return first.area_vectors / first.areas[..., None], anp.log(first.areas)
+
+    def squared_dist(self, fields_a, fields_b):
+        (n_a, log_a), (n_b, log_b) = fields_a, fields_b
+        angle = 2.0 * anp.arcsin(0.5 * anp.sqrt(anp.sum((n_a - n_b) ** 2, axis=-1)))
+        return angle**2 + (log_a - log_b) ** 2
+
+    def inner_product(self, changes_a, changes_b, fields):
+        (n_a, log_a), (n_b, log_b) = changes_a, changes_b
+        return anp.sum(n_a * n_b, axis=-1) + log_a * log_b
+
+    def target_space(self, spaces):
+        areas = spaces.template.face_areas
+        logs = VectorSpace((len(areas),)).equip_with_metric(FlatMetric, weights=areas)
+        return ProductManifold([NormalFields(spaces.template), logs])
+
+    def target_point(self, first):
+        return anp.concatenate(
+            [self.fields(first)[0].reshape(*first.areas.shape[:-1], -1), anp.log(first.areas)],
+            axis=-1,
+        )
+
+
+@pytest.mark.parametrize(
+    "terms",
+    [
+        [LogAreaWithSpace()],
+        [LogAreaWithSpace(0.7)],
+        [NormalsAndAreas(0.3)],
+        [EbinTerm(1.0, 0.1), NormalsAndAreas(0.3), RootArea(2.0)],
+    ],
+)
+def test_a_term_that_declares_its_space_gets_exp_and_log_of_fields(terms):
+    metric = SurfaceMetric(SPACE, terms)
+    assert metric.has_target_metric
+    images, target = metric.map(POINTS), metric.target_metric
+    np.testing.assert_allclose(
+        target.dist(images[0], images[1:]), metric.dist(POINTS[0], POINTS[1:]), rtol=1e-9
+    )
+    velocity = target.log(images[1], images[0])
+    assert target.norm(velocity, images[0]) == pytest.approx(metric.dist(POINTS[0], POINTS[1]))
+    np.testing.assert_allclose(target.exp(velocity, images[0]), images[1], atol=1e-9)
+
+
+def test_statistics_of_fields_take_a_term_of_ones_own():
+    metric = SurfaceMetric(SPACE, [NormalsAndAreas(0.3)])
+    components = TangentPCA(metric, n_components=2, image="fields").fit(POINTS)
+    assert components.transform(POINTS).shape == (5, 2)
+
+
+def test_a_space_of_fields_without_metric_is_refused():
+    class Bare(LogAreaWithSpace):
+        def target_space(self, spaces):
+            return VectorSpace((spaces.template.n_faces, 1), equip=False)
+
+    with pytest.raises(ArgumentTypeError, match="equipped with a metric.*VectorSpace without one"):
+        SurfaceMetric(SPACE, [Bare()]).map(POINTS[0])
 
 
 SCRIPT = """

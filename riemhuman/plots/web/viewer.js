@@ -6,6 +6,19 @@ const PITCH_LIMIT = 1.5;
 const ZOOM_LIMITS = [0.5, 60];
 const FRAMED = 0.22; // height of what is framed, as a share of the tallest body
 
+const STILL = 150; // milliseconds without a change, after which a processor draws finely
+
+// Whether there is no graphics card: smooth outlines then take longer than all the rest.
+function drawsOnProcessor() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  if (!context) return false;
+  const named = context.getExtension("WEBGL_debug_renderer_info");
+  const name = context.getParameter(named ? named.UNMASKED_RENDERER_WEBGL : context.RENDERER);
+  const release = context.getExtension("WEBGL_lose_context");
+  if (release) release.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
 class Viewer {
   constructor(element) {
     this.element = element;
@@ -32,23 +45,29 @@ class Viewer {
 
   async start() {
     this.faces = await unpack(this.data.faces, Uint32Array, 3);
-    const { parts } = this.data;
+    const { parts, shade } = this.data;
+    this.shade = shade && await inflate(shade);
     if (parts) this.parts = { names: parts.names, numbers: await inflate(parts.numbers) };
     this.sliders = new Sliders(this);
+    this.bars = new ValueBars(this);
+    this.panel = await Panel.of(this);
     await this.choose(0);
     listen(this);
+    listenToExports(this);
     DARK.addEventListener("change", () => {
       this.built.forEach((bodies) => bodies.forEach((body) => body.ground.ink()));
       this.draw();
     });
     new ResizeObserver(() => this.resize()).observe(this.stage);
+    await restore(this);
     this.element.dataset.ready = "true";
   }
 
   // Set up what draws the bodies, and tell whether the browser can.
   light() {
+    this.slow = drawsOnProcessor();
     try {
-      this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, alpha: true, antialias: true });
+      this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, alpha: true, antialias: !this.slow });
     } catch {
       return false;
     }
@@ -71,7 +90,7 @@ class Viewer {
     this.pause();
     delete this.element.dataset.ready;
     this.element.dataset.still = "true";
-    ["running", "turning", "help", "labels", "hint", "components"].forEach((name) => {
+    ["running", "turning", "exports", "lines", "help", "labels", "hint", "components", "panel"].forEach((name) => {
       const part = this.find(name);
       if (part) part.hidden = true;
     });
@@ -91,7 +110,7 @@ class Viewer {
   async choose(index) {
     if (!this.built[index]) {
       this.built[index] = await Promise.all(this.data.choices[index].bodies.map(
-        (body) => Body.from(body, this.faces, this.data.n_vertices),
+        (body) => Body.from(body, this.faces, this.data.n_vertices, this.shade),
       ));
     }
     const pivot = this.bodies()[0].pivot;
@@ -108,6 +127,8 @@ class Viewer {
     // The arrow keys then go from frame to frame.
     if (moving && this.isRecorded()) this.find("time").max = String(this.lastFrame());
     this.sliders.choose(bodies);
+    this.bars.choose(bodies);
+    this.panel.choose(bodies);
     this.element.dataset.choice = this.data.choices[index].name;
     this.find("labels").replaceChildren(...bodies.map((body) => this.label(body)));
     this.hush();
@@ -127,16 +148,7 @@ class Viewer {
     };
     // Names of files break at underscores before they break anywhere.
     if (body.label) write(label, "span", body.label.replaceAll("_", "_\u200b"));
-    if (body.values) {
-      const scale = write(label, "span");
-      scale.className = "scale";
-      const largest = Number(body.largest.toPrecision(2));
-      const colors = body.scale || this.data.scale; // stored notebooks have one scale for all
-      write(scale, "span", body.signed ? `\u2212${largest}` : "0");
-      const bar = write(scale, "i");
-      bar.style.background = `linear-gradient(to right, ${colors.join(", ")})`;
-      write(scale, "span", `${body.signed ? "+" : ""}${largest} ${body.valueLabel}`.trim());
-    }
+    if (body.values) this.bars.write(body, label);
     return label;
   }
 
@@ -272,7 +284,8 @@ class Viewer {
     const found = this.hit(place);
     const hint = this.find("hint");
     const part = found && this.parts ? this.parts.names[this.parts.numbers[found.face]] || "" : "";
-    const text = found ? found.body.describe(found, this.data.choices[this.chosen].name, part) : "";
+    const said = found ? found.body.describe(found, this.data.choices[this.chosen].name, part) : "";
+    const text = this.panel.describe(place, found, said);
     hint.hidden = !text;
     hint.textContent = text;
     if (!text) return;
@@ -282,6 +295,7 @@ class Viewer {
 
   hush() {
     this.find("hint").hidden = true;
+    this.panel.leave();
   }
 
   // Lengths are known in whole pixels.
@@ -321,7 +335,7 @@ class Viewer {
     const width = this.stage.clientWidth;
     const height = this.stage.clientHeight;
     if (!width || !height) return;
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    this.fineness(1);
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.arrange(width / height);
@@ -367,7 +381,7 @@ class Viewer {
       body.holder.rotation.x = this.pitch;
       body.turning.rotation.y = this.yaw;
     });
-    this.renderer.render(this.scene, this.camera);
+    this.render();
     this.placeLabels();
     const { dataset } = this.element;
     Object.assign(dataset, {
@@ -377,6 +391,27 @@ class Viewer {
     });
     // While the whole is seen, a finger that goes up or down scrolls the page.
     this.canvas.style.touchAction = this.zoom > 1.01 ? "none" : "pan-y";
+  }
+
+  // Pixels drawn for one of the screen, in each direction.
+  fineness(times) {
+    const ratio = times * Math.min(window.devicePixelRatio || 1, 2);
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
+  }
+
+  // A processor draws outlines smooth only when nothing moves.
+  render() {
+    if (this.slow) {
+      clearTimeout(this.waiting);
+      this.fineness(1);
+      this.waiting = setTimeout(() => {
+        this.fineness(2);
+        this.renderer.render(this.scene, this.camera);
+        this.element.dataset.fine = "true";
+      }, STILL);
+    }
+    this.renderer.render(this.scene, this.camera);
+    this.element.dataset.fine = String(!this.slow);
   }
 
   // Below each body that is seen, and always within the stage.

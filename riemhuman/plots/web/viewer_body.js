@@ -26,28 +26,61 @@ async function unpack(text, Kind, width) {
 const linear = (value) =>
   value > 10 ? Math.pow((value / 255 + 0.055) / 1.055, 2.4) : value / 255 / 12.92;
 
+// Unit normals of vertices: means of those of their triangles, weighted by area.
+function smoothNormals(positions, faces, normals) {
+  normals.fill(0);
+  for (let i = 0; i < faces.length; i += 3) {
+    const a = 3 * faces[i];
+    const b = 3 * faces[i + 1];
+    const c = 3 * faces[i + 2];
+    const ux = positions[b] - positions[a];
+    const uy = positions[b + 1] - positions[a + 1];
+    const uz = positions[b + 2] - positions[a + 2];
+    const vx = positions[c] - positions[a];
+    const vy = positions[c + 1] - positions[a + 1];
+    const vz = positions[c + 2] - positions[a + 2];
+    const nx = uy * vz - uz * vy;
+    const ny = uz * vx - ux * vz;
+    const nz = ux * vy - uy * vx;
+    normals[a] += nx;
+    normals[a + 1] += ny;
+    normals[a + 2] += nz;
+    normals[b] += nx;
+    normals[b + 1] += ny;
+    normals[b + 2] += nz;
+    normals[c] += nx;
+    normals[c + 1] += ny;
+    normals[c + 2] += nz;
+  }
+  for (let i = 0; i < normals.length; i += 3) {
+    const length = Math.sqrt(normals[i] ** 2 + normals[i + 1] ** 2 + normals[i + 2] ** 2) || 1;
+    normals[i] /= length;
+    normals[i + 1] /= length;
+    normals[i + 2] /= length;
+  }
+}
+
 // Vertices of one body at all times, and its surface in the scene.
 class Body {
-  static async from(data, faces, nVertices) {
-    const [packed, values, colors, components] = await Promise.all([
-      unpack(data.frames, Uint16Array, data.n_frames > 1 ? 3 * nVertices : 3),
+  static async from(data, faces, nVertices, shade) {
+    const [frames, values, colors, components] = await Promise.all([
+      framesOf(data, nVertices),
       data.values && inflate(data.values),
       data.colors && inflate(data.colors),
       unpackComponents(data.components),
     ]);
     const numbers = values && new Float32Array(values.buffer);
-    return new Body(data, faces, nVertices, { packed, values: numbers, colors, components });
+    return new Body(data, faces, nVertices, { frames, values: numbers, colors, components, shade });
   }
 
-  constructor(data, faces, nVertices, { packed, values, colors, components }) {
+  constructor(data, faces, nVertices, { frames, values, colors, components, shade }) {
     this.label = data.label;
-    this.nFrames = data.n_frames;
-    this.size = 3 * nVertices;
-    this.packed = packed;
+    this.nFrames = frames.nFrames;
+    this.frames = frames;
+    this.times = data.times; // frames at equally spaced times, where that is not each frame once
+    this.faces = faces;
     this.components = components;
     this.lift = 0; // so that a body that components change stands on the ground
-    this.low = data.low;
-    this.step = data.step;
     this.values = values;
     // Otherwise each triangle has a value.
     this.hasVertexValues = Boolean(values) && values.length !== faces.length / 3;
@@ -56,8 +89,10 @@ class Body {
     this.scale = data.scale;
     this.valueLabel = data.value_label;
     this.geometry = new THREE.BufferGeometry();
-    this.positions = new Float32Array(this.size);
+    this.positions = new Float32Array(3 * nVertices);
+    this.normals = new Float32Array(3 * nVertices);
     this.geometry.setAttribute("position", new THREE.BufferAttribute(this.positions, 3));
+    this.geometry.setAttribute("normal", new THREE.BufferAttribute(this.normals, 3));
     this.geometry.setIndex(new THREE.BufferAttribute(faces, 1));
     const material = new THREE.MeshStandardMaterial({ roughness: LIGHT.roughness, metalness: 0 });
     if (colors) {
@@ -65,6 +100,12 @@ class Body {
       material.vertexColors = true;
     } else {
       material.color = new THREE.Color(data.color);
+      if (shade) {
+        // Folds are darker; values keep the colours of their scale.
+        const shares = Float32Array.from(this.positions, (_, i) => shade[Math.floor(i / 3)] / 255);
+        this.geometry.setAttribute("color", new THREE.BufferAttribute(shares, 3));
+        material.vertexColors = true;
+      }
     }
     this.mesh = new THREE.Mesh(this.geometry, material);
     this.turning = new THREE.Group();
@@ -81,43 +122,26 @@ class Body {
 
   // The upright cylinder around the body at all times: its axis is what it turns about at first.
   measure() {
-    const low = [Infinity, Infinity, Infinity];
-    const high = [-Infinity, -Infinity, -Infinity];
-    const reach = reachOf(this.components, this.size);
-    const place = (i) => this.low[i % 3] + this.step[i % 3] * this.packed[i];
-    for (let i = 0; i < this.packed.length; i += 1) {
-      const axis = i % 3;
-      const value = place(i);
-      const more = reach[i % this.size];
-      if (value - more < low[axis]) low[axis] = value - more;
-      if (value + more > high[axis]) high[axis] = value + more;
-    }
-    this.centre = low.map((value, axis) => (value + high[axis]) / 2);
-    this.height = high[1] - low[1];
-    let square = 0;
-    for (let i = 0; i < this.packed.length; i += 3) {
-      const x = place(i) - this.centre[0];
-      const z = place(i + 2) - this.centre[2];
-      square = Math.max(square, x * x + z * z);
-    }
-    this.radius = Math.sqrt(square);
+    const reach = reachOf(this.components, this.positions.length);
+    Object.assign(this, this.frames.measure(reach));
+    // Of all times, so that it need not be computed for each.
+    this.geometry.computeBoundingSphere();
+    this.geometry.boundingSphere.radius = Math.hypot(this.radius, this.height / 2);
+  }
+
+  // The frame, or a place between two, at a share of the duration.
+  placeAt(time) {
+    if (!this.times) return time * (this.nFrames - 1);
+    const { first, next, share } = between(time * (this.times.length - 1), this.times.length);
+    return this.times[first] * (1 - share) + this.times[next] * share;
   }
 
   show(time) {
-    const place = time * (this.nFrames - 1);
-    const first = Math.min(Math.floor(place), Math.max(this.nFrames - 2, 0));
-    const share = place - first;
-    const start = first * this.size;
-    const next = this.nFrames > 1 ? start + this.size : start;
-    for (let i = 0; i < this.size; i += 1) {
-      const axis = i % 3;
-      const value = this.packed[start + i] * (1 - share) + this.packed[next + i] * share;
-      this.positions[i] = this.low[axis] + this.step[axis] * value - this.centre[axis];
-    }
+    this.frames.pose(this.placeAt(time), this.positions);
     mix(this.components, this.positions);
     this.geometry.attributes.position.needsUpdate = true;
-    this.geometry.computeVertexNormals();
-    this.geometry.computeBoundingSphere();
+    smoothNormals(this.positions, this.faces, this.normals);
+    this.geometry.attributes.normal.needsUpdate = true;
     if (this.ground) {
       if (this.components.length) this.lift = this.ground.lowerTo(this.positions);
       this.ground.cast(this.positions);
@@ -138,7 +162,8 @@ class Body {
     if (this.values) {
       const number = this.values[this.hasVertexValues ? vertex : face];
       const digits = number.toPrecision(3).replace("-", "\u2212");
-      value = `${this.signed && number > 0 ? "+" : ""}${digits} ${this.valueLabel}`.trim();
+      value = Number.isNaN(number) ? "not known"
+        : `${this.signed && number > 0 ? "+" : ""}${digits} ${this.valueLabel}`.trim();
     }
     const said = value && part ? `${value} (${part})` : value || part;
     return [this.label || name, said].filter(Boolean).join(": ");

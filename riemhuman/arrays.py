@@ -1,0 +1,70 @@
+"""Types of arrays by their role, and of what files hold.
+
+Arrays that autograd traces stand for the values that they trace, and have the same types: every
+function that is differentiated takes and returns them as it does arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = [
+    "Array",
+    "ArrayLike",
+    "Booleans",
+    "Fields",
+    "Image",
+    "Integers",
+    "JSONRecord",
+    "JSONValue",
+    "Labels",
+    "NamedArrays",
+    "Points",
+    "PointsLike",
+    "TangentVectors",
+    "Triangles",
+]
+
+Array: TypeAlias = NDArray[np.float64]
+"""Real numbers in double precision."""
+
+Integers: TypeAlias = NDArray[np.int64]
+"""Whole numbers, such as indices."""
+
+Booleans: TypeAlias = NDArray[np.bool_]
+
+Points: TypeAlias = NDArray[np.float64]
+"""Points of a manifold, shape (..., *shape); surfaces have shape (..., V, 3), metres."""
+
+TangentVectors: TypeAlias = NDArray[np.float64]
+"""Tangent vectors of a manifold, shape (..., *shape); deformations of surfaces, (..., V, 3)."""
+
+Fields: TypeAlias = tuple[NDArray[np.float64], ...]
+"""Fields of surfaces, arrays of shape (..., F) or (..., F, n)."""
+
+Triangles: TypeAlias = NDArray[np.int64]
+"""Vertex indices of triangles, shape (F, 3), counted from 0."""
+
+Image: TypeAlias = NDArray[np.uint8]
+"""Pixels, shape (height, width, channels)."""
+
+PointsLike: TypeAlias = NDArray[np.float64] | Sequence[object]
+"""A set of points: an array, or a sequence whose items are read as points, such as meshes."""
+
+Labels: TypeAlias = ArrayLike | Iterable[object]
+"""Class labels, which can be hashed."""
+
+NamedArrays: TypeAlias = Mapping[str, NDArray[np.generic]]
+"""Arrays by name, as in .npz files."""
+
+JSONValue: TypeAlias = (
+    "str | int | float | bool | Sequence[JSONValue] | Mapping[str, JSONValue] | None"
+)
+"""A value that JSON can hold."""
+
+JSONRecord: TypeAlias = dict[str, JSONValue]
+"""An object of JSON, with names for its values."""

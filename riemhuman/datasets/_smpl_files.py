@@ -1,0 +1,74 @@
+"""Avatars in .smpl files, as Meshcapade's codec writes them: archives of plain arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from riemhuman.errors import FileFormatError
+
+SMPL_ENDING = ".smpl"
+# Numbers of the models in a file, and the parts of their poses: names, and numbers of joints.
+_SMPL, _SMPLH, _SMPLX, _SMIL, _SMPLXS, _SUPR = 0, 1, 2, 6, 7, 3
+_HANDS = {"leftHandPose": 15, "rightHandPose": 15}
+_PARTS = {
+    _SMPL: {"bodyPose": 24},
+    _SMPLH: {"bodyPose": 22, **_HANDS},
+    _SMPLX: {"bodyPose": 22, "headPose": 3, **_HANDS},
+    _SMIL: {"bodyPose": 24},
+    _SMPLXS: {"bodyPose": 22, "headPose": 3, **_HANDS},
+    _SUPR: {"bodyPose": 22, "headPose": 3, **_HANDS},
+}
+_BY_ANGLES = {4: "SMPL++", 5: "SKEL"}
+_DEFAULT_RATE = 30.0
+FIELDS_USED = (
+    *("smplVersion", "shapeParameters", "frameCount", "frameRate", "bodyTranslation"),
+    *("bodyPose", "headPose", "leftHandPose", "rightHandPose"),
+)
+"""Fields that are read; betas are used by models of SMPL's family."""
+
+
+def fields_of_smpl(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return poses, translations, betas and rate of an avatar, under names of recordings.
+
+    An avatar without frames stands for one frame in the rest pose.
+    """
+    version = _number(arrays, "smplVersion", _SMPLX)
+    if version in _BY_ANGLES:
+        raise FileFormatError(
+            f"holds poses of {_BY_ANGLES[version]}, 46 angles about anatomical axes, which are no "
+            "rotations of SMPL's joints; export SMPL or SMPL-X"
+        )
+    if version not in _PARTS:
+        raise FileFormatError(f"smplVersion must be from 0 to 7; found {version}")
+    count = _number(arrays, "frameCount", 1)
+    if count < 1:
+        raise FileFormatError(f"frameCount must be at least 1; found {count}")
+    parts = [_frames(arrays, name, (count, size, 3)) for name, size in _PARTS[int(version)].items()]
+    rate = arrays.get("frameRate", np.array(_DEFAULT_RATE))
+    fields = {
+        "poses": np.concatenate(parts, axis=1),
+        "trans": _frames(arrays, "bodyTranslation", (count, 3)),
+        "fps": rate,
+    }
+    if "shapeParameters" in arrays:
+        fields["betas"] = arrays["shapeParameters"]
+    return fields
+
+
+def _number(arrays: Mapping[str, np.ndarray], name: str, default: int) -> int:
+    value = arrays.get(name, np.array(default))
+    if value.size != 1 or value.dtype.kind not in "iu":
+        raise FileFormatError(f"{name} must be a whole number; found {value.dtype} {value.shape}")
+    return int(value.item())
+
+
+def _frames(arrays: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Return a part of the poses or the translations, zeros where the file has none."""
+    values = arrays.get(name)
+    if values is None:
+        return np.zeros(shape)
+    if values.shape != shape or values.dtype.kind not in "fiu":
+        raise FileFormatError(f"{name} must have shape {shape}; found {values.shape}")
+    return values.astype(np.float64)

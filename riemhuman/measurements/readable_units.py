@@ -1,0 +1,82 @@
+"""Units in which people read measurements; arrays, files and JSON keep SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from riemhuman.checks import one_of
+
+
+@dataclass(frozen=True)
+class ReadableUnit:
+    """A unit for people.
+
+    Parameters
+    ----------
+    name : str
+    scale : float
+        How many of it make an SI unit.
+    digits : int
+        Digits to show behind the decimal point.
+
+    Examples
+    --------
+    >>> rh.measurements.readable_unit("m").text(1.72)
+    '172.00'
+    """
+
+    name: str
+    scale: float
+    digits: int
+
+    def text(self, value: float, width: int = 0, sign: str = "") -> str:
+        """Return a value in SI units as text in this unit.
+
+        Parameters
+        ----------
+        value : float
+        width : int
+            Fewest characters.
+        sign : {"", "+"}
+            Whether positive values have a sign, too.
+        """
+        return f"{value * self.scale:{sign}{width or ''}.{self.digits}f}"
+
+
+_INCHES = 1 / 0.0254  # in a metre, exactly
+_POUNDS = 1 / 0.45359237  # in a kilogram, exactly
+
+READABLE_UNITS: Mapping[str, Mapping[str, ReadableUnit]] = {
+    "cm": {
+        "m": ReadableUnit("cm", 100.0, 2),
+        "m²": ReadableUnit("cm²", 1e4, 0),
+        "m³": ReadableUnit("l", 1000.0, 3),
+        "kg": ReadableUnit("kg", 1.0, 2),
+    },
+    "in": {
+        "m": ReadableUnit("in", _INCHES, 2),
+        "m²": ReadableUnit("in²", _INCHES**2, 0),
+        "m³": ReadableUnit("in³", _INCHES**3, 1),
+        "kg": ReadableUnit("lb", _POUNDS, 2),
+    },
+}
+
+
+def readable_unit(unit: str, system: str = "cm") -> ReadableUnit:
+    """Return the unit in which people read a value; one that is not known stays as it is.
+
+    Parameters
+    ----------
+    unit : str
+        SI unit: "m", "m²", "m³" or "kg".
+    system : {"cm", "in"}
+        Centimetres, litres and kilograms, or inches and pounds.
+
+    Examples
+    --------
+    >>> rh.measurements.readable_unit("m³").name
+    'l'
+    """
+    one_of(system, "system", tuple(READABLE_UNITS))
+    return READABLE_UNITS[system].get(unit, ReadableUnit(unit, 1.0, 4))

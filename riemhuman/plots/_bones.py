@@ -1,0 +1,124 @@
+"""Motions of body models in pages: a surface at rest, and what each bone does in every frame.
+
+The page poses the surface by linear blend skinning, as `riemhuman.bodies.skin_surface` does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy import ndarray
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel, joint_motions, skin_surface
+from riemhuman.datasets.motions import ModelMotion
+from riemhuman.kernels.threads import slices
+from riemhuman.plots._packing import LEVELS, deflated, packed
+
+_STEP = 1e-4  # metres: of places in the page
+_UNIT = 2**15 - 1  # of quaternions
+# Pose correctives that the page leaves out are smaller than this in the mean over all vertices.
+_CORRECTIVE_ERROR = 2e-4
+_N_IN_EXTENT = 1200  # vertices by which the room that a motion takes is measured
+_FRAMES_AT_A_TIME = 64
+
+
+def bone_record(motion: ModelMotion) -> dict[str, object]:
+    """Return what the page needs to pose a body: at most 0.1 mm and 1e-4 radians are rounded."""
+    surface = np.asarray(motion.model(motion.betas), dtype=np.float64)
+    starts, joints, weights = _influences(motion.model.weights)
+    poses, translations = motion.pose_vectors, motion.translations
+    quaternions = Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat()
+    turned = _continued(quaternions.reshape(len(poses), -1, 4))
+    low = surface.min(axis=0)
+    first = translations[0]
+    record: dict[str, object] = {
+        "low": low.tolist(),
+        "rest": packed(np.round((surface - low) / _STEP).astype("<u2")),
+        "joints": np.round(np.asarray(motion.model.joints(motion.betas)), 6).tolist(),
+        "parents": motion.model.parents.tolist(),
+        "order": list(motion.model.joint_order),
+        "starts": packed(starts.astype("<u4")),
+        "influences": deflated(joints.astype("<u2")),
+        "weights": deflated(np.round(weights * LEVELS).astype("<u2")),
+        "rotations": _packed_signed(np.round(turned * _UNIT), "<i2", "<u2"),
+        "first": first.tolist(),
+        "places": _packed_signed(np.round((translations - first) / _STEP), "<i4", "<u4"),
+        "step": _STEP,
+        "extent": _extent(surface, motion, poses, translations),
+    }
+    if motion.model.posedirs is not None:
+        record["correctives"] = _correctives(motion.model, poses)
+    return record
+
+
+def _packed_signed(values: ndarray, signed: str, unsigned: str) -> str:
+    """Return whole numbers with a sign; a row is a frame."""
+    integers = np.ascontiguousarray(values.reshape(len(values), -1)).astype(signed)
+    return packed(integers.view(unsigned))
+
+
+def _influences(weights: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """Return where the joints of each vertex start, shape (V + 1,), the joints, and the weights."""
+    vertices, joints = np.nonzero(weights)
+    starts = np.searchsorted(vertices, np.arange(len(weights) + 1))
+    return starts, joints, weights[vertices, joints]
+
+
+def _continued(quaternions: ndarray) -> ndarray:
+    """Return quaternions, shape (n_frames, J, 4), with the sign that is nearer to the last one."""
+    along = np.sum(quaternions[1:] * quaternions[:-1], axis=-1)
+    signs = np.cumprod(np.where(along < 0, -1.0, 1.0), axis=0)
+    return np.concatenate([quaternions[:1], quaternions[1:] * signs[..., None]])
+
+
+def _extent(
+    surface: ndarray, motion: ModelMotion, poses: ndarray, translations: ndarray
+) -> dict[str, object]:
+    """Return the box around all frames, and the radius of the upright cylinder around them.
+
+    Some vertices stand for all of them, and pose correctives are left out: a few millimetres.
+    """
+    model = motion.model
+    some = np.arange(0, model.n_vertices, max(1, model.n_vertices // _N_IN_EXTENT))
+    joints = np.asarray(model.joints(motion.betas))
+    low, high, flat = np.full(3, np.inf), np.full(3, -np.inf), []
+    for part in slices(len(poses), _FRAMES_AT_A_TIME):
+        matrices = Rotation.from_rotvec(poses[part].reshape(-1, 3)).as_matrix()
+        rotations = matrices.reshape(*poses[part].shape, 3)
+        moved = joint_motions(joints, rotations, model.parents, model.joint_order)
+        frames = skin_surface(surface[some], model.weights[some], joints, *moved)
+        frames = frames + translations[part, None]
+        low = np.minimum(low, frames.min(axis=(0, 1)))
+        high = np.maximum(high, frames.max(axis=(0, 1)))
+        flat.append(frames[:, ::2, ::2])
+    middle = (low + high)[::2] / 2
+    radius = max(float(np.linalg.norm(places - middle, axis=-1).max()) for places in flat)
+    return {"low": low.tolist(), "high": high.tolist(), "radius": radius}
+
+
+def _correctives(model: BodyModel, poses: ndarray) -> dict[str, object]:
+    """Return the directions of pose correctives that this motion needs, and how far to go.
+
+    The displacements of all frames are a product of rank 9 (J - 1); few of its singular values
+    matter within one motion.
+    """
+    limbs = np.flatnonzero(model.parents >= 0)
+    matrices = Rotation.from_rotvec(poses[:, limbs].reshape(-1, 3)).as_matrix()
+    features = (matrices - np.eye(3)).reshape(len(poses), -1)
+    displacements = np.asarray(model.posedirs).reshape(3 * model.n_vertices, -1).T
+    frames, mixed = np.linalg.qr(features)
+    rows = mixed @ displacements
+    squares, axes = np.linalg.eigh(rows @ rows.T)
+    squares, axes = np.maximum(squares[::-1], 0.0), axes[:, ::-1]
+    left_out = np.append(np.cumsum(squares[::-1])[::-1], 0.0)
+    allowed = _CORRECTIVE_ERROR**2 * len(poses) * model.n_vertices
+    rank = int(np.argmax(left_out <= allowed))
+    directions = axes[:, :rank].T @ rows
+    step = max(float(np.abs(directions).max(initial=0.0)), 1e-9) / _UNIT
+    integers = np.round(directions / step).astype("<i2").reshape(-1, 3)
+    return {
+        "step": step,
+        "rank": rank,
+        "directions": packed(integers.view("<u2")) if rank else "",
+        "amounts": deflated((frames @ axes[:, :rank]).astype("<f4")),
+    }

@@ -1,0 +1,202 @@
+"""Moving pictures of bodies, drawn by the library's own renderer: GIF by Pillow, MP4 by PyAV."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from PIL import Image, ImageDraw, ImageFont
+
+from riemhuman.errors import ArgumentError
+from riemhuman.io.files import write_bytes
+from riemhuman.optional import import_optional
+from riemhuman.plots.figures import value_colors
+from riemhuman.plots.rendering import View, Window, render, window_around
+from riemhuman.progress import ProgressBar
+
+if TYPE_CHECKING:
+    from riemhuman.plots.viewer import ViewedBody
+
+FILM_ENDINGS = (".gif", ".mp4")
+
+_HEIGHTS = {".gif": 400, ".mp4": 720}
+_RATES = {".gif": 20, ".mp4": 30}  # pictures a second
+_WIDEST = 1920
+_TURN_SECONDS = 4.0  # in which bodies that do not move turn once
+_MOST_LOOKED_AT = 48  # frames of a body by which the picture is framed
+_MOST_BODIES = 8
+_N_COLORS = 128  # of a GIF
+_QUALITY = "18"  # of H.264: smaller is better; 18 is hard to tell from the original
+_INK, _PAPER = (60, 66, 74), 255
+
+
+@dataclass(frozen=True)
+class Film:
+    """Bodies side by side that move, or turn once.
+
+    `seconds` is the duration; in recordings (`frames_per_second`) shorter bodies wait at the end.
+    """
+
+    bodies: Sequence[ViewedBody]
+    faces: ndarray
+    seconds: float
+    frames_per_second: float | None
+
+    @property
+    def n_frames(self) -> int:
+        """Frames of the longest body."""
+        return max(len(body.frames) for body in self.bodies)
+
+    def surface(self, body: ViewedBody, share: float) -> ndarray:
+        """Return the surface at a share of the duration."""
+        if body.times is not None:
+            place = float(np.interp(share, np.linspace(0, 1, len(body.times)), body.times))
+        elif self.frames_per_second is not None:
+            place = min(share * (self.n_frames - 1), len(body.frames) - 1.0)
+        else:
+            place = share * (len(body.frames) - 1)
+        before, after = int(np.floor(place)), int(np.ceil(place))
+        first, second = np.asarray(body.frames[before]), np.asarray(body.frames[after])
+        return first + (place - before) * (second - first)
+
+
+def save_film(file: Path, film: Film, *, progress: bool) -> None:
+    """Write a GIF or MP4 file."""
+    ending = file.suffix.lower()
+    if len(film.bodies) > _MOST_BODIES:
+        raise ArgumentError(
+            f"a film shows at most {_MOST_BODIES} bodies; found {len(film.bodies)}: "
+            "save a page (.html) instead"
+        )
+    if ending == ".mp4":
+        import_optional("av", "video")  # before anything is drawn
+    seconds = film.seconds if film.n_frames > 1 else _TURN_SECONDS
+    rate = _RATES[ending]
+    n_pictures = max(2, round(seconds * rate) + (film.n_frames > 1))
+    pictures = _pictures(film, _HEIGHTS[ending], n_pictures, rate)
+    shown = ProgressBar(pictures, desc=file.name, total=n_pictures, disable=not progress)
+    write_bytes(file, (_gif if ending == ".gif" else _mp4)(iter(shown), rate))
+
+
+def _pictures(film: Film, height: int, n_pictures: int, rate: int) -> Iterator[Image.Image]:
+    """Draw all pictures, one after the other."""
+    turns = film.n_frames == 1
+    windows = _windows(film, turns)
+    wide = sum(window.width for window in windows) / windows[0].height
+    height = 2 * (min(height, int(_WIDEST / wide)) // 2)  # H.264 takes even numbers of pixels
+    colors = [_colors(body) for body in film.bodies]
+    for number in range(n_pictures):
+        view, share = View(), number / max(n_pictures - 1, 1)
+        if turns:
+            view, share = View(azimuth=view.azimuth + 360 * number / n_pictures), 0.0
+        parts = [
+            render(
+                film.surface(body, share) - (_middle(body) if turns else 0.0),
+                film.faces,
+                height=height,
+                view=view,
+                window=window,
+                color=color,
+            )
+            for body, window, color in zip(film.bodies, windows, colors, strict=True)
+        ]
+        said = f"{number / rate:.2f} s" if film.frames_per_second is not None else ""
+        yield _on_paper(parts, [body.label for body in film.bodies], said)
+
+
+def _middle(body: ViewedBody) -> ndarray:
+    """Return the axis that a body turns about, at the height of the ground."""
+    surface = np.asarray(body.frames[0])
+    middle: ndarray = (surface.min(axis=0) + surface.max(axis=0)) / 2
+    return middle * [1.0, 0.0, 1.0]
+
+
+def _windows(film: Film, turns: bool) -> list[Window]:
+    """Return a window of the same size for each body, which holds it at all times."""
+    found = []
+    for body in film.bodies:
+        if turns:
+            surface = np.asarray(body.frames[0]) - _middle(body)
+            views = [View(azimuth=azimuth) for azimuth in range(0, 360, 15)]
+            boxes = [window_around(surface, view) for view in views]
+        else:
+            places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), _MOST_LOOKED_AT))
+            numbers = sorted(set(places.round().astype(int).tolist()))
+            boxes = [window_around(np.asarray(body.frames[k]), View()) for k in numbers]
+        centres = np.array([box.centre for box in boxes])
+        halves = np.array([(box.width, box.height) for box in boxes]) / 2
+        found.append(((centres - halves).min(axis=0), (centres + halves).max(axis=0)))
+    width, height = np.max([high - low for low, high in found], axis=0)
+    # All stand on one floor, above the line of the names.
+    below, height = 0.08 * height, 1.08 * height
+    return [
+        Window(
+            (float((low + high)[0] / 2), float(low[1] - below + height / 2)),
+            float(width),
+            float(height),
+        )
+        for low, high in found
+    ]
+
+
+def _colors(body: ViewedBody) -> ArrayLike:
+    if body.values is None:
+        return body.color
+    return value_colors(body.values, body.limit, signed=body.signed)
+
+
+def _on_paper(parts: Sequence[ndarray], labels: Sequence[str], said: str) -> Image.Image:
+    """Return pictures side by side on white, each with its label below, and the time."""
+    row = np.concatenate(parts, axis=1)
+    row = row[:, : 2 * (row.shape[1] // 2)].astype(float)
+    opacity = row[..., 3:] / 255
+    flat = np.round(row[..., :3] * opacity + _PAPER * (1 - opacity)).astype(np.uint8)
+    picture = Image.fromarray(flat)
+    draw = ImageDraw.Draw(picture)
+    size = max(10, picture.height // 30)
+    font = ImageFont.load_default(size)
+    left = 0
+    for part, label in zip(parts, labels, strict=True):
+        draw.text((left + part.shape[1] / 2, picture.height - 2), label, _INK, font, anchor="mb")
+        left += part.shape[1]
+    draw.text((size / 2, size / 2), said, _INK, font)
+    return picture
+
+
+def _gif(pictures: Iterator[Image.Image], rate: int) -> bytes:
+    """Return a GIF file that plays again and again; all pictures share one palette."""
+    first = next(pictures)
+    palette = first.quantize(_N_COLORS, dither=Image.Dither.NONE)
+    others = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
+    file = io.BytesIO()
+    palette.save(
+        file,
+        format="GIF",
+        save_all=True,
+        append_images=others,
+        duration=1000 // rate,
+        loop=0,
+        optimize=False,
+    )
+    return file.getvalue()
+
+
+def _mp4(pictures: Iterator[Image.Image], rate: int) -> bytes:
+    """Return an MP4 file with H.264, which browsers, slides and messengers play."""
+    av = import_optional("av", "video")
+    file = io.BytesIO()
+    with av.open(file, "w", format="mp4") as container:
+        stream = container.add_stream("libx264", rate=rate, options={"crf": _QUALITY})
+        stream.pix_fmt = "yuv420p"
+        for number, picture in enumerate(pictures):
+            if not number:
+                stream.width, stream.height = picture.size
+            container.mux(stream.encode(av.VideoFrame.from_image(picture)))
+        container.mux(stream.encode())
+    return file.getvalue()

@@ -1,0 +1,71 @@
+"""Measurements in groups that people look for: girths, heights, breadths and depths, lengths."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.measurements import Measurement
+
+MOST_IN_GROUP = 15
+_TITLES = ("Girths", "Heights", "Breadths and depths", "Lengths", "Volume, area and mass")
+_HALVES = ("upper body", "lower body")
+# Words of names, before classes: a breadth between landmarks is a length by its class.
+_WORDS = {"girth": 0, "breadth": 2, "depth": 2}
+_CLASSES = {"Girth": 0, "Height": 1, "Breadth": 2, "Depth": 2, "Length": 3}
+_CLASSES |= {"Volume": 4, "Area": 4, "Mass": 4}
+
+Lines = Mapping[str, Sequence[ndarray]]
+
+
+@dataclass(frozen=True)
+class MeasurementGroup:
+    """Measurements of one kind, by their numbers in the set."""
+
+    title: str
+    members: tuple[int, ...]
+
+
+def grouped(measurements: Sequence[Measurement]) -> list[MeasurementGroup]:
+    """Return measurements by their kind; those of classes of one's own are lengths."""
+    kinds = [_kind(measurement) for measurement in measurements]
+    return [
+        MeasurementGroup(title, tuple(k for k, kind in enumerate(kinds) if kind == number))
+        for number, title in enumerate(_TITLES)
+        if number in kinds
+    ]
+
+
+def _kind(measurement: Measurement) -> int:
+    named = [kind for word, kind in _WORDS.items() if word in measurement.name]
+    if named:
+        return named[0]
+    classes = [each.__name__ for each in type(measurement).__mro__]
+    return next((_CLASSES[name] for name in classes if name in _CLASSES), 3)
+
+
+def pictured(measurements: Sequence[Measurement], lines: Lines) -> list[MeasurementGroup]:
+    """Return groups of at most fifteen measurements that have lines, from the head downwards."""
+    groups = []
+    for group in grouped(measurements):
+        drawn = [k for k in group.members if len(lines[measurements[k].name])]
+        if not drawn:
+            continue
+        heights = {k: _height(lines[measurements[k].name]) for k in drawn}
+        order = sorted(drawn, key=lambda k: -heights[k])
+        count = -(-len(order) // MOST_IN_GROUP)
+        for number, part in enumerate(np.array_split(np.array(order), count)):
+            title = group.title
+            if count > 1:
+                which = _HALVES[number] if count == 2 else f"{number + 1} of {count}"
+                title = f"{title}, {which}"
+            groups.append(MeasurementGroup(title, tuple(part.tolist())))
+    return groups
+
+
+def _height(parts: Sequence[ndarray]) -> float:
+    """Return how high the highest point of lines is."""
+    return float(np.concatenate([np.asarray(part) for part in parts])[:, 1].max())

@@ -1,0 +1,96 @@
+"""How much of its surroundings each vertex of a template sees: folds and sockets are darker.
+
+Lights of pages and pictures cast no shadows. What the open body model sees in its rest pose is
+stored; `tutorials/remake/build_occlusion.py` computes it.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import as_file, files
+from zlib import crc32
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.io.arrays import load_arrays
+from riemhuman.kernels.surface import vertex_normals
+from riemhuman.plots._depth import draw_triangles
+
+_N_DIRECTIONS = 256
+_PIXELS = 1100  # across the body: a pixel is about 1.6 mm
+_DARKEST = 0.2  # share of the light in the deepest folds
+_NEAR = 3e-3  # metres by which a surface must be nearer to the eye to hide a vertex
+
+
+def shade_of(faces: ndarray) -> ndarray | None:
+    """Return the share of light that vertices of the open body model get, shape (V,).
+
+    None for other triangles, whose rest pose is not known.
+    """
+    return _stored().get(topology_name(faces))
+
+
+def topology_name(faces: ndarray) -> str:
+    """Return a short name of triangles by their numbers."""
+    return f"shares_{crc32(np.ascontiguousarray(faces, dtype='<i4').tobytes()):08x}"
+
+
+@cache
+def _stored() -> dict[str, ndarray]:
+    with as_file(files("riemhuman.plots") / "web" / "occlusion.npz") as file:
+        stored = load_arrays(file, ())
+    return {name: _DARKEST + (1 - _DARKEST) * shares / 255 for name, shares in stored.items()}
+
+
+def open_shares(
+    vertices: ndarray, faces: ndarray, n_directions: int = _N_DIRECTIONS, pixels: int = _PIXELS
+) -> ndarray:
+    """Return the share of the half-space above each vertex from which it is seen, shape (V,).
+
+    Directions count by their cosine with the normal, as light from all sides does.
+    """
+    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    centred = vertices - middle
+    radius = float(np.linalg.norm(centred, axis=1).max())
+    normals = vertex_normals(vertices, faces)
+    seen, possible = np.zeros(len(vertices)), np.zeros(len(vertices))
+    for towards in _sphere_points(n_directions):
+        frame = _frame(towards)
+        rotated = centred @ frame
+        depths = _depths(rotated, faces, radius, pixels)
+        cosines = np.maximum(normals @ towards, 0.0)
+        # Vertices are a little outside, so that their own triangles do not hide them.
+        places = rotated + _NEAR * (normals @ frame)
+        columns = ((places[:, 0] / radius + 1) * pixels / 2).astype(int).clip(0, pixels - 1)
+        rows = ((1 - places[:, 1] / radius) * pixels / 2).astype(int).clip(0, pixels - 1)
+        free = places[:, 2] >= depths[rows, columns] - _NEAR
+        seen += cosines * free
+        possible += cosines
+    return np.asarray(seen / np.maximum(possible, 1e-9))
+
+
+def _depths(rotated: ndarray, faces: ndarray, radius: float, pixels: int) -> ndarray:
+    """Return how near to the eye a surface is in each pixel, metres; the eye looks along -z."""
+    scale = pixels / (2 * radius)
+    columns, rows = rotated[:, 0] * scale + pixels / 2, pixels / 2 - rotated[:, 1] * scale
+    corners = np.stack([columns, rows, rotated[:, 2]], axis=1)[faces]
+    nearest, owner = np.full((pixels, pixels), -np.inf), np.full((pixels, pixels), -1)
+    draw_triangles(corners, nearest, owner)
+    return nearest
+
+
+def _sphere_points(n: int) -> ndarray:
+    """Return evenly spread unit vectors: a spiral by the golden angle."""
+    heights = 1 - (2 * np.arange(n) + 1) / n
+    angles = np.pi * (3 - np.sqrt(5)) * np.arange(n)
+    flat = np.sqrt(1 - heights**2)
+    return np.stack([flat * np.cos(angles), heights, flat * np.sin(angles)], axis=1)
+
+
+def _frame(towards: ndarray) -> ndarray:
+    """Return right, up and towards the eye as columns."""
+    beside = np.array([1.0, 0.0, 0.0]) if abs(towards[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    right = np.cross(beside, towards)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(towards, right), towards], axis=1)

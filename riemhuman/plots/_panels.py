@@ -1,0 +1,28 @@
+"""What pages show on their bodies, with controls beside them."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from markupsafe import Markup
+from numpy import ndarray
+
+
+class Panel(Protocol):
+    """Something drawn on the bodies of a page, with controls beside them, see `Viewer`."""
+
+    @property
+    def name(self) -> str:
+        """The name of its class in ``PANELS`` of the script."""
+
+    def data(self) -> dict[str, object]:
+        """Return what the script needs, in types that JSON can hold."""
+
+    def html(self, identifier: str) -> Markup:
+        """Return the controls, whose identifiers begin with that of the viewer."""
+
+    def picture(self, height: int) -> ndarray | None:
+        """Return the picture that stands in without WebGL, shape (height, width, 4).
+
+        None if it is that of the bodies themselves.
+        """

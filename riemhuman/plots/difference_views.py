@@ -1,0 +1,215 @@
+"""Where two bodies differ: millimetres along the normal with their sign, or a metric's density."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import real_array
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
+from riemhuman.kernels.surface import vertex_normals
+from riemhuman.measurements import (
+    Measurements,
+    VisitComparison,
+    compare_visits,
+    open_measurements,
+)
+from riemhuman.plots.body_plots import contributions, per_area, plot_body
+from riemhuman.plots.figures import new_figure
+from riemhuman.plots.measurement_views import measurement_panel
+from riemhuman.plots.rendering import View, as_surfaces
+from riemhuman.plots.viewer import ViewedBody, Viewer
+from riemhuman.surfaces import Template
+from riemhuman.surfaces.procrustes import procrustes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from riemhuman.plots._panels import Panel
+
+_MILLIMETRES, _DENSITY = "Millimetres", "Metric"
+
+
+@dataclass(frozen=True)
+class _Difference:
+    """Two bodies in one pose and place, and where the second differs from the first."""
+
+    surfaces: tuple[ndarray, ndarray]
+    faces: ndarray
+    displacements: ndarray  # (V,) along the normals of the first, metres; NaN where not seen
+    is_standard: bool  # whether they are in the standard pose
+    panel: Panel | None = None
+
+
+def view_difference(
+    point_a: Any,
+    point_b: Any = None,
+    faces: ArrayLike | None = None,
+    *,
+    names: tuple[str, str] = ("a", "b"),
+    measurements: Measurements | None = None,
+    metric: ElasticMetric | None = None,
+    title: str | None = None,
+) -> Viewer:
+    """Return a page with two bodies side by side, the second coloured by where it differs.
+
+    One choice of the page is how far the surface of the second is outside (+) or inside (−) of the
+    first, in millimetres along its normals; the other what each place adds to the squared distance
+    under a metric. Bodies of a body model with measurements are brought to the standard pose, and
+    their measurements are listed with the changes and the noise of changes; others stand as they
+    are, the second moved onto the first by Procrustes analysis.
+
+    Parameters
+    ----------
+    point_a, point_b : array_like, shape (V, 3), or mesh
+        The bodies, metres; or a `VisitComparison` of both, with `measurements`.
+    faces : array_like, shape (F, 3), optional
+        Triangles; none for meshes and comparisons.
+    names : tuple of str
+    measurements : Measurements, optional
+        By default those of the open body model, if the bodies have its triangles.
+    metric : ElasticMetric, optional
+        By default the metric of body shape, (1, 0.0001, 0).
+    title : str, optional
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> faces = bodies.template.faces
+    >>> viewer = rh.plots.view_difference(bodies[0], bodies[10], faces, names=("Anna", "Ben"))
+    >>> viewer.save("difference.html")
+    """
+    found = _difference(point_a, point_b, faces, measurements, names)
+    first, second = found.surfaces
+    values: Mapping[str, tuple[ndarray, str]] = {
+        _MILLIMETRES: (1000.0 * found.displacements, "mm"),
+        _DENSITY: (_density(found, metric), "per m²"),
+    }
+    choices = {
+        name: [
+            ViewedBody(names[0], first[np.newaxis]),
+            ViewedBody(names[1], second[np.newaxis], values=shown, value_label=unit),
+        ]
+        for name, (shown, unit) in values.items()
+    }
+    return Viewer(
+        found.faces,
+        choices,
+        legend="Colours",
+        title=title or f"Differences of {names[0]} and {names[1]}",
+        description=_description(found, names),
+        panel=found.panel,
+    )
+
+
+def plot_difference(
+    point_a: Any,
+    point_b: Any = None,
+    faces: ArrayLike | None = None,
+    *,
+    names: tuple[str, str] = ("a", "b"),
+    measurements: Measurements | None = None,
+    view: View | None = None,
+    height: int = 640,
+) -> Figure:
+    """Draw two bodies side by side, the second coloured by where it differs, in millimetres.
+
+    Parameters
+    ----------
+    point_a, point_b, faces, names, measurements
+        As for `view_difference`.
+    view : View, optional
+    height : int
+        Pixels.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> figure = rh.plots.plot_difference(bodies[0], bodies[10], bodies.template.faces)
+    """
+    found = _difference(point_a, point_b, faces, measurements, names, with_list=False)
+    figure = new_figure(7.2, 4.8)
+    left, right = figure.subplots(1, 2)
+    first, second = found.surfaces
+    plot_body(first, found.faces, view=view, ax=left, height=height)
+    plot_body(
+        second, found.faces, 1000.0 * found.displacements, view=view, ax=right, height=height,
+        label=f"outside of {names[0]}, mm",
+    )  # fmt: skip
+    for ax, name in zip((left, right), names, strict=True):
+        ax.set_title(name, fontsize=10)
+    return figure
+
+
+def _description(found: _Difference, names: tuple[str, str]) -> str:
+    known = 1000.0 * found.displacements[np.isfinite(found.displacements)]
+    if not len(known):
+        return "No place was seen of both."
+    pose = "In the standard pose" if found.is_standard else "As they stand"
+    said = (
+        f"{pose}, half of the surface of {names[1]} is within {np.median(np.abs(known)):.3g} mm of "
+        f"that of {names[0]}; it is up to {max(-known.min(), 0.0):.3g} mm inside and "
+        f"{max(known.max(), 0.0):.3g} mm outside."
+    )
+    unknown = 1.0 - len(known) / len(found.displacements)
+    return f"{said} {100 * unknown:.0f} % was not seen of both and is grey." if unknown else said
+
+
+def _density(found: _Difference, metric: ElasticMetric | None) -> ndarray:
+    """Return what each triangle adds to the squared distance, per area of the template."""
+    if metric is None:
+        space = AlignedSurfaces(Template(found.surfaces[0], found.faces), equip=False, scale=None)
+        metric = ElasticMetric(space)
+    added = contributions(metric, *found.surfaces).total
+    template = metric.space.template
+    return per_area(added, template.vertices, template.faces)
+
+
+def _difference(
+    point_a: Any,
+    point_b: Any,
+    faces: ArrayLike | None,
+    measurements: Measurements | None,
+    names: tuple[str, str],
+    *,
+    with_list: bool = True,
+) -> _Difference:
+    if isinstance(point_a, VisitComparison):
+        if measurements is None:
+            raise ArgumentError(
+                "measurements must be given with a comparison: those it was made by"
+            )
+        return _of_comparison(point_a, measurements, names, with_list)
+    if point_b is None:
+        raise ArgumentError("point_b must be given, unless point_a is a VisitComparison")
+    first, triangles = as_surfaces(point_a, faces)
+    second, others = as_surfaces(point_b, faces)
+    if not np.array_equal(triangles, others):
+        raise ArgumentError("point_a and point_b must have the same triangles")
+    surface = np.asarray(real_array(first, "point_a", ("V", 3), batched=False))
+    other = np.asarray(real_array(second, "point_b", surface.shape, batched=False))
+    if measurements is None:
+        definitions = open_measurements(Template(surface, triangles))
+        measurements = None if definitions is None else Measurements(definitions)
+    if measurements is not None and measurements.definitions.model is not None:
+        compared = compare_visits(measurements, surface, other)
+        return _of_comparison(compared, measurements, names, with_list)
+    moved = procrustes(other, to=surface, scale=None)
+    triangles = np.asarray(triangles)
+    outward = np.sum((moved - surface) * vertex_normals(surface, triangles), axis=1)
+    return _Difference((surface, moved), triangles, outward, is_standard=False)
+
+
+def _of_comparison(
+    compared: VisitComparison, measurements: Measurements, names: tuple[str, str], with_list: bool
+) -> _Difference:
+    surfaces = compared.points_before, compared.points_after
+    panel = measurement_panel(measurements, surfaces, compared, names) if with_list else None
+    faces = measurements.definitions.faces
+    return _Difference(surfaces, faces, compared.displacements, is_standard=True, panel=panel)

@@ -1,0 +1,382 @@
+"""Measurements of bodies: a list on a page, beside their lines, and pictures with numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from markupsafe import Markup
+from numpy import ndarray
+
+from riemhuman.checks import one_of, real_array
+from riemhuman.kernels.surface import vertex_normals
+from riemhuman.measurements import (
+    BodySizes,
+    Measurements,
+    ReadableUnit,
+    VisitComparison,
+    in_standard_pose,
+    readable_unit,
+)
+from riemhuman.optional import import_matplotlib
+from riemhuman.plots._measurement_groups import Lines, MeasurementGroup, grouped, pictured
+from riemhuman.plots._packing import packed_points
+from riemhuman.plots._web_files import fill
+from riemhuman.plots.figures import new_figure
+from riemhuman.plots.rendering import View, render, window_around
+from riemhuman.plots.viewer import ViewedBody, Viewer
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_POSES = ("standard", "as is")
+_VIEWS = tuple(View(azimuth, 4.0) for azimuth in (0.0, 90.0, 180.0))
+_COLUMNS, _PICTURE_INCHES, _ROW_INCHES = 4, (3.1, 3.9), 0.155
+_LONG_NAME = 30  # letters that fit beside a value
+_NONE = "–"  # in place of a value that is missing
+_LEADER = "#6b7178"
+_LABEL_GAP = 0.055  # of numbers beside a body, metres
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A measurement in the list: its texts, and whether it has a line."""
+
+    number: int
+    name: str
+    unit: str
+    numbers: list[str]
+    has_line: bool
+    changed: bool = False
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class MeasurementPanel:
+    """A list of measurements of one or two bodies of a page.
+
+    Parameters
+    ----------
+    groups : dict of str to list
+        Rows of each group.
+    lines : sequence of mapping of str to sequence of array
+        Lines of each body by the names of measurements.
+    surfaces : sequence of array, shape (V, 3)
+        The bodies.
+    faces : array of int, shape (F, 3)
+    visits : tuple of str
+        Names of two visits; empty for one body.
+    """
+
+    groups: dict[str, list[_Row]]
+    lines: Sequence[Lines]
+    surfaces: Sequence[ndarray]
+    faces: ndarray
+    visits: tuple[str, ...] = ()
+    name: str = "measurements"
+
+    def data(self) -> dict[str, object]:
+        """Return the lines of each body in the order of the measurements."""
+        return {"bodies": [_packed_lines(lines) for lines in self.lines]}
+
+    def html(self, identifier: str) -> Markup:
+        """Return the list."""
+        return fill("measurement_list.html", groups=self.groups, visits=self.visits)
+
+    def picture(self, height: int) -> ndarray | None:
+        """Return nothing: a picture of the bodies themselves stands in."""
+        return None
+
+
+def _packed_lines(lines: Lines) -> dict[str, object]:
+    every = [np.asarray(part) for parts in lines.values() for part in parts]
+    ends = [[len(part) for part in parts] for parts in lines.values()]
+    return {**packed_points(np.concatenate([np.zeros((1, 3)), *every])[1:]), "ends": ends}
+
+
+def measurement_panel(
+    measurements: Measurements,
+    surfaces: Sequence[ndarray],
+    measured: BodySizes | VisitComparison,
+    names: tuple[str, ...] = (),
+) -> MeasurementPanel:
+    """Return the list of measurements of one body, or of two with their change.
+
+    Parameters
+    ----------
+    measurements : Measurements
+    surfaces : sequence of array, shape (V, 3)
+        The bodies in the standard pose, or as they stand.
+    measured : BodySizes or VisitComparison
+        Values of the body, or of both.
+    names : tuple of str
+        Names of two bodies.
+    """
+    lines = [measurements.lines(surface, axes="space") for surface in surfaces]
+    every = measurements.definitions.measurements
+    rows = [
+        _row(k, measured, any(len(own[each.name]) for own in lines)) for k, each in enumerate(every)
+    ]
+    groups = {
+        group.title: _with_units([rows[k] for k in group.members]) for group in grouped(every)
+    }
+    return MeasurementPanel(groups, lines, surfaces, measurements.definitions.faces, names)
+
+
+def _with_units(rows: list[_Row]) -> list[_Row]:
+    """Return rows that name their units, unless all have the first one's, which the head names."""
+    first = rows[0].unit
+    return [
+        row if row.unit == first else replace(row, name=f"{row.name}, {row.unit}") for row in rows
+    ]
+
+
+def _row(k: int, measured: BodySizes | VisitComparison, has_line: bool) -> _Row:
+    name, unit = measured.names[k], readable_unit(measured.units[k])
+    why = "; ".join(dict.fromkeys(w for (_, n), w in measured.why_missing.items() if n == name))
+    if isinstance(measured, BodySizes):
+        value = measured.values.reshape(-1, len(measured.names))[0, k]
+        said = _text(value, unit)
+        return _Row(
+            k,
+            name,
+            unit.name,
+            [f"{said} {unit.name}" if said != _NONE else said],
+            has_line,
+            why=why,
+        )
+    both = [_text(values[k], unit) for values in (measured.before, measured.after)]
+    change = _text(measured.changes[k], unit, "+")
+    noise = "" if np.isnan(measured.thresholds[k]) else f"±{_text(measured.thresholds[k], unit)}"
+    changed = bool(measured.is_significant[k])
+    return _Row(k, name, unit.name, [*both, change, noise], has_line, changed, why)
+
+
+def _text(value: float, unit: ReadableUnit, sign: str = "") -> str:
+    """Return a value with at most one digit behind the point of centimetres, and a true minus."""
+    if np.isnan(value):
+        return _NONE
+    digits = min(unit.digits, 1) if unit.scale == 100.0 else unit.digits
+    return f"{value * unit.scale:{sign}.{digits}f}".replace("-", "−")
+
+
+def view_measurements(
+    measurements: Measurements,
+    points: Any,
+    *,
+    pose: str = "standard",
+    name: str = "",
+    title: str = "Measurements",
+    trusted_vertices: Any = None,
+) -> Viewer:
+    """Return a page with a body, its measurements in a list, and their lines.
+
+    The pointer on a row shows its line on the body, and the pointer on a line its row. For two
+    visits of one person, see `view_difference`.
+
+    Parameters
+    ----------
+    measurements : Measurements
+    points : array_like, shape (V, 3)
+        The body, metres.
+    pose : {"standard", "as is"}
+        Whether to measure in the standard pose, which needs a body model.
+    name, title : str
+        Name of the body and title of the page.
+    trusted_vertices : array_like of bool, shape (V,), optional
+        As for `Measurements.measure`.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> measurements = rh.measurements.Measurements(bodies.model)
+    >>> viewer = rh.plots.view_measurements(measurements, bodies[0], pose="as is")
+    >>> viewer.save("anna.html")
+    """
+    surface = _posed(measurements, points, pose)
+    trusted = None if trusted_vertices is None else np.asarray(trusted_vertices)[np.newaxis]
+    measured = measurements.measure(
+        surface[np.newaxis], axes="space", missing="nan", trusted_vertices=trusted
+    )
+    return Viewer(
+        measurements.definitions.faces,
+        {"Body": [ViewedBody(name, surface[np.newaxis])]},
+        title=title,
+        panel=measurement_panel(measurements, [surface], measured),
+    )
+
+
+def _posed(measurements: Measurements, points: Any, pose: str) -> ndarray:
+    """Return a body, checked, in the standard pose or as it stands."""
+    one_of(pose, "pose", _POSES)
+    shape = (measurements.definitions.n_vertices, 3)
+    surface = np.asarray(real_array(points, "points", shape, batched=False))
+    return in_standard_pose(measurements.definitions, surface) if pose == "standard" else surface
+
+
+def plot_measurements(
+    measurements: Measurements,
+    points: Any,
+    *,
+    pose: str = "standard",
+    axes: str = "space",
+    system: str = "cm",
+    height: int = 640,
+) -> Figure:
+    """Draw the lines of measurements in small pictures, with a table of their values.
+
+    Each picture has at most fifteen lines of one kind, with numbers, from the side on which most
+    of them are seen; what is behind the body is pale. The table below gives their names and values.
+
+    Parameters
+    ----------
+    measurements : Measurements
+    points : array_like, shape (V, 3)
+        A body, metres.
+    pose : {"standard", "as is"}
+        Whether to measure in the standard pose, which needs a body model.
+    axes : {"space", "body"}
+        Axes of a body as it stands, see `Measurements.measure`.
+    system : {"cm", "in"}
+        Units, see `readable_unit`.
+    height : int
+        Pixels of a body.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> girths = rh.measurements.Measurements(bodies.model, ["waist girth", "hip girth"])
+    >>> figure = rh.plots.plot_measurements(girths, bodies[0], pose="as is")
+    """
+    surface = _posed(measurements, points, pose)
+    lines = measurements.lines(surface, axes=axes)
+    measured = measurements.measure(surface[np.newaxis], axes=axes, missing="nan")
+    every = measurements.definitions.measurements
+    groups = pictured(every, lines)
+    columns = min(_COLUMNS, max(len(groups), 1))
+    rows = -(-max(len(groups), 1) // columns)
+    longest = max((len(group.members) for group in groups), default=0)
+    body_inches, table_inches = _PICTURE_INCHES[1], _ROW_INCHES * (longest + 1)
+    figure = new_figure(_PICTURE_INCHES[0] * columns, rows * (body_inches + table_inches))
+    panels = figure.subplots(
+        2 * rows, columns, squeeze=False, height_ratios=[body_inches, table_inches] * rows
+    )
+    for ax in panels.ravel():
+        ax.set_axis_off()
+    for place, group in enumerate(groups):
+        row, column = divmod(place, columns)
+        names = [every[k].name for k in group.members]
+        picture, table = panels[2 * row : 2 * row + 2, column]
+        picture.set_title(group.title, fontsize=11)
+        _draw_group(
+            picture, surface, measurements.definitions.faces, [lines[n] for n in names], height
+        )
+        _write_table(table, group, measured, system, longest)
+    return figure
+
+
+def _draw_group(
+    ax: Axes, surface: ndarray, faces: ndarray, lines: Sequence[Sequence[ndarray]], height: int
+) -> None:
+    """Draw lines with numbers on a body, from the side on which most of them are seen."""
+    collections = import_matplotlib("collections")
+    normals = vertex_normals(surface, faces)
+    nearest = [[_nearest(part, surface) for part in parts] for parts in lines]
+    view = max(_VIEWS, key=lambda each: _length_seen(each, lines, nearest, normals))
+    window = window_around(surface, view)
+    picture = render(surface, faces, height=height, view=view, window=window)
+    (x, y), width, tall = window.centre, window.width / 2, window.height / 2
+    ax.imshow(
+        picture, extent=(x - width, x + width, y - tall, y + tall), interpolation="antialiased"
+    )
+    places = []
+    for number, (parts, vertices) in enumerate(zip(lines, nearest, strict=True)):
+        color = f"C{number % 10}"
+        for part, near in zip(parts, vertices, strict=True):
+            flat = view.rotate(np.asarray(part))[:, :2]
+            is_seen = view.rotate(normals[near])[:, 2] > -0.05
+            segments = np.stack([flat[:-1], flat[1:]], axis=1)
+            front = is_seen[:-1] & is_seen[1:]
+            for chosen, alpha in ((front, 1.0), (~front, 0.3)):
+                drawn = collections.LineCollection(
+                    segments[chosen], colors=color, linewidths=1.7, alpha=alpha
+                )
+                ax.add_collection(drawn, autolim=False)
+        every = np.concatenate([view.rotate(np.asarray(part))[:, :2] for part in parts])
+        places.append(every)
+    _write_numbers(ax, places, window.centre[0], width)
+
+
+def _nearest(part: ndarray, surface: ndarray) -> ndarray:
+    gaps = np.linalg.norm(np.asarray(part)[:, np.newaxis] - surface, axis=2)
+    return gaps.argmin(axis=1)
+
+
+def _length_seen(
+    view: View,
+    lines: Sequence[Sequence[ndarray]],
+    nearest: Sequence[Sequence[ndarray]],
+    normals: ndarray,
+) -> float:
+    """Return the length of lines in the picture that is on the near side of the body."""
+    total = 0.0
+    for parts, vertices in zip(lines, nearest, strict=True):
+        for part, near in zip(parts, vertices, strict=True):
+            flat = view.rotate(np.asarray(part))[:, :2]
+            seen = view.rotate(normals[near])[:-1, 2] > 0
+            total += float(np.linalg.norm(np.diff(flat, axis=0), axis=1)[seen].sum())
+    return total
+
+
+def _write_numbers(ax: Axes, places: Sequence[ndarray], middle: float, width: float) -> None:
+    """Write numbers in columns beside the body, with lines to the ends of those they name."""
+    sides: dict[int, list[tuple[float, int, ndarray]]] = {-1: [], 1: []}
+    for number, points in enumerate(places):
+        side = 1 if points[:, 0].mean() >= middle else -1
+        end = points[(side * points[:, 0]).argmax()]
+        sides[side].append((float(end[1]), number, end))
+    for side, entries in sides.items():
+        entries.sort(key=lambda entry: -entry[0])
+        heights = _apart(np.array([entry[0] for entry in entries]))
+        for (_, number, end), level in zip(entries, heights, strict=True):
+            x = middle + side * (width + 0.10)
+            color = f"C{number % 10}"
+            ends = [end[0], x - side * 0.035], [end[1], level]
+            ax.plot(*ends, color=_LEADER, linewidth=0.5, linestyle=(0, (1.5, 2)), zorder=2)
+            ax.text(x, level, str(number + 1), ha="center", va="center", fontsize=8, color=color)
+    ax.set_xlim(middle - width - 0.16, middle + width + 0.16)
+
+
+def _apart(heights: ndarray) -> ndarray:
+    """Return descending heights moved as little as needed to be a gap apart."""
+    if not len(heights):
+        return heights
+    steps = _LABEL_GAP * np.arange(len(heights))
+    # The nearest sequence that descends by a gap or more, by pooling adjacent violators.
+    blocks: list[tuple[float, int]] = []
+    for value in heights + steps:
+        mean, count = float(value), 1
+        while blocks and blocks[-1][0] < mean:
+            other, size = blocks.pop()
+            mean, count = (mean * count + other * size) / (count + size), count + size
+        blocks.append((mean, count))
+    return np.concatenate([np.full(count, mean) for mean, count in blocks]) - steps
+
+
+def _write_table(
+    ax: Axes, group: MeasurementGroup, measured: BodySizes, system: str, longest: int
+) -> None:
+    """Write numbers, names and values below a picture."""
+    ax.set(xlim=(0, 1), ylim=(longest + 1, 0))
+    for number, k in enumerate(group.members):
+        unit = readable_unit(measured.units[k], system)
+        text = _text(float(measured.values[0, k]), unit)
+        style: dict[str, Any] = {"va": "center", "fontsize": 8}
+        ax.text(0.07, number + 0.5, str(number + 1), ha="right", color=f"C{number % 10}", **style)
+        name = measured.names[k]
+        small = {**style, "fontsize": 8 if len(name) <= _LONG_NAME else 6.5}
+        ax.text(0.11, number + 0.5, name, ha="left", **small)
+        ax.text(0.97, number + 0.5, f"{text} {unit.name}", ha="right", **style)

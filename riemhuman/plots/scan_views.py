@@ -1,0 +1,248 @@
+"""A scan over its body: a page to look through it and cut it, and a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from markupsafe import Markup
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from riemhuman.optional import import_matplotlib
+from riemhuman.plots._packing import deflated, packed, packed_points
+from riemhuman.plots._web_files import fill
+from riemhuman.plots.figures import SIGNED_COLORS, SKIN, new_figure, value_colors
+from riemhuman.plots.rendering import View, Window, points_picture, render, window_around
+from riemhuman.plots.viewer import ViewedBody, Viewer
+from riemhuman.registration import RegisteredScan, ScanOverBody, ScanRecord, lay_over_body
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Points of a scan on a page: corners of triangles, and loose ones, each drawn as a disc.
+_MOST_CORNERS, _MOST_DISCS = 60_000, 40_000
+# Ends of the colour scale, of which the first is taken that most distances are within, millimetres.
+_ENDS, _SHARE_WITHIN = (3, 5, 10, 15, 20, 30, 50), 0.97
+_NOT_SEEN = (0.62, 0.68, 0.76)
+# Points that are not of the body are shown this far from it, metres.
+_AROUND_METRES = 0.3
+_STEPS = 10.0  # of distances on a page, a millimetre
+_LARGEST_DISC, _SMALLEST_DISC = 0.012, 0.0015  # radii, metres
+# Discs reach this share of the way to the sixth neighbour, so that few gaps are left.
+_NEIGHBOUR, _OVERLAP = 7, 0.75
+
+
+@dataclass(frozen=True)
+class ScanPanel:
+    """A scan over the body of a page, with sliders for what is seen of both.
+
+    Parameters
+    ----------
+    over : ScanOverBody
+        As it is drawn: with few enough points.
+    limit : float
+        End of the colour scale, millimetres.
+    """
+
+    over: ScanOverBody
+    limit: float
+    name: str = "scan"
+
+    def data(self) -> dict[str, object]:
+        """Return points, their distances in tenths of millimetres, and what is seen of the body."""
+        over = self.over
+        record: dict[str, object] = {
+            **packed_points(over.scan_points),
+            "distances": packed(_tenths(over.distances).view("<u2")),
+            "background": deflated(over.background.astype(np.uint8)),
+            "seen": deflated(over.seen.astype(np.uint8)),
+            "limit": self.limit,
+            "scale": SIGNED_COLORS,
+        }
+        if over.scan_faces is None:
+            record["normals"] = deflated(np.round(127 * over.normals).astype(np.int8))
+            record["disc"] = _disc_radius(over.scan_points[~over.background])
+        else:
+            record["faces"] = packed(over.scan_faces.astype("<u4"))
+        return record
+
+    def html(self, identifier: str) -> Markup:
+        """Return the sliders."""
+        return fill(
+            "scan_over_body.html",
+            identifier=identifier,
+            limit=f"{self.limit:g}",
+            colors=SIGNED_COLORS,
+            has_unseen=not self.over.seen.all(),
+            has_background=bool(self.over.background.any()),
+        )
+
+    def picture(self, height: int) -> ndarray:
+        """Return the scan, the body and the distances side by side."""
+        return np.concatenate(list(_pictures(self.over, self.limit, height)[0].values()), axis=1)
+
+
+def _tenths(distances: ndarray) -> ndarray:
+    largest = 2**15 - 1
+    return np.clip(np.round(1000 * _STEPS * distances), -largest, largest).astype("<i2")
+
+
+def _disc_radius(points: ndarray) -> float:
+    """Return the radius of discs at points that leave few gaps between them."""
+    if len(points) < 2:
+        return _LARGEST_DISC
+    farthest = min(_NEIGHBOUR, len(points))
+    spacing = float(np.median(cKDTree(points).query(points, k=[farthest])[0]))
+    return float(np.clip(_OVERLAP * spacing, _SMALLEST_DISC, _LARGEST_DISC))
+
+
+def view_scan(
+    scan: Any,
+    points: Any = None,
+    faces: ArrayLike | None = None,
+    *,
+    unit: str | None = None,
+    title: str | None = None,
+) -> Viewer:
+    """Return a page with a scan over its body, coloured by its distance from it.
+
+    The page has sliders for how opaque both are and for a plane that cuts them, and hatches what
+    the scan does not show of the body. Of larger scans, about 60,000 corners of triangles or
+    40,000 loose points are drawn.
+
+    Parameters
+    ----------
+    scan, points, faces, unit
+        See `riemhuman.registration.lay_over_body`.
+    title : str, optional
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, rng=0)
+    >>> viewer = rh.plots.view_scan(scan.surface, bodies[0], bodies.template.faces)
+    >>> viewer.save("over.html")
+    """
+    over = lay_over_body(scan, points, faces, unit=unit)
+    said = [_sentence(over)]
+    if isinstance(scan, (RegisteredScan, ScanRecord)):
+        trust = "Registered scan" if scan.trusted else "Registered scan, not trusted"
+        title = title or trust
+        if scan.message:
+            said.insert(0, f"{scan.message[0].upper()}{scan.message[1:].rstrip('.')}.")
+    shown = _around(over).thinned(_MOST_DISCS if over.scan_faces is None else _MOST_CORNERS)
+    if len(shown.scan_points) < over.n_points:
+        said.append(f"{len(shown.scan_points):,} of {over.n_points:,} points are drawn.")
+    return Viewer(
+        over.faces,
+        {"Body": [ViewedBody("", over.points[None])]},
+        title=title or "Scan over its body",
+        description=" ".join(said),
+        panel=ScanPanel(shown, _colour_end(over)),
+    )
+
+
+def _sentence(over: ScanOverBody) -> str:
+    gaps = 1000 * np.abs(over.distances[~over.background])
+    if not len(gaps):
+        return "No point of the scan is near the body."
+    median, most = np.quantile(gaps, [0.5, 0.95])
+    return (
+        f"Half of the scan is within {median:.1f} mm of the body, 95 % within {most:.1f} mm; it "
+        f"shows {100 * over.seen.mean():.0f} % of the body."
+    )
+
+
+def _around(over: ScanOverBody) -> ScanOverBody:
+    """Return the scan without what is far from the body, such as the far end of a floor."""
+    low, high = over.points.min(axis=0) - _AROUND_METRES, over.points.max(axis=0) + _AROUND_METRES
+    return over.chosen(np.all((over.scan_points > low) & (over.scan_points < high), axis=1))
+
+
+def _colour_end(over: ScanOverBody) -> float:
+    """Return a round end of the colour scale, millimetres."""
+    gaps = 1000 * np.abs(over.distances[~over.background])
+    most = float(np.quantile(gaps, _SHARE_WITHIN)) if len(gaps) else 0.0
+    return float(next((end for end in _ENDS if most <= end), _ENDS[-1]))
+
+
+def _pictures(
+    over: ScanOverBody, limit: float, height: int, view: View | None = None
+) -> tuple[Mapping[str, ndarray], Window]:
+    """Return pictures of the scan, the body and the distances, of one window and one light."""
+    view = View() if view is None else view
+    own = over.chosen(~over.background)
+    window = window_around(np.concatenate([over.points, own.scan_points]), view)
+    colors = value_colors(1000 * own.distances, limit, signed=True)
+    body = np.where(over.seen[:, np.newaxis], SKIN, _NOT_SEEN)
+    shown = {"scan": np.broadcast_to(SKIN, colors.shape), "distances": colors}
+    pictures = {}
+    for name, tints in shown.items():
+        if own.scan_faces is None or not len(own.scan_faces):
+            picture = points_picture(own.scan_points, window, height, tints, view)
+        else:
+            mesh = own.scan_points, own.scan_faces
+            picture = render(*mesh, height=height, view=view, window=window, color=tints)
+        pictures[name] = picture
+    surface = render(over.points, over.faces, height=height, view=view, window=window, color=body)
+    return {"scan": pictures["scan"], "body": surface, "distances": pictures["distances"]}, window
+
+
+def plot_scan(
+    over: ScanOverBody, *, view: View | None = None, limit: float | None = None, height: int = 640
+) -> Figure:
+    """Draw a scan, its body and their distances side by side, from one viewpoint.
+
+    Parts of the body that the scan does not show are blue-grey.
+
+    Parameters
+    ----------
+    over : ScanOverBody
+        See `riemhuman.registration.lay_over_body`.
+    view : View, optional
+    limit : float, optional
+        End of the colour scale, millimetres; by default a round number that most are within.
+    height : int
+        Pixels.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, rng=0)
+    >>> over = rh.registration.lay_over_body(scan.surface, bodies[0], bodies.template.faces)
+    >>> figure = rh.plots.plot_scan(over)
+    """
+    end = _colour_end(over) if limit is None else limit
+    pictures, window = _pictures(over, end, height, view)
+    figure = new_figure(3 * 4.6 * window.width / window.height + 1.2, 5.0)
+    axes = figure.subplots(1, 3)
+    gaps = 1000 * np.abs(over.distances[~over.background])
+    titles = {
+        "scan": f"scan, {over.n_points:,} points",
+        "body": "registered body",
+        "distances": f"distance, {np.median(gaps):.1f} mm in the median" if len(gaps) else "",
+    }
+    for ax, (name, picture) in zip(axes, pictures.items(), strict=True):
+        ax.imshow(picture, interpolation="antialiased")
+        ax.set_axis_off()
+        ax.set_title(titles[name], fontsize=10)
+    if not over.seen.all():
+        axes[1].text(
+            0.5, -0.01, "blue-grey: not seen", transform=axes[1].transAxes, ha="center", va="top",
+            fontsize=9,
+        )  # fmt: skip
+    signed_bar(figure, axes[2], end, "outside of the body, mm")
+    return figure
+
+
+def signed_bar(figure: Figure, ax: Axes, limit: float, label: str) -> None:
+    """Draw the bar of a scale with a sign beside axes, from minus the limit to the limit."""
+    colors, cm = (import_matplotlib(name) for name in ("colors", "cm"))
+    table = colors.ListedColormap(value_colors(np.linspace(-1.0, 1.0, 256)))
+    scale = cm.ScalarMappable(colors.Normalize(-limit, limit), table)
+    figure.colorbar(scale, ax=ax, label=label, shrink=0.6, pad=0.02, format="%+g")

@@ -1,0 +1,60 @@
+"""Arms brought elsewhere, from where they may fit a scan otherwise: elbows swung, hands moved."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import rotation_matrix
+from riemhuman.bodies.skinning import JointMotions, Skeleton
+from riemhuman.kernels.surface import unit_vectors
+from riemhuman.registration._posed_body import Pose
+
+# No arm is moved so that it is straighter than this share of its length, or more bent than this.
+_STRAIGHTEST, _MOST_BENT = 0.995, 0.25
+
+
+def elbow_bend(skeleton: Skeleton, pose: Pose, joints: np.ndarray) -> float:
+    """Return how far an elbow is from the line from shoulder to wrist, metres."""
+    start, middle, end = JointMotions(skeleton, pose.local, pose.betas).positions[joints[1:]]
+    return float(np.linalg.norm(np.cross(middle - start, unit_vectors(end - start))))
+
+
+def swing_elbow(skeleton: Skeleton, pose: Pose, joints: np.ndarray, degrees: float) -> Pose:
+    """Return a pose with an elbow swung about the line from shoulder to wrist; the hand stays.
+
+    The joints are those of an arm, from the collar to the wrist.
+    """
+    motions = JointMotions(skeleton, pose.local, pose.betas)
+    _, shoulder, _, wrist = joints
+    line = unit_vectors(motions.positions[wrist] - motions.positions[shoulder])
+    swing = rotation_matrix(np.radians(degrees) * line)
+    local = pose.local.copy()
+    local[shoulder] = motions.axes[shoulder].T @ swing @ motions.rotations[shoulder]
+    local[wrist] = motions.axes[wrist].T @ swing.T @ motions.rotations[wrist]
+    return pose._replace(local=local)
+
+
+def move_hand(skeleton: Skeleton, pose: Pose, joints: np.ndarray, shift: np.ndarray) -> Pose:
+    """Return a pose with a hand shifted, as far as its arm reaches, and not rotated.
+
+    The joints are those of an arm, from the collar to the wrist; the shift is in metres.
+    """
+    motions = JointMotions(skeleton, pose.local, pose.betas)
+    _, shoulder, elbow, wrist = joints
+    start, middle, end = motions.positions[joints[1:]]
+    upper, lower = middle - start, end - middle
+    lengths = np.linalg.norm(upper), np.linalg.norm(lower)
+    goal = end + shift - start
+    reach = np.clip(np.linalg.norm(goal), _MOST_BENT * sum(lengths), _STRAIGHTEST * sum(lengths))
+    # The elbow bends until the wrist is as far from the shoulder as its goal (law of cosines).
+    bend = np.arccos(np.clip((reach**2 - np.dot(lengths, lengths)) / (2 * np.prod(lengths)), -1, 1))
+    present = np.arccos(np.clip(upper @ lower / np.prod(lengths), -1.0, 1.0))
+    hinge = unit_vectors(np.cross(upper, lower))
+    turn = rotation_matrix((bend - present) * hinge)
+    aim = Rotation.align_vectors(goal, upper + turn @ lower)[0].as_matrix()
+    local = pose.local.copy()
+    local[shoulder] = motions.axes[shoulder].T @ aim @ motions.rotations[shoulder]
+    local[elbow] = motions.axes[elbow].T @ turn @ motions.rotations[elbow]
+    local[wrist] = motions.axes[wrist].T @ (aim @ turn).T @ motions.rotations[wrist]
+    return pose._replace(local=local)

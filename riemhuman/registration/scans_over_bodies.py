@@ -1,0 +1,237 @@
+"""A scan laid over its body: distances with their sign, and the parts that it does not show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy.spatial import cKDTree
+
+from riemhuman.checks import real_array, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration._placing import motion_onto_body
+from riemhuman.registration._scan_preparation import prepare_scan, thin_points
+from riemhuman.registration.folders import ScanRecord
+from riemhuman.registration.registered_scans import RegisteredScan, apply_transform
+from riemhuman.registration.scans import as_scan
+from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
+
+# Vertices of a body that are nearer to its scan are seen; farther points are not of the body.
+_SEEN_METRES, _BACKGROUND_METRES = 0.02, 0.05
+# Points of a scan that are sparser than this many times their spacing leave no holes.
+_SPACINGS = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class ScanOverBody:
+    """A scan in the axes of its body, with distances.
+
+    Attributes
+    ----------
+    scan_points : array, shape (N, 3)
+        Points of the scan in the axes of the body, metres.
+    scan_faces : array of int, shape (G, 3), or None
+        Triangles of the scan; None for loose points.
+    distances : array, shape (N,)
+        Distance of each point from the body, metres; negative inside of the body.
+    normals : array, shape (N, 3)
+        Unit normals of the body at the places nearest to the points.
+    background : array of bool, shape (N,)
+        Points that are not of the body: floor, strays or hair.
+    points : array, shape (V, 3)
+        The body, metres, y up.
+    faces : array of int, shape (F, 3)
+        Triangles of the body.
+    seen : array of bool, shape (V,)
+        Vertices of the body that the scan shows.
+    n_points : int
+        Number of points of the scan, of which `thinned` leaves fewer.
+
+    Examples
+    --------
+    See `lay_over_body`.
+    """
+
+    scan_points: ndarray
+    scan_faces: ndarray | None
+    distances: ndarray
+    normals: ndarray
+    background: ndarray
+    points: ndarray
+    faces: ndarray
+    seen: ndarray
+    n_points: int
+
+    def __repr__(self) -> str:
+        own = 1000.0 * np.abs(self.distances[~self.background])
+        return (
+            f"<ScanOverBody: {self.n_points} points, {np.median(own):.1f} mm median distance, "
+            f"{100 * self.seen.mean():.0f} % of the vertices seen>"
+        )
+
+    def chosen(self, kept: ndarray) -> ScanOverBody:
+        """Return the scan with some of its points, and the triangles between them.
+
+        Parameters
+        ----------
+        kept : array of bool, shape (N,)
+        """
+        triangles = None
+        if self.scan_faces is not None:
+            numbers = np.cumsum(kept) - 1
+            triangles = numbers[self.scan_faces[kept[self.scan_faces].all(axis=1)]]
+        return self._with_points(np.flatnonzero(kept), triangles)
+
+    def thinned(self, most_points: int) -> ScanOverBody:
+        """Return the scan with about this many points at most, evenly spread.
+
+        Of a mesh, each point takes the place of those around it, and triangles between different
+        places remain.
+
+        Parameters
+        ----------
+        most_points : int
+        """
+        whole_number(most_points, "most_points", minimum=1)
+        if len(self.scan_points) <= most_points:
+            return self
+        kept = thin_points(self.scan_points, most_points, np.random.default_rng(0))
+        triangles = None
+        if self.scan_faces is not None:
+            nearest = cKDTree(self.scan_points[kept]).query(self.scan_points)[1]
+            triangles = _different_corners(nearest[self.scan_faces])
+        return self._with_points(kept, triangles)
+
+    def _with_points(self, kept: ndarray, triangles: ndarray | None) -> ScanOverBody:
+        return replace(
+            self,
+            scan_points=self.scan_points[kept],
+            scan_faces=triangles,
+            distances=self.distances[kept],
+            normals=self.normals[kept],
+            background=self.background[kept],
+        )
+
+
+def _different_corners(triangles: ndarray) -> ndarray:
+    """Return triangles with three different corners, each once."""
+    a, b, c = triangles.T
+    proper = triangles[(a != b) & (b != c) & (c != a)]
+    _, first = np.unique(np.sort(proper, axis=1), axis=0, return_index=True)
+    return proper[np.sort(first)]
+
+
+def lay_over_body(
+    scan: Any, points: Any = None, faces: Any = None, *, unit: str | None = None
+) -> ScanOverBody:
+    r"""Lay a scan over its body, and measure how far it is from it.
+
+    The distance of a point x of the scan from the nearest place y on the body, with the normal n,
+    is :math:`\mathrm{sign}\langle x - y, n\rangle \, \|x - y\|`.
+
+    Parameters
+    ----------
+    scan : RegisteredScan, ScanRecord, or as in `ScanRegistration.solve`
+        A result or record, which hold their body; or a scan of a body that is given. If the scan
+        has other axes than the body, the rigid motion between them is found by iterated closest
+        points.
+    points : array_like, shape (V, 3), or mesh, optional
+        The body of a scan, metres, y up; none for results and records.
+    faces : array_like of int, shape (F, 3), optional
+    unit : str, optional
+        Unit of a scan, see `load_scan`.
+
+    Raises
+    ------
+    ArgumentError
+        If half of the scan is more than 5 cm away from the body.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, rng=0)
+    >>> over = rh.registration.lay_over_body(scan.surface, bodies[0], bodies.template.faces)
+    >>> bool(np.median(abs(over.distances)) < 0.005)
+    True
+    """
+    if isinstance(scan, RegisteredScan):
+        return _of_result(scan)
+    if isinstance(scan, ScanRecord):
+        return _of_record(scan)
+    raw = as_scan(scan, unit)
+    surface, triangles = check_mesh(points, faces)
+    surface = np.asarray(real_array(surface, "points", ("V", 3), batched=False))
+    prepared = prepare_scan(raw)
+    moved = apply_transform(motion_onto_body(prepared.points, surface, triangles), raw.points)
+    places, distances = nearest_points(moved, surface, triangles)
+    middle = float(np.median(distances[~prepared.background]))
+    if middle > _BACKGROUND_METRES:
+        raise ArgumentError(
+            f"scan does not lie over the body: half of its points are more than {100 * middle:.0f} "
+            "cm away from it; is it the scan from which the body was registered?"
+        )
+    background = prepared.background | (distances > _BACKGROUND_METRES)
+    seen = _seen(moved, raw.faces, surface)
+    return _laid((moved, raw.faces), (surface, triangles), places, background, seen)
+
+
+def _of_result(result: RegisteredScan) -> ScanOverBody:
+    moved = apply_transform(result.transform, result.scan.points)
+    return _laid(
+        (moved, result.scan.faces),
+        (result.upright_points, result.faces),
+        result.correspondence,
+        result.background,
+        result.matched,
+    )
+
+
+def _of_record(record: ScanRecord) -> ScanOverBody:
+    transform, faces = record.arrays["transform"], record.arrays["faces"]
+    points, moved = (
+        apply_transform(transform, np.asarray(record.arrays[name], dtype=np.float64))
+        for name in ("points", "shown")
+    )
+    places, distances = nearest_points(moved, points, faces)
+    background = np.zeros(len(distances), dtype=bool)  # left out of records
+    return _laid((moved, None), (points, faces), places, background, record.arrays["matched"])
+
+
+def _laid(
+    scan: tuple[ndarray, ndarray | None],
+    body: tuple[ndarray, ndarray],
+    places: SurfacePoints,
+    background: ndarray,
+    seen: ndarray,
+) -> ScanOverBody:
+    """Return a scan over its body from the places that are nearest to its points."""
+    (moved, scan_faces), (points, faces) = scan, body
+    corners, shares = faces[places.triangles], places.barycentric[:, :, np.newaxis]
+    normals = (shares * vertex_normals(points, faces)[corners]).sum(axis=1)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    offsets = moved - (shares * points[corners]).sum(axis=1)
+    outward = np.einsum("nx,nx->n", offsets, normals)
+    return ScanOverBody(
+        scan_points=moved,
+        scan_faces=scan_faces,
+        distances=np.copysign(np.linalg.norm(offsets, axis=1), outward),
+        normals=normals,
+        background=background,
+        points=points,
+        faces=faces,
+        seen=np.asarray(seen, dtype=bool),
+        n_points=len(moved),
+    )
+
+
+def _seen(moved: ndarray, scan_faces: ndarray | None, points: ndarray) -> ndarray:
+    """Return the vertices of a body near to its scan: to its surface, or to one of its points."""
+    if scan_faces is not None and len(scan_faces):
+        return np.asarray(nearest_points(points, moved, scan_faces)[1] < _SEEN_METRES)
+    tree = cKDTree(moved)
+    spacing = float(np.median(tree.query(moved, k=[2])[0]))
+    return np.asarray(tree.query(points)[0] < max(_SEEN_METRES, _SPACINGS * spacing))

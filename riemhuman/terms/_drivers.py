@@ -1,0 +1,507 @@
+r"""What metrics hand their work to: sums of terms, and distances of many pairs.
+
+A metric checks its arguments and leaves the rest to an object of one of two protocols:
+
+- `SumOnSurfaces`: inner products, their matrices and the energies of paths, for a metric on
+  surfaces. `SumOfTerms` runs terms with distances in closed form (`Term`), `SumOfQuadraticTerms`
+  terms that are given by their inner products alone (`QuadraticTerm`).
+- `Bulk`: features of points and the tables of distances computed from them, for any metric's
+  `bulk`. `SumOfTerms` is one; `SumOfFactors` runs those of the factors of a product, or of an
+  image; `PairByPair` computes one distance after the other, for metrics that offer no more.
+
+All that terms need to know of a triangle is a record of `LENGTH` numbers: f_u, f_v, the unit normal
+n, the area ratio A = ‖f_u × f_v‖, and e = f_u·f_u, m = f_u·f_v. On a triangle without area n and A
+are 0. Slopes of a sum over triangles by the numbers of a record, each taken for independent, become
+slopes by the vertices. Arrays of records hold each number of many triangles in a row, so that loops
+over triangles run in vector registers; along paths some thousand triangles at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Protocol, TypeVar
+
+import numpy as onp
+from numpy import ndarray
+from scipy.sparse import csr_array
+
+from riemhuman.arrays import Array, Points
+from riemhuman.checks import values_of
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.kernels import surface
+from riemhuman.kernels.compilation import FUSED, compiled
+from riemhuman.kernels.surface import follow_up
+from riemhuman.kernels.threads import LANES, in_tiles, mapped, of_one_kind, sums_in_chunks
+from riemhuman.terms._quadratic import QuadraticTerm, by_vertex
+from riemhuman.terms.flat import FlatTerm
+from riemhuman.terms.term import LENGTH, Fields, Term
+
+Features = tuple[Array, ...]
+
+# Below this many triangles times surfaces, threads cost more than they bring.
+_WORTH_THREADS = 50_000
+# Triangles times surfaces whose records stay in a core's own cache from one pass to the next.
+_IN_CACHE = 8192
+
+
+class SumOnSurfaces(Protocol):
+    """A weighted sum of terms on the surfaces over a template, which others have checked."""
+
+    @abstractmethod
+    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+        """Return the inner products of deformations h and k at surfaces f, differentiably."""
+
+    @abstractmethod
+    def matrix(self, surfaces: ndarray) -> csr_array:
+        """Return the matrix of the inner product, the mean over surfaces."""
+
+    @abstractmethod
+    def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
+        """Return the energy of a path, infinite where it has none, and its gradient."""
+
+
+class Bulk(Protocol):
+    """Features of points, and distances computed from them."""
+
+    n_arrays: int
+
+    @abstractmethod
+    def features(self, points: Points, precision: str) -> Features:
+        """Return the features of n points, arrays whose first axis is that of the points."""
+
+    @abstractmethod
+    def rounding(self, features: Features) -> Array:
+        """Return bounds on the rounding errors of each point's features, as distances."""
+
+    @abstractmethod
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
+        """Return the table of squared distances; the same features twice for those within a set."""
+
+
+class SumOfTerms(SumOnSurfaces, Bulk):
+    """A weighted sum of terms on the surfaces over a template, which others have checked."""
+
+    # Of points that are no surfaces, `fields_of` returns the fields of its one term. Features are
+    # what distances need to know of surfaces: of each term an array, and its rounding.
+
+    def __init__(
+        self,
+        terms: Sequence[Term],
+        template: Any,
+        fields_of: Callable[[ndarray], Fields] | None = None,
+    ) -> None:
+        self.terms, self.template, self._fields_of = tuple(terms), template, fields_of
+        self.n_arrays = 2 * len(self.terms)
+        self.needs_area = any(term.needs_area for term in self.terms)
+        self._faces, self._frames = template.faces, template.frame_coefficients
+        self.areas = template.face_areas
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.terms, self.template, self._fields_of)
+
+    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+        """Return the inner product of the derivatives of the fields along h and k."""
+        operator = self.template.differential_operator
+        first = surface.derivatives(f, operator)
+        return surface.product_by_forms(h, k, first, operator, self._forms(first))
+
+    def _forms(self, first: surface.Derivatives) -> surface.Forms:
+        surface.refuse_degenerate(first.degenerate, "base_point")
+        scales = [term.weight * self.areas * first.areas**term.area_power for term in self.terms]
+        return [(term.form(first), scale) for term, scale in zip(self.terms, scales, strict=True)]
+
+    def features(self, points: ndarray, precision: str) -> Features:
+        """Return the features of surfaces."""
+        n_faces, fields = len(self.areas), None
+        if self._fields_of is not None:
+            fields = tuple(map(of_one_kind, self._fields_of(points)))
+        found: Features = ()
+        for term in self.terms:
+            real = onp.float32 if precision == "single" and term.single else onp.float64
+            shape = (len(points), term.n_features, -(-n_faces // LANES) * LANES)
+            found += onp.zeros(shape, real), onp.zeros(len(points))
+        records = onp.empty((1, LENGTH, n_faces))
+        degenerate = onp.zeros((len(points), n_faces), dtype=bool)
+        for i, point in enumerate(points):
+            if fields is None:
+                surface_alone = of_one_kind(point)[:, None]
+                fill_records(surface_alone, self._faces, self._frames, 0, n_faces, records)
+                if self.needs_area and not records[0, 9].all():
+                    degenerate[i] = records[0, 9] == 0.0
+                    continue
+            for term, kept, gaps in zip(self.terms, found[::2], found[1::2], strict=True):
+                if fields is None:
+                    gap = term.pack_record(records[0], self.areas, kept[i])
+                else:
+                    gap = term.pack(tuple(field[i] for field in fields), self.areas, kept[i])
+                gaps[i] = math.sqrt(gap) if kept.dtype == onp.float32 else 0.0
+        if degenerate.any():
+            surface.refuse_degenerate(degenerate)
+        return found
+
+    def rounding(self, features: Features) -> ndarray:
+        """Return a bound on the rounding error of each point's features, as a distance."""
+        total: Any = 0.0
+        for term, gaps in zip(self.terms, features[1::2], strict=True):
+            total = total + term.weight * gaps**2
+        return onp.sqrt(total)
+
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+        """Return all squared distances between two sets of points."""
+
+        def run(pair: tuple[Features, Features]) -> ndarray:
+            total: Any = 0.0
+            for term, one, other in zip(self.terms, *pair, strict=True):
+                total = total + term.weight * term.squared_distances(one, other, self.areas)
+            return total
+
+        return in_tiles(run, a[::2], b[::2], n_threads)
+
+    def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
+        """Return the closed-form path energy n Σ d²(f_i, f_{i+1}) and its gradient."""
+        faces, frames, areas = self._faces, self._frames, self.areas
+        # Vertex by vertex, all times together: what one triangle reads lies close together.
+        surfaces, n_times = onp.ascontiguousarray(onp.swapaxes(path, 0, 1)), len(path)
+        surfaces.flags.writeable = False  # the kind that loops are compiled for
+
+        def run(first: int, last: int) -> tuple[Any, ...]:
+            total, found = 0.0, onp.zeros(surfaces.shape if gradient else 0)
+            size = max(1, min(_IN_CACHE // n_times, last - first))
+            for start in range(first, last, size):
+                end = min(start + size, last)
+                records, slopes = onp.zeros((2, n_times, LENGTH, end - start))
+                fill_records(surfaces, faces, frames, start, end, records)
+                for term in self.terms:
+                    total += term.add_segments(records, slopes, areas[start:end])
+                if gradient:
+                    add_gradient(records, slopes, faces, frames, start, end, found)
+            return total, found
+
+        threaded = len(faces) * n_times > _WORTH_THREADS
+        energy, slope = sums_in_chunks(run, len(faces), threaded=threaded)
+        if not gradient:
+            return energy * (n_times - 1), None
+        slope *= n_times - 1
+        return energy * (n_times - 1), onp.ascontiguousarray(onp.swapaxes(slope, 0, 1))
+
+    def squared_dists(
+        self,
+        point: ndarray,
+        others: ndarray,
+        weights: ndarray,
+        other_faces: ndarray | None = None,
+    ) -> tuple[ndarray, ndarray]:
+        """Return the squared distances of one surface from others, and the slope of their sum."""
+        faces, frames, areas = self._faces, self._frames, self.areas
+        other_faces = faces if other_faces is None else of_one_kind(other_faces)
+        f = of_one_kind(point)[:, None]
+        kinds = [of_one_kind(other)[:, None] for other in others]
+
+        def run(first: int, last: int) -> tuple[ndarray, ndarray]:
+            squared, gradient = onp.zeros(len(others)), onp.zeros((len(point), 1, 3))
+            size = max(1, min(_IN_CACHE // 2, last - first))
+            for start in range(first, last, size):
+                end = min(start + size, last)
+                records, slopes = onp.zeros((2, 2, LENGTH, end - start))
+                fill_records(f, faces, frames, start, end, records[1:])
+                for i, other in enumerate(kinds):
+                    # The slopes by these are added up as well, and not used.
+                    fill_records(other, other_faces, frames, start, end, records[:1])
+                    weighted = of_one_kind(weights[i] * areas[start:end])
+                    for term in self.terms:
+                        squared[i] += term.add_segments(records, slopes, weighted)
+                add_gradient(records[1:], slopes[1:], faces, frames, start, end, gradient)
+            return squared, gradient
+
+        threaded = len(faces) * len(others) > _WORTH_THREADS
+        squared, gradient = sums_in_chunks(run, len(faces), threaded=threaded)
+        return squared / weights, gradient[:, 0]
+
+    def matrix(self, surfaces: ndarray) -> csr_array:
+        """Return the matrix of the inner product, the mean over surfaces."""
+        blocks = onp.zeros((len(self._faces), 9, 9))
+        for f in surfaces:
+            first = surface.derivatives(f, self.template.differential_operator)
+            surface.add_blocks(blocks, f, self._faces, self._forms(first))
+        return self.template.assembler.assemble(blocks / len(surfaces))
+
+
+class SumOfQuadraticTerms(SumOnSurfaces):
+    """The driver of a sum of terms that are given by their inner products."""
+
+    def __init__(self, terms: Sequence[QuadraticTerm], template: Any) -> None:
+        self.terms, self.template = tuple(terms), template
+
+    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+        """Return the inner product of deformations."""
+        self._refuse_degenerate(f)
+        total: Any = 0.0
+        for term in self.terms:
+            total = total + term.inner_product(h, k, f)
+        return total
+
+    def matrix(self, surfaces: ndarray) -> csr_array:
+        """Return the matrix of the inner product, the mean over surfaces."""
+        self._refuse_degenerate(surfaces)
+        size = surfaces[0].size
+        total = csr_array((size, size))
+        for f in surfaces:
+            for term in self.terms:
+                total = total + term.matrix(f)
+        return total / len(surfaces)
+
+    def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
+        """Return n Σ G at the midpoints of the n segments of a path, and its gradient."""
+        n_segments = len(path) - 1
+        surfaces, steps = by_vertex(0.5 * (path[:-1] + path[1:])), by_vertex(onp.diff(path, axis=0))
+        if not gradient:
+            values = sum(term.squared_norms(steps, surfaces) for term in self.terms)
+            return n_segments * float(values), None
+        parts = [term.squared_norms_and_slopes(steps, surfaces) for term in self.terms]
+        values, in_steps, in_surfaces = (sum(part) for part in zip(*parts, strict=True))
+        slopes = onp.zeros(path.shape)
+        slopes[:-1] = by_vertex(0.5 * in_surfaces - in_steps)
+        slopes[1:] += by_vertex(0.5 * in_surfaces + in_steps)
+        return n_segments * float(values), n_segments * slopes
+
+    def _refuse_degenerate(self, f: ndarray) -> None:
+        first = surface.derivatives(values_of(f), self.template.differential_operator)
+        surface.refuse_degenerate(first.degenerate, "base_point")
+
+
+class PairByPair(Bulk):
+    """Distances computed one by one: the points are their own features."""
+
+    n_arrays = 1
+
+    def __init__(self, squared_dist: Callable[[Points, Points], Array]) -> None:
+        self._squared_dist = squared_dist
+
+    def features(self, points: Points, precision: str) -> Features:
+        return (onp.ascontiguousarray(points),)
+
+    def rounding(self, features: Features) -> Array:
+        return onp.zeros(len(features[0]))
+
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
+        squared = onp.zeros((len(a[0]), len(b[0])))
+
+        def fill_row(i: int) -> None:
+            for j in range(i + 1 if a is b else 0, len(b[0])):
+                squared[i, j] = self._squared_dist(a[0][i], b[0][j])
+                if a is b:
+                    squared[j, i] = squared[i, j]
+
+        list(mapped(fill_row, range(len(squared)), n_threads))
+        return squared
+
+
+class SumOfFactors(Bulk):
+    """Distances of a product: of each factor the map to its component, its weight and its bulk."""
+
+    def __init__(self, parts: Sequence[tuple[Callable[[Array], Array], float, Bulk]]) -> None:
+        self._parts = tuple(parts)
+        self.n_arrays = sum(bulk.n_arrays for _, _, bulk in parts)
+
+    def features(self, points: Points, precision: str) -> Features:
+        return tuple(
+            feature
+            for component, _, bulk in self._parts
+            for feature in bulk.features(component(points), precision)
+        )
+
+    def rounding(self, features: Features) -> Array:
+        parts = self._split(features)
+        return onp.sqrt(sum(weight * bulk.rounding(part) ** 2 for weight, bulk, part in parts))
+
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
+        parts_a = list(self._split(a))
+        parts_b = parts_a if b is a else list(self._split(b))
+        return sum(
+            (
+                w * bulk.squared_distances(part_a, part_b, n_threads)
+                for (w, bulk, part_a), (_, _, part_b) in zip(parts_a, parts_b, strict=True)
+            ),
+            start=onp.zeros(()),
+        )
+
+    def _split(self, features: Features) -> Iterator[tuple[float, Bulk, Features]]:
+        start = 0
+        for _, weight, bulk in self._parts:
+            yield weight, bulk, features[start : start + bulk.n_arrays]
+            start += bulk.n_arrays
+
+
+@compiled(forceinline=True)
+def first_forms(
+    u0: float, u1: float, u2: float, v0: float, v1: float, v2: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return e = f_u·f_u, m = f_u·f_v, f_u × f_v and its length A, 0 for triangles without area."""
+    n0, n1, n2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
+    squared = n0 * n0 + n1 * n1 + n2 * n2
+    e = u0 * u0 + u1 * u1 + u2 * u2
+    g = v0 * v0 + v1 * v1 + v2 * v2
+    area = math.sqrt(squared) if squared > surface.DEGENERATE * e * g else 0.0
+    return e, u0 * v0 + u1 * v1 + u2 * v2, n0, n1, n2, area
+
+
+@compiled
+def fill_records(
+    f: ndarray, faces: ndarray, frames: ndarray, first: int, last: int, records: ndarray
+) -> None:
+    """Fill the records of the triangles from `first` to `last`."""
+    for i in range(f.shape[1]):
+        record = records[i]
+        for t in range(first, last):
+            one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+            scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
+            for k in range(3):
+                edge = f[two, i, k] - f[one, i, k]
+                record[k, t - first] = edge * scale_u
+                record[3 + k, t - first] = (f[three, i, k] - f[one, i, k]) * scale_v - edge * skew
+        _complete(record)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def _complete(record: ndarray) -> None:
+    """Fill what follows from f_u and f_v."""
+    u0, u1, u2, v0, v1, v2 = record[0], record[1], record[2], record[3], record[4], record[5]
+    normal0, normal1, normal2 = record[6], record[7], record[8]
+    areas, first, mixed = record[9], record[10], record[11]
+    for t in range(record.shape[1]):
+        e, m, n0, n1, n2, area = first_forms(u0[t], u1[t], u2[t], v0[t], v1[t], v2[t])
+        scale = 1.0 / area if area > 0.0 else 0.0
+        normal0[t], normal1[t], normal2[t] = n0 * scale, n1 * scale, n2 * scale
+        areas[t], first[t], mixed[t] = area, e, m
+
+
+@compiled
+def add_gradient(
+    records: ndarray,
+    slopes: ndarray,
+    faces: ndarray,
+    frames: ndarray,
+    first: int,
+    last: int,
+    gradient: ndarray,
+) -> None:
+    """Add slopes by records up to slopes by vertices; triangles without area have none."""
+    for i in range(len(records)):
+        slope = slopes[i]
+        _join(records[i], slope)
+        for t in range(first, last):
+            one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+            scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
+            for k in range(3):
+                in_u, in_v = slope[k, t - first], slope[3 + k, t - first]
+                at_two = scale_u * in_u - skew * in_v
+                at_three = scale_v * in_v
+                gradient[two, i, k] += at_two
+                gradient[three, i, k] += at_three
+                gradient[one, i, k] -= at_two + at_three
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def _join(record: ndarray, slope: ndarray) -> None:
+    """Add slopes by what follows from f_u and f_v up to slopes by these."""
+    for t in range(record.shape[1]):
+        has_area = record[9, t] > 0.0
+        # N', the slope in f_u × f_v = A n; that in n counts along the triangle alone.
+        scale = 1.0 / record[9, t] if has_area else 0.0
+        radial = 0.0
+        for k in range(6, 9):
+            radial += record[k, t] * slope[k, t]
+        along = slope[9, t] - radial * scale
+        doubled, mixed = 2.0 * slope[10, t], slope[11, t]
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            n_i = along * record[6 + i, t] + slope[6 + i, t] * scale
+            n_j = along * record[6 + j, t] + slope[6 + j, t] * scale
+            # f_v × N' and N' × f_u.
+            in_u = record[3 + i, t] * n_j - record[3 + j, t] * n_i
+            in_v = n_i * record[j, t] - n_j * record[i, t]
+            in_u += slope[k, t] + doubled * record[k, t] + mixed * record[3 + k, t]
+            in_v += slope[3 + k, t] + mixed * record[k, t]
+            slope[k, t] = in_u if has_area else 0.0
+            slope[3 + k, t] = in_v if has_area else 0.0
+
+
+def _records(surfaces: ndarray, template: Any) -> Iterator[ndarray]:
+    """Yield the records of one surface after the other, in one array."""
+    records = onp.empty((1, LENGTH, template.n_faces))
+    over = template.faces, template.frame_coefficients, 0, template.n_faces
+    for f in surfaces:
+        fill_records(of_one_kind(f)[:, None], *over, records)
+        yield records[0]
+
+
+def area_ratios(surfaces: ndarray, template: Any) -> Iterator[ndarray]:
+    """Yield the area ratios of the triangles of one surface after the other."""
+    for record in _records(surfaces, template):
+        yield record[9]
+
+
+def nearly_degenerate(surfaces: ndarray, template: Any) -> ndarray:
+    """Tell the triangles of surfaces that have no area, or hardly more than none."""
+    found = onp.empty((len(surfaces), template.n_faces), dtype=bool)
+    for record, marked in zip(_records(surfaces, template), found, strict=True):
+        squared, mixed = record[9] ** 2, record[11]
+        # A² + m² = e g.
+        marked[:] = squared <= surface.NEARLY_DEGENERATE * (squared + mixed**2)
+    return found
+
+
+# Partial derivatives of three triangles on each of two surfaces, nearly those of the template.
+_TRIANGLES = onp.random.default_rng(0).uniform(-0.3, 0.3, (2, 2, 3, 3))
+_TRIANGLES += onp.eye(2, 3)[:, None, None]
+
+
+TermType = TypeVar("TermType")
+
+
+def checked_terms(terms: Sequence[TermType], term_class: type[TermType]) -> tuple[TermType, ...]:
+    """Return the terms of a metric after checking that they work triangle by triangle."""
+    if not isinstance(terms, Sequence) or isinstance(terms, str):
+        raise ArgumentTypeError(f"terms must be a sequence of terms; found {terms!r}")
+    if not terms:
+        raise ArgumentError("terms must hold at least one term; found none")
+    for term in terms:
+        if not isinstance(term, term_class):
+            raise ArgumentTypeError(
+                f"terms must hold instances of {term_class.__name__}; found {term!r}"
+            )
+        if isinstance(term, Term):
+            with onp.errstate(all="ignore"):
+                _check_fields(term)
+    return tuple(terms)
+
+
+def _check_fields(term: Term) -> None:
+    name, shape = type(term).__name__, _TRIANGLES.shape[1:3]
+    together = term.fields(follow_up(*_TRIANGLES))
+    if not isinstance(together, tuple) or not together:
+        raise ArgumentTypeError(
+            f"fields of {name} must return a tuple of arrays; found {type(together).__name__}"
+        )
+    alone = term.fields(follow_up(*_TRIANGLES[:, 1:, 2:]))
+    dimensions = (3,) if isinstance(term, FlatTerm) else (2, 3)
+    for whole, part in zip(together, alone, strict=True):
+        if whole.shape[:2] != shape or whole.ndim not in dimensions:
+            expected = " or ".join(["(..., F)", "(..., F, n)"][-len(dimensions) :])
+            raise ArgumentError(
+                f"the fields of {name} must have shape {expected}; for derivatives of shape "
+                f"(2, 3, 3), of three triangles on each of two surfaces, found {whole.shape}"
+            )
+        if not onp.allclose(whole[1:, 2:], part, rtol=1e-8, atol=1e-8):
+            raise ArgumentError(
+                f"the fields of {name} must be computed triangle by triangle; found values that "
+                "change with the other triangles"
+            )
+    found = onp.shape(term.squared_dist(together, together))
+    if found != shape:
+        raise ArgumentError(
+            f"squared_dist of {name} must return shape (..., F), one number a triangle; for "
+            f"fields of three triangles on each of two surfaces, found {found}"
+        )

@@ -1,0 +1,93 @@
+"""Checks of a data set: it has what tables, reports and estimators read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import is_missing_label
+from riemhuman.testing.reports import Properties, PropertyReport, report_of, share
+
+__all__ = ["check_dataset"]
+
+# Number of surfaces of a data set, which may be larger than memory, that are read.
+_N_READ = 8
+_NEEDED = ("points", "template", "subject", "pose")
+
+
+def check_dataset(dataset: Any) -> PropertyReport:  # Any: it may lack what is checked
+    """Check that a data set has what tables, reports and estimators read.
+
+    That is its length; ``points``, surfaces of shape (n, V, 3), an array or an object whose slices
+    and items are arrays; ``template``; and labels ``subject`` and ``pose``, of shape (n,), none of
+    them missing, or None; it may also have ``model``, the body model that the surfaces come from.
+    `check_dataset` reads a few surfaces. `riemhuman.datasets.Bodies` is such a data set.
+
+    Parameters
+    ----------
+    dataset : object
+        The data set.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.testing.check_dataset(bodies).passed
+    True
+    """
+    surfaces = _Surfaces(dataset)
+    properties = {"it has points, template, subject and pose": surfaces.lacking}
+    if not surfaces.lacking():
+        properties |= surfaces.properties()
+    return report_of(dataset, properties, 0.0)
+
+
+@dataclass(frozen=True)
+class _Surfaces:
+    """The surfaces and labels of a data set."""
+
+    dataset: Any
+
+    def properties(self) -> Properties:
+        return {
+            "it is as long as its points": self.length,
+            "surfaces have the template's vertices": self.shapes,
+            "vertices are finite": self.finite,
+            "slices of points are those points": self.slices,
+            "there is a label for every surface": self.labels,
+        }
+
+    def lacking(self) -> float:
+        return sum(not hasattr(self.dataset, name) for name in _NEEDED)
+
+    def some(self) -> list[ndarray]:
+        last = min(len(self.dataset), len(self.dataset.points)) - 1
+        numbers = np.unique(np.linspace(0, last, _N_READ).astype(int))
+        return [np.asarray(self.dataset.points[int(number)]) for number in numbers]
+
+    def length(self) -> float:
+        return len(self.dataset) != len(self.dataset.points) or len(self.dataset) == 0
+
+    def shapes(self) -> float:
+        shape = np.shape(self.dataset.template.vertices)
+        return share([surface.shape != shape for surface in self.some()])
+
+    def finite(self) -> float:
+        return share([not np.isfinite(surface).all() for surface in self.some()])
+
+    def slices(self) -> float:
+        points, n = self.dataset.points, min(2, len(self.dataset))
+        expected = [np.asarray(points[k]) for k in range(n)]
+        return not np.array_equal(np.asarray(points[:2]), np.array(expected))
+
+    def labels(self) -> float:
+        given = [x for x in (self.dataset.subject, self.dataset.pose) if x is not None]
+        wrong = [
+            len(labels) != len(self.dataset)
+            or getattr(labels, "ndim", 1) != 1
+            or any(map(is_missing_label, labels))
+            for labels in given
+        ]
+        return share(wrong or [False])

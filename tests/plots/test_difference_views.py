@@ -1,0 +1,87 @@
+"""Pages and figures of where two bodies differ."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+import riemhuman as rh
+from riemhuman.errors import ArgumentError
+from riemhuman.measurements import compare_visits
+from riemhuman.plots.difference_views import plot_difference, view_difference
+
+BODIES = rh.datasets.load_open_bodies("coarse")
+FACES = BODIES.template.faces
+MEASUREMENTS = rh.measurements.Measurements(BODIES.model, ["waist girth", "stature", "volume"])
+
+
+@pytest.fixture(scope="module")
+def compared():
+    """Return two people of different size."""
+    return compare_visits(MEASUREMENTS, BODIES[20], BODIES[53])
+
+
+def test_both_bodies_in_the_standard_pose_with_signed_millimetres(compared):
+    viewer = view_difference(compared, measurements=MEASUREMENTS, names=("Ann", "Ben"))
+    (first, second), (_, dense) = viewer.choices.values()
+    assert [first.label, second.label] == ["Ann", "Ben"]
+    assert np.array_equal(first.frames[0], compared.points_before)
+    np.testing.assert_allclose(second.values, 1000.0 * compared.displacements)
+    assert second.signed
+    assert second.value_label == "mm"
+    assert not dense.signed
+    assert dense.values.min() >= 0
+    assert "standard pose" in viewer.description
+
+
+def test_changes_are_listed_with_their_noise(compared):
+    page = view_difference(compared, measurements=MEASUREMENTS, names=("Ann", "Ben")).page()
+    k = compared.names.index("waist girth")
+    assert f"±{100 * compared.thresholds[k]:.1f}" in page
+    assert f"+{100 * compared.changes[k]:.1f}" in page
+    assert compared.is_significant[k]
+    assert 'class="changed"' in page
+
+
+def test_other_surfaces_are_compared_as_they_stand():
+    ball = rh.Template(*_ball())
+    larger = 1.1 * ball.vertices + [3.0, 0.0, 0.0]
+    viewer = view_difference(ball.vertices, larger, ball.faces)
+    (_, second), _ = viewer.choices.values()
+    np.testing.assert_allclose(second.values, 100.0, rtol=0.02)
+    assert viewer.panel is None
+    assert "As they stand" in viewer.description
+
+
+def _ball():
+    """Return the vertices and faces of a sphere of radius 1."""
+    sphere = trimesh.creation.icosphere(2)
+    return np.asarray(sphere.vertices), np.asarray(sphere.faces)
+
+
+def test_what_was_not_seen_is_grey(compared):
+    unseen = compared.displacements.copy()
+    unseen[:100] = np.nan
+    some = replace(compared, displacements=unseen)
+    viewer = view_difference(some, measurements=MEASUREMENTS)
+    assert "8 % was not seen of both and is grey" in viewer.description
+    colors = rh.plots.figures.value_colors(1000.0 * unseen, 50.0, signed=True)
+    assert np.ptp(colors[:100], axis=0).max() == 0
+    assert np.ptp(colors[0]) < 0.1
+    viewer.page()
+
+
+def test_the_figure_has_a_symmetric_bar_in_millimetres(compared):
+    figure = plot_difference(compared, measurements=MEASUREMENTS, height=100)
+    bar = figure.axes[-1]
+    low, high = bar.get_ylim()
+    assert low == -high
+    assert "mm" in bar.get_ylabel()
+
+
+def test_bad_arguments(compared):
+    with pytest.raises(ArgumentError, match="measurements must be given"):
+        view_difference(compared)
+    with pytest.raises(ArgumentError, match="point_b must be given"):
+        view_difference(BODIES[0], faces=FACES)

@@ -1,0 +1,96 @@
+"""Films of viewers: GIF and MP4 files, drawn by the library's own renderer."""
+
+import io
+import itertools
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import riemhuman as rh
+from riemhuman.errors import ArgumentError, FileFormatError, MissingDependencyError
+from riemhuman.plots import ViewedBody, Viewer, view_bodies, view_path
+
+BODIES = rh.datasets.load_open_bodies("coarse")
+FACES = BODIES.template.faces
+KNEES = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
+
+
+def gif_frames(path):
+    with Image.open(path) as film:
+        frames = []
+        for number in range(film.n_frames):
+            film.seek(number)
+            frames.append(np.asarray(film.convert("RGB")).astype(int))
+        return frames, film.info
+
+
+@pytest.fixture(scope="module")
+def turning(tmp_path_factory):
+    path = tmp_path_factory.mktemp("films") / "one.gif"
+    view_bodies(BODIES[0], FACES, ["Anna"]).save(path)
+    return gif_frames(path)
+
+
+def test_a_body_that_does_not_move_turns_once(turning):
+    frames, info = turning
+    assert (len(frames), info["duration"], info["loop"]) == (80, 50, 0)
+    dark = [(frame.min(axis=-1) < 235).mean() for frame in frames]
+    assert min(dark) > 0.05
+    # From the side a body is narrower than from the front; after half a turn it is as wide again.
+    widths = [(frame[:370] < 235).all(axis=-1).any(axis=0).sum() for frame in frames]
+    assert widths[15] < 0.85 * widths[75]
+    assert widths[35] == pytest.approx(widths[75], abs=4)
+
+
+def test_nothing_is_cut_off(turning):
+    frames, _ = turning
+    for frame in frames:
+        border = np.concatenate([frame[0], frame[:, 0], frame[:, -1]])
+        assert border.min() > 230
+
+
+def test_recordings_keep_their_pace_and_the_shorter_one_waits(tmp_path):
+    bodies = [ViewedBody("long", KNEES[:61]), ViewedBody("short", KNEES[:31])]
+    Viewer(KNEES.faces, {"": bodies}, frames_per_second=60).save(tmp_path / "two.gif")
+    frames, _ = gif_frames(tmp_path / "two.gif")
+    assert len(frames) == 21
+    half = frames[0].shape[1] // 2
+    moved = [np.abs(a - b)[20:370] for a, b in itertools.pairwise(frames[12:])]
+    assert min(change[:, : half - 5].max() for change in moved) > 10
+    assert max(change[:, half + 5 :].max() for change in moved) == 0
+
+
+def test_a_path_is_interpolated_between_its_surfaces(tmp_path):
+    view_path(BODIES[[0, 3]], FACES, seconds=1.0).save(tmp_path / "path.gif")
+    frames, _ = gif_frames(tmp_path / "path.gif")
+    assert len(frames) == 21
+    assert all(np.abs(a - b).max() > 10 for a, b in itertools.pairwise(frames))
+
+
+def test_mp4_holds_the_same_film(tmp_path):
+    av = pytest.importorskip("av")
+    view_path(BODIES[[0, 3]], FACES, seconds=0.5).save(tmp_path / "path.mp4")
+    with av.open(io.BytesIO((tmp_path / "path.mp4").read_bytes())) as film:
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+        assert film.streams.video[0].average_rate == 30
+        assert film.streams.video[0].codec_context.name == "h264"
+    assert len(frames) == 16
+    assert frames[0].shape[0] == 720
+    assert frames[0][:30, :30].min() > 245
+    assert (frames[0].min(axis=-1) < 220).mean() > 0.05
+
+
+def test_without_the_extra_the_error_names_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(MissingDependencyError, match=r"\[video\]"):
+        view_path(BODIES[[0, 3]], FACES).save(tmp_path / "path.mp4")
+    assert not (tmp_path / "path.mp4").exists()
+
+
+def test_other_endings_and_too_many_bodies_are_refused(tmp_path):
+    with pytest.raises(FileFormatError, match=r"\.html, \.htm, \.png, \.gif, \.mp4"):
+        view_bodies(BODIES[0], FACES).save(tmp_path / "one.avi")
+    with pytest.raises(ArgumentError, match="at most 8 bodies; found 9"):
+        view_bodies(BODIES[:9], FACES).save(tmp_path / "nine.gif")

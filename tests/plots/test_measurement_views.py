@@ -1,0 +1,102 @@
+"""Lists of measurements on pages, and pictures with numbered lines."""
+
+import pytest
+
+import riemhuman as rh
+from riemhuman.plots._measurement_groups import MOST_IN_GROUP, grouped, pictured
+
+BODIES = rh.datasets.load_open_bodies("coarse")
+MEASUREMENTS = rh.measurements.Measurements(BODIES.model)
+EVERY = MEASUREMENTS.definitions.measurements
+ROW = "[...document.querySelectorAll('[data-row]')].find((row) => row.textContent.startsWith('%s'))"
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    page = tmp_path_factory.mktemp("pages") / "measured.html"
+    rh.plots.view_measurements(MEASUREMENTS, BODIES[20], pose="as is").save(page)
+    return page
+
+
+def test_every_measurement_is_in_one_group():
+    groups = grouped(EVERY)
+    members = [k for group in groups for k in group.members]
+    assert sorted(members) == list(range(len(EVERY)))
+    names = {group.title: [EVERY[k].name for k in group.members] for group in groups}
+    assert "waist girth" in names["Girths"]
+    assert "shoulder (biacromial) breadth" in names["Breadths and depths"]
+    assert "stature" in names["Heights"]
+    assert "volume" in names["Volume, area and mass"]
+
+
+def test_pictures_have_at_most_fifteen_lines_each_once():
+    lines = MEASUREMENTS.lines(BODIES[20])
+    groups = pictured(EVERY, lines)
+    members = [k for group in groups for k in group.members]
+    drawn = [k for k, each in enumerate(EVERY) if lines[each.name]]
+    assert sorted(members) == drawn
+    assert max(len(group.members) for group in groups) <= MOST_IN_GROUP
+
+
+def test_numbers_of_a_picture_are_those_of_its_table():
+    few = rh.measurements.Measurements(BODIES.model, ["waist girth", "hip girth", "stature"])
+    figure = rh.plots.plot_measurements(few, BODIES[20], pose="as is", height=80)
+    texts = {ax.get_title(): [text.get_text() for text in ax.texts] for ax in figure.axes[:2]}
+    assert texts == {"Girths": ["1", "2"], "Heights": ["1"]}
+    values = few.measure(BODIES[20], axes="space")
+    table = [text.get_text() for text in figure.axes[2].texts]
+    assert table[:3] == ["1", "waist girth", f"{100 * float(values['waist girth']):.1f} cm"]
+    inches = rh.plots.plot_measurements(few, BODIES[20], pose="as is", system="in", height=80)
+    assert inches.axes[2].texts[2].get_text().endswith(" in")
+
+
+def test_rows_and_lines_light_each_other(browser, page):
+    browser.open(page, 1000, 700)
+    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    row = ROW % "hip girth"
+    number = browser.run(f"return {row}.dataset.row")
+    browser.run(f"{row}.dispatchEvent(new PointerEvent('pointerenter'))")
+    lit = "return document.querySelector('[data-part=measurements]').dataset.lit"
+    assert browser.run(lit) == number
+    # Where the middle of the front of its line is in the stage.
+    x, y = browser.run(
+        """
+        const { viewer } = document.querySelector('.viewer');
+        const { panel, camera, stage } = viewer;
+        const [body] = panel.bodies;
+        const points = [];
+        const [line] = panel.drawn[0].local[arguments[0]];
+        for (let i = 0; i < line.length; i += 3) {
+          points.push(new THREE.Vector3().fromArray(line, i).applyMatrix4(body.mesh.matrixWorld));
+        }
+        const nearest = points.reduce((a, b) => (b.z > a.z ? b : a)).project(camera);
+        return [(nearest.x * stage.clientWidth) / 2, (-nearest.y * stage.clientHeight) / 2];
+    """,
+        int(number),
+    )
+    browser.run(f"{row}.dispatchEvent(new PointerEvent('pointerleave'))")
+    assert browser.run(lit) == ""
+    canvas = browser.find("canvas")
+    browser.actions().move_to_element_with_offset(canvas, round(x), round(y)).perform()
+    assert browser.run(lit) == number
+    assert browser.run(f"return {row}.classList.contains('lit')")
+    hint = browser.run("return document.querySelector('[data-part=hint]').textContent")
+    assert hint.startswith("hip girth: ")
+    assert browser.console() == []
+
+
+def test_measurements_are_found_by_name(browser, page):
+    browser.open(page, 390, 800, dark=True)
+    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    browser.run("""
+        const find = document.querySelector('[data-measure=find]');
+        find.value = 'Knee';
+        find.dispatchEvent(new Event('input'));
+    """)
+    names = browser.run(
+        "return [...document.querySelectorAll('[data-row]')].filter((row) => row.checkVisibility())"
+        ".map((row) => row.querySelector('th').textContent)"
+    )
+    assert set(names) == {each.name for each in EVERY if "knee" in each.name}
+    assert browser.run("return document.documentElement.scrollWidth") <= 390
+    assert browser.console() == []

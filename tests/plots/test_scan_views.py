@@ -1,0 +1,98 @@
+"""Pages and figures of scans over bodies."""
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+from riemhuman.registration import RegisteredScan, Scan, lay_over_body, simulated_scan
+from riemhuman.surfaces import nearest_points
+
+BODIES = rh.datasets.load_open_bodies("coarse")
+FACES = BODIES.template.faces
+BODY = BODIES[57]
+# Sets a control of the panel and lets the page know.
+SET = """
+const [name, value] = arguments;
+const input = document.querySelector(`[data-scan=${name}]`);
+if (input.type === 'checkbox') input.checked = value; else input.value = value;
+input.dispatchEvent(new Event('input'));
+"""
+
+
+@pytest.fixture(scope="module")
+def over():
+    scan = simulated_scan(BODY, FACES, rng=3, n_points=8000, missing=0.12)
+    return lay_over_body(scan.points, BODY, FACES)
+
+
+def registered(body):
+    """Return a result as of a registration that found the body itself."""
+    over = lay_over_body((body, FACES), body, FACES)
+    places, _ = nearest_points(body, body, FACES)
+    return RegisteredScan(
+        points=body,
+        trusted=True,
+        trusted_vertices=over.seen,
+        message="",
+        likelihood=np.nan,
+        fit=None,
+        distances=np.abs(over.distances),
+        matched=over.seen,
+        correspondence=places,
+        background=over.background,
+        up=np.array([0.0, 1.0, 0.0]),
+        transform=np.eye(4),
+        unit="metres",
+        faces=FACES,
+        scan=Scan(body, FACES),
+    )
+
+
+def test_larger_scans_are_thinned_and_the_page_says_so(monkeypatch):
+    corners = np.concatenate([BODY, BODY[FACES].mean(axis=1)])
+    new = len(BODY) + np.arange(len(FACES))
+    a, b, c = FACES.T
+    finer = np.concatenate([np.stack(ends, 1) for ends in ((a, b, new), (b, c, new), (c, a, new))])
+    monkeypatch.setattr(rh.plots.scan_views, "_MOST_CORNERS", 1500)
+    viewer = rh.plots.view_scan((corners, finer), BODY, FACES)
+    assert len(viewer.panel.over.scan_points) < 1700
+    assert f"of {len(corners):,} points are drawn" in viewer.description
+
+
+def test_results_view_their_scan_over_their_body():
+    result = registered(BODY)
+    viewer = result.view()
+    assert viewer.title == rh.view(result).title == "Registered scan"
+    assert viewer.panel.name == "scan"
+    assert 'data-scan="body"' in viewer.page()
+
+
+def test_the_figure_has_one_viewpoint_and_a_bar(over):
+    figure = rh.plots.plot_scan(over, limit=8.0, height=200)
+    pictures = [ax.images[0].get_array() for ax in figure.axes[:3]]
+    assert len({picture.shape for picture in pictures}) == 1
+    bar = figure.axes[3]
+    assert bar.get_ylim() == (-8.0, 8.0)
+    assert "mm" in bar.get_ylabel()
+
+
+def test_a_scan_is_seen_through_and_cut(browser, over, tmp_path):
+    page = tmp_path / "over.html"
+    rh.plots.view_scan(over.scan_points, BODY, FACES).save(page)
+    browser.open(page, 1000, 700)
+    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    panel = "document.querySelector('.viewer').viewer.panel"
+    browser.actions().move_to_element(browser.find("canvas")).perform()
+    said = browser.run("return document.querySelector('[data-part=hint]').textContent")
+    assert "mm" in said
+    assert "side of the body" in said
+    browser.run(SET, "body", 100)
+    assert browser.run(f"return {panel}.body.mesh.material.transparent") is False
+    assert browser.run("return document.querySelector('[data-scan=placing]').hidden")
+    browser.run(SET, "cut", "above")
+    browser.run(SET, "place", 0)
+    assert not browser.run("return document.querySelector('[data-scan=placing]').hidden")
+    # All is cut away, so that the pointer is on nothing.
+    browser.actions().move_by_offset(2, 2).perform()
+    assert browser.run("return document.querySelector('[data-part=hint]').hidden")
+    assert browser.console() == []

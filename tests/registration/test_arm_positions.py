@@ -1,0 +1,62 @@
+"""Arms are brought elsewhere with the shoulder in its place and the hand as it points."""
+
+import numpy as np
+import pytest
+
+from riemhuman.bodies.skinning import JointMotions
+from riemhuman.registration._arm_positions import elbow_bend, move_hand, swing_elbow
+from riemhuman.registration._posed_body import Pose
+from riemhuman.registration._registration_model import RegistrationModel
+
+
+@pytest.fixture(scope="module", params=["left", "right"])
+def arm(model, request):
+    """Return the skeleton, the joints of an arm, and the pose of a hand on the hip."""
+    fitter = RegistrationModel(model)
+    pose = Pose(fitter.poses["hips"], np.zeros(len(fitter.betas_precisions)), np.zeros(3))
+    (surface,) = (each for each in fitter.arm_surfaces if each.side == request.param)
+    return surface.samples.skeleton, surface.joints, pose
+
+
+def joints_of(skeleton, pose):
+    return JointMotions(skeleton, pose.local, pose.betas)
+
+
+@pytest.mark.parametrize("degrees", [60.0, -120.0, 180.0])
+def test_a_swung_elbow_leaves_shoulder_and_hand_in_place(arm, degrees):
+    skeleton, joints, pose = arm
+    before = joints_of(skeleton, pose)
+    after = joints_of(skeleton, swing_elbow(skeleton, pose, joints, degrees))
+    elbow, wrist = joints[2:]
+    others = np.arange(len(pose.local)) != elbow
+    np.testing.assert_allclose(after.positions[others], before.positions[others], atol=1e-9)
+    np.testing.assert_allclose(after.rotations[wrist], before.rotations[wrist], atol=1e-9)
+    moved = np.linalg.norm(after.positions[elbow] - before.positions[elbow])
+    chord = 2.0 * np.sin(np.radians(abs(degrees)) / 2.0) * elbow_bend(skeleton, pose, joints)
+    np.testing.assert_allclose(moved, chord)
+
+
+@pytest.mark.parametrize("shift", [[0.05, 0.0, 0.0], [0.0, -0.06, 0.04], [0.0, 0.03, 0.1]])
+def test_a_moved_hand_is_where_it_was_sent_and_not_rotated(arm, shift):
+    skeleton, joints, pose = arm
+    before = joints_of(skeleton, pose)
+    after = joints_of(skeleton, move_hand(skeleton, pose, joints, np.array(shift)))
+    _, shoulder, elbow, wrist = joints
+    np.testing.assert_allclose(after.positions[wrist], before.positions[wrist] + shift, atol=1e-9)
+    np.testing.assert_allclose(after.positions[shoulder], before.positions[shoulder], atol=1e-9)
+    np.testing.assert_allclose(after.rotations[wrist], before.rotations[wrist], atol=1e-9)
+    for first, second in ((shoulder, elbow), (elbow, wrist)):
+        lengths = [
+            np.linalg.norm(each.positions[second] - each.positions[first])
+            for each in (before, after)
+        ]
+        np.testing.assert_allclose(*lengths)
+
+
+def test_a_hand_out_of_reach_is_moved_as_far_as_the_arm_is_long(arm):
+    skeleton, joints, pose = arm
+    far = joints_of(skeleton, move_hand(skeleton, pose, joints, np.array([0.0, 2.0, 0.0])))
+    start, middle, end = far.positions[joints[1:]]
+    length = np.linalg.norm(middle - start) + np.linalg.norm(end - middle)
+    assert 0.99 * length < np.linalg.norm(end - start) < length
+    assert (end - start)[1] > 0.8 * length

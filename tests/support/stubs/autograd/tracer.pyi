@@ -1,0 +1,6 @@
+from typing import TypeVar
+
+T = TypeVar("T")
+
+def getval(x: T) -> T: ...
+def isbox(x: object) -> bool: ...

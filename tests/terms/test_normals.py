@@ -1,0 +1,86 @@
+"""Angles between normals and between rotations: the pair function that all loops call."""
+
+import autograd.numpy as anp
+import numpy as np
+import pytest
+from autograd import grad
+from numba import njit
+
+from riemhuman.terms import NormalTerm, RotationTerm, normals
+from riemhuman.terms._polynomial_fits import PRECISION
+
+PRECISIONS = {"single": np.float32, "double": np.float64}
+each_precision = pytest.mark.parametrize("precision", PRECISIONS)
+
+
+@njit
+def pair(a, b, either_sign, single):
+    """Return the result for vectors of R⁴, given as tuples."""
+    return normals.arc_pair(a, b, either_sign, single)
+
+
+def squared_angle(a, b):
+    """Return the squared angle between vectors of R³."""
+    zero = a.dtype.type(0.0)
+    return pair((*a, zero), (*b, zero), None, PRECISION[a.dtype])[0]
+
+
+@each_precision
+def test_squared_angles_of_unit_vectors(precision):
+    """At angles of all sizes, near 0, π/2 and π too."""
+    real = PRECISIONS[precision]
+    rounding = float(np.finfo(real).eps)
+    rng = np.random.default_rng(0)
+    first = rng.standard_normal((4000, 3))
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    across = np.cross(first, rng.standard_normal((4000, 3)))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    small = np.logspace(-3, -1, 1000)
+    angles = [rng.uniform(0, np.pi, 1000), small, np.pi / 2 + small - 0.05, np.pi - small]
+    angles = np.concatenate(angles)[:, None]
+    second = (np.cos(angles) * first + np.sin(angles) * across).astype(real)
+    first = first.astype(real)
+    found = [squared_angle(a, b) for a, b in zip(first, second, strict=True)]
+    a, b = first.astype(np.longdouble), second.astype(np.longdouble)
+    a, b = (v / np.sqrt(np.sum(v**2, axis=1, keepdims=True)) for v in (a, b))
+    gap, total = (np.sqrt(np.sum(v**2, axis=1)) for v in (a - b, a + b))
+    expected = (2 * np.arctan2(gap, total)).astype(np.float64)
+    # Lengths of vectors are 1 up to rounding.
+    assert np.abs(np.sqrt(found) - expected).max() < 4 * rounding
+    n = np.array([0.6, -0.48, 0.64], dtype=real)
+    assert squared_angle(n, n) == 0.0
+    opposite = squared_angle(n, -n)
+    assert opposite == pytest.approx(np.pi**2, rel=2 * rounding)
+
+
+def pairs_at(angle, n_components):
+    """Return pairs of unit vectors at an angle."""
+    a = np.random.default_rng(5).standard_normal((20, n_components))
+    across = np.random.default_rng(6).standard_normal((20, n_components))
+    a /= np.linalg.norm(a, axis=1, keepdims=True)
+    across -= np.sum(a * across, axis=1, keepdims=True) * a
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return a, np.cos(angle) * a + np.sin(angle) * across
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-3, 0.7, 1.5, 1.6, 2.9, np.pi - 1e-4])
+@pytest.mark.parametrize(
+    ("term", "n_components", "factor"), [(NormalTerm(), 3, 1.0), (RotationTerm(), 4, 4.0)]
+)
+def test_the_pair_function_is_the_definition(term, n_components, factor, angle):
+    """Values, and slopes along the sphere, which alone have an effect."""
+    either_sign = True if n_components == 4 else None
+    first, second = pairs_at(angle, n_components)
+
+    def definition(a, b):
+        return anp.sum(term.squared_dist((a,), (b,)))
+
+    by_first, by_second = (grad(definition, k)(first, second) for k in (0, 1))
+    for k, (a, b) in enumerate(zip(first, second, strict=True)):
+        rest = np.zeros(4 - n_components)
+        value, *slopes = pair((*a, *rest), (*b, *rest), either_sign, None)
+        expected = definition(a[None], b[None])
+        assert factor * value == pytest.approx(expected, rel=1e-13, abs=1e-300)
+        for n, slope, other in ((a, slopes[0], by_first[k]), (b, slopes[1], by_second[k])):
+            change = factor * np.array(slope)[:n_components] - other
+            np.testing.assert_allclose(change - (change @ n) * n, 0.0, atol=1e-10)

@@ -1,0 +1,146 @@
+"""Too little memory is said before a computation where it is foreseen, and else when it happens."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+from riemhuman.errors import OutOfMemoryError
+from riemhuman.memory import available_memory, check_memory, enough_memory, size_text
+
+# Bytes that copies of the bodies do not fit into.
+_LEFT = 2**24
+
+_LITTLE_MEMORY = """
+import resource, sys, warnings
+from pathlib import Path
+import numpy as np
+import riemhuman as rh
+
+bodies = rh.datasets.load_open_bodies("coarse")
+space = rh.AlignedSurfaces(bodies.template, equip=False)
+space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=1.0)
+few, many, metric = bodies.points[:4], np.concatenate([bodies.points] * 12), space.metric
+names = [*bodies.subject] * 12
+basis = rh.DeformationBasis(np.eye(4, few[0].size).reshape(4, *few[0].shape))
+doors = {
+    "table": lambda points: metric.dist_pairwise(points),
+    "features": lambda points: metric.features(points),
+    "index": lambda points: rh.NearestNeighbors(metric, 1).fit(points),
+    "path": lambda points: rh.solvers.BasisPath(basis, n_nodes=len(points)).solve(metric, *few[:2]),
+    "mean": lambda points: rh.solvers.BasisMean(basis, max_iter=1).solve(metric, points),
+    "components": lambda points: rh.TangentPCA(space, 1, mean=few[0]).fit(points),
+    "logarithms": lambda points: metric.log(points, few[0]),
+    "learned metric": lambda points: rh.LearnedMetric(metric).fit(points, names[: len(points)]),
+    "deformations": lambda points: rh.DeformationBasis.from_motions([points], 1, 1),
+    "alignment": lambda points: rh.procrustes(points, few[0]),
+    "posing": lambda points: bodies.model(np.zeros((len(points), bodies.model.n_betas))),
+}
+warnings.simplefilter("ignore")
+# Compilers of the system do not survive a lack of memory.
+for name in ("table", "mean", "components", "logarithms"):
+    doors[name](few)
+used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + int(sys.argv[1]), -1))
+for name, door in doors.items():
+    try:
+        door(many)
+        said = "nothing"
+    except Exception as error:
+        said = f"{type(error).__name__}: {error}"
+    print(f"{name}: {said}")
+"""
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return rh.datasets.load_open_bodies("coarse")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited")
+def test_too_little_memory_is_said_at_every_door():
+    finished = subprocess.run(
+        [sys.executable, "-c", _LITTLE_MEMORY, str(_LEFT)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert finished.returncode == 0, finished.stderr
+    lines = finished.stdout.splitlines()
+    assert len(lines) == 11
+    for line in lines:
+        _, _, said = line.partition(": ")
+        assert said.startswith("OutOfMemoryError: memory is too short for "), line
+        assert "Unable to allocate" in said, line
+        assert said.rpartition("; ")[2].split()[0] in ("compare", "ask", "pose", "pass"), line
+
+
+def many(template, n):
+    return np.broadcast_to(template.vertices, (n, *template.vertices.shape))
+
+
+def test_a_table_beyond_all_memory_is_refused_before_the_work(bodies):
+    metric = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template, equip=False), 1.0, 1e-4, 0.0)
+    points = many(bodies.template, 10**7)
+    message = (
+        r"a table of 10,000,000 × 10,000,000 distances needs 800\.\d TB .* left; .*pairwise_job"
+    )
+    with pytest.raises(OutOfMemoryError, match=message):
+        metric.dist_pairwise(points)
+    with pytest.raises(OutOfMemoryError, match="a table of 10,000,000 × 10,000,000 distances"):
+        metric.cdist(points, points)
+
+
+def test_other_needs_are_foreseen(bodies, monkeypatch):
+    monkeypatch.setattr("riemhuman.memory.available_memory", lambda: 2.0**25)
+    metric = rh.SRNFMetric(rh.AlignedSurfaces(bodies.template, equip=False))
+    points = many(bodies.template, 2500)
+    with pytest.raises(
+        OutOfMemoryError, match=r"the features of 2,500 points needs .*33\.6 MB are"
+    ):
+        metric.features(points)
+    with pytest.raises(OutOfMemoryError, match=r"an index of 2,500 bodies needs"):
+        rh.NearestNeighbors(metric, 1).fit(points)
+    with pytest.raises(OutOfMemoryError, match=r"posing 2,500 bodies needs 144\.2 MB"):
+        bodies.model(np.zeros((2500, bodies.model.n_betas)))
+    with pytest.raises(OutOfMemoryError, match=r"a basis of 4,000 components needs"):
+        rh.DeformationBasis.from_motions([points], 4000, 1)
+    measurements = rh.measurements.Measurements(bodies.model)
+    with pytest.raises(OutOfMemoryError, match=r"the derivatives of \d+ measurements of 20 bodies"):
+        measurements.measure(bodies.points[:20], gradient=True)
+
+
+def test_free_memory_is_known():
+    left = available_memory()
+    assert left > 2**26
+    assert left < 2**50 or math.isinf(left)
+    check_memory(0.0, "nothing")
+
+
+def test_an_error_says_what_was_needed_and_what_to_do():
+    def fail(error):
+        with enough_memory("a mean", "use less"):
+            raise error
+
+    with pytest.raises(
+        OutOfMemoryError, match=r"short for a mean \(8\.0 GiB\); use less"
+    ) as caught:
+        fail(MemoryError("8.0 GiB"))
+    assert isinstance(caught.value, MemoryError)
+    with pytest.raises(OutOfMemoryError, match="can't start new thread"):
+        fail(RuntimeError("can't start new thread"))
+    with pytest.raises(OutOfMemoryError, match="^said before$"):
+        fail(OutOfMemoryError("said before"))
+    with pytest.raises(RuntimeError, match="^another$"):
+        fail(RuntimeError("another"))
+
+
+@pytest.mark.parametrize(
+    ("n_bytes", "text"),
+    [(0, "0 bytes"), (999, "999 bytes"), (1500, "1.5 kB"), (8e9, "8.0 GB"), (2e19, "20000.0 PB")],
+)
+def test_sizes(n_bytes, text):
+    assert size_text(n_bytes) == text
