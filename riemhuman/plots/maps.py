@@ -27,10 +27,15 @@ _PERPLEXITY = 10.0
 _MARKERS = ("o", "s", "D", "^", "v")
 _NAME_POINTS = 9.5
 _NAME_LETTERS = 14  # in a line
-# Inches: the columns left and right of a map with its bodies, a body, and its name in two lines.
-_COLUMN_WIDTH, _BODY_HEIGHT, _NAME_HEIGHT = 1.1, 0.62, 0.32
+# Inches: the room around a map with bodies, a body, a letter and a line of its name, and a point.
+_ROOM = np.array([1.15, 0.6])
+_BODY_WIDTH, _BODY_HEIGHT, _NAME_GAP = 0.46, 0.62, 0.04
+_LETTER_WIDTH, _LINE_HEIGHT, _POINT_INCHES = 0.09, 0.16, 0.05
 _BODY_PIXELS = 200
-_MOST_IN_COLUMN = 6
+_MOST_BODIES = 12
+_GRID = 90  # places for bodies in each direction
+_N_ORDERS = 24  # in which bodies take the nearest free place
+_DARKER = 0.62  # names than points, so that they can be read
 LARGEST_STRESS = 0.4  # of a map that is shown
 _NO_STRESS = 0.01
 _FRACTIONS = {
@@ -196,14 +201,14 @@ def plot_embedding(
     ax.set(xticks=[], yticks=[])
     for spine in ax.spines.values():
         spine.set_visible(False)
-    is_drawn = points is not None and len(np.unique(items)) <= 2 * _MOST_IN_COLUMN
+    is_drawn = points is not None and len(np.unique(items)) <= _MOST_BODIES
     if item_names is None and not is_drawn:
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
     low, high = places.min(axis=0), places.max(axis=0)
     margin = 0.05 * np.maximum(high - low, 1e-9)
     if points is not None:
-        columns = min(2 * _COLUMN_WIDTH / _inches(ax)[0], 0.8)
-        margin[0] += (high - low)[0] * columns / (1 - columns) / 2
+        rooms = np.minimum(2 * _ROOM / _inches(ax), 0.8)
+        margin += np.maximum(high - low, 1e-9) * rooms / (1 - rooms) / 2
     ax.set_xlim(low[0] - margin[0], high[0] + margin[0])
     ax.set_ylim(low[1] - margin[1], high[1] + margin[1])
     if unit is not None:
@@ -267,41 +272,98 @@ def _add_bodies(
     points: ndarray,
     faces: ArrayLike,
 ) -> None:
-    """Draw the middle body of the largest classes beside the map, with a line to its points."""
+    """Draw the middle body of the largest classes, with its name, beside the points of each."""
     offsetbox = import_matplotlib("offsetbox")
     classes, counts = np.unique(labels, return_counts=True)
-    classes = classes[np.argsort(-counts, kind="stable")][: 2 * _MOST_IN_COLUMN]
-    centres = np.stack([np.median(positions[labels == k], axis=0) for k in classes])
-    width, height = _inches(ax)
-    sizes = np.maximum(np.ptp(positions, axis=0), 1e-9)
+    classes = classes[np.argsort(-counts, kind="stable")][:_MOST_BODIES]
+    titles = [
+        str(label) if names is None else fill(names[label], _NAME_LETTERS) for label in classes
+    ]
+    centres = np.stack([np.median(positions[labels == label], axis=0) for label in classes])
+    size = _inches(ax)
+    low = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
+    scale = size / [np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())]
+    sizes = np.array([_size_with_name(title) for title in titles])
+    places = _free_places((centres - low) * scale, sizes, (positions - low) * scale, size)
+    extents = np.maximum(np.ptp(positions, axis=0), 1e-9)
+    zoom = 72 * _BODY_HEIGHT / _BODY_PIXELS
+    for label, centre, title, place, (_, tall) in zip(
+        classes, centres, titles, places, sizes, strict=True
+    ):
+        members = np.flatnonzero(labels == label)
+        gaps = np.linalg.norm((positions[members] - centre) / extents, axis=1)
+        body, color = points[members[gaps.argmin()]], colors[label]
+        picture = render(body, faces, height=_BODY_PIXELS, color=0.25 + 0.75 * color)
+        image = offsetbox.OffsetImage(picture, zoom=zoom)
+        at = (place + [0.0, tall / 2 - _BODY_HEIGHT / 2]) / size
+        settings = {"xycoords": "axes fraction", "frameon": False, "pad": 0}
+        ax.add_artist(offsetbox.AnnotationBbox(image, tuple(at), **settings))
+        ax.annotate(
+            title, tuple((place + [0.0, tall / 2 - _BODY_HEIGHT - _NAME_GAP]) / size),
+            xycoords="axes fraction", ha="center", va="top", fontsize=_NAME_POINTS,
+            linespacing=1.0, color=_DARKER * color,
+        )  # fmt: skip
+
+
+def _size_with_name(title: str) -> tuple[float, float]:
+    """Return the width and height in inches of a body with its name below."""
+    lines = title.split("\n")
+    width = max(_BODY_WIDTH, _LETTER_WIDTH * max(map(len, lines)))
+    return width, _BODY_HEIGHT + _NAME_GAP + _LINE_HEIGHT * len(lines)
+
+
+def _free_places(centres: ndarray, sizes: ndarray, points: ndarray, size: ndarray) -> ndarray:
+    """Return the middles of boxes near to centres that cover no point and no other box, inches.
+
+    Each box in turn takes the nearest free place of a grid, in the order of several tried in which
+    they stay nearest. If there is none in any order, boxes stand in columns beside the points.
+    """
+    sides = (np.linspace(0.0, length, _GRID) for length in size)
+    grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
+    halves, free = sizes / 2, []
+    for half in halves:
+        inside = np.all((grid >= half) & (grid <= size - half), axis=1)
+        offsets = np.abs(grid[:, np.newaxis] - points)
+        covers = np.all(offsets < half + _POINT_INCHES, axis=2).any(axis=1)
+        free.append(grid[inside & ~covers])
+    farthest_first = np.argsort(-np.linalg.norm(centres - points.mean(axis=0), axis=1))
+    rng = np.random.default_rng(0)
+    orders = [farthest_first, *(rng.permutation(len(centres)) for _ in range(_N_ORDERS))]
+    found = [_places_in_order(order, centres, halves, free) for order in orders]
+    complete = [places for places in found if places is not None]
+    if not complete:
+        return _columns(centres, size)
+    return min(complete, key=lambda places: float(np.linalg.norm(places - centres, axis=1).sum()))
+
+
+def _places_in_order(
+    order: ndarray, centres: ndarray, halves: ndarray, free: list[ndarray]
+) -> ndarray | None:
+    """Return the nearest free places, taken in an order, or None if one finds none."""
+    places = np.zeros_like(centres)
+    for number, k in enumerate(order):
+        open_places = free[k]
+        for other in order[:number]:
+            reach = halves[k] + halves[other]
+            open_places = open_places[np.any(np.abs(open_places - places[other]) >= reach, axis=1)]
+        if not len(open_places):
+            return None
+        places[k] = open_places[np.linalg.norm(open_places - centres[k], axis=1).argmin()]
+    return places
+
+
+def _columns(centres: ndarray, size: ndarray) -> ndarray:
+    """Return places in two columns, each in the order of heights."""
+    places = np.zeros_like(centres)
     by_x = np.argsort(centres[:, 0], kind="stable")
-    half = len(classes) // 2
-    for side, column in ((0, by_x[:half]), (1, by_x[half:])):
-        if not len(column):
-            continue
-        column = column[np.argsort(centres[column, 1], kind="stable")]
-        slot = height / len(column)
-        zoom = 72 * min(_BODY_HEIGHT, slot - _NAME_HEIGHT) / _BODY_PIXELS
-        for number, k in enumerate(column):
-            own = np.flatnonzero(labels == classes[k])
-            gaps = np.linalg.norm((positions[own] - centres[k]) / sizes, axis=1)
-            body, color = points[own[gaps.argmin()]], colors[classes[k]]
-            picture = render(body, faces, height=_BODY_PIXELS, color=0.25 + 0.75 * color)
-            x = abs(side - _COLUMN_WIDTH / 2 / width)
-            top = ((number + 1) * slot - (slot - _NAME_HEIGHT) / 2) / height
-            inner = abs(side - 0.8 * _COLUMN_WIDTH / width)
-            ax.annotate(
-                "", centres[k], xytext=(inner, top), textcoords="axes fraction", zorder=1,
-                arrowprops={"arrowstyle": "-", "color": color, "linewidth": 0.7, "alpha": 0.8},
-            )  # fmt: skip
-            image = offsetbox.OffsetImage(picture, zoom=zoom)
-            place = {"xycoords": "axes fraction", "frameon": False, "pad": 0}
-            ax.add_artist(offsetbox.AnnotationBbox(image, (x, top), **place))
-            name = str(classes[k]) if names is None else fill(names[classes[k]], _NAME_LETTERS)
-            ax.annotate(
-                name, (x, (number * slot + _NAME_HEIGHT) / height), xycoords="axes fraction",
-                ha="center", va="top", fontsize=_NAME_POINTS, linespacing=1.0,
-            )  # fmt: skip
+    half = len(centres) // 2
+    for x, column in ((_ROOM[0] / 2, by_x[:half]), (size[0] - _ROOM[0] / 2, by_x[half:])):
+        ordered = column[np.argsort(centres[column, 1], kind="stable")]
+        slot = size[1] / max(len(ordered), 1)
+        places[ordered] = np.stack(
+            [np.full(len(ordered), x), slot * (np.arange(len(ordered)) + 0.5)], axis=1
+        )
+    return places
 
 
 def _inches(ax: Axes) -> ndarray:
