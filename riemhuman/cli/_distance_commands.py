@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
-from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -363,12 +364,20 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
     "a map of a distance matrix",
     "Draws the meshes of a distance matrix, see riemhuman matrix, as points in the plane by\n"
     "multidimensional scaling, or by t-SNE, which preserves neighbourhoods. Points have the\n"
-    "names of their files, or the colours of their labels.",
+    "names of their files, or the colours of their labels; with --bodies, one body of each\n"
+    "label stands beside its points, and on a page (.html) the pointer on a point shows its body.",
     "  riemhuman plot D.npz -o map.png\n"
+    "  riemhuman plot D.npz --labels labels.csv --bodies bodies/ -o map.html\n"
     "  riemhuman plot D.npz --labels labels.csv -o people.svg\n"
     "  riemhuman plot D.npz --labels labels.csv --by pose --method t-sne -o poses.pdf\n",
     _matrix_options(required=False),
-    cli.output("FILE", *cli.FIGURE_ENDINGS, text="picture to write: .png, .svg or .pdf"),
+    cli.output(
+        "FILE",
+        *cli.FIGURE_ENDINGS,
+        ".html",
+        text="picture to write: .png, .svg or .pdf, or with --bodies a page: .html",
+    ),
+    cli.path_option("--bodies", "FOLDER", "folder of the meshes, to show bodies"),
     cli.choice("--by", "label that the colours show", *_QUESTIONS),
     cli.choice("--method", "method that places the points", "mds", "t-sne"),
 )
@@ -398,12 +407,56 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
             "Points are as far from each other as their bodies under the metric, in metres,\n"
             f"as well as a plane allows: {loss}."
         )
+    if options.bodies is not None:
+        meshes = _meshes_of(names, options.bodies)
+        settings |= {"points": meshes[:], "faces": meshes.faces}
+    if options.ending == ".html":
+        _map_page(options, positions, items, classes, names, settings, scale)
+        return cli.Answer(record, record)
+    if not both:  # names of files stand beside their points; one body would not show a class
+        settings = {key: settings[key] for key in settings if key not in ("points", "faces")}
     with rh.plots.figure_style():
         settings["ax"] = rh.plots.figures.new_figure(6.0, 5.0).subplots()
         ax = rh.plots.plot_embedding(positions, items, classes, **settings)
         ax.set_xlabel(scale)
         rh.plots.figures.save_figure(ax.figure, options.output)
     return cli.Answer(record, record)
+
+
+def _meshes_of(names: Sequence[str], folder: Path) -> Any:
+    """Return the meshes of a matrix, which a folder holds, in its order."""
+    files = {file.stem: file for file in rh.datasets.find_meshes(folder)}
+    missing = [name for name in names if Path(name).stem not in files]
+    if missing:
+        raise FileError(
+            f"{folder} does not hold {len(missing)} of the {len(names)} meshes of the matrix, such "
+            f"as {missing[0]}"
+        )
+    return rh.datasets.RegisteredMeshes([files[Path(name).stem] for name in names], scale=None)
+
+
+def _map_page(
+    options: argparse.Namespace,
+    positions: ndarray,
+    items: ndarray,
+    classes: Any,
+    names: Sequence[str],
+    settings: Mapping[str, Any],
+    scale: str,
+) -> None:
+    """Write a map as a page."""
+    if options.bodies is None:
+        raise ArgumentError("a page of a map shows bodies: give their folder with --bodies")
+    rh.plots.view_map(
+        positions,
+        items,
+        None if classes is None else [str(name) for name in classes],
+        points=settings["points"],
+        faces=settings["faces"],
+        item_names=[Path(name).stem for name in names],
+        note=scale.replace("\n", " "),
+        title=f"Map of {len(names)} bodies",
+    ).save(options.output)
 
 
 @cli.command(

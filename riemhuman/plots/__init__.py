@@ -10,6 +10,7 @@ from riemhuman.plots.body_plots import (
 from riemhuman.plots.component_views import view_components
 from riemhuman.plots.difference_views import plot_difference, view_difference
 from riemhuman.plots.figures import figure_style
+from riemhuman.plots.map_views import view_map
 from riemhuman.plots.maps import describe_stress, embed, plot_embedding, stress
 from riemhuman.plots.match_plots import plot_match, position_colors
 from riemhuman.plots.measurement_views import plot_measurements, view_measurements
@@ -62,6 +63,7 @@ __all__ = [
     "view_bodies",
     "view_components",
     "view_difference",
+    "view_map",
     "view_measurements",
     "view_path",
     "view_scan",

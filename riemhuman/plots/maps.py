@@ -284,7 +284,7 @@ def _add_bodies(
     low = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
     scale = size / [np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())]
     sizes = np.array([_size_with_name(title) for title in titles])
-    places = _free_places((centres - low) * scale, sizes, (positions - low) * scale, size)
+    places = free_places((centres - low) * scale, sizes, (positions - low) * scale, size)
     extents = np.maximum(np.ptp(positions, axis=0), 1e-9)
     zoom = 72 * _BODY_HEIGHT / _BODY_PIXELS
     for label, centre, title, place, (_, tall) in zip(
@@ -312,7 +312,7 @@ def _size_with_name(title: str) -> tuple[float, float]:
     return width, _BODY_HEIGHT + _NAME_GAP + _LINE_HEIGHT * len(lines)
 
 
-def _free_places(centres: ndarray, sizes: ndarray, points: ndarray, size: ndarray) -> ndarray:
+def free_places(centres: ndarray, sizes: ndarray, points: ndarray, size: ndarray) -> ndarray:
     """Return the middles of boxes near to centres that cover no point and no other box, inches.
 
     Each box in turn takes the nearest free place of a grid, in the order of several tried in which

@@ -75,6 +75,7 @@ _SCRIPTS = (
     "scan_over_body.js",
     "viewer_export.js",
     "measurements.js",
+    "map.js",
     "viewer_gestures.js",
     "viewer.js",
 )

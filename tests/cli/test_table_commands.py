@@ -109,6 +109,18 @@ def test_plot_draws_a_map(run, scans, matrix, tmp_path, options):
     assert ("stress" in finished.out) == ("--method" not in options)
 
 
+def test_plot_shows_the_bodies_of_a_folder(run, refused, scans, matrix, tmp_path):
+    page, labels = tmp_path / "map.html", ["--labels", scans / LABELS]
+    assert run("plot", matrix, *labels, "--bodies", scans, "-o", page).code == 0
+    assert page.read_text(encoding="utf-8").count("data-item=") == 6
+    picture = tmp_path / "map.png"
+    assert run("plot", matrix, *labels, "--bodies", scans, "-o", picture).code == 0
+    message = refused("plot", matrix, *labels, "-o", page, "--force")
+    assert "--bodies" in message
+    message = refused("plot", matrix, "--bodies", tmp_path, "-o", picture, "--force")
+    assert "holds no" in message or "does not hold" in message
+
+
 def test_plot_without_labels_names_points_by_files_and_explains_its_scale(
     run, matrix, tmp_path, monkeypatch
 ):

@@ -1,0 +1,166 @@
+"""A map on a page: the pointer on a point shows its body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import class_indices, real_array
+from riemhuman.errors import ArgumentError
+from riemhuman.plots._web_files import fill
+from riemhuman.plots.figures import class_colors
+from riemhuman.plots.maps import free_places
+from riemhuman.plots.viewer import ViewedBody, Viewer
+
+_SIZE = 100.0  # of the longer side of the map, in its own units
+_MARGIN = 9.0
+_MOST_NAMED = 12  # classes that are named in place
+_LETTER, _LINE, _UNITS_PER_INCH = 1.65, 3.4, 20.0  # of names, on the map
+
+
+@dataclass(frozen=True)
+class MapPanel:
+    """Points of a map beside the body that is pointed at.
+
+    Parameters
+    ----------
+    positions : array, shape (n, 2)
+    labels : array of int, shape (n,)
+    names : sequence of str
+        Names of the classes.
+    item_names : sequence of str, length n
+    note : str
+        What distances on the map mean.
+    """
+
+    positions: ndarray
+    labels: ndarray
+    names: Sequence[str]
+    item_names: Sequence[str]
+    note: str = ""
+    name: str = "map"
+
+    def data(self) -> dict[str, object]:
+        """Return the name and the colour of each item."""
+        colors = _hexadecimal(self.labels)
+        return {"items": [list(item) for item in zip(self._titles(), colors, strict=True)]}
+
+    def html(self, identifier: str) -> Markup:
+        """Return the map."""
+        low, high = self.positions.min(axis=0), self.positions.max(axis=0)
+        scale = (_SIZE - 2 * _MARGIN) / max(float((high - low).max()), 1e-12)
+        places = (self.positions - low) * scale * [1, -1] + [_MARGIN, 0]
+        places[:, 1] += _MARGIN - places[:, 1].min()
+        width, height = places.max(axis=0) + _MARGIN
+        colors = _hexadecimal(self.labels)
+        return fill(
+            "map.html",
+            width=f"{width:.1f}",
+            height=f"{height:.1f}",
+            dots=list(zip(places.round(2).tolist(), colors, self._titles(), strict=True)),
+            names=self._named(places, colors),
+            note=self.note,
+        )
+
+    def picture(self, height: int) -> ndarray | None:
+        """Return nothing: a picture of some bodies stands in."""
+        return None
+
+    def _titles(self) -> list[str]:
+        """Return the names of items with those of their classes."""
+        classes = [self.names[label] for label in self.labels]
+        return [
+            f"{item} ({group})" if group and group not in item else item
+            for item, group in zip(self.item_names, classes, strict=True)
+        ]
+
+    def _named(self, places: ndarray, colors: list[str]) -> list[tuple[float, float, str, str]]:
+        """Return the place, name and colour of classes, beside the points of each."""
+        classes = np.unique(self.labels)
+        if not 1 < len(classes) <= _MOST_NAMED:
+            return []
+        members = [np.flatnonzero(self.labels == label) for label in classes]
+        centres = np.stack([np.median(places[own], axis=0) for own in members])
+        titles = [self.names[label] for label in classes]
+        sizes = np.array([[_LETTER * len(title), _LINE] for title in titles])
+        inside = places.max(axis=0) + _MARGIN
+        scaled = (each / _UNITS_PER_INCH for each in (centres, sizes, places, inside))
+        middles = _UNITS_PER_INCH * free_places(*scaled)
+        return [
+            (round(float(x), 2), round(float(y) + _LINE / 4, 2), title, colors[own[0]])
+            for (x, y), title, own in zip(middles, titles, members, strict=True)
+        ]
+
+
+def _hexadecimal(labels: ndarray) -> list[str]:
+    """Return the colours of classes as in style sheets."""
+    colors = np.round(255 * class_colors(int(labels.max()) + 1)[labels]).astype(int)
+    return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colors]
+
+
+def view_map(
+    positions: ArrayLike,
+    labels: ArrayLike,
+    names: Sequence[str] | None = None,
+    *,
+    points: ArrayLike,
+    faces: ArrayLike,
+    item_names: Sequence[str] | None = None,
+    note: str = "",
+    title: str = "Map of bodies",
+) -> Viewer:
+    """Return a page with a map of bodies, on which the pointer on a point shows its body.
+
+    Parameters
+    ----------
+    positions : array_like, shape (n, 2)
+        See `embed`.
+    labels : array_like of int, shape (n,)
+        Class of each body, counted from 0.
+    names : sequence of str, optional
+        Names of the classes, which stand beside their points if there are twelve or fewer.
+    points : array_like, shape (n, V, 3)
+        The bodies, metres, y up.
+    faces : array_like, shape (F, 3)
+    item_names : sequence of str, length n, optional
+        Names of the bodies; by default their numbers.
+    note : str
+        What distances on the map mean, see `describe_stress`.
+    title : str
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")[:30:5]
+    >>> distances = rh.AlignedSurfaces(bodies.template).metric.dist_pairwise(bodies.points)
+    >>> viewer = rh.plots.view_map(
+    ...     rh.plots.embed(distances, "mds"), bodies.subject, bodies.subject_names,
+    ...     points=bodies.points, faces=bodies.template.faces)
+    >>> viewer.save("map.html")
+    """
+    places = np.asarray(real_array(positions, "positions", ("n_items", 2), batched=False))
+    items = class_indices(labels, "labels", len(places))
+    surfaces = np.asarray(
+        real_array(points, "points", (len(places), "n_vertices", 3), batched=False)
+    )
+    titles = [str(number) for number in range(len(places))] if item_names is None else item_names
+    if len(titles) != len(places):
+        raise ArgumentError(
+            f"item_names must have one entry per body; found {len(titles)} for {len(places)}"
+        )
+    classes = [""] * (int(items.max()) + 1) if names is None else list(names)
+    # All stand in one place.
+    low, high = surfaces.min(axis=1, keepdims=True), surfaces.max(axis=1, keepdims=True)
+    middle = (low + high) / 2
+    middle[..., 1] = low[..., 1]
+    body = ViewedBody(titles[0], surfaces - middle)
+    return Viewer(
+        np.asarray(faces),
+        {title: [body]},
+        title=title,
+        panel=MapPanel(places, items, classes, titles, note),
+    )
