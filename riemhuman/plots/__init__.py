@@ -14,6 +14,7 @@ from riemhuman.plots.map_views import view_map
 from riemhuman.plots.maps import describe_stress, embed, plot_embedding, stress
 from riemhuman.plots.match_plots import plot_match, position_colors
 from riemhuman.plots.measurement_views import plot_measurements, view_measurements
+from riemhuman.plots.motion_views import view_motions
 from riemhuman.plots.rendering import View, render, surfaces_html
 from riemhuman.plots.result_plots import (
     plot_confusion,
@@ -65,6 +66,7 @@ __all__ = [
     "view_difference",
     "view_map",
     "view_measurements",
+    "view_motions",
     "view_path",
     "view_scan",
 ]

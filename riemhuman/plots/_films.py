@@ -50,13 +50,15 @@ class Film:
 
     @property
     def n_frames(self) -> int:
-        """Frames of the longest body."""
-        return max(len(body.frames) for body in self.bodies)
+        """Frames that the longest body shows."""
+        return max(body.n_times for body in self.bodies)
 
     def surface(self, body: ViewedBody, share: float) -> ndarray:
         """Return the surface at a share of the duration."""
         if body.times is not None:
-            place = float(np.interp(share, np.linspace(0, 1, len(body.times)), body.times))
+            place = float(
+                np.interp(share * (body.n_times - 1), np.arange(body.n_times), body.times)
+            )
         elif self.frames_per_second is not None:
             place = min(share * (self.n_frames - 1), len(body.frames) - 1.0)
         else:

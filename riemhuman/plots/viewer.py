@@ -70,9 +70,11 @@ _SCRIPTS = (
     "viewer_motion.js",
     "viewer_body.js",
     "viewer_values.js",
+    "viewer_trail.js",
     "viewer_components.js",
     "viewer_panels.js",
     "scan_over_body.js",
+    "warp.js",
     "viewer_export.js",
     "measurements.js",
     "map.js",
@@ -169,6 +171,11 @@ class ViewedBody:
     def limit(self) -> float:
         """Value of the last colour; 0 without values."""
         return 0.0 if self.values is None else colour_limit(self.values)
+
+    @property
+    def n_times(self) -> int:
+        """Number of moments that are shown at equally spaced times."""
+        return len(self.frames) if self.times is None else len(self.times)
 
     @property
     def signed(self) -> bool:
@@ -316,7 +323,7 @@ class Viewer:
         ending = suffix_of(file, SAVED_VIEWS)
         bodies = next(iter(self.choices.values()))
         if ending in FILM_ENDINGS:
-            if self.panel is not None:
+            if self.panel is not None and self.panel.picture(_STILL_HEIGHT) is not None:
                 raise ArgumentError(
                     f"{file}: a film shows bodies alone; save this view as .html or .png"
                 )
@@ -331,7 +338,7 @@ class Viewer:
         """Return the seconds that bodies play at speed 1."""
         if self.frames_per_second is None:
             return self.seconds
-        return (max(len(body.frames) for body in bodies) - 1) / self.frames_per_second
+        return (max(body.n_times for body in bodies) - 1) / self.frames_per_second
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, which separates it from the notebook."""

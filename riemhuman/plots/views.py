@@ -17,7 +17,9 @@ from riemhuman.datasets.recordings import RECORDING_ENDINGS
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path
 from riemhuman.io.meshes import load_mesh
+from riemhuman.motions import Warp
 from riemhuman.plots.component_views import view_components
+from riemhuman.plots.motion_views import view_motions
 from riemhuman.plots.scan_views import view_scan
 from riemhuman.plots.viewer import Viewer, view_bodies, view_path
 from riemhuman.registration import RegisteredScan
@@ -39,9 +41,10 @@ def view(shown: Any, faces: ArrayLike | None = None) -> Viewer:
     ----------
     shown : object
         A body or several: an array of shape (V, 3) or (n, V, 3), a mesh or a sequence of meshes;
-        `Bodies`, of which the first ten are shown; a motion, which plays in seconds; the path or
-        mean of a solver; a registered scan, over its body; a fitted `TangentPCA`, with a slider
-        for each component; a template or body model; or the path of a mesh or recording.
+        `Bodies`, of which the first ten are shown; a motion, which plays in seconds; two
+        motions and the `Warp` that aligns them, as a tuple; the path or mean of a solver; a
+        registered scan, over its body; a fitted `TangentPCA`, with a slider for each component; a
+        template or body model; or the path of a mesh or recording.
     faces : array_like, shape (F, 3), optional
         Triangles, metres and y up as everywhere; needed for arrays, paths and means.
 
@@ -79,6 +82,13 @@ def _(shown: Motion, faces: ArrayLike | None = None) -> Viewer:
         title=shown.sequence or "Motion",
         frames_per_second=shown.frames_per_second,
     )
+
+
+@view.register
+def _(shown: tuple, faces: ArrayLike | None = None) -> Viewer:  # type: ignore[type-arg]
+    if len(shown) == 3 and isinstance(shown[2], Warp):
+        return view_motions(*shown, faces)
+    return view_bodies(shown, faces)
 
 
 @view.register

@@ -50,6 +50,7 @@ class Viewer {
     if (parts) this.parts = { names: parts.names, numbers: await inflate(parts.numbers) };
     this.sliders = new Sliders(this);
     this.bars = new ValueBars(this);
+    this.trail = new Trail(this);
     this.panel = await Panel.of(this);
     await this.choose(0);
     listen(this);
@@ -128,6 +129,7 @@ class Viewer {
     if (moving && this.isRecorded()) this.find("time").max = String(this.lastFrame());
     this.sliders.choose(bodies);
     this.bars.choose(bodies);
+    this.trail.choose(bodies);
     this.panel.choose(bodies);
     this.element.dataset.choice = this.data.choices[index].name;
     this.find("labels").replaceChildren(...bodies.map((body) => this.label(body)));
@@ -160,9 +162,11 @@ class Viewer {
     this.element.dataset.time = this.time.toFixed(3);
     const last = this.lastFrame();
     // Recordings keep their pace: the shorter one waits in its last frame.
-    this.bodies().forEach((body) => body.show(
-      this.isRecorded() ? Math.min(1, (this.time * last) / Math.max(body.nFrames - 1, 1)) : this.time,
-    ));
+    const shareOf = (body, share) =>
+      this.isRecorded() ? Math.min(1, (share * last) / Math.max(body.nTimes - 1, 1)) : share;
+    this.bodies().forEach((body) => body.show(shareOf(body, this.time)));
+    this.trail.seek(shareOf);
+    this.panel.seek();
     this.draw();
   }
 
@@ -172,7 +176,7 @@ class Viewer {
   }
 
   lastFrame() {
-    return Math.max(...this.bodies().map((body) => body.nFrames)) - 1;
+    return Math.max(...this.bodies().map((body) => body.nTimes)) - 1;
   }
 
   // Seconds at speed 1.

@@ -78,6 +78,7 @@ class Body {
     this.nFrames = frames.nFrames;
     this.frames = frames;
     this.times = data.times; // frames at equally spaced times, where that is not each frame once
+    this.nTimes = this.times ? this.times.length : this.nFrames;
     this.faces = faces;
     this.components = components;
     this.lift = 0; // so that a body that components change stands on the ground
@@ -137,7 +138,8 @@ class Body {
   }
 
   show(time) {
-    this.frames.pose(this.placeAt(time), this.positions);
+    this.place = this.placeAt(time);
+    this.frames.pose(this.place, this.positions);
     mix(this.components, this.positions);
     this.geometry.attributes.position.needsUpdate = true;
     smoothNormals(this.positions, this.faces, this.normals);

@@ -24,6 +24,9 @@ class Panel {
   // Bodies are shown, in which more can be drawn.
   choose() {}
 
+  // Another moment is shown.
+  seek() {}
+
   // What to say of a place of the stage, where a body was hit or not.
   describe(place, found, said) {
     return said;

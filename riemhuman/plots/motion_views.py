@@ -1,0 +1,154 @@
+"""Interactive views of two motions that are aligned in time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from markupsafe import Markup
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import real_array
+from riemhuman.datasets.motions import ModelMotion, Motion
+from riemhuman.errors import ArgumentError
+from riemhuman.motions import Warp
+from riemhuman.plots._web_files import fill
+from riemhuman.plots.viewer import ViewedBody, Viewer
+
+_MOST_POINTS = 400  # of the drawn curve
+
+
+@dataclass(frozen=True)
+class WarpPanel:
+    """Which times of two motions correspond, as a curve with the moment that is shown.
+
+    Parameters
+    ----------
+    first, second : array, shape (n,)
+        Corresponding times, counted in frames from 0.
+    lasts : (int, int)
+        Numbers of the last frames of both motions.
+    names : (str, str)
+    frames_per_second : float, optional
+    """
+
+    first: ndarray
+    second: ndarray
+    lasts: tuple[int, int]
+    names: tuple[str, str]
+    frames_per_second: float | None
+    name: str = "warp"
+
+    def data(self) -> dict[str, object]:
+        """Return the curve in frames."""
+        chosen = np.linspace(0, len(self.first) - 1, min(len(self.first), _MOST_POINTS))
+        numbers = chosen.round().astype(int)
+        return {
+            "first": np.round(self.first[numbers], 3).tolist(),
+            "second": np.round(self.second[numbers], 3).tolist(),
+            "lasts": list(self.lasts),
+            "names": list(self.names),
+            "rate": self.frames_per_second,
+        }
+
+    def html(self, identifier: str) -> Markup:
+        """Return an empty diagram, which the script fills."""
+        return fill("warp.html", names=self.names)
+
+    def picture(self, height: int) -> ndarray | None:
+        """Return nothing: a picture of the bodies themselves stands in."""
+        return None
+
+
+def view_motions(
+    first: Motion | ArrayLike,
+    second: Motion | ArrayLike,
+    warp: Warp,
+    faces: ArrayLike | None = None,
+    names: Sequence[str] | None = None,
+) -> Viewer:
+    """Return an interactive view of two motions side by side, aligned in time or as recorded.
+
+    The first motion plays at its own pace, the second at the corresponding times; a diagram shows
+    which times correspond, and the moment that is shown.
+
+    Parameters
+    ----------
+    first, second : Motion or array_like, shape (n, V, 3) and (m, V, 3)
+        Motions, metres, y up.
+    warp : Warp
+        The matched times of both, such as `DynamicTimeWarping.warp` returns.
+    faces : array_like, shape (F, 3), optional
+        Triangles; none for motions.
+    names : sequence of str, optional
+        By default the names of the people, or "first" and "second".
+
+    Raises
+    ------
+    ArgumentError
+        If faces are missing, the motions differ in their rates, or the warp is not one of motions
+        of these lengths.
+
+    Examples
+    --------
+    >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
+    >>> space = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template), 5)
+    >>> measure = rh.motions.DynamicTimeWarping(space.frames.metric)
+    >>> warp = measure.warp(knees[:20], other[:30])
+    >>> viewer = rh.plots.view_motions(knees[:20], other[:30], warp, knees.faces)
+    """
+    motions = [_frames(first, "first"), _frames(second, "second")]
+    rates = {m.frames_per_second for m in (first, second) if isinstance(m, Motion)}
+    if len(rates) > 1:
+        raise ArgumentError(
+            f"motions must have the same frames per second; found {sorted(rates)}: resample one"
+        )
+    if faces is None:
+        if not isinstance(first, Motion):
+            raise ArgumentError("arrays hold no triangles; give faces too")
+        faces = first.faces
+    lasts = (len(motions[0]) - 1, len(motions[1]) - 1)
+    _check_warp(warp, lasts)
+    labels = _names(first, second) if names is None else (str(names[0]), str(names[1]))
+    moments = np.linspace(warp.first[0], warp.first[-1], len(motions[0]))
+    retimed = [moments, warp(moments)]
+    bodies = [ViewedBody(label, frames) for label, frames in zip(labels, motions, strict=True)]
+    aligned = [replace(body, times=t) for body, t in zip(bodies, retimed, strict=True)]
+    rate = rates.pop() if rates else None
+    return Viewer(
+        np.asarray(faces),
+        {"aligned": aligned, "as recorded": bodies},
+        "Play",
+        f"{labels[0]} and {labels[1]} aligned in time",
+        f"Distance after the best re-timing: {warp.dist:.4g}.",
+        frames_per_second=rate,
+        panel=WarpPanel(warp.first, warp.second, lasts, labels, rate),
+    )
+
+
+def _frames(motion: Motion | ArrayLike, name: str) -> ndarray | ModelMotion:
+    if isinstance(motion, ModelMotion):
+        return motion
+    frames = motion[:] if isinstance(motion, Motion) else motion
+    return real_array(frames, name, ("n_times", "n_vertices", 3), batched=False)
+
+
+def _check_warp(warp: Warp, lasts: tuple[int, int]) -> None:
+    pairs = zip(("first", "second"), lasts, (warp.first, warp.second), strict=True)
+    for name, last, times in pairs:
+        if not 0 <= np.min(times) <= np.max(times) <= last + 1e-6:
+            raise ArgumentError(
+                f"warp must hold times of the {name} motion from 0 to {last}; "
+                f"found {np.min(times):g} to {np.max(times):g}"
+            )
+
+
+def _names(first: Motion | ArrayLike, second: Motion | ArrayLike) -> tuple[str, str]:
+    if isinstance(first, Motion) and isinstance(second, Motion):
+        if first.subject and second.subject and first.subject != second.subject:
+            return first.subject, second.subject
+        if first.sequence and second.sequence and first.sequence != second.sequence:
+            return first.sequence, second.sequence
+    return "first", "second"
