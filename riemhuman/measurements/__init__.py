@@ -23,8 +23,14 @@ from riemhuman.measurements.definitions import (
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.measurements.measuring import BodySizes, Measurements, in_standard_pose
+from riemhuman.measurements.populations import average_adult, percentiles
+from riemhuman.measurements.posture import posture_angles
 from riemhuman.measurements.readable_units import ReadableUnit, readable_unit
-from riemhuman.measurements.visits import VisitComparison, compare_visits
+from riemhuman.measurements.visits import (
+    VisitComparison,
+    compare_visits,
+    noise_of_measurements,
+)
 
 __all__ = [
     "Area",
@@ -45,12 +51,16 @@ __all__ = [
     "ReadableUnit",
     "VisitComparison",
     "Volume",
+    "average_adult",
     "compare_visits",
     "in_standard_pose",
     "measurement_from_dict",
     "model_from_measurements",
     "nearest_body",
+    "noise_of_measurements",
     "open_measurements",
+    "percentiles",
+    "posture_angles",
     "predict_measurements",
     "readable_unit",
 ]

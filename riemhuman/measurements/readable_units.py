@@ -51,7 +51,7 @@ READABLE_UNITS: Mapping[str, Mapping[str, ReadableUnit]] = {
     "cm": {
         "m": ReadableUnit("cm", 100.0, 2),
         "m²": ReadableUnit("cm²", 1e4, 0),
-        "m³": ReadableUnit("l", 1000.0, 3),
+        "m³": ReadableUnit("L", 1000.0, 3),
         "kg": ReadableUnit("kg", 1.0, 2),
     },
     "in": {
@@ -76,7 +76,7 @@ def readable_unit(unit: str, system: str = "cm") -> ReadableUnit:
     Examples
     --------
     >>> rh.measurements.readable_unit("m³").name
-    'l'
+    'L'
     """
     one_of(system, "system", tuple(READABLE_UNITS))
     return READABLE_UNITS[system].get(unit, ReadableUnit(unit, 1.0, 4))

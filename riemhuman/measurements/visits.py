@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -128,9 +128,7 @@ def compare_visits(
     assert definitions.model is not None
     space = AlignedSurfaces(definitions.model.template, equip=False, scale=None)
     areas = space.face_areas(straight)
-    # See tutorials/remake/build_noise_of_poses.py.
-    noise = load_json("noise_of_poses.json")
-    by_part = noise["log_areas"]
+    by_part = load_json("noise_of_poses.json")["log_areas"]
     area_noise = np.full(len(definitions.faces), np.nan)
     for name in filter(definitions.parts.__contains__, by_part):
         area_noise[definitions.parts[name]] = by_part[name]
@@ -139,7 +137,7 @@ def compare_visits(
         units=measured.units,
         before=measured.values[0],
         after=measured.values[1],
-        noise=np.array([noise["measurements"].get(name, np.nan) for name in measured.names]),
+        noise=noise_of_measurements(measured.names),
         points_before=first,
         points_after=second,
         area_changes=np.where(
@@ -153,3 +151,24 @@ def compare_visits(
         ),
         why_missing=measured.why_missing,
     )
+
+
+def noise_of_measurements(names: Sequence[str]) -> ndarray:
+    """Return the noise of measurements over poses of one person, shape (M,), in their units.
+
+    It is half the change that 4.55 per cent of pairs of poses exceed, divided by √2, of simulated
+    people, registered from scans; real people, who breathe, vary more.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Measurements; those that the open body does not have get NaN.
+
+    Examples
+    --------
+    >>> float(rh.measurements.noise_of_measurements(["stature"])[0].round(4))
+    0.0051
+    """
+    # See tutorials/remake/build_noise_of_poses.py.
+    known = load_json("noise_of_poses.json")["measurements"]
+    return np.array([known.get(name, np.nan) for name in names])

@@ -1,0 +1,166 @@
+r"""Adults of a stature: how their measurements spread, and their average body.
+
+The people are simulated: bodies of the open model with the spread of ANSUR II (US Army, 2012),
+whose body mass is widened to that of the US public (NHANES, 2021 to 2023). For each sex,
+log m = a + b log s + e, with the measurement m, the stature s, and the quantiles of e among these
+people; for the stature itself, b = 0. `tutorials/remake/build_percentiles.py` makes the numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy.special import ndtr, ndtri, softmax
+
+from riemhuman.checks import one_of, real_number
+from riemhuman.datasets import load_open_model
+from riemhuman.errors import ArgumentError
+from riemhuman.measurements.bodies_from_measurements import SEXES
+from riemhuman.measurements.measurement_set import load_json, open_measurements
+from riemhuman.measurements.measuring import as_mapping
+
+_STATURE = "stature"
+# Standard deviations of the logarithm of stature beyond which hardly an adult is found.
+_FARTHEST = 4.0
+
+
+def percentiles(
+    values: Mapping[str, float], sex: str = "adult", *, stature: float | None = None
+) -> dict[str, float]:
+    """Return the percentage of adults of the same sex and stature whose measurements are smaller.
+
+    The stature itself is compared with all adults of the sex. Adults are simulated: they have the
+    spread of ANSUR II (US Army, 2012), body mass widened to that of the US public (NHANES, 2021 to
+    2023), and are measured like any body, in the standard pose.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Measurements of the open body by name, in metres, square metres, cubic metres or kilograms.
+    sex : {"adult", "woman", "man"}
+        Population; for "adult", women and men count by how many of them have the stature.
+    stature : float, optional
+        The stature, metres; by default that among the values.
+
+    Returns
+    -------
+    dict of str to float
+        Percentages between 0 and 100; those below 1 and above 99 are extrapolated. NaN for values
+        that are NaN, and all NaN if no adult of the sex has such a stature.
+
+    Examples
+    --------
+    >>> found = rh.measurements.percentiles({"stature": 1.70, "waist girth": 0.75}, "woman")
+    >>> 80 < found["stature"] < 95, 10 < found["waist girth"] < 50
+    (True, True)
+    """
+    one_of(sex, "sex", ("adult", *SEXES))
+    names = list(_adults()["woman"]["measurements"])
+    given = as_mapping(_without_missing(values), names)
+    height = given.get(_STATURE) if stature is None else real_number(stature, "stature")
+    if height is None:
+        raise ArgumentError("stature must be given, or be among the values")
+    shares = _shares_of_sexes(height, sex)
+    found = {name: float("nan") for name in values}
+    for name, value in given.items() if shares else ():
+        real_number(value, name, minimum=0.0, strict=True)
+        found[name] = sum(
+            share * _percentile(name, value, height, each) for each, share in shares.items()
+        )
+    return found
+
+
+def average_adult(
+    stature: float, sex: str = "adult", resolution: str = "full", *, pose: Any = None
+) -> ndarray:
+    """Return the average body of a sex and stature.
+
+    Its shape coefficients are the regression of simulated adults' on their stature, see
+    `percentiles`.
+
+    Parameters
+    ----------
+    stature : float
+        Metres; one that no adult has is an error.
+    sex : {"adult", "woman", "man"}
+        Population; for "adult", women and men count by how many of them have the stature.
+    resolution : {"full", "coarse"}
+        Resolution of the open body model.
+    pose : array_like, shape (J, 3), optional
+        Axis-angle rotations of the joints; by default those of the standard pose.
+
+    Returns
+    -------
+    array, shape (V, 3)
+        The body, metres.
+
+    Examples
+    --------
+    >>> body = rh.measurements.average_adult(1.70, "woman", "coarse")
+    >>> measurements = rh.measurements.Measurements(rh.datasets.load_open_model("coarse"))
+    >>> measured = measurements.measure(body, axes="space")
+    >>> round(float(measured["stature"]), 2)
+    1.7
+    """
+    one_of(sex, "sex", ("adult", *SEXES))
+    one_of(resolution, "resolution", ("full", "coarse"))
+    shares = _shares_of_sexes(real_number(stature, "stature", minimum=0.0, strict=True), sex)
+    if not shares:
+        raise ArgumentError(f"stature must be that of an adult, in metres; found {stature:g}")
+    betas = np.zeros(len(_adults()["woman"]["betas"][0]))
+    for each, share in shares.items():
+        entry = _adults()[each]
+        intercept, slope = np.array(entry["betas"])
+        betas += share * (intercept + slope * (np.log(stature) - entry["log_stature"][0]))
+    definitions = open_measurements(resolution)
+    assert definitions is not None, "the open model has measurements"
+    standing = definitions.standard_pose_vector if pose is None else pose
+    return np.asarray(load_open_model(resolution)(betas, standing))
+
+
+@cache
+def _adults() -> dict[str, Any]:
+    record: dict[str, Any] = load_json("percentiles_of_adults.json")
+    return record
+
+
+def _without_missing(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in values.items() if not np.isnan(value)}
+
+
+def _shares_of_sexes(stature: float, sex: str) -> dict[str, float]:
+    """Return how much each sex counts among adults of a stature; none where there are none."""
+    sexes = [sex] if sex in SEXES else list(SEXES)
+    if not stature > 0.0:
+        return {}
+    scores = []
+    for each in sexes:
+        mean, std = _adults()[each]["log_stature"]
+        scores.append((np.log(stature) - mean) / std)
+    if min(np.abs(scores)) > _FARTHEST:
+        return {}
+    stds = np.array([_adults()[each]["log_stature"][1] for each in sexes])
+    shares = softmax(-np.square(scores) / 2.0 - np.log(stds))
+    return dict(zip(sexes, shares.tolist(), strict=True))
+
+
+def _percentile(name: str, value: float, stature: float, sex: str) -> float:
+    """Return the percentage of one sex with this stature below a value."""
+    entry = _adults()[sex]
+    intercept, slope, *quantiles = entry["measurements"][name]
+    mean, _ = entry["log_stature"]
+    rest = np.log(value) - intercept - slope * (np.log(stature) - mean)
+    scores = ndtri(np.array(_adults()["levels"]) / 100.0)
+    score = np.interp(rest, quantiles, scores)
+    # Beyond the last quantiles, the line through them and the median.
+    middle = len(quantiles) // 2
+    for end in (0, -1):
+        beyond = rest < quantiles[0] if end == 0 else rest > quantiles[-1]
+        if beyond:
+            step = (quantiles[end] - quantiles[middle]) / (scores[end] - scores[middle])
+            score = scores[end] + (rest - quantiles[end]) / step
+    return float(100.0 * ndtr(score))

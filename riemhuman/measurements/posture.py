@@ -1,0 +1,171 @@
+"""Posture: angles between landmarks of bodies as they stand, in degrees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import one_of, real_array
+from riemhuman.errors import ArgumentError
+from riemhuman.measurements.measuring import Measurements
+
+_SIDES = ("left", "right")
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+_HEEL = ("heel_inside", "heel_outside")
+_BALL = ("first_metatarsal", "fifth_metatarsal")
+_PAIRS = ("acromion", "tragion", "iliocristale", "trochanterion")
+
+
+def posture_angles(
+    measurements: Measurements, points: Any, *, up: str = "y", trusted_vertices: Any = None
+) -> dict[str, ndarray]:
+    """Return angles that describe how bodies stand, in degrees.
+
+    Forward is the horizontal direction across the hips. Tilts are positive if the left side is
+    higher, leans if they go forward or to the left. "head over neck" is the craniovertebral
+    angle: how high above the horizontal the ears are, seen from the seventh cervical vertebra; the
+    further forward the head, the smaller. Knees and elbows are bent by the angle between thigh and
+    shin, upper arm and forearm; arms are away from the trunk, and feet turned out, by theirs.
+
+    Parameters
+    ----------
+    measurements : Measurements
+        Measurements with the landmarks of the open body model.
+    points : array_like, shape (..., V, 3)
+        Bodies as they stand, metres.
+    up : {"x", "y", "z"}
+        Axis that points up.
+    trusted_vertices : array_like of bool, shape (..., V), optional
+        Which vertices to trust; angles of landmarks on others are NaN.
+
+    Returns
+    -------
+    dict of str to array, shape (...)
+
+    Raises
+    ------
+    ArgumentError
+        If the set lacks landmarks.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> measurements = rh.measurements.Measurements(bodies.model)
+    >>> angles = rh.measurements.posture_angles(measurements, bodies[0])
+    >>> bool(abs(angles["shoulder tilt"]) < 2.0)
+    True
+    """
+    definitions = measurements.definitions
+    missing = [name for name in _landmarks() if name not in definitions.landmarks]
+    if missing:
+        raise ArgumentError(
+            f"measurements must have the landmarks of the open body; it lacks {missing[0]}"
+            + (f" and {len(missing) - 1} more" if len(missing) > 1 else "")
+        )
+    points = real_array(points, "points", (definitions.n_vertices, 3))
+    places = {}
+    for name in _landmarks():
+        vertices, weights = definitions.landmarks[name]
+        place = np.einsum("k,...kc->...c", weights, points[..., vertices, :])
+        if trusted_vertices is not None:
+            trusted = np.asarray(trusted_vertices, dtype=bool)[..., vertices]
+            place = np.where(trusted.all(axis=-1, keepdims=True), place, np.nan)
+        places[name] = place
+    stand = _Stand.of(places, np.array(_AXES[one_of(up, "up", tuple(_AXES))]))
+    return {name: angle(stand) for name, angle in _ANGLES.items()}
+
+
+def _landmarks() -> list[str]:
+    paired = (*_PAIRS, "lateral_epicondyle", "lateral_malleolus", "radiale", "stylion")
+    sided = [f"{side}_{name}" for name in (*paired, *_HEEL, *_BALL) for side in _SIDES]
+    return ["cervicale", *sided]
+
+
+@dataclass(frozen=True)
+class _Stand:
+    """Landmarks of bodies, and the directions up, forward and left, each of shape (..., 3)."""
+
+    places: Mapping[str, ndarray]
+    up: ndarray
+    forward: ndarray
+    left: ndarray
+
+    @classmethod
+    def of(cls, places: Mapping[str, ndarray], up: ndarray) -> _Stand:
+        across = places["left_trochanterion"] - places["right_trochanterion"]
+        level = across - (across @ up)[..., np.newaxis] * up
+        left = level / np.linalg.norm(level, axis=-1, keepdims=True)
+        return cls(places, up, np.cross(left, up), left)
+
+    def middle(self, name: str) -> ndarray:
+        return (self.places[f"left_{name}"] + self.places[f"right_{name}"]) / 2
+
+    def rise(self, steps: ndarray, along: ndarray) -> ndarray:
+        """Return how steeply vectors rise, seen against the plane of up and an axis, degrees."""
+        return np.degrees(np.arctan2(steps @ self.up, np.sum(steps * along, axis=-1)))
+
+    def tilt(self, name: str) -> ndarray:
+        return self.rise(self.places[f"left_{name}"] - self.places[f"right_{name}"], self.left)
+
+    def lean(self, along: ndarray) -> ndarray:
+        """Return how far the trunk leans along an axis, degrees."""
+        return 90.0 - self.rise(self._trunk(), along)
+
+    def head(self) -> ndarray:
+        return self.rise(self.middle("tragion") - self.places["cervicale"], self.forward)
+
+    def turn(self) -> ndarray:
+        """Return how far the shoulders are turned against the hips, to the left, degrees."""
+        across = self.places["left_acromion"] - self.places["right_acromion"]
+        back = -np.sum(across * self.forward, axis=-1)
+        return np.degrees(np.arctan2(back, np.sum(across * self.left, axis=-1)))
+
+    def bend(self, side: str, names: tuple[str, str, str]) -> ndarray:
+        """Return the angle by which a limb is bent at the second of three landmarks, degrees."""
+        first, second, third = (self.places[f"{side}_{name}"] for name in names)
+        return _angle(second - first, third - second)
+
+    def abduction(self, side: str) -> ndarray:
+        arm = self.places[f"{side}_radiale"] - self.places[f"{side}_acromion"]
+        return _angle(arm, -self._trunk())
+
+    def turn_out(self, side: str) -> ndarray:
+        heel, ball = (
+            sum(self.places[f"{side}_{name}"] for name in names) / 2 for names in (_HEEL, _BALL)
+        )
+        foot = ball - heel
+        outward = np.sum(foot * self.left, axis=-1) * (1.0 if side == "left" else -1.0)
+        return np.degrees(np.arctan2(outward, np.sum(foot * self.forward, axis=-1)))
+
+    def _trunk(self) -> ndarray:
+        return np.asarray(self.places["cervicale"] - self.middle("trochanterion"))
+
+
+def _angle(first: ndarray, second: ndarray) -> ndarray:
+    across = np.linalg.norm(np.cross(first, second), axis=-1)
+    return np.degrees(np.arctan2(across, np.sum(first * second, axis=-1)))
+
+
+_LEG = ("trochanterion", "lateral_epicondyle", "lateral_malleolus")
+_ARM = ("acromion", "radiale", "stylion")
+_ANGLES: Mapping[str, Callable[[_Stand], ndarray]] = {
+    "head over neck": _Stand.head,
+    "head tilt": lambda stand: stand.tilt("tragion"),
+    "shoulder tilt": lambda stand: stand.tilt("acromion"),
+    "pelvis tilt": lambda stand: stand.tilt("iliocristale"),
+    "trunk lean forward": lambda stand: stand.lean(stand.forward),
+    "trunk lean to the left": lambda stand: stand.lean(stand.left),
+    "shoulders turned to the left": _Stand.turn,
+    "left knee bent": lambda stand: stand.bend("left", _LEG),
+    "right knee bent": lambda stand: stand.bend("right", _LEG),
+    "left elbow bent": lambda stand: stand.bend("left", _ARM),
+    "right elbow bent": lambda stand: stand.bend("right", _ARM),
+    "left arm from the trunk": lambda stand: stand.abduction("left"),
+    "right arm from the trunk": lambda stand: stand.abduction("right"),
+    "left foot turned out": lambda stand: stand.turn_out("left"),
+    "right foot turned out": lambda stand: stand.turn_out("right"),
+}
