@@ -36,6 +36,7 @@ def main() -> None:
     measurement_lines(bodies)
     motions()
     report()
+    sheet()
 
 
 def geodesic(bodies, space) -> None:
@@ -237,6 +238,36 @@ def report() -> None:
         subprocess.run(
             [browser, *options, f"--screenshot={picture}", page], check=True, capture_output=True
         )
+    print(picture.name)
+
+
+def sheet() -> None:
+    """Take a picture of the first side of a sheet."""
+    model = rh.datasets.load_open_model()
+    bodies = rh.datasets.load_open_bodies("coarse")
+    person = bodies.subject == bodies.subject_names.index("athletic woman")
+    angles = {"shoulder": ("xz", 10, -58), "elbow": ("y", -18), "hip": ("z", 5)}
+    pose = rh.datasets.pose_vectors(rh.datasets.joint_rotations(angles, model), model)
+    body = model(bodies.betas[person][0], pose)
+    settings = {"n_points": 12_000, "mesh": True, "noise": 0.0015, "missing": 0.06}
+    seen = rh.registration.simulated_scan(body, model.faces, rng=3, **settings)
+    result = rh.registration.ScanRegistration(model).solve((seen.points, seen.faces))
+    made = rh.report.sheet(result, name="Anna", sex="woman")
+    browser = rh.report.printing.find_browser()
+    if browser is None:
+        print("sheet.png is left as it is: no Chromium was found")
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "sheet.html"
+        made.save(page)
+        options = ["--headless=new", "--no-sandbox", "--hide-scrollbars", "--window-size=1040,1270"]
+        picture = FOLDER / "sheet.png"
+        subprocess.run(
+            [browser, *options, f"--screenshot={picture}", page.as_uri()],
+            check=True,
+            capture_output=True,
+        )
+    Image.open(picture).quantize(128).save(picture, optimize=True)
     print(picture.name)
 
 

@@ -53,7 +53,7 @@ TOPICS = {
     "look": ("examples", "view", "info", "formats", "plot", "report"),
     "compare": ("tables", "dist", "matrix", "retrieve", "scores"),
     "scan": ("register", "match", "align", "fit", "make-map", "convert", "convert-model"),
-    "measure": ("measure", "compare"),
+    "measure": ("measure", "sheet", "compare"),
     "move": ("geodesic", "transfer", "disentangle", "basis", "motions"),
     "populations": ("mean", "components"),
 }

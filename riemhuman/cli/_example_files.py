@@ -26,6 +26,17 @@ PEOPLE = {
     "henry": "older lean man",
 }
 
+# Files with their person and, of visits, the day.
+_FILES_OF_PEOPLE = (
+    ("anna.ply", "anna", ""),
+    ("ben.ply", "ben", ""),
+    ("sit.ply", "felix", ""),
+    ("stand.ply", "felix", ""),
+    ("visit1.ply", "gina", "2026-03-02"),
+    ("visit2.ply", "gina", "2026-06-15"),
+)
+_SCANS_OF_PEOPLE = (("anna.ply", "anna", ""), ("ben.ply", "ben", ""))
+
 _STANDING: Angles = {"shoulder": ("xz", 10, -58), "elbow": ("y", -18), "hip": ("z", 5)}
 _SITTING: Angles = {
     "pelvis": ("x", -4),
@@ -62,8 +73,10 @@ def write_example_files(folder: Path) -> dict[str, str]:
     }
     rng = np.random.default_rng(0)
     _write_bodies(folder / "bodies", bodies)
+    _write_people(folder / "labels.csv", _FILES_OF_PEOPLE)
     _write_single_bodies(folder, betas)
     _write_scans(folder / "scans", betas, rng)
+    _write_people(folder / "scans" / "labels.csv", _SCANS_OF_PEOPLE)
     _write_visits(folder, betas["gina"], rng)
     walk = _walk(betas["anna"])
     walk.save(folder / "walk.bvh")
@@ -79,6 +92,7 @@ def write_example_files(folder: Path) -> dict[str, str]:
         "anna.ply, ben.ply": "two people in the same pose, registered",
         "sit.ply, stand.ply": "one person in two poses, registered",
         "scans/anna.ply, scans/ben.ply": "raw scans with a floor, noise and holes",
+        "labels.csv, scans/labels.csv": "whose these files are: person, sex, day of the visit",
         "visit1.ply, visit2.ply": "one person before and after losing four kilograms",
         "walk.bvh, walk.npz": "a walk as a recording of a skeleton, and in the layout of AMASS",
         "run.bvh": "another person runs on the spot",
@@ -95,16 +109,27 @@ def write_example_files(folder: Path) -> dict[str, str]:
     return contents
 
 
+def _sex(person: str) -> str:
+    return "woman" if PEOPLE[person].endswith("woman") else "man"
+
+
+def _write_people(file: Path, people: Sequence[tuple[str, str, str]]) -> None:
+    """Write a table of labels: the person of each file, their sex, and the day of the visit."""
+    rows: list[Sequence[object]] = [("file", "person", "sex", "date")]
+    rows += [(name, person, _sex(person), day) for name, person, day in people]
+    write_text(file, csv_text(rows))
+
+
 def _write_bodies(folder: Path, bodies: rh.datasets.Bodies) -> None:
     folder.mkdir()
-    rows: list[Sequence[object]] = [("file", "subject", "pose")]
+    rows: list[Sequence[object]] = [("file", "subject", "pose", "sex")]
     for name, kind in PEOPLE.items():
         of_person = np.flatnonzero(bodies.subject == bodies.subject_names.index(kind))
         for number in of_person:
             pose = bodies.pose_names[bodies.pose[number]]
             file = folder / f"{name}_{pose}.ply"
             rh.save_mesh(file, bodies.points[number], bodies.template.faces)
-            rows.append((file.name, name, pose))
+            rows.append((file.name, name, pose, _sex(name)))
     write_text(folder / "labels.csv", csv_text(rows))
 
 

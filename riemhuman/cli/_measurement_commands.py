@@ -211,6 +211,58 @@ def _view_differences(
             rh.plots.figures.save_figure(figure, options.view)
 
 
+_SHEET_UNITS = cli.choice(
+    "--units",
+    "units of the sheets: centimetres, litres and kilograms, or inches and pounds; tables keep "
+    "metres and kilograms",
+    "cm",
+    "in",
+)
+
+
+@cli.command(
+    "sheet",
+    "a sheet for each person: measurements, percentiles, changes",
+    "Writes for each registered body a page and a PDF of two sides: the scan and the body\n"
+    "from three sides, whether and where to trust it, measurements with uncertainties and\n"
+    "percentiles among adults of that sex and stature, the silhouette over the average's,\n"
+    "posture, and changes since the visit before. index.html lists all people, and a CSV\n"
+    "table and a workbook hold all numbers. A table of labels names each file's person, sex\n"
+    "(woman or man), visit and date. PDF files need Chromium or matplotlib, the workbook openpyxl.",
+    "  riemhuman sheet bodies/ -o sheets/    # the output of riemhuman register scans/ -o bodies/\n"
+    "  riemhuman sheet visit1.ply visit2.ply -o sheets/ --labels labels.csv\n"
+    "  riemhuman sheet bodies/ -o sheets/ --units in\n",
+    cli.FILES,
+    cli.path_option("-o --output", "SHEETS", "folder to write", required=True),
+    cli.FORCE,
+    cli.path_option(
+        "--labels", "CSV", "table of file, person, sex, visit, date (default: labels.csv there)"
+    ),
+    inputs.MEASURED_MODEL,
+    cli.UNIT,
+    _SHEET_UNITS,
+)
+def _sheet(options: argparse.Namespace) -> cli.Answer:
+    cli.check_needs(options, "--definitions", "--model NPZ")
+    options.written.append(options.output)
+    measurements = None
+    if options.model is not None:
+        model = rh.BodyModel.from_file(options.model)
+        measurements = rh.measurements.Measurements(model, options.definitions)
+    page = rh.report.make_sheets(
+        options.meshes,
+        options.output,
+        labels=options.labels,
+        measurements=measurements,
+        units=options.units,
+        unit=options.unit,
+        up=options.up,
+        replace_output=options.force,
+        progress=options.task,
+    )
+    return cli.Answer(f"open {page}", {"page": page, "files": sorted(options.output.iterdir())})
+
+
 def _distance_of_people(points: ndarray, faces: ndarray) -> tuple[float, dict[str, float]]:
     """Return the distance of two bodies by areas, and usual ones; warn if they are two people."""
 

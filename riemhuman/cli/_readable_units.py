@@ -1,4 +1,4 @@
-"""Units of tables on the terminal: those that people use; files and JSON keep SI units."""
+"""The option for the units of tables on the terminal; files and JSON keep SI units."""
 
 from __future__ import annotations
 

@@ -30,8 +30,11 @@ _UP = cli.option(
     "For a folder, it registers every scan, and index.html shows the results, the\n"
     "worst first. It does not write a body that it does not trust, and the exit code is 1;\n"
     "for a folder, such bodies go to untrusted/, and those of scans that do not show all of the\n"
-    "body to partial/. After an interruption, the same command continues.",
+    "body to partial/. After an interruption, the same command continues. --sheet also writes the\n"
+    "sheet of each person, see riemhuman sheet: for a folder into BODY/sheets/, with the labels\n"
+    "of labels.csv beside the scans; for one scan as body.html and body.pdf.",
     "  riemhuman register scan.ply -o body.ply\n"
+    "  riemhuman register scans/ -o bodies/ --sheet\n"
     "  riemhuman register scans/ -o bodies/\n"
     "  riemhuman register scans/ -o bodies/ --sequence --up z --unit millimetres\n"
     "  riemhuman register scan.obj -o body.ply --model SMPL_NEUTRAL.npz\n"
@@ -51,22 +54,31 @@ _UP = cli.option(
     cli.flag("--sequence", "the scans show one person in motion; fits start from previous ones"),
     cli.flag("--untrusted", "also write a body that is not trusted"),
     cli.flag("--keep-axes", "leave bodies where the scans are (default: on the ground, facing z)"),
+    cli.flag("--sheet", "also write each person's sheet: measurements, percentiles, pictures"),
+    cli.option("--sex", "of the person, for the sheet of one scan", choices=("woman", "man")),
     cli.flag("--verbose", "also print the log-likelihood of the scan for the body"),
 )
 def _register(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.io.outputs import check_output_file
 
     is_folder = options.scans.is_dir()
-    for name in ("untrusted", "landmarks") if is_folder else ("sequence",):
+    cli.check_needs(options, "--sex", "--sheet")
+    for name in ("untrusted", "landmarks", "sex") if is_folder else ("sequence",):
         if getattr(options, name):
             what = "one scan" if is_folder else "a folder"
             raise ArgumentError(f"--{name} is for {what}; {options.scans} is not")
     if not is_folder:
         check_output_file(options.output, cli.MESH_ENDINGS, force=options.force)
+        for place in _sheet_files(options):
+            check_output_file(place, (place.suffix,), force=options.force)
     elif options.output.resolve() == options.scans.resolve():
         raise FileError(f"{options.output} holds the scans; name another folder for the bodies")
     options.written.append(options.output)
     registration = _chosen_registration(options)
+    if options.sheet:
+        rh.measurements.Measurements(registration.model)  # an error before the work
+        if not is_folder:
+            rh.report.printing.check_printing()
     return (_register_folder if is_folder else _register_file)(registration, options)
 
 
@@ -94,6 +106,8 @@ def _register_file(registration: Any, options: argparse.Namespace) -> cli.Answer
     missing = _missing_measurements(registration.model, result)
     record["missing_measurements"] = missing
     _note_message(options.scans, result, missing)
+    if options.sheet:
+        _write_sheet(registration.model, result, options)
     if not (result.trusted or options.untrusted):
         text = "no body is written; --untrusted writes it nevertheless"
         text += _details(options, [result])
@@ -105,6 +119,25 @@ def _register_file(registration: Any, options: argparse.Namespace) -> cli.Answer
         f"matched; scan in {result.unit}, body in metres{_details(options, [result])}"
     )
     return cli.Answer(text, record, trusted=result.trusted)
+
+
+def _sheet_files(options: argparse.Namespace) -> list[Path]:
+    """Return where the sheet of one scan is written."""
+    return [options.output.with_suffix(end) for end in (".html", ".pdf") if options.sheet]
+
+
+def _write_sheet(model: Any, result: Any, options: argparse.Namespace) -> None:
+    """Write the page and the PDF of one scan's sheet together."""
+    from riemhuman.io.outputs import files_together
+
+    places = {place.suffix: place for place in _sheet_files(options)}
+    with options.task("Sheet"), files_together(places) as temporary:
+        sheet = rh.report.sheet(
+            result, model=model, name=options.scans.stem, sex=options.sex or "adult"
+        )
+        for place in temporary.values():
+            sheet.save(place)
+    terminal.note(f"the sheet is {places['.html']}, and for printing {places['.pdf']}")
 
 
 def _details(options: argparse.Namespace, results: list[Any]) -> str:
@@ -145,10 +178,23 @@ def _register_folder(registration: Any, options: argparse.Namespace) -> cli.Answ
         page = rh.report.scan_page(options.output)
     for record in records:
         _note_message(record.name, record)
+    if options.sheet:
+        labels = options.scans / "labels.csv"
+        sheets = rh.report.make_sheets(
+            options.output,
+            options.output / "sheets",
+            labels=labels if labels.is_file() else None,
+            measurements=rh.measurements.Measurements(registration.model),
+            replace_output=True,
+            progress=options.task,
+        )
     n_trusted = sum(record.trusted for record in records)
     names = ("name", "trusted", "message", "median_distance", "matched_share")
+    said = f"{n_trusted} of {len(records)} scans are registered and trusted; see {page}"
+    if options.sheet:
+        said += f"\nsheets of all people: {sheets}"
     return cli.Answer(
-        f"{n_trusted} of {len(records)} scans are registered and trusted; see {page}",
+        said,
         {"scans": [{name: getattr(record, name) for name in names} for record in records]},
         trusted=n_trusted == len(records),
     )

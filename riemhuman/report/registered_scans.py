@@ -93,13 +93,17 @@ def scan_section(records: Sequence[ScanRecord], views: Mapping[str, str] | None 
     return Section("scans", "Scans and their bodies", "Scans", html)
 
 
-def _badge(record: ScanRecord) -> tuple[str, str]:
-    """Return the class and the words of a record's badge; a message of a trusted body limits it."""
-    if not record.trusted:
+def badge_of(trusted: bool, message: str, share: float) -> tuple[str, str]:
+    """Return the class and the words of a badge; the message of a trusted body limits it."""
+    if not trusted:
         return "untrusted", "not trusted"
-    if record.message:
-        return "partial", f"partly seen: {100 * record.matched_share:.0f} %"
+    if message:
+        return "partial", f"partly seen: {100 * share:.0f} %"
     return "trusted", "trusted"
+
+
+def _badge(record: ScanRecord) -> tuple[str, str]:
+    return badge_of(record.trusted, record.message, record.matched_share)
 
 
 def _pictures(record: ScanRecord) -> list[tuple[Image, str]]:

@@ -1,12 +1,15 @@
-"""The commands measure and compare say what the library measures."""
+"""The commands measure, compare and sheet say what the library measures."""
 
 import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import riemhuman as rh
 from riemhuman.datasets import load_open_model
+from riemhuman.errors import MissingDependencyError
 from riemhuman.io import save_mesh
 from riemhuman.measurements import Girth, Measurements, compare_visits
 
@@ -152,7 +155,7 @@ def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
     assert [*record["bodies"].values()] == [values]
     assert record["units"]["stature"] == "m"
     scales = {
-        "cm": {"stature": (100, "cm"), "volume": (1000, "l"), "body mass": (1, "kg")},
+        "cm": {"stature": (100, "cm"), "volume": (1000, "L"), "body mass": (1, "kg")},
         "in": {
             "stature": (1 / 0.0254, "in"),
             "volume": (0.0254**-3, "in³"),
@@ -176,3 +179,31 @@ def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
     shown = [float(number) for number in line.split()[1:5]]
     stored = [100 * float(row[key]) for key in ("before", "after", "change", "threshold")]
     np.testing.assert_allclose(shown, stored, atol=0.0051)
+
+
+@pytest.mark.filterwarnings("always:no PDF:UserWarning")
+def test_sheets_of_a_folder(run, refused, scans, tmp_path, monkeypatch):
+    """Two visits of each person, without PDF files, which need a browser or take long."""
+
+    def missing():
+        raise MissingDependencyError("pip install '.[plot]'")
+
+    monkeypatch.setattr(rh.report.sheet_folders, "check_printing", missing)
+    labels = tmp_path / "people.csv"
+    labels.write_text("file,person,sex,visit\nbody_0,Emma,woman,1\nbody_2,Emma,woman,2\n")
+    files = [scans / f"body_{number}.ply" for number in (0, 2)]
+    sheets = tmp_path / "sheets"
+    command = ("sheet", *files, "-o", sheets, "--labels", labels)
+    finished = run(*command, "--units", "in", "--json")
+    assert finished.code == 0, finished
+    record = json.loads(finished.out)
+    names = {Path(file).name for file in record["files"]}
+    assert {"index.html", "measurements.csv", "body_0.html", "body_2.html"} <= names
+    assert "no PDF is written" in finished.err
+    assert "Measurements of bodies 1 to 2 of 2: " in finished.err
+    assert "Changes since visit 1" in (sheets / "body_2.html").read_text(encoding="utf-8")
+    assert "earlier result; --force replaces it" in refused(*command)
+    assert run(*command, "--force", "-q").code == 0
+    last = refused("sheet", *files, "-o", tmp_path / "x", "--labels", tmp_path / "none.csv")
+    assert "there is no table of labels" in last
+    assert not (tmp_path / "x").exists()

@@ -10,6 +10,7 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.registration.folders import _record, _write
+from riemhuman.surfaces.nearest_points import nearest_points
 
 
 @pytest.fixture(scope="module")
@@ -159,3 +160,55 @@ def test_registrations_of_other_scans_are_refused(run, matched, tmp_path):
         finished = run("match", *files, *output, "--registered", folder)
         assert finished.code == 2
         assert said in finished.err
+
+
+@pytest.fixture
+def registered(bodies, monkeypatch):
+    """Make registrations end at once, with all that a sheet shows."""
+
+    def solve(self, scan, *, landmarks=None):
+        points, faces = bodies.points[3], bodies.template.faces
+        places, distances = nearest_points(scan.points, points, faces)
+        whole = np.ones(len(points), dtype=bool)
+        return rh.registration.RegisteredScan(
+            points=points, trusted=True, trusted_vertices=whole, message="", likelihood=2.5,
+            fit=None, distances=distances, matched=whole, correspondence=places,
+            background=np.zeros(len(scan), dtype=bool), up=np.array([0.0, 1.0, 0.0]),
+            transform=np.eye(4), unit=scan.unit, faces=faces, scan=scan,
+        )  # fmt: skip
+
+    monkeypatch.setattr(rh.registration.ScanRegistration, "solve", solve)
+
+
+def test_a_sheet_of_one_scan(run, refused, scan, registered, tmp_path):
+    command = ("register", scan, "-o", tmp_path / "body.ply", "--coarse")
+    finished = run(*command, "--sheet", "--sex", "woman")
+    assert finished.code == 0, finished
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["body.html", "body.pdf", "body.ply"]
+    page = (tmp_path / "body.html").read_text(encoding="utf-8")
+    assert "women of this stature" in page
+    assert "The scan from three sides" in page
+    (tmp_path / "body.ply").unlink()
+    assert "body.html exists; --force replaces it" in refused(*command, "--sheet")
+    assert "--sex needs --sheet" in refused(*command, "--sex", "man")
+
+
+def test_sheets_of_a_folder_of_scans(run, refused, scan, tmp_path, monkeypatch):
+    given = {}
+
+    def make_sheets(folder, output, **settings):
+        given.update(settings, folder=folder, output=output)
+        return output / "index.html"
+
+    monkeypatch.setattr(rh.registration, "register_folder", lambda *given, **settings: [])
+    monkeypatch.setattr(rh.report, "scan_page", lambda folder: folder / "index.html")
+    monkeypatch.setattr(rh.report, "make_sheets", make_sheets)
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    (scans / "labels.csv").touch()
+    command = ("register", scans, "-o", tmp_path / "bodies", "--coarse", "--sheet")
+    finished = run(*command)
+    assert f"sheets of all people: {tmp_path / 'bodies' / 'sheets' / 'index.html'}" in finished.out
+    assert given["labels"] == scans / "labels.csv"
+    assert given["replace_output"]
+    assert "--sex is for one scan" in refused(*command, "--sex", "man")

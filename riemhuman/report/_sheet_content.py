@@ -1,0 +1,429 @@
+"""The words and drawings of a person's sheet, which its page and its PDF share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from riemhuman.measurements.readable_units import ReadableUnit, readable_unit
+from riemhuman.plots.rendering import image_source
+from riemhuman.report._sheet_pictures import (
+    LARGEST_CHANGE,
+    Picture,
+    body_pictures,
+    change_picture,
+    front_facing,
+    silhouette_picture,
+)
+from riemhuman.report.registered_scans import badge_of
+from riemhuman.report.sheet_values import SheetRow, SheetSubject, SheetValues
+
+NOTHING = "–"
+_MINUS = "−"
+# Digits that the uncertainty of measurements leaves.
+_DIGITS = {"cm": 1, "kg": 1, "L": 1, "in": 1, "lb": 1, "in³": 0, "in²": 0, "m²": 2}
+_SQUARE_METRES = ReadableUnit("m²", 1.0, 2)
+_HEADLINE = {
+    "stature": "Stature",
+    "body mass": "Weight, estimated",
+    "chest girth": "Chest",
+    "waist girth": "Waist",
+    "hip girth": "Hip",
+}
+_PEOPLE = {"woman": "women", "man": "men", "adult": "adults, women and men together,"}
+_MOST_CHANGES = 11
+_WHOLE = 0.98  # share of the vertices from which a body counts as seen
+# Of rulers: metres between marks and of a unit, and how many units are between numbers.
+_RULERS = {"cm": (0.2, 0.01), "in": (0.3048, 0.0254)}
+_RULER_SHARE = 0.09  # width of a ruler over the height of its picture
+_TITLE_PIXELS = 34
+
+
+@dataclass(frozen=True)
+class RowText:
+    """A measurement in words; `place` is where its percentile is on a bar, in per cent."""
+
+    title: str
+    value: str
+    unit: str
+    uncertainty: str
+    percentile: str
+    place: float | None
+    why: str
+
+
+@dataclass(frozen=True)
+class ChangeText:
+    title: str
+    before: str
+    after: str
+    change: str
+    unit: str
+    threshold: str
+    is_significant: bool
+
+
+@dataclass(frozen=True)
+class PostureText:
+    title: str
+    value: str
+    what: str
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A line of a ruler, at a distance from the top of a picture in pixels."""
+
+    y: float
+    text: str
+
+
+@dataclass(frozen=True)
+class ViewTitle:
+    x: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A picture with a ruler at its left and titles under its views; lengths in pixels."""
+
+    picture: Picture
+    ruler: int
+    marks: tuple[Mark, ...]
+    views: tuple[ViewTitle, ...]
+    alt: str
+    caption: str
+
+    @property
+    def width(self) -> int:
+        return self.ruler + self.picture.pixels.shape[1]
+
+    @property
+    def picture_height(self) -> int:
+        return self.picture.pixels.shape[0]
+
+    @property
+    def height(self) -> int:
+        return self.picture_height + _TITLE_PIXELS
+
+    @property
+    def source(self) -> str:
+        return image_source(self.picture.pixels)
+
+
+@dataclass(frozen=True)
+class ChangesText:
+    since: str
+    rows: tuple[ChangeText, ...]
+    figure: Drawing
+    note: str
+
+
+@dataclass(frozen=True)
+class Content:
+    """All that stands on a sheet."""
+
+    title: str
+    about: str
+    when: str
+    badge: tuple[str, str]
+    trust: str
+    units: str
+    length_unit: str
+    headline: tuple[RowText, ...]
+    pictures: tuple[Drawing, ...]
+    groups: tuple[tuple[str, tuple[RowText, ...]], ...]
+    silhouette: Drawing | None
+    posture: tuple[PostureText, ...]
+    changes: ChangesText | None
+    remarks: tuple[str, ...]
+    all_rows: tuple[RowText, ...]
+    population: str
+    uncertainty: str
+
+
+def content_of(
+    subject: SheetSubject, values: SheetValues, faces: np.ndarray, across: np.ndarray, units: str
+) -> Content:
+    """Return the words and drawings of a sheet.
+
+    Parameters
+    ----------
+    subject, values
+        The body and what is known about it.
+    faces : array of int, shape (F, 3)
+    across : array, shape (3,)
+        From the right to the left hip.
+    units : {"cm", "in"}
+    """
+    scan, body = body_pictures(subject, faces, front_facing(across))
+    pictures = []
+    if scan is not None:
+        what = f"The scan, {subject.file}" if subject.file else "The scan"
+        pictures.append(_drawing(scan, units, "The scan from three sides", what))
+    said = "The registered body"
+    if not subject.known_vertices.all():
+        said += "; parts that are not trusted are blue"
+    pictures.append(_drawing(body, units, "The body from three sides", said))
+    silhouette = silhouette_picture(values, faces)
+    stature = values.by_name.get("stature")
+    return Content(
+        title=subject.person or subject.name,
+        about=" · ".join(_about(subject)),
+        when=subject.visit,
+        badge=badge(subject),
+        trust=_trust(subject, values),
+        units=units,
+        length_unit=readable_unit("m", units).name,
+        headline=_headline(values, units),
+        pictures=tuple(pictures),
+        groups=tuple(
+            (group, tuple(row_text(row, units) for row in rows))
+            for group, rows in values.key_rows().items()
+        ),
+        silhouette=None
+        if silhouette is None
+        else _drawing(
+            silhouette,
+            units,
+            "Silhouettes of the body and of the average, from the front and the side",
+            _of_average(subject, stature, units),
+        ),
+        posture=tuple(posture_texts(values.posture)),
+        changes=_changes(values, faces, units),
+        remarks=tuple(f"{_capital(remark)}." for remark in values.remarks),
+        all_rows=tuple(
+            replace(row_text(row, units), title=_capital(row.name)) for row in values.rows
+        ),
+        population=_population(subject),
+        uncertainty=(
+            "± is two standard deviations of measurements over poses of one person, of simulated "
+            "people who were registered from scans; real people, who breathe and sway, vary more. "
+            "Measurements are taken in the standard pose, to which the body was brought. The "
+            "weight is the volume times the mean density of people."
+        ),
+    )
+
+
+def badge(subject: SheetSubject) -> tuple[str, str]:
+    """Return the class and the words of the badge of a body."""
+    if subject.trusted_vertices is None and subject.is_trusted:
+        return "unknown", "registered mesh"
+    share = subject.matched_share
+    limits = subject.message
+    if np.isnan(share):
+        share = float(subject.known_vertices.mean())
+        limits = limits or ("parts" if share < _WHOLE else "")
+    return badge_of(subject.is_measurable, limits, share)
+
+
+def _about(subject: SheetSubject) -> list[str]:
+    sex = {"adult": "sex not given"}.get(subject.sex, subject.sex)
+    file = subject.file or subject.name
+    parts = (sex, subject.visit, "" if file == subject.person else file)
+    return [part for part in parts if part]
+
+
+def _trust(subject: SheetSubject, values: SheetValues) -> str:
+    """Return whether and where to trust the body, in words."""
+    message = subject.message.rstrip(".")
+    sentence = _capital(message)
+    if not subject.is_measurable:
+        why = f" {sentence}." if sentence else ""
+        return f"Do not rely on this body; nothing was measured.{why}"
+    said = []
+    if subject.trusted_vertices is None:
+        said.append("Nothing is known about the scan of this registered mesh.")
+    elif sentence:
+        said.append(f"{sentence}.")
+    elif subject.known_vertices.all():
+        said.append("All of the body can be trusted.")
+    else:
+        said.append("The body can be trusted, but for small places that the scan does not show.")
+    missing = sum(bool(row.why_missing) for row in values.rows)
+    if missing:
+        depend, stay = ("depends", "stays") if missing == 1 else ("depend", "stay")
+        said.append(
+            f"{missing} of {len(values.rows)} measurements {depend} on such places and {stay} "
+            "empty."
+        )
+    if np.isfinite(subject.median_distance):
+        said.append(
+            f"The scan is {1000 * subject.median_distance:.1f} mm from the body in the median, and "
+            f"{100 * subject.matched_share:.0f} % of the body has a counterpart in the scan."
+        )
+    return " ".join(said)
+
+
+def _population(subject: SheetSubject) -> str:
+    people = _PEOPLE[subject.sex]
+    return (
+        f"Percentiles (pctl.) say how many of 100 {people} of this stature measure less; that of "
+        f"stature counts all {people.rstrip(',')}. Bars are darker where the middle half is. These "
+        "people are simulated: bodies with the spread of ANSUR II (US Army, 2012), body mass "
+        "widened to that of the US public (NHANES, 2021–2023), measured like this body."
+    )
+
+
+def _of_average(subject: SheetSubject, stature: SheetRow | None, units: str) -> str:
+    people = {"woman": "woman", "man": "man", "adult": "adult"}[subject.sex]
+    height = "" if stature is None else f" of {_value(stature.value, _unit('m', units))} "
+    return f"The average {people}{height}{readable_unit('m', units).name}, in the standard pose."
+
+
+def _headline(values: SheetValues, units: str) -> tuple[RowText, ...]:
+    shown = []
+    for name, title in _HEADLINE.items():
+        row = values.by_name.get(name)
+        if row is not None:
+            shown.append(replace(row_text(row, units), title=title))
+    index = values.ratios.get("Body mass index")
+    if index is not None and np.isfinite(index[0]):
+        shown.insert(2, RowText("Body mass index", f"{index[0]:.1f}", index[1], "", "", None, ""))
+    return tuple(shown)
+
+
+def row_text(row: SheetRow, units: str) -> RowText:
+    """Return a measurement in the units of people."""
+    unit = _unit(row.unit, units)
+    is_known = bool(np.isfinite(row.percentile))
+    return RowText(
+        title=row.title,
+        value=_value(row.value, unit),
+        unit=unit.name if np.isfinite(row.value) else "",
+        uncertainty=_uncertainty(row.uncertainty, unit),
+        percentile=percentile_text(row.percentile),
+        place=float(np.clip(row.percentile, 1.0, 99.0).round(1)) if is_known else None,
+        why=row.why_missing,
+    )
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def percentile_text(percentile: float) -> str:
+    if not np.isfinite(percentile):
+        return NOTHING
+    if percentile < 1.0:
+        return "<1"
+    return ">99" if percentile > 99.0 else f"{percentile:.0f}"
+
+
+def _unit(unit: str, units: str) -> ReadableUnit:
+    if unit == "m²" and units == "cm":
+        return _SQUARE_METRES
+    return readable_unit(unit, units)
+
+
+def _value(value: float, unit: ReadableUnit, sign: str = "") -> str:
+    if not np.isfinite(value):
+        return NOTHING
+    digits = _DIGITS.get(unit.name, unit.digits)
+    return f"{value * unit.scale:{sign}.{digits}f}".replace("-", _MINUS)
+
+
+def _uncertainty(value: float, unit: ReadableUnit) -> str:
+    """Return an uncertainty, with another digit where it would vanish."""
+    digits = _DIGITS.get(unit.name, unit.digits)
+    is_small = abs(value * unit.scale) < 0.5 * 10.0**-digits
+    return f"{value * unit.scale:.{digits + 1}f}" if is_small else _value(value, unit)
+
+
+def posture_texts(posture: Mapping[str, float]) -> list[PostureText]:
+    """Return angles with the side or direction to which they go."""
+
+    def directed(name: str, title: str, positive: str, negative: str) -> PostureText:
+        angle = posture[name]
+        towards = positive if angle > 0.0 else negative
+        return PostureText(title, _angle(abs(angle)), towards if abs(angle) >= 0.5 else "level")
+
+    def paired(name: str, title: str, what: str) -> PostureText:
+        left, right = (posture[name.format(side)] for side in ("left", "right"))
+        return PostureText(title, f"{_angle(left)} / {_angle(right)}", what)
+
+    if not posture:
+        return []
+    both = "left / right"
+    return [
+        PostureText("Head over neck", _angle(posture["head over neck"]), "ear above C7"),
+        directed("head tilt", "Head tilt", "left ear higher", "right ear higher"),
+        directed("shoulder tilt", "Shoulder tilt", "left higher", "right higher"),
+        directed("pelvis tilt", "Pelvis tilt", "left higher", "right higher"),
+        directed("trunk lean forward", "Trunk lean", "forward", "back"),
+        directed("trunk lean to the left", "Trunk lean, sideways", "to the left", "to the right"),
+        directed("shoulders turned to the left", "Shoulders turned", "left", "right"),
+        paired("{} knee bent", "Knees bent", both),
+        paired("{} elbow bent", "Elbows bent", both),
+        paired("{} arm from the trunk", "Arms from the trunk", both),
+        paired("{} foot turned out", "Feet turned out", both),
+    ]
+
+
+def _angle(degrees: float) -> str:
+    if not np.isfinite(degrees):
+        return NOTHING
+    return f"{degrees:.0f}°".replace("-0°", "0°").replace("-", _MINUS)
+
+
+def _changes(values: SheetValues, faces: np.ndarray, units: str) -> ChangesText | None:
+    result, picture = values.changes, change_picture(values, faces)
+    if result is None or picture is None:
+        return None
+    texts = []
+    strength = np.nan_to_num(np.abs(result.changes) / result.thresholds)
+    key_names = {row.name for rows in values.key_rows().values() for row in rows}
+    order = sorted(
+        range(len(result.names)),
+        key=lambda k: (
+            not result.is_significant[k],
+            result.names[k] not in key_names,
+            -strength[k],
+        ),
+    )
+    for k in order[:_MOST_CHANGES]:
+        if not np.isfinite(result.changes[k]):
+            continue
+        unit = _unit(result.units[k], units)
+        texts.append(
+            ChangeText(
+                values.by_name[result.names[k]].title,
+                _value(result.before[k], unit),
+                _value(result.after[k], unit),
+                _value(result.changes[k], unit, "+"),
+                unit.name,
+                _uncertainty(result.thresholds[k], unit),
+                bool(result.is_significant[k]),
+            )
+        )
+    count = int(result.is_significant.sum())
+    note = (
+        f"{count} of {len(result.names)} measurements changed by more than their noise, ± two "
+        "standard deviations of a difference over poses of simulated people; about "
+        f"{result.expected_by_chance:.0f} would by chance alone."
+    )
+    figure = _drawing(
+        picture,
+        units,
+        "The body at this visit, coloured by how far the surface moved",
+        f"From blue (inward) to red (outward), {1000 * LARGEST_CHANGE:.0f} mm at the ends.",
+    )
+    return ChangesText(values.since, tuple(texts), figure, note)
+
+
+def _drawing(picture: Picture, units: str, alt: str, caption: str) -> Drawing:
+    step, of_unit = _RULERS[units]
+    height, width = picture.pixels.shape[:2]
+    ruler = round(_RULER_SHARE * height)
+    marks = []
+    for number in range(int(np.floor(picture.high / step)) + 1):
+        y = (picture.high - number * step) / picture.metres_per_pixel
+        marks.append(Mark(round(y, 1), f"{number * step / of_unit:.0f}"))
+    views = [
+        ViewTitle(round(ruler + middle * width, 1), title)
+        for middle, title in zip(picture.middles, picture.titles, strict=True)
+    ]
+    return Drawing(picture, ruler, tuple(marks), tuple(views), alt, caption)

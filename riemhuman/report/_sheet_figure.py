@@ -1,0 +1,285 @@
+"""A person's sheet drawn by matplotlib, for machines without a browser that prints."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from riemhuman.io.files import atomic_file
+from riemhuman.optional import import_matplotlib
+from riemhuman.report._sheet_content import ChangesText, Content, Drawing, PostureText, RowText
+
+# Millimetres of A4, and points in a millimetre.
+_WIDTH, _HEIGHT, _POINTS = 210.0, 297.0, 72.0 / 25.4
+_LEFT, _RIGHT, _TOP, _BOTTOM = 13.0, 197.0, 12.0, 285.0
+_COLUMN = (_RIGHT - _LEFT - 8.0) / 2
+_INK, _QUIET, _LINE, _ACCENT = "#16191d", "#565d66", "#d5d9de", "#23608f"
+_BAND, _TRACK, _LARGER, _SMALLER = "#cfd9e2", "#e9edf0", "#c4622d", "#3f7fbf"
+_BADGES = {"trusted": "#2b6e46", "partial": "#8a5a00", "untrusted": "#b3362a", "unknown": _QUIET}
+_ROW, _TIGHT_ROW, _SMALL_ROW = 5.3, 4.3, 3.55
+_LETTER = 0.188  # mean width of a letter, millimetres over its size in points
+
+
+def save_figure_pdf(content: Content, version: str, file: Path) -> None:
+    """Write both sides of a sheet into a PDF file."""
+    import_matplotlib()
+    backend: Any = import_matplotlib("backends.backend_pdf")
+    pages = [_first_side(content), _second_side(content)]
+    with (
+        atomic_file(file) as temporary,
+        backend.PdfPages(temporary, metadata={"Title": content.title, "Creator": None}) as pdf,
+    ):
+        for number, side in enumerate(pages, start=1):
+            side.rule(_BOTTOM - 2.0)
+            side.text(_LEFT, _BOTTOM + 1.5, " · ".join(filter(None, (content.title, content.when))))
+            side.text(
+                _RIGHT, _BOTTOM + 1.5, f"riemhuman {version} · side {number} of 2", align="right"
+            )
+            pdf.savefig(side.figure)
+
+
+class _Side:
+    """A page on which things are placed in millimetres from its upper left corner."""
+
+    def __init__(self) -> None:
+        module: Any = import_matplotlib("figure")
+        self.figure = module.Figure(figsize=(_WIDTH / 25.4, _HEIGHT / 25.4))
+        self.axes = self.figure.add_axes((0, 0, 1, 1))
+        self.axes.set(xlim=(0, _WIDTH), ylim=(_HEIGHT, 0))
+        self.axes.axis("off")
+
+    def text(
+        self,
+        x: float,
+        y: float,
+        words: str,
+        *,
+        size: float = 7.0,
+        color: str = _QUIET,
+        weight: str = "normal",
+        align: str = "left",
+    ) -> None:
+        self.axes.text(
+            x,
+            y,
+            words.replace("$", r"\$"),
+            fontsize=size,
+            color=color,
+            weight=weight,
+            ha=align,
+            va="baseline",
+        )
+
+    def paragraph(
+        self, x: float, y: float, words: str, width: float, *, size: float, color: str = _QUIET
+    ) -> float:
+        """Write lines of text; return where the next line would be."""
+        step = 1.32 * size / _POINTS
+        for line in textwrap.wrap(words, max(10, int(width / (_LETTER * size)))):
+            self.text(x, y, line, size=size, color=color)
+            y += step
+        return y
+
+    def rule(
+        self, y: float, first: float = _LEFT, last: float = _RIGHT, *, color: str = _LINE
+    ) -> None:
+        self.axes.plot([first, last], [y, y], color=color, linewidth=0.5, solid_capstyle="butt")
+
+    def drawing(self, drawing: Drawing, x: float, y: float, width: float, height: float) -> float:
+        """Place a picture with its ruler in a box; return the height that it fills."""
+        scale = min(width / drawing.width, height / drawing.height)
+        left = x + drawing.ruler * scale
+        right, bottom = x + drawing.width * scale, y + drawing.picture_height * scale
+        for mark in drawing.marks:
+            self.rule(y + mark.y * scale, left, right)
+            self.text(left - 1.0, y + mark.y * scale + 0.7, mark.text, size=5.5, align="right")
+        for view in drawing.views:
+            self.text(x + view.x * scale, bottom + 2.6, view.text, size=6.0, align="center")
+        self.axes.imshow(
+            drawing.picture.pixels, extent=(left, right, bottom, y), aspect="auto", zorder=2
+        )
+        self.axes.set(xlim=(0, _WIDTH), ylim=(_HEIGHT, 0))
+        return drawing.height * scale
+
+
+def _first_side(content: Content) -> _Side:
+    side = _Side()
+    size = min(20.0, 20.0 * 28 / max(len(content.title), 28))
+    side.text(_LEFT, _TOP + 7.0, content.title, size=size, color=_INK, weight="bold")
+    side.text(_LEFT, _TOP + 12.5, content.about, size=9.0)
+    kind, words = content.badge
+    side.axes.text(
+        _RIGHT - 3.0,
+        _TOP + 5.5,
+        words,
+        fontsize=9.5,
+        weight="bold",
+        color=_BADGES[kind],
+        ha="right",
+        bbox={
+            "boxstyle": "round,pad=0.35,rounding_size=0.8",
+            "facecolor": "none",
+            "edgecolor": _BADGES[kind],
+        },
+    )
+    side.rule(_TOP + 15.5, color=_INK)
+    y = side.paragraph(_LEFT, _TOP + 20.5, content.trust, _RIGHT - _LEFT, size=8.6, color=_INK)
+    y = _headline(side, content.headline, y + 2.0) + 3.0
+    width = _COLUMN if len(content.pictures) > 1 else 110.0
+    x = _LEFT if len(content.pictures) > 1 else (_WIDTH - width) / 2
+    filled = 0.0
+    for number, drawing in enumerate(content.pictures):
+        left = x + number * (_COLUMN + 8.0)
+        height = side.drawing(drawing, left, y, width, 85.0)
+        side.text(left, y + height + 3.0, drawing.caption)
+        filled = max(filled, height)
+    y += filled + 9.0
+    groups = dict(content.groups)
+    columns = ([*groups][:2], [*groups][2:])
+    lowest = y
+    for number, names in enumerate(columns):
+        at = y
+        for name in names:
+            at = _group(side, _LEFT + number * (_COLUMN + 8.0), at, name, groups[name], content)
+        lowest = max(lowest, at)
+    side.paragraph(_LEFT, lowest + 1.0, content.population, _RIGHT - _LEFT, size=7.2)
+    return side
+
+
+def _headline(side: _Side, rows: Sequence[RowText], y: float) -> float:
+    step = (_RIGHT - _LEFT) / max(len(rows), 1)
+    for number, row in enumerate(rows):
+        x = _LEFT + number * step
+        side.text(x, y, row.title, size=7.4)
+        side.text(x, y + 6.2, row.value, size=14.0, color=_INK, weight="bold")
+        uncertainty = f" ± {row.uncertainty}" if row.uncertainty and row.unit else ""
+        side.text(x, y + 9.8, f"{row.unit}{uncertainty}", size=7.0)
+    return y + 11.0
+
+
+def _group(
+    side: _Side, x: float, y: float, name: str, rows: Sequence[RowText], content: Content
+) -> float:
+    """Draw a table of measurements; return where it ends."""
+    ends = {"value": x + 44.0, "uncertainty": x + 51.5, "percentile": x + _COLUMN}
+    side.text(x, y, name, size=8.8, color=_INK, weight="bold")
+    side.text(ends["value"], y, content.length_unit, align="right")
+    side.text(ends["uncertainty"], y, "±", align="right")
+    side.text(ends["percentile"], y, "pctl.", align="right")
+    side.rule(y + 1.3, x, x + _COLUMN, color=_QUIET)
+    for row in rows:
+        y += _ROW
+        side.text(x, y, row.title, size=8.6, color=_INK)
+        side.rule(y + 1.5, x, x + _COLUMN)
+        if row.why:
+            side.text(ends["percentile"], y, "not seen", size=8.0, align="right")
+            continue
+        unit = "" if row.unit == content.length_unit else f" {row.unit}"
+        side.text(ends["value"], y, row.value + unit, size=8.6, color=_INK, weight="bold",
+                  align="right")  # fmt: skip
+        side.text(ends["uncertainty"], y, row.uncertainty, align="right")
+        side.text(ends["percentile"], y, row.percentile, size=8.6, color=_INK, align="right")
+        if row.place is not None:
+            _bar(side, x + 53.5, y - 1.0, 25.0, row.place)
+    return y + 9.0
+
+
+def _bar(side: _Side, x: float, y: float, width: float, place: float) -> None:
+    for first, last, color in ((0.0, 1.0, _TRACK), (0.25, 0.75, _BAND)):
+        side.axes.plot(
+            [x + first * width, x + last * width], [y, y], color=color, linewidth=3.6,
+            solid_capstyle="butt",
+        )  # fmt: skip
+    side.axes.plot(
+        [x + place / 100 * width], [y], "o", color=_ACCENT, markersize=5.0, markeredgecolor="white",
+        markeredgewidth=0.5,
+    )  # fmt: skip
+
+
+def _second_side(content: Content) -> _Side:
+    side = _Side()
+    y, right = _TOP + 5.0, _LEFT + _COLUMN + 8.0
+    size = 62.0 if content.changes else 92.0
+    lowest = y
+    if content.silhouette is not None:
+        _heading(side, _LEFT, y, "Against the average")
+        height = side.drawing(content.silhouette, _LEFT, y + 3.0, _COLUMN, size)
+        at = y + height + 7.0
+        for number, (words, color) in enumerate(
+            (("beyond the average", _LARGER), ("within it", _SMALLER))
+        ):
+            side.axes.plot(
+                [_LEFT + 1.0 + 34.0 * number], [at - 0.8], "s", color=color, markersize=5
+            )
+            side.text(_LEFT + 3.0 + 34.0 * number, at, words)
+        at = side.paragraph(_LEFT, at + 3.6, content.silhouette.caption, _COLUMN, size=7.0)
+        lowest = max(lowest, at)
+    if content.posture:
+        lowest = max(lowest, _posture(side, right, y, content.posture))
+    y = lowest + 5.0 if lowest > y else y
+    if content.changes is not None:
+        y = _changes(side, y, right, content.changes) + 3.0
+    for remark in content.remarks:
+        y = side.paragraph(_LEFT, y, remark, _RIGHT - _LEFT, size=7.2) + 1.0
+    y = _all_rows(side, y, content.all_rows)
+    side.paragraph(_LEFT, y + 3.0, content.uncertainty, _RIGHT - _LEFT, size=7.0)
+    return side
+
+
+def _heading(side: _Side, x: float, y: float, words: str) -> None:
+    side.text(x, y, words.upper(), size=7.6, weight="bold")
+
+
+def _posture(side: _Side, x: float, y: float, rows: Sequence[PostureText]) -> float:
+    _heading(side, x, y, "Posture in the scan")
+    y += 1.5
+    for row in rows:
+        y += _ROW
+        side.text(x, y, row.title, size=8.4, color=_INK)
+        side.text(x + 54.0, y, row.value, size=8.4, color=_INK, weight="bold", align="right")
+        side.text(x + 57.0, y, row.what, size=8.0)
+        side.rule(y + 1.5, x, x + _COLUMN)
+    note = "Angles as the person stood. They describe one moment and are not a diagnosis."
+    return side.paragraph(x, y + 5.0, note, _COLUMN, size=7.0)
+
+
+def _changes(side: _Side, y: float, right: float, changes: ChangesText) -> float:
+    _heading(side, _LEFT, y, f"Changes since {changes.since}")
+    _heading(side, right, y, "Where the surface moved")
+    ends = (47.0, 57.0, 74.0, 88.0)
+    at = y + 4.0
+    for title, end in zip(("before", "now", "change", "noise"), ends, strict=True):
+        side.text(_LEFT + end, at, title, size=6.5, align="right")
+    for row in changes.rows:
+        at += _TIGHT_ROW
+        weight = "bold" if row.is_significant else "normal"
+        side.text(_LEFT, at, row.title, size=7.6, color=_INK, weight=weight)
+        texts = (row.before, row.after, f"{row.change} {row.unit}", f"± {row.threshold}")
+        for text, end in zip(texts, ends, strict=True):
+            side.text(_LEFT + end, at, text, size=7.4, color=_INK, weight=weight, align="right")
+        side.rule(at + 1.2, _LEFT, _LEFT + _COLUMN)
+    height = side.drawing(changes.figure, right, y + 3.0, _COLUMN, 58.0)
+    below = side.paragraph(right, y + height + 6.5, changes.figure.caption, _COLUMN, size=7.0)
+    below = side.paragraph(right, below, changes.note, _COLUMN, size=7.0)
+    return max(at, below) + 3.0
+
+
+def _all_rows(side: _Side, y: float, rows: Sequence[RowText]) -> float:
+    _heading(side, _LEFT, y, f"All {len(rows)} measurements, with percentiles")
+    n_lines = -(-len(rows) // 3)
+    width = (_RIGHT - _LEFT - 10.0) / 3
+    # They share what is left of the page.
+    step = min(_SMALL_ROW, (_BOTTOM - 14.0 - y) / (n_lines + 1))
+    size = min(6.6, 6.6 * step / 3.2)
+    for number, row in enumerate(rows):
+        x = _LEFT + (number // n_lines) * (width + 5.0)
+        at = y + (number % n_lines + 1) * step + 1.0
+        side.text(x, at, textwrap.shorten(row.title, 30, placeholder="…"), size=size, color=_INK)
+        value = "not seen" if row.why else f"{row.value} {row.unit}"
+        ends = ((value, width - 13.0), ("" if row.why else row.uncertainty, width - 6.0))
+        for text, end in (*ends, ("" if row.why else row.percentile, width)):
+            side.text(x + end, at, text, size=size, color=_INK, align="right")
+        side.rule(at + 0.3 * step, x, x + width)
+    return y + (n_lines + 1) * step

@@ -1,0 +1,67 @@
+"""What sheets of one person and of folders share: contents of a body, and the PDF file."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from riemhuman.datasets import load_open_model
+from riemhuman.io.files import write_text
+from riemhuman.measurements import Measurements
+from riemhuman.report._sheet_content import Content, content_of
+from riemhuman.report._sheet_figure import save_figure_pdf
+from riemhuman.report._sheet_page import sheet_page
+from riemhuman.report.printing import print_page
+from riemhuman.report.sheet_values import Average, SheetSubject, SheetValues
+
+_HIPS = "trochanterion"
+
+
+@cache
+def library_version() -> str:
+    try:
+        return metadata.version("riemhuman")
+    except metadata.PackageNotFoundError:
+        return "from its source folder"
+
+
+def save_pdf(content: Content, file: Path, browser: str | None) -> None:
+    """Write a PDF by the browser or, without one or if it fails, by matplotlib."""
+    version = library_version()
+    if browser is not None:
+        # In the same folder: a browser in a container may see no other one.
+        page = file.with_name(f"{file.stem}.print.html")
+        write_text(page, sheet_page(content, version, printed=True))
+        try:
+            if print_page(browser, page, file):
+                return
+        finally:
+            page.unlink(missing_ok=True)
+    save_figure_pdf(content, version, file)
+
+
+def content_for(
+    measurements: Measurements, subject: SheetSubject, values: SheetValues, units: str
+) -> Content:
+    definitions = measurements.definitions
+    across = np.array([1.0, 0.0, 0.0])  # the body faces z
+    if all(f"{side}_{_HIPS}" in definitions.landmarks for side in ("left", "right")):
+        left, right = (
+            weights @ subject.points[vertices]
+            for vertices, weights in (
+                definitions.landmarks[f"{side}_{_HIPS}"] for side in ("left", "right")
+            )
+        )
+        across = left - right
+    return content_of(subject, values, definitions.faces, across, units)
+
+
+def average_for(measurements: Measurements) -> Average:
+    n_vertices = measurements.definitions.n_vertices
+    coarse = load_open_model("coarse")
+    if n_vertices == coarse.n_vertices:
+        return Average("coarse", coarse.faces)
+    return Average("full", load_open_model("full").faces)

@@ -1,0 +1,133 @@
+"""The pages of people's sheets: a page for a person, and the index of a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from urllib.parse import quote
+
+import numpy as np
+import PIL.Image
+
+from riemhuman.plots.rendering import image_source
+from riemhuman.plots.viewer import web_file
+from riemhuman.report._page import template
+from riemhuman.report._sheet_content import NOTHING, Content, row_text
+from riemhuman.report.sheet_values import SheetSubject, SheetValues
+
+_THUMBNAIL = 150  # pixels
+
+
+def sheet_page(content: Content, version: str, *, printed: bool = False, index: str = "") -> str:
+    """Return the page of a sheet.
+
+    Parameters
+    ----------
+    content : Content
+    version : str
+        Of riemhuman.
+    printed : bool
+        Whether it is made for printing, with all its tables unfolded.
+    index : str
+        Address of the page of all people, if there is one.
+    """
+    return template("sheet.html").render(
+        **vars(content),
+        css=web_file("report", "sheet.css"),
+        version=version,
+        printed=printed,
+        index=index,
+    )
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A person in the index: pictures, links, words, and numbers in the order of the titles."""
+
+    name: str
+    person: str
+    sex: str
+    visit: str
+    badge: tuple[str, str]
+    page: str
+    pdf: str
+    thumbnail: str
+    numbers: tuple[tuple[str, float | None], ...]  # as people read them, and to sort by
+    changed: str
+
+    @classmethod
+    def of(
+        cls, subject: SheetSubject, values: SheetValues, content: Content, page: str, pdf: str
+    ) -> Entry:
+        rows = {name: values.by_name.get(name) for name in INDEX_NUMBERS}
+        numbers = []
+        for row in rows.values():
+            text = None if row is None else row_text(row, content.units)
+            known = row is not None and bool(np.isfinite(row.value))
+            numbers.append(
+                (
+                    NOTHING if text is None else f"{text.value} {text.unit}".strip(),
+                    row.value if row is not None and known else None,
+                )
+            )
+        changes = values.changes
+        return cls(
+            name=subject.name,
+            person=subject.person,
+            sex=subject.sex if subject.sex != "adult" else "",
+            visit=subject.visit,
+            badge=content.badge,
+            page=quote(page),
+            pdf=quote(pdf),
+            thumbnail=_thumbnail(content),
+            numbers=tuple(numbers),
+            changed="" if changes is None else f"{int(changes.is_significant.sum())}",
+        )
+
+
+INDEX_NUMBERS = {
+    "stature": "Stature",
+    "body mass": "Weight",
+    "chest girth": "Chest",
+    "waist girth": "Waist",
+    "hip girth": "Hip",
+    "inside leg height": "Inside leg",
+}
+
+
+def _thumbnail(content: Content) -> str:
+    """Return the address of a small picture of the body from the front."""
+    picture = PIL.Image.fromarray(content.pictures[-1].picture.first_view)
+    picture.thumbnail((_THUMBNAIL, _THUMBNAIL))
+    return image_source(np.asarray(picture))
+
+
+def _counts(entries: Sequence[Entry]) -> list[str]:
+    """Return how many bodies have each kind of badge, in words."""
+    kinds = {
+        "trusted": "trusted",
+        "partial": "partly seen",
+        "untrusted": "not trusted",
+        "unknown": "without a scan",
+    }
+    counted = {words: sum(e.badge[0] == kind for e in entries) for kind, words in kinds.items()}
+    return [f"{count} {words}" for words, count in counted.items() if count]
+
+
+def index_page(
+    entries: Sequence[Entry],
+    failures: Sequence[tuple[str, str]],
+    tables: Sequence[str],
+    version: str,
+) -> str:
+    """Return the page of all people, with scans that have no body and the reasons."""
+    return template("sheets.html").render(
+        entries=entries,
+        failures=failures,
+        tables=tables,
+        titles=list(INDEX_NUMBERS.values()),
+        css=web_file("report", "sheet.css"),
+        version=version,
+        has_changes=any(entry.changed for entry in entries),
+        counts=_counts(entries),
+    )

@@ -1,0 +1,271 @@
+"""The bodies of sheets, from files and folders, with the labels of their people."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.datasets import RegisteredMeshes, find_meshes
+from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.io.files import file_path, natural_key
+from riemhuman.io.meshes import load_trusted
+from riemhuman.io.text_tables import read_rows
+from riemhuman.registration import ScanRecord, read_records
+from riemhuman.report.sheet_values import SheetSubject
+
+_LABELS = "labels.csv"
+_RECORDS = "registrations"
+_SEXES = {
+    **dict.fromkeys(("woman", "women", "female", "f", "w"), "woman"),
+    **dict.fromkeys(("man", "men", "male", "m"), "man"),
+    **dict.fromkeys(("", "adult", "unknown", "?"), "adult"),
+}
+# Columns that may name the same thing, the first one found counts.
+_COLUMNS = {
+    "person": ("person", "subject", "name"),
+    "sex": ("sex", "gender"),
+    "visit": ("visit",),
+    "date": ("date",),
+}
+
+
+@dataclass(frozen=True)
+class PersonLabels:
+    """What a table of labels says about one file."""
+
+    person: str = ""
+    sex: str = "adult"
+    visit: str = ""
+    day: str = ""
+
+    @property
+    def when(self) -> str:
+        """The visit and its date, in words."""
+        visit = f"visit {self.visit}" if self.visit.isdigit() else self.visit
+        return ", ".join(part for part in (visit, self.day) if part)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The bodies for sheets, their triangles, labels, and scans that have no body."""
+
+    subjects: list[SheetSubject]
+    faces: list[ndarray]
+    labels: list[PersonLabels]
+    failures: list[tuple[str, str]]
+
+    def earlier(self, number: int) -> int | None:
+        """Return the visit of the same person before a body's, if the labels tell it."""
+        own = self.labels[number]
+        if not own.person:
+            return None
+        same = [k for k, each in enumerate(self.labels) if each.person == own.person]
+        for field in ("day", "visit"):
+            texts = {k: getattr(self.labels[k], field) for k in same}
+            if all(texts.values()) and len(set(texts.values())) == len(same):
+                order = sorted(same, key=lambda k: natural_key(texts[k]))
+                place = order.index(number)
+                return order[place - 1] if place else None
+        return None
+
+
+def find_subjects(
+    paths: Sequence[Path],
+    labels: str | os.PathLike[str] | None,
+    *,
+    unit: str | None = None,
+    up: str | None = None,
+) -> Found:
+    """Return the bodies in mesh files and folders; registered scans with what is known of them."""
+    subjects: list[SheetSubject] = []
+    faces: list[ndarray] = []
+    failures: list[tuple[str, str]] = []
+    for place in paths:
+        if place.is_dir():
+            own, triangles, failed = _of_folder(place, unit, up)
+        else:
+            own, triangles, failed = *_of_files([place], unit, up), []
+        subjects += own
+        faces += triangles
+        failures += failed
+    if not subjects and not failures:
+        raise FileError("there are no bodies to make sheets of")
+    table = _table_of(paths, labels)
+    known = {} if table is None else read_people(table)
+    chosen = [
+        known.get(each.file.casefold(), known.get(each.name.casefold(), PersonLabels()))
+        for each in subjects
+    ]
+    subjects = [
+        replace(each, person=label.person, sex=label.sex, visit=label.when)
+        for each, label in zip(subjects, chosen, strict=True)
+    ]
+    return Found(subjects, faces, chosen, failures)
+
+
+def read_people(table: Path) -> dict[str, PersonLabels]:
+    """Return what a table says about files, by their names with and without an ending.
+
+    Its first line names the columns: ``file`` and any of person (or subject), sex, visit and date.
+    """
+    _, rows = read_rows(table)
+    header = [name.lower() for name in rows[0][1]] if rows else []
+    if "file" not in header:
+        raise FileFormatError(
+            f"{table} has no column file; its first line must name file and any of person, sex, "
+            f"visit and date; found {','.join(header)[:60]!r}"
+        )
+    people = {}
+    for line, cells in rows[1:]:
+        named = dict(zip(header, [*cells, *[""] * (len(header) - len(cells))], strict=False))
+        texts = {
+            key: next((named[name] for name in names if name in named), "")
+            for key, names in _COLUMNS.items()
+        }
+        where = f"{table}, line {line}"
+        label = PersonLabels(
+            texts["person"], _sex(texts["sex"], where), texts["visit"], _day(texts["date"], where)
+        )
+        for name in (named["file"], Path(named["file"]).stem):
+            people[name.casefold()] = label
+    return people
+
+
+def _sex(text: str, where: str) -> str:
+    sex = _SEXES.get(text.casefold())
+    if sex is None:
+        raise FileFormatError(f"{where}: sex must be woman, man or empty; found {text[:40]!r}")
+    return sex
+
+
+def _day(text: str, where: str) -> str:
+    try:
+        return text and date.fromisoformat(text).isoformat()
+    except ValueError as error:
+        raise FileFormatError(
+            f"{where}: date must be written as 2026-03-31; found {text[:40]!r}"
+        ) from error
+
+
+def _table_of(paths: Sequence[Path], labels: str | os.PathLike[str] | None) -> Path | None:
+    if labels is not None:
+        table = file_path(labels, "labels")
+        if not table.is_file():
+            raise FileError(f"there is no table of labels {table}")
+        return table
+    beside = (paths[0] if paths[0].is_dir() else paths[0].parent) / _LABELS
+    return beside if beside.is_file() else None
+
+
+def _of_folder(
+    folder: Path, unit: str | None, up: str | None
+) -> tuple[list[SheetSubject], list[ndarray], list[tuple[str, str]]]:
+    """Return the bodies of a folder, also those that `register` did not trust."""
+    if not (folder / _RECORDS).is_dir():
+        return *_of_files(find_meshes(folder), unit, up), []
+    records = sorted(read_records(folder), key=lambda record: natural_key(record.name))
+    subjects = [subject_of_record(record) for record in records if record.arrays]
+    faces = [record.arrays["faces"] for record in records if record.arrays]
+    failures = [(record.name, record.message) for record in records if not record.arrays]
+    names = {record.name for record in records}
+    try:
+        others = [file for file in find_meshes(folder) if file.stem not in names]
+    except FileError:  # all of them are in its subfolders
+        others = []
+    if others:
+        more, triangles = _of_files(others, unit, up)
+        subjects, faces = subjects + more, faces + triangles
+    return subjects, faces, failures
+
+
+def _of_files(
+    files: Sequence[Path], unit: str | None, up: str | None
+) -> tuple[list[SheetSubject], list[ndarray]]:
+    """Return the bodies of mesh files; those of registered scans with their records."""
+    subjects, faces = [], []
+    known: dict[Path, dict[str, ScanRecord]] = {}
+    for file in files:
+        record = _record_beside(file, known)
+        if record is not None:
+            subjects.append(subject_of_record(record))
+            faces.append(record.arrays["faces"])
+            continue
+        meshes = RegisteredMeshes([file], scale=None, unit=unit, up=up)
+        trusted = load_trusted(file)
+        subjects.append(
+            SheetSubject(
+                name=file.stem,
+                points=meshes[0],
+                file=file.name,
+                trusted_vertices=trusted,
+                is_trusted=trusted is None or bool(trusted.any()),
+            )
+        )
+        faces.append(meshes.faces)
+    return subjects, faces
+
+
+def _record_beside(file: Path, known: dict[Path, dict[str, ScanRecord]]) -> ScanRecord | None:
+    """Return the record of the registered scan in a file, if `register` kept one."""
+    for folder in (file.parent, file.parent.parent):
+        if (folder / _RECORDS / f"{file.stem}.npz").is_file():
+            if folder not in known:
+                known[folder] = {record.name: record for record in read_records(folder)}
+            record = known[folder][file.stem]
+            return record if record.arrays else None
+    return None
+
+
+def subject_of_record(record: ScanRecord) -> SheetSubject:
+    """Return the body of a registered scan, or raise an error if it has none."""
+    if not record.arrays:
+        raise ArgumentError(f"{record.name} was not registered: {record.message}")
+    arrays = record.arrays
+    return subject_of_scan(
+        record.name,
+        arrays["points"],
+        arrays["transform"],
+        arrays["shown"],
+        arrays["trusted_vertices"].astype(bool),
+        is_trusted=record.trusted,
+        message=record.message,
+        median_distance=record.median_distance,
+        matched_share=record.matched_share,
+    )
+
+
+def subject_of_scan(
+    name: str,
+    points: ndarray,
+    transform: ndarray,
+    scan: ndarray,
+    trusted_vertices: ndarray,
+    *,
+    is_trusted: bool,
+    message: str,
+    median_distance: float,
+    matched_share: float,
+) -> SheetSubject:
+    """Return a registered scan in upright axes."""
+
+    def upright(places: ndarray) -> ndarray:
+        moved = np.asarray(places, dtype=np.float64) @ transform[:3, :3].T + transform[:3, 3]
+        return np.asarray(moved)
+
+    return SheetSubject(
+        name=name,
+        points=upright(points),
+        file=name,
+        trusted_vertices=trusted_vertices,
+        is_trusted=is_trusted,
+        message=message,
+        scan=upright(scan),
+        median_distance=median_distance,
+        matched_share=matched_share,
+    )

@@ -1,0 +1,146 @@
+"""Tables of all people with sheets: a CSV file, and a workbook with openpyxl."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from riemhuman.io.files import atomic_file
+from riemhuman.io.text_tables import csv_cell, csv_text
+from riemhuman.optional import import_optional
+from riemhuman.report._sheet_content import badge
+from riemhuman.report.sheet_values import SheetSubject, SheetValues
+
+Cell = str | float | None
+Rows = list[list[Cell]]
+Sheets = Sequence[tuple[SheetSubject, SheetValues]]
+
+_WIDEST, _NARROWEST = 40, 9  # characters of a column
+
+
+def table_text(sheets: Sheets) -> str:
+    """Return a row per body as comma-separated text: SI units, which the header names."""
+    parts = [
+        _people(sheets),
+        _values(sheets, "value"),
+        _values(sheets, "percentile"),
+        _values(sheets, "uncertainty"),
+        _posture(sheets),
+    ]
+    return csv_text([[cell for part in row for cell in part] for row in zip(*parts, strict=True)])
+
+
+def save_workbook(sheets: Sheets, file: Path) -> None:
+    """Write the same as a workbook with a page for each kind of number, and one of changes."""
+    openpyxl = import_optional("openpyxl", "sheet")
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    people = _people(sheets)
+    pages = {
+        "Measurements": _values(sheets, "value"),
+        "Percentiles": _values(sheets, "percentile"),
+        "Uncertainty": _values(sheets, "uncertainty"),
+        "Posture": _posture(sheets),
+    }
+    for title, rows in pages.items():
+        _add_page(openpyxl, book, title, _beside(people, rows))
+    changes = _changes(sheets)
+    if len(changes) > 1:
+        _add_page(openpyxl, book, "Changes", changes)
+    with atomic_file(file) as temporary:
+        book.save(temporary)
+
+
+def _beside(left: Rows, right: Rows) -> Rows:
+    return [first + second for first, second in zip(left, right, strict=True)]
+
+
+def _people(sheets: Sheets) -> Rows:
+    header: list[Cell] = ["name", "person", "sex", "visit", "file", "trust", "message"]
+    header += ["distance from the scan (m)", "matched share"]
+    return [header] + [
+        [
+            subject.name,
+            subject.person,
+            subject.sex,
+            subject.visit,
+            subject.file,
+            badge(subject)[1],
+            subject.message,
+            _number(subject.median_distance),
+            _number(subject.matched_share),
+        ]
+        for subject, _ in sheets
+    ]
+
+
+def _values(sheets: Sheets, what: str) -> Rows:
+    names: dict[str, str] = {}
+    for _, values in sheets:
+        names |= {row.name: row.unit for row in values.rows}
+    titles = {
+        "value": "{name} ({unit})",
+        "percentile": "{name}, percentile",
+        "uncertainty": "{name}, ± ({unit})",
+    }
+    header: list[Cell] = [titles[what].format(name=name, unit=unit) for name, unit in names.items()]
+    rows = [header]
+    for _, values in sheets:
+        cells: list[Cell] = []
+        for name in names:
+            row = values.by_name.get(name)
+            known = {} if row is None else vars(row)
+            cells.append(_number(known.get(what, float("nan"))))
+        rows.append(cells)
+    return rows
+
+
+def _posture(sheets: Sheets) -> Rows:
+    names = list(dict.fromkeys(name for _, values in sheets for name in values.posture))
+    rows: Rows = [[f"{name} (°)" for name in names]]
+    for _, values in sheets:
+        rows.append([_number(values.posture.get(name, float("nan"))) for name in names])
+    return rows
+
+
+def _changes(sheets: Sheets) -> Rows:
+    header: list[Cell] = ["name", "person", "visit", "since", "measurement", "unit"]
+    rows: Rows = [[*header, "before", "after", "change", "noise, ±", "changed"]]
+    for subject, values in sheets:
+        result = values.changes
+        if result is None:
+            continue
+        for k, name in enumerate(result.names):
+            numbers = (result.before, result.after, result.changes, result.thresholds)
+            rows.append(
+                [
+                    *(subject.name, subject.person, subject.visit, values.since),
+                    *(name, result.units[k]),
+                    *(_number(float(each[k])) for each in numbers),
+                    "yes" if result.is_significant[k] else "no",
+                ]
+            )
+    return rows
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _add_page(openpyxl: ModuleType, book: Any, title: str, rows: Rows) -> None:
+    page = book.create_sheet(title)
+    for row in rows:
+        page.append([csv_cell(cell) if isinstance(cell, str) else cell for cell in row])
+    bold = openpyxl.styles.Font(bold=True)
+    for cell in page[1]:
+        cell.font = bold
+    for column, cells in enumerate(zip(*rows, strict=True), start=1):
+        longest = max(len(str(cell)) for cell in cells if cell is not None)
+        letter = openpyxl.utils.get_column_letter(column)
+        page.column_dimensions[letter].width = min(max(longest + 1, _NARROWEST), _WIDEST)
+    page.freeze_panes = "B2"
+    page.auto_filter.ref = page.dimensions

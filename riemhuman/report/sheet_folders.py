@@ -1,0 +1,224 @@
+"""Sheets of all people in a folder: their pages and PDF files, an index, and tables."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from numpy import ndarray
+
+from riemhuman.checks import one_of
+from riemhuman.errors import FileError, MissingDependencyError, warn
+from riemhuman.io.files import file_path, write_text
+from riemhuman.io.outputs import atomic_folder, check_output_folder
+from riemhuman.kernels.threads import mapped
+from riemhuman.measurements import Measurements, open_measurements
+from riemhuman.measurements.readable_units import READABLE_UNITS
+from riemhuman.optional import import_optional
+from riemhuman.report._sheet_content import Content
+from riemhuman.report._sheet_making import (
+    average_for,
+    content_for,
+    library_version,
+    save_pdf,
+)
+from riemhuman.report._sheet_page import Entry, index_page, sheet_page
+from riemhuman.report._sheet_subjects import Found, find_subjects
+from riemhuman.report._sheet_tables import save_workbook, table_text
+from riemhuman.report.printing import check_printing, find_browser
+from riemhuman.report.sheet_values import SheetSubject, SheetValues, values_of, with_changes
+from riemhuman.surfaces import Template
+
+SHEET_FILES = r"[^.].*\.(html|pdf)|measurements\.(csv|xlsx)"
+"""Pattern of the names of files in a folder of sheets."""
+
+_INDEX, _TABLE, _WORKBOOK = "index.html", "measurements.csv", "measurements.xlsx"
+_BATCH = 8  # bodies whose measurements are taken together
+_MOST_BROWSERS = 4
+Progress = Callable[[str], AbstractContextManager[Any]]
+
+
+def make_sheets(
+    bodies: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    output: str | os.PathLike[str],
+    *,
+    labels: str | os.PathLike[str] | None = None,
+    measurements: Measurements | None = None,
+    units: str = "cm",
+    unit: str | None = None,
+    up: str | None = None,
+    replace_output: bool = False,
+    progress: Progress = nullcontext,
+) -> Path:
+    """Write the sheets of people into a folder, and return their index page.
+
+    For each body there is a page and, where Chromium or matplotlib is installed, a PDF of two
+    sides; ``index.html`` lists all, ``measurements.csv`` and, with openpyxl, ``measurements.xlsx``
+    hold their numbers in SI units. All files appear together.
+
+    Parameters
+    ----------
+    bodies : path_like or sequence of path_like
+        Folders and files of registered bodies; those of `register_folder` come with their scans.
+    output : path_like
+        Folder to write.
+    labels : path_like, optional
+        Table with the column ``file`` and any of ``person`` (or ``subject``), ``sex`` (woman or
+        man), ``visit`` and ``date`` (as 2026-03-31); by default ``labels.csv`` beside the bodies.
+        Bodies of one person are compared with the visit before, if all have different dates, or
+        visits.
+    measurements : Measurements, optional
+        Measurements of the body model; by default those of the open one.
+    units : {"cm", "in"}
+        Units of the sheets; tables are in SI units.
+    unit, up : str, optional
+        Unit of the mesh files, and their axis that points up.
+    replace_output : bool
+        Whether to replace the sheets that a folder holds.
+    progress : callable
+        Takes the name of a task; returns a context manager that is open during the task.
+
+    Raises
+    ------
+    FileError
+        If there are no bodies, or the output holds something.
+
+    Examples
+    --------
+    >>> page = rh.report.make_sheets("bodies", "sheets")  # doctest: +SKIP
+    """
+    one_of(units, "units", tuple(READABLE_UNITS))
+    places = [bodies] if isinstance(bodies, (str, os.PathLike)) else list(bodies)
+    paths = [file_path(place, "bodies") for place in places]
+    folder = file_path(output, "output", "folder")
+    is_ours = re.compile(SHEET_FILES).fullmatch
+    check_output_folder(folder, lambda name: bool(is_ours(name)), force=replace_output)
+    with progress("Reading bodies"):
+        found = find_subjects(paths, labels, unit=unit, up=up)
+    sheets = _all_sheets(found, measurements, units, progress)
+    with atomic_folder(folder, lambda name: bool(is_ours(name))) as temporary:
+        _write(temporary, sheets, found, progress)
+    return folder / _INDEX
+
+
+@dataclass(frozen=True, eq=False)
+class _Made:
+    subject: SheetSubject
+    values: SheetValues
+    content: Content
+
+
+def _all_sheets(
+    found: Found, measurements: Measurements | None, units: str, progress: Progress
+) -> list[_Made]:
+    """Return what stands on all sheets, in the order of the bodies."""
+    kinds: dict[int, list[int]] = {}
+    own: dict[int, Measurements] = {}
+    for number, (subject, faces) in enumerate(zip(found.subjects, found.faces, strict=True)):
+        key = len(subject.points)
+        if key not in own:
+            own[key] = _measurements_of_file(measurements, subject, faces)
+        own[key].definitions.surface.check_faces(faces, subject.file)
+        kinds.setdefault(key, []).append(number)
+    values: dict[int, SheetValues] = {}
+    n_bodies = len(found.subjects)
+    for key, numbers in kinds.items():
+        average = average_for(own[key])
+        for first in range(0, len(numbers), _BATCH):
+            part = numbers[first : first + _BATCH]
+            with progress(f"Measurements of bodies {len(values) + 1} to "
+                          f"{len(values) + len(part)} of {n_bodies}"):  # fmt: skip
+                measured = values_of(own[key], [found.subjects[k] for k in part], average)
+            values |= dict(zip(part, measured, strict=True))
+    for number, subject in enumerate(found.subjects):
+        earlier = found.earlier(number)
+        if earlier is None:
+            continue
+        before = found.subjects[earlier]
+        if len(before.points) != len(subject.points):
+            remark = f"no comparison with {before.name}: it has other triangles"
+            remarks = (*values[number].remarks, remark)
+            values[number] = replace(values[number], remarks=remarks)
+            continue
+        with progress(f"Changes of {subject.name} since {before.name}"):
+            values[number] = with_changes(own[len(subject.points)], values[number], before, subject)
+    made = []
+    for number, subject in enumerate(found.subjects):
+        with progress(f"Pictures of {subject.name}"):
+            key = len(subject.points)
+            content = content_for(own[key], subject, values[number], units)
+        made.append(_Made(subject, values[number], content))
+    return made
+
+
+def _write(folder: Path, sheets: Sequence[_Made], found: Found, progress: Progress) -> None:
+    """Write all files of a folder of sheets."""
+    version, browser = library_version(), find_browser()
+    names = _file_names([made.subject.name for made in sheets])
+    pdfs = [f"{name}.pdf" for name in names]
+    try:
+        check_printing()
+    except MissingDependencyError as error:
+        warn(f"no PDF is written, for want of Chromium or Chrome; or else {error}", UserWarning)
+        pdfs = [""] * len(sheets)
+
+    def write(numbered: tuple[int, _Made]) -> None:
+        number, made = numbered
+        text = sheet_page(made.content, version, index=_INDEX)
+        write_text(folder / f"{names[number]}.html", text)
+        if pdfs[number]:
+            save_pdf(made.content, folder / pdfs[number], browser)
+
+    with progress(f"Pages and PDF files of {len(sheets)} bodies"):
+        n_threads = min(_MOST_BROWSERS, os.cpu_count() or 1) if browser else 1
+        list(mapped(write, enumerate(sheets), n_threads))
+    numbers = [(made.subject, made.values) for made in sheets]
+    write_text(folder / _TABLE, table_text(numbers))
+    workbook = _WORKBOOK
+    try:
+        import_optional("openpyxl", "sheet")
+    except MissingDependencyError as error:
+        warn(f"{_WORKBOOK} is not written: {error}", UserWarning)
+        workbook = ""
+    else:
+        save_workbook(numbers, folder / _WORKBOOK)
+    entries = [
+        Entry.of(made.subject, made.values, made.content, f"{name}.html", pdf)
+        for made, name, pdf in zip(sheets, names, pdfs, strict=True)
+    ]
+    text = index_page(entries, found.failures, [_TABLE, *filter(None, [workbook])], version)
+    write_text(folder / _INDEX, text)
+
+
+def _file_names(names: Sequence[str]) -> list[str]:
+    """Return names of files that differ on every file system, and from that of the index."""
+    taken, chosen = {"index"}, []
+    for name in names:
+        plain = name.lstrip(".") or "body"
+        candidate, number = plain, 1
+        while candidate.casefold() in taken:
+            number += 1
+            candidate = f"{plain}_{number}"
+        taken.add(candidate.casefold())
+        chosen.append(candidate)
+    return chosen
+
+
+def _measurements_of_file(
+    measurements: Measurements | None, subject: SheetSubject, faces: ndarray
+) -> Measurements:
+    if measurements is not None:
+        return measurements
+    definitions = open_measurements(Template(subject.points, faces))
+    if definitions is None:
+        raise FileError(
+            f"{subject.file} has {len(subject.points)} vertices and {len(faces)} triangles, not "
+            "those of the open body model; register it first: riemhuman register SCAN -o body.ply, "
+            "or give --model and --definitions"
+        )
+    return Measurements(definitions)

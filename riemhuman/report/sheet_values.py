@@ -1,0 +1,314 @@
+"""What a person's sheet says: measurements, percentiles, posture, and changes since a visit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.errors import ArgumentError
+from riemhuman.measurements import (
+    Measurements,
+    VisitComparison,
+    average_adult,
+    compare_visits,
+    in_standard_pose,
+    noise_of_measurements,
+    percentiles,
+    posture_angles,
+)
+
+# Measurements that people ask for, by group, with the names that people use.
+KEY_GROUPS: Mapping[str, Mapping[str, str]] = {
+    "Whole body": {
+        "stature": "Stature",
+        "body mass": "Weight, estimated",
+        "volume": "Volume",
+        "surface area": "Surface area",
+    },
+    "Neck and trunk": {
+        "neck girth": "Neck girth",
+        "shoulder (biacromial) breadth": "Shoulder breadth",
+        "chest girth": "Chest girth",
+        "under-bust girth": "Under-bust girth",
+        "waist girth": "Natural waist girth",
+        "waist girth (omphalion)": "Waist at the navel",
+        "hip girth": "Hip girth",
+        "back length": "Back length",
+    },
+    "Arms": {
+        "arm length along joints": "Arm length",
+        "upper arm girth": "Upper arm girth",
+        "forearm girth": "Forearm girth",
+        "wrist girth": "Wrist girth",
+    },
+    "Legs": {
+        "inside leg height": "Inside leg",
+        "outside leg length": "Outside leg",
+        "thigh girth": "Thigh girth",
+        "knee girth": "Knee girth",
+        "calf girth": "Calf girth",
+        "ankle girth": "Ankle girth",
+        "foot length": "Foot length",
+    },
+}
+_KEY_NAMES = {name: title for group in KEY_GROUPS.values() for name, title in group.items()}
+# Quotients of two measurements, and powers of the second.
+_RATIOS = {
+    "Body mass index": ("body mass", "stature", 2, "kg/m²"),
+    "Waist to hip": ("waist girth", "hip girth", 1, ""),
+    "Waist to stature": ("waist girth", "stature", 1, ""),
+}
+# Trunks that lean more lie, or point along another axis than the one that should be up.
+_LARGEST_LEAN = 60.0
+# Two standard deviations: of 100 repeated measurements, about 95 lie within.
+_DEVIATIONS = 2.0
+
+
+@dataclass(frozen=True)
+class SheetRow:
+    """A measurement of a person.
+
+    Attributes
+    ----------
+    name, title : str
+        Its name in the library, and as people call it.
+    unit : str
+        "m", "m²", "m³" or "kg".
+    value : float
+        The value in the standard pose; NaN if it was not measured.
+    uncertainty : float
+        Two standard deviations over poses of simulated people, registered from scans.
+    percentile : float
+        Percentage of simulated adults of the same sex and stature who are smaller, see
+        `rh.measurements.percentiles`.
+    why_missing : str
+        Why the value is NaN.
+
+    Examples
+    --------
+    >>> row = rh.report.SheetRow("stature", "Stature", "m", 1.7, 0.01, 60.0)
+    >>> row.value
+    1.7
+    """
+
+    name: str
+    title: str
+    unit: str
+    value: float
+    uncertainty: float
+    percentile: float
+    why_missing: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class SheetSubject:
+    """A body of which a sheet is made, and what is known about its person and its scan."""
+
+    name: str
+    points: ndarray
+    person: str = ""
+    sex: str = "adult"
+    visit: str = ""  # which, or when
+    file: str = ""
+    trusted_vertices: ndarray | None = None  # None if nothing is known
+    is_trusted: bool = True
+    message: str = ""
+    scan: ndarray | None = None  # points in the axes of the body
+    median_distance: float = float("nan")
+    matched_share: float = float("nan")
+
+    @property
+    def is_measurable(self) -> bool:
+        return self.is_trusted and (
+            self.trusted_vertices is None or bool(self.trusted_vertices.any())
+        )
+
+    @property
+    def known_vertices(self) -> ndarray:
+        if self.trusted_vertices is None:
+            return np.ones(len(self.points), dtype=bool)
+        return self.trusted_vertices
+
+
+@dataclass(frozen=True, eq=False)
+class SheetValues:
+    """What is known about a body; lengths in metres, angles in degrees."""
+
+    rows: tuple[SheetRow, ...]
+    ratios: Mapping[str, tuple[float, str]]
+    posture: Mapping[str, float]
+    standing: ndarray | None  # the body in the standard pose
+    average: ndarray | None  # that of the sex and stature
+    average_faces: ndarray | None
+    remarks: tuple[str, ...] = ()
+    changes: VisitComparison | None = None
+    since: str = ""
+
+    @cached_property
+    def by_name(self) -> dict[str, SheetRow]:
+        return {row.name: row for row in self.rows}
+
+    def key_rows(self) -> dict[str, list[SheetRow]]:
+        """Return the rows of measurements that people ask for, by group."""
+        groups = {
+            group: [self.by_name[name] for name in names if name in self.by_name]
+            for group, names in KEY_GROUPS.items()
+        }
+        return {group: rows for group, rows in groups.items() if rows}
+
+
+def values_of(
+    measurements: Measurements, subjects: Sequence[SheetSubject], average: Average
+) -> list[SheetValues]:
+    """Return what is known about bodies, whose measurements are taken together."""
+    chosen = [number for number, each in enumerate(subjects) if each.is_measurable]
+    standing: dict[int, ndarray] = {}
+    measured = None
+    if chosen:
+        points = np.stack([subjects[number].points for number in chosen])
+        straight = in_standard_pose(measurements.definitions, points)
+        standing = dict(zip(chosen, straight, strict=True))
+        measured = measurements.measure(
+            straight,
+            axes="space",
+            missing="nan",
+            trusted_vertices=np.stack([subjects[number].known_vertices for number in chosen]),
+        )
+    results = []
+    for number, subject in enumerate(subjects):
+        if measured is None or number not in standing:
+            values = np.full(len(measurements.names), np.nan)
+            reasons = dict.fromkeys(measurements.names, "the registration is not trusted")
+        else:
+            place = chosen.index(number)
+            values = measured.values[place]
+            reasons = {
+                name: reason for (k, name), reason in measured.why_missing.items() if k == place
+            }
+        results.append(
+            _values(measurements, subject, values, reasons, standing.get(number), average)
+        )
+    return results
+
+
+class Average:
+    """Average adults for comparison, made once for a stature in millimetres and a sex."""
+
+    def __init__(self, resolution: str, faces: ndarray) -> None:
+        self._resolution, self.faces = resolution, faces
+        self._made: dict[tuple[int, str], ndarray] = {}
+
+    def of(self, stature: float, sex: str) -> ndarray | None:
+        """Return the average body, or None if the stature is unknown or no adult has it."""
+        if not np.isfinite(stature):
+            return None
+        key = round(1000 * stature), sex
+        if key not in self._made:
+            try:
+                self._made[key] = average_adult(key[0] / 1000, sex, self._resolution)
+            except ArgumentError:
+                return None
+        return self._made[key]
+
+
+def _values(
+    measurements: Measurements,
+    subject: SheetSubject,
+    values: ndarray,
+    reasons: Mapping[str, str],
+    standing: ndarray | None,
+    average: Average,
+) -> SheetValues:
+    named = dict(zip(measurements.names, values.tolist(), strict=True))
+    stature = named.get("stature", float("nan"))
+    found = _percentiles(named, subject.sex, stature)
+    noise = noise_of_measurements(measurements.names)
+    rows = tuple(
+        SheetRow(
+            name,
+            _KEY_NAMES.get(name, name[:1].upper() + name[1:]),
+            unit,
+            named[name],
+            _DEVIATIONS * deviation,
+            found.get(name, float("nan")),
+            reasons.get(name, ""),
+        )
+        for name, unit, deviation in zip(
+            measurements.names, measurements.units, noise.tolist(), strict=True
+        )
+    )
+    posture, remarks = _posture(measurements, subject)
+    body = average.of(stature, subject.sex) if standing is not None else None
+    if standing is not None and body is None:
+        why = "is not that of an adult" if np.isfinite(stature) else "is not known"
+        remarks.append(f"no percentiles, and no average to compare with: the stature {why}")
+    return SheetValues(
+        rows=rows,
+        ratios=_ratios(named),
+        posture=posture,
+        standing=standing,
+        average=body,
+        average_faces=average.faces,
+        remarks=tuple(remarks),
+    )
+
+
+def _percentiles(named: Mapping[str, float], sex: str, stature: float) -> dict[str, float]:
+    if not np.isfinite(stature):
+        return {}
+    is_known = np.isfinite(noise_of_measurements(list(named)))
+    of_open_body = {
+        name: value for (name, value), known in zip(named.items(), is_known, strict=True) if known
+    }
+    return percentiles(of_open_body, sex, stature=stature)
+
+
+def _ratios(named: Mapping[str, float]) -> dict[str, tuple[float, str]]:
+    found = {}
+    for title, (above, below, power, unit) in _RATIOS.items():
+        if above in named and below in named:
+            found[title] = (named[above] / named[below] ** power, unit)
+    return found
+
+
+def _posture(
+    measurements: Measurements, subject: SheetSubject
+) -> tuple[dict[str, float], list[str]]:
+    """Return angles, and what is to be said about them."""
+    if not subject.is_measurable:
+        return {}, []
+    try:
+        angles = posture_angles(
+            measurements, subject.points, trusted_vertices=subject.known_vertices
+        )
+    except ArgumentError:
+        return {}, []  # another set, without these landmarks
+    found = {name: float(angle) for name, angle in angles.items()}
+    leans = [found["trunk lean forward"], found["trunk lean to the left"]]
+    if np.nanmax(np.abs(leans), initial=0.0) > _LARGEST_LEAN:
+        return {}, ["posture is left out: the body lies, or up is another axis (see --up)"]
+    return found, []
+
+
+def with_changes(
+    measurements: Measurements,
+    values: SheetValues,
+    before: SheetSubject,
+    after: SheetSubject,
+) -> SheetValues:
+    """Return values with the changes since an earlier visit."""
+    since = before.visit or before.name
+    if not (before.is_measurable and after.is_measurable):
+        remark = f"no comparison with {since}: one of the two bodies is not trusted"
+        return replace(values, remarks=(*values.remarks, remark))
+    comparison = compare_visits(
+        measurements,
+        before.points,
+        after.points,
+        trusted_vertices=np.stack([before.known_vertices, after.known_vertices]),
+    )
+    return replace(values, changes=comparison, since=since)

@@ -1,0 +1,208 @@
+"""The sheet of a person: what the body measures, whether to trust it, and what has changed."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from functools import cached_property
+from html import escape
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.bodies import BodyModel
+from riemhuman.checks import one_of, real_array
+from riemhuman.datasets import load_open_model
+from riemhuman.errors import ArgumentError
+from riemhuman.io.files import file_path, suffix_of, write_text
+from riemhuman.measurements import Measurements, VisitComparison
+from riemhuman.measurements.readable_units import READABLE_UNITS
+from riemhuman.registration import RegisteredScan, ScanRecord
+from riemhuman.report._sheet_content import Content, badge
+from riemhuman.report._sheet_making import average_for, content_for, library_version, save_pdf
+from riemhuman.report._sheet_page import sheet_page
+from riemhuman.report._sheet_subjects import subject_of_record, subject_of_scan
+from riemhuman.report.printing import find_browser
+from riemhuman.report.sheet_values import (
+    SheetRow,
+    SheetSubject,
+    SheetValues,
+    values_of,
+    with_changes,
+)
+
+_MOST_POINTS = 12_000  # of a scan that are drawn
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sheet:
+    """The sheet of a person: a page, or a PDF of two sides.
+
+    A notebook shows it.
+
+    Attributes
+    ----------
+    name, sex : str
+        Name of the person or body, and "woman", "man" or "adult".
+    badge : str
+        "trusted", "partly seen: 66 %", "not trusted", or "registered mesh" if nothing is known
+        about a scan.
+    measurements : tuple of SheetRow
+        Values with uncertainties and percentiles.
+    posture : dict of str to float
+        Angles in degrees, see `rh.measurements.posture_angles`.
+    changes : VisitComparison or None
+        Changes since the earlier visit, if one was given.
+    content : Content
+        The words and drawings of its page.
+
+    Examples
+    --------
+    See `sheet`.
+    """
+
+    name: str
+    sex: str
+    badge: str
+    measurements: tuple[SheetRow, ...]
+    posture: dict[str, float]
+    changes: VisitComparison | None
+    content: Content
+
+    def __repr__(self) -> str:
+        known = sum(bool(np.isfinite(row.value)) for row in self.measurements)
+        return f"<Sheet: {self.name}, {self.sex}, {self.badge}, {known} measurements>"
+
+    def _repr_html_(self) -> str:
+        page = escape(self.html, quote=True)
+        style = "width:100%;height:60rem;border:0"
+        return f'<iframe srcdoc="{page}" style="{style}" title="{escape(self.name)}"></iframe>'
+
+    @cached_property
+    def html(self) -> str:
+        """The page."""
+        return sheet_page(self.content, library_version())
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the page (.html), or the PDF of two sides (.pdf).
+
+        Parameters
+        ----------
+        path : path_like
+            File to write; an existing one is replaced.
+        """
+        file = file_path(path)
+        if suffix_of(file, (".html", ".pdf")) == ".html":
+            write_text(file, self.html)
+        else:
+            save_pdf(self.content, file, find_browser())
+
+
+def sheet(
+    body: Any,
+    *,
+    model: BodyModel | Measurements | None = None,
+    name: str = "",
+    sex: str = "adult",
+    visit: str = "",
+    before: Any = None,
+    units: str = "cm",
+) -> Sheet:
+    """Make the sheet of a person.
+
+    It shows the scan and the body from three sides, whether and where to trust them,
+    measurements in the standard pose with uncertainties and percentiles among adults of the same
+    sex and stature (see `rh.measurements.percentiles`), the silhouette over that of the average,
+    the posture, and changes since an earlier visit.
+
+    Parameters
+    ----------
+    body : RegisteredScan, ScanRecord, or array_like, shape (V, 3)
+        A registered scan, its record, or a body of the model, metres, y up.
+    model : BodyModel or Measurements, optional
+        The body model, or measurements of it; by default the open one of these triangles.
+    name : str
+        Name of the person.
+    sex : {"adult", "woman", "man"}
+        With whom to compare; "adult" for women and men together.
+    visit : str
+        Which visit this is, or when.
+    before : RegisteredScan, ScanRecord, or array_like, optional
+        The same person at an earlier visit.
+    units : {"cm", "in"}
+        Centimetres, kilograms and litres, or inches and pounds.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> sheet = rh.report.sheet(bodies[0], name="Emma", sex="woman")
+    >>> sheet.badge, sheet.measurements[0].name
+    ('registered mesh', 'stature')
+    >>> sheet.save("emma.html")
+    """
+    one_of(sex, "sex", ("adult", "woman", "man"))
+    one_of(units, "units", tuple(READABLE_UNITS))
+    points, subject = _subject(body, "body", name, sex, visit)
+    measurements = _measurements_of(model, points)
+    real_array(points, "body", (measurements.definitions.n_vertices, 3), batched=False)
+    average = average_for(measurements)
+    values = values_of(measurements, [subject], average)[0]
+    if before is not None:
+        earlier, first = _subject(before, "before", name, sex, "the earlier visit")
+        real_array(earlier, "before", points.shape, batched=False)
+        values = with_changes(measurements, values, first, subject)
+    return _sheet(measurements, subject, values, units)
+
+
+def _sheet(
+    measurements: Measurements, subject: SheetSubject, values: SheetValues, units: str
+) -> Sheet:
+    return Sheet(
+        name=subject.person or subject.name,
+        sex=subject.sex,
+        badge=badge(subject)[1],
+        measurements=values.rows,
+        posture=dict(values.posture),
+        changes=values.changes,
+        content=content_for(measurements, subject, values, units),
+    )
+
+
+def _subject(
+    body: Any, argument: str, name: str, sex: str, visit: str
+) -> tuple[ndarray, SheetSubject]:
+    """Return a body and what is known about it, from whatever holds it."""
+    if isinstance(body, RegisteredScan):
+        shown = body.scan.points[~body.background]
+        subject = subject_of_scan(
+            name or "body",
+            body.points,
+            body.transform,
+            shown[:: max(1, len(shown) // _MOST_POINTS)],
+            body.trusted_vertices,
+            is_trusted=body.trusted,
+            message=body.message,
+            median_distance=float(np.median(body.distances[~body.background])),
+            matched_share=float(body.matched.mean()),
+        )
+    elif isinstance(body, ScanRecord):
+        subject = subject_of_record(body)
+    else:
+        points = real_array(body, argument, ("n_vertices", 3), batched=False)
+        subject = SheetSubject(name=name or "body", points=points)
+    return subject.points, replace(subject, person=name, sex=sex, visit=visit, file="")
+
+
+def _measurements_of(model: Any, points: ndarray) -> Measurements:
+    if isinstance(model, Measurements):
+        return model
+    if model is not None:
+        return Measurements(model)
+    for resolution in ("coarse", "full"):
+        open_model = load_open_model(resolution)
+        if len(points) == open_model.n_vertices:
+            return Measurements(open_model)
+    raise ArgumentError(
+        f"body must be of the open body model, or model must be given; found {len(points)} vertices"
+    )
