@@ -6,7 +6,7 @@ function that is differentiated takes and returns them as it does arrays.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -16,6 +16,8 @@ __all__ = [
     "Array",
     "ArrayLike",
     "Booleans",
+    "Callback",
+    "Contents",
     "Fields",
     "Image",
     "Integers",
@@ -23,8 +25,10 @@ __all__ = [
     "JSONValue",
     "Labels",
     "NamedArrays",
+    "PairsLike",
     "Points",
     "PointsLike",
+    "PointsOrBatches",
     "TangentVectors",
     "Triangles",
 ]
@@ -55,8 +59,20 @@ Image: TypeAlias = NDArray[np.uint8]
 PointsLike: TypeAlias = NDArray[np.float64] | Sequence[object]
 """A set of points: an array, or a sequence whose items are read as points, such as meshes."""
 
+PairsLike: TypeAlias = NDArray[np.float64] | Sequence[Sequence[object]]
+"""Pairs of points: an array, shape (n, 2, *shape), or a sequence whose items are two points."""
+
+PointsOrBatches: TypeAlias = NDArray[np.float64] | Iterable[NDArray[np.float64]]
+"""A set of points: an array, or batches of them that can be read again."""
+
 Labels: TypeAlias = ArrayLike | Iterable[object]
 """Class labels, which can be hashed."""
+
+Contents: TypeAlias = dict[str, object]
+"""What is written to a file by name: numbers, text or arrays, whatever `numpy.asarray` takes."""
+
+Callback: TypeAlias = Callable[[int, float, NDArray[np.float64]], object]
+"""Called with iteration, value and point or path."""
 
 NamedArrays: TypeAlias = Mapping[str, NDArray[np.generic]]
 """Arrays by name, as in .npz files."""

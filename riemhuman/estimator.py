@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import sys
 from abc import abstractmethod
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -21,7 +21,7 @@ class Estimator:
     `fit` checks the parameters and stores its results in attributes that end in an underscore.
     """
 
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
+    def get_params(self, deep: bool = True) -> dict[str, object]:
         """Return the parameters by name."""
         params = {name: getattr(self, name) for name in inspect.signature(type(self)).parameters}
         if deep:
@@ -31,7 +31,7 @@ class Estimator:
                     params |= {f"{name}__{key}": part for key, part in inner.items()}
         return params
 
-    def set_params(self, **params: Any) -> Self:
+    def set_params(self, **params: object) -> Self:
         """Set parameters by name."""
         names = self.get_params(deep=False)
         for key, value in params.items():
@@ -50,7 +50,7 @@ class Estimator:
     def __repr__(self) -> str:
         return constructor_text(self)
 
-    def __sklearn_tags__(self) -> Any:
+    def __sklearn_tags__(self) -> object:
         """Return the tags that tools of scikit-learn read."""
         utils = import_optional("sklearn.utils", "statistics")
         return utils.Tags(
@@ -101,15 +101,15 @@ class Transformer(Estimator):
         prefix = type(self).__name__.lower()
         return np.array([f"{prefix}{k}" for k in range(self._n_outputs())], dtype=object)
 
-    def _in_container(self, values: np.ndarray, X: Any) -> Any:
-        """Return a result in the container that was chosen, with the index of its data frame."""
+    def _in_container(self, values: np.ndarray, X: object) -> np.ndarray:
+        """Return a result, or the data frame that was chosen for it, with the index of its data."""
         config = getattr(self, "_sklearn_output_config", None)
         if config is None and "sklearn" in sys.modules:
             config = {"transform": sys.modules["sklearn"].get_config()["transform_output"]}
         container = (config or {}).get("transform", "default")
         if container == "default":
             return values
-        package: Any = import_optional(container, "statistics")
+        package = import_optional(container, "statistics")
         columns = list(self.get_feature_names_out())
         if container == "polars":
             return package.DataFrame(values, schema=columns, orient="row")

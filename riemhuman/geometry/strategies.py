@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol, TypedDict, TypeGuard
 import numpy as np
 from autograd.extend import defvjp_argnums, primitive
 
-from riemhuman.arrays import Array, Points, TangentVectors
+from riemhuman.arrays import Array, Points, PointsOrBatches, TangentVectors
 from riemhuman.checks import check_methods
 from riemhuman.errors import NotDefinedError, OutsideManifoldError
 
@@ -143,7 +143,7 @@ class MeanSolver(Protocol):
     def solve(
         self,
         metric: RiemannianMetric,
-        points: Points,
+        points: PointsOrBatches,
         weights: Array | None = None,
         initial_point: Points | None = None,
         exponent: int = 2,

@@ -30,7 +30,7 @@ _LAST_CHARACTER = 0x10FFFF
 
 
 def save_arrays(
-    path: str | os.PathLike[str], arrays: Mapping[str, Any], *, compressed: bool = False
+    path: str | os.PathLike[str], arrays: Mapping[str, object], *, compressed: bool = False
 ) -> None:
     """Write named arrays to an .npz file atomically.
 

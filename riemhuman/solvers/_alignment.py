@@ -8,13 +8,13 @@ one onto the other first, and turn what they have found back.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
 
 import numpy as np
-from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array, Points, TangentVectors
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.manifold import surface_space
 from riemhuman.kernels.drift import centroid, least_squares_motions, rigid_motions
 
 # Motions of all vertices by less than this share of the body's size are left alone: where bodies
@@ -47,43 +47,43 @@ class AlignedEnds:
     time t turns by Q^(−t) about its own centroid and moves by −t b.
     """
 
-    start: ndarray
-    end: ndarray
+    start: Points
+    end: Points
     # The motion of the end: a rotation vector for row vectors, and the shift of the centroid.
-    turn: ndarray
-    shift: ndarray
-    weights: ndarray
-    given_end: ndarray
+    turn: Array
+    shift: Array
+    weights: Array
+    given_end: Array
 
     @property
     def are_moved(self) -> bool:
         return self.end is not self.given_end
 
-    def turned_back(self, path: ndarray) -> ndarray:
+    def turned_back(self, path: Points) -> Array:
         """Return a path between the aligned ends as one between the given ends."""
         return self._turned(path, -1.0, self.given_end)
 
-    def aligned(self, path: ndarray) -> ndarray:
+    def aligned(self, path: Points) -> Array:
         """Return a path between the given ends as one between the aligned ends."""
         return self._turned(path, 1.0, self.end)
 
-    def vectors_turned_back(self, vectors: ndarray) -> ndarray:
+    def vectors_turned_back(self, vectors: TangentVectors) -> Array:
         """Return tangent vectors along a path between the aligned ends, turned with its points."""
         return vectors @ self._rotations(len(vectors), -1.0) if self.are_moved else vectors
 
-    def _turned(self, path: ndarray, sign: float, end: ndarray) -> ndarray:
+    def _turned(self, path: Points, sign: float, end: Points) -> Array:
         if not self.are_moved:
             return path
         centroids = centroid(path, self.weights)
         times = np.linspace(0.0, 1.0, len(path))[:, None, None]
-        turned = (path - centroids) @ self._rotations(len(path), sign)
+        turned: Points = (path - centroids) @ self._rotations(len(path), sign)
         turned += centroids + sign * times * self.shift
         turned[0], turned[-1] = path[0], end
         return turned
 
-    def _rotations(self, n_nodes: int, sign: float) -> ndarray:
+    def _rotations(self, n_nodes: int, sign: float) -> Array:
         times = np.linspace(0.0, 1.0, n_nodes)[:, None]
-        rotations: ndarray = Rotation.from_rotvec(sign * times * self.turn).as_matrix()
+        rotations: Array = Rotation.from_rotvec(sign * times * self.turn).as_matrix()
         return rotations
 
 
@@ -91,21 +91,25 @@ class AlignedEnds:
 class AlignedMembers:
     """Points moved onto their average and with it onto the template, and the way back."""
 
-    points: ndarray
+    points: Points
     # The motion x ↦ x R + b of the point that shows how a mean stands, if points are moved.
-    turn: ndarray | None = None
-    shift: ndarray | None = None
+    turn: Array | None = None
+    shift: Array | None = None
 
-    def aligned(self, point: ndarray) -> ndarray:
+    def aligned(self, point: Points) -> Array:
         """Return a point that stands as the mean should, moved to where the points are."""
-        return point if self.turn is None else point @ self.turn + self.shift
+        if self.turn is None or self.shift is None:
+            return point
+        return point @ self.turn + self.shift
 
-    def turned_back(self, point: ndarray) -> ndarray:
-        return point if self.turn is None else (point - self.shift) @ self.turn.T
+    def turned_back(self, point: Points) -> Array:
+        if self.turn is None or self.shift is None:
+            return point
+        return (point - self.shift) @ self.turn.T
 
 
 def align_members(
-    metric: RiemannianMetric, points: ndarray, weights: ndarray, model: ndarray
+    metric: RiemannianMetric, points: Points, weights: Array, model: Array
 ) -> AlignedMembers:
     """Return points moved where the metric allows it; means then stand as `model` does.
 
@@ -113,7 +117,7 @@ def align_members(
     """
     if not ignores_rigid_motions(metric):
         return AlignedMembers(points)
-    template = cast(Any, metric.space).template
+    template = surface_space(metric.space).template
     target = template.vertices
     for _ in range(_ROUNDS):
         turns, shifts = least_squares_motions(points, target, template.vertex_areas)
@@ -123,22 +127,22 @@ def align_members(
     return AlignedMembers(moved, turns[0], shifts[0])
 
 
-def end_of_logarithm(metric: RiemannianMetric, start: ndarray, end: ndarray) -> ndarray:
+def end_of_logarithm(metric: RiemannianMetric, start: Points, end: Points) -> Array:
     """Return the end of a path, moved onto the start where it faces away and the metric allows."""
     aligned = align_ends(metric, start, end)
     return aligned.end if np.linalg.norm(aligned.turn) > _FACES_AWAY else end
 
 
-def ends_as_given(start: ndarray, end: ndarray) -> AlignedEnds:
+def ends_as_given(start: Points, end: Points) -> AlignedEnds:
     """Return the ends of a path that stay where they are."""
     return AlignedEnds(start, end, np.zeros(3), np.zeros(3), np.ones(1), end)
 
 
-def align_ends(metric: RiemannianMetric, start: ndarray, end: ndarray) -> AlignedEnds:
+def align_ends(metric: RiemannianMetric, start: Points, end: Points) -> AlignedEnds:
     """Return the ends of a path, the second moved onto the first where the metric allows it."""
     if not ignores_rigid_motions(metric):
         return ends_as_given(start, end)
-    weights = cast(Any, metric.space).template.vertex_areas
+    weights = surface_space(metric.space).template.vertex_areas
     turns, shifts = rigid_motions(end[None], start, weights, rotations=True)
     moved = end @ turns[0] + shifts[0]
     if np.abs(moved - end).max() <= _STILL * np.ptp(start, axis=0).max():

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from copy import copy
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Points, PointsOrBatches
 from riemhuman.checks import values_of, weight_shares
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, StretchInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.manifold import Manifold, holds_surfaces
 from riemhuman.solvers.paths import rounding_energy
 from riemhuman.surfaces.measures import triangle_areas
 
@@ -20,6 +21,9 @@ _BLOCK = 64
 
 # Share of a triangle's median area on the points, below which it has collapsed.
 _SHRUNK = 1e-2
+
+
+Computed = TypeVar("Computed")
 
 
 class Dispersion:
@@ -33,20 +37,20 @@ class Dispersion:
     def __init__(
         self,
         metric: RiemannianMetric,
-        points: Any,
-        weights: ndarray | None = None,
+        points: PointsOrBatches,
+        weights: Array | None = None,
         sample_size: int = 1,
     ) -> None:
         self.metric = metric
         self.smoothing: float | None = None
         self.in_batches = _are_batches(metric, points)
-        self._batches = points if self.in_batches else [self._checked(points)]
+        self._batches: Iterable[Points] = points if self.in_batches else [self._checked(points)]
         n_points = sum(len(batch) for batch in self._batches)
         if not n_points:
             raise ArgumentError("points must hold at least one point; found none")
         self._all_weights = weight_shares(weights, n_points)
         if not self.in_batches:
-            self.points, self.weights = self._batches[0], self._all_weights
+            [self.points], self.weights = self._batches, self._all_weights
             return
         used = np.flatnonzero(self._all_weights)
         spaced = np.linspace(0, len(used) - 1, min(sample_size, len(used)))
@@ -58,7 +62,7 @@ class Dispersion:
         self.points = self._checked(np.concatenate(sample))
         self.weights = weight_shares(self._all_weights[chosen], len(chosen))
 
-    def _checked(self, points: Any) -> ndarray:
+    def _checked(self, points: object) -> Array:
         points = self.metric.check_points(points)
         self.metric.space.check_scale(points, "points")
         return points
@@ -70,7 +74,7 @@ class Dispersion:
             return self
         return Dispersion(self.metric, self.points, self.weights).changed(smoothing=self.smoothing)
 
-    def with_points(self, points: ndarray) -> Dispersion:
+    def with_points(self, points: Points) -> Dispersion:
         """Return the same functional with other `points`, which differ by what it does not see."""
         changed = copy(self)
         changed.points = points
@@ -84,7 +88,7 @@ class Dispersion:
         changed.metric, changed.smoothing = metric or self.metric, smoothing
         return changed
 
-    def of_batches(self, compute: Callable[[ndarray, ndarray], Any]) -> Iterator[Any]:
+    def of_batches(self, compute: Callable[[Array, Array], Computed]) -> Iterator[Computed]:
         """Yield what is computed from the points of every batch and their weights."""
         first = 0
         for batch in self._batches:
@@ -99,18 +103,18 @@ class Dispersion:
                 raise type(error)(f"points[{first}:{first + len(batch)}]: {error}") from error
             first += len(batch)
 
-    def value(self, point: ndarray) -> float:
+    def value(self, point: Points) -> float:
         """Return V(x), or S(x)."""
 
-        def of_batch(points: ndarray, weights: ndarray) -> float:
+        def of_batch(points: Points, weights: Array) -> float:
             return float(weights @ self._lengths(self._squared_dists(point, points)))
 
         return sum(self.of_batches(of_batch))
 
-    def value_and_gradient(self, point: ndarray) -> tuple[float, ndarray]:
+    def value_and_gradient(self, point: Points) -> tuple[float, Array]:
         """Return V(x), or S(x), and its gradient."""
 
-        def of_batch(points: ndarray, weights: ndarray) -> tuple[float, ndarray]:
+        def of_batch(points: Points, weights: Array) -> tuple[float, Array]:
             points, weights = with_weight(points, weights)
             shares = weights
             if self.smoothing is not None:
@@ -121,24 +125,25 @@ class Dispersion:
         values, gradients = zip(*self.of_batches(of_batch), strict=True)
         return sum(values), np.sum(gradients, axis=0)
 
-    def medoid(self) -> ndarray:
+    def medoid(self) -> Array:
         """Return the point of least V among the points."""
         distances = self.metric.dist_pairwise(self.points, n_jobs=-1, precision="double")
-        return self.points[int(np.argmin(distances**2 @ self.weights))]
+        nearest: Points = self.points[int(np.argmin(distances**2 @ self.weights))]
+        return nearest
 
     def curvature(self, value: float) -> float:
         """Return the factor by which the metric's matrix approximates the Hessian at this value."""
         # Of S it is Σ_i w_i/d(x_i, x), of which 1/S is a lower bound.
         return 2.0 if self.smoothing is None else 1.0 / value
 
-    def floor(self, point: ndarray) -> float:
+    def floor(self, point: Points) -> float:
         """Return the part of the value that is due to rounding errors."""
-        return float(self._lengths(rounding_energy(self.metric, point)))
+        return float(self._lengths(np.asarray(rounding_energy(self.metric, point))))
 
-    def _lengths(self, squared: Any) -> Any:
+    def _lengths(self, squared: Array) -> Array:
         return squared if self.smoothing is None else np.sqrt(squared + self.smoothing**2)
 
-    def _squared_dists(self, point: ndarray, points: ndarray) -> ndarray:
+    def _squared_dists(self, point: Points, points: Points) -> Array:
         metric, features = self.metric, self.metric.features(point[None])
         blocks = np.split(points, range(_BLOCK, len(points), _BLOCK))
         try:
@@ -149,16 +154,17 @@ class Dispersion:
             # The message counts from the first point of a block; this one counts from all points.
             metric.features(points)
             raise
-        return np.concatenate(squared, axis=1)[0]
+        row: Array = np.concatenate(squared, axis=1)[0]
+        return row
 
 
-def with_weight(points: ndarray, weights: ndarray) -> tuple[ndarray, ndarray]:
+def with_weight(points: Points, weights: Array) -> tuple[Array, Array]:
     """Return the points that have a weight, and their weights."""
     used = weights > 0
     return (points if used.all() else points[used]), weights[used]
 
 
-def _are_batches(metric: RiemannianMetric, points: Any) -> bool:
+def _are_batches(metric: RiemannianMetric, points: PointsOrBatches) -> bool:
     if hasattr(points, "__array__") or isinstance(points, memoryview):
         return False
     if not hasattr(points, "__iter__"):
@@ -168,11 +174,11 @@ def _are_batches(metric: RiemannianMetric, points: Any) -> bool:
             "points are read several times and must be an array, or batches that can be read "
             f"again, such as a list of arrays; found {type(points).__name__}"
         )
-    first: Any = next(iter(points), None)
+    first = next(iter(points), None)
     return values_of(first, "points").ndim == len(metric.space.shape) + 1
 
 
-def metric_of_search(metric: Any, companion_weight: float) -> Any:
+def metric_of_search(metric: RiemannianMetric, companion_weight: float) -> RiemannianMetric:
     """Return the metric, with a companion where it does not measure lengths; warn if none does."""
     if companion_weight > 0:
         metric = metric.with_stretching(companion_weight)
@@ -187,17 +193,17 @@ def metric_of_search(metric: Any, companion_weight: float) -> Any:
     return metric
 
 
-def area_check(space: Any, points: ndarray) -> Callable[[ndarray], None]:
+def area_check(space: Manifold, points: Points) -> Callable[[Array], None]:
     """Return a check that no triangles have collapsed, compared with those of the points."""
     # Where most metric fields are more than a right angle apart on their cone, θ > π/2, the mean
     # squared distance decreases towards its tip, a triangle without area.
-    if not space.is_surface_space:
+    if not holds_surfaces(space):
         return lambda point: None
     faces = space.template.faces
     # One by one: the corners of all triangles at once would take much memory.
     areas = np.median([triangle_areas(f, faces) for f in points], axis=0)
 
-    def check(point: ndarray) -> None:
+    def check(point: Points) -> None:
         n_shrunk = int(np.sum(triangle_areas(point, faces) < _SHRUNK * areas))
         if n_shrunk:
             raise DegenerateSurfaceError(

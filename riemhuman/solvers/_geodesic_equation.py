@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 from autograd.core import make_vjp
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Points
 from riemhuman.errors import RiemhumanError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import holds_surfaces, surface_space
@@ -62,7 +62,7 @@ _MOST_HALVINGS = 8
 class Triple(NamedTuple):
     r"""Points x, y and z, shape (3, \*shape); `error` is a share of the length of two segments."""
 
-    points: ndarray
+    points: Points
     n_iterations: int = 0
     n_evaluations: int = 0
     error: float = 0.0
@@ -77,49 +77,49 @@ class GeodesicEquation:
     tolerance: float = 1e-8
     max_iter: int = 50
 
-    def next_point(self, before: ndarray, middle: ndarray) -> Triple:
+    def next_point(self, before: Array, middle: Array) -> Triple:
         """Continue from x and y by one more segment of the same velocity."""
         guess = 2.0 * middle - before
 
-        def triple(shift: ndarray) -> ndarray:
+        def triple(shift: Array) -> Array:
             return np.stack([before, middle, self._project(guess + shift)])
 
         return self._solve(triple, middle, -4.0, 4.0 * self._squared_dist(before, middle))
 
-    def both_sides(self, middle: ndarray, displacement: ndarray) -> Triple:
+    def both_sides(self, middle: Array, displacement: Array) -> Triple:
         """Find the points y ± v + w around y."""
 
-        def triple(shift: ndarray) -> ndarray:
+        def triple(shift: Array) -> Array:
             before = self._project(middle - displacement + shift)
             return np.stack([before, middle, self._project(middle + displacement + shift)])
 
         squared_norm = float(self.metric.squared_norm(displacement, middle))
         return self._solve(triple, middle, -8.0, 4.0 * squared_norm)
 
-    def middle_point(self, start: ndarray, end: ndarray) -> Triple:
+    def middle_point(self, start: Points, end: Points) -> Triple:
         """Halve the segment between x and z."""
         guess = self._project(0.5 * (start + end))
 
-        def triple(shift: ndarray) -> ndarray:
+        def triple(shift: Array) -> Array:
             return np.stack([start, self._project(guess + shift), end])
 
         return self._solve(triple, guess, 8.0, self._squared_dist(start, end))
 
-    def velocity(self, before: ndarray, middle: ndarray, after: ndarray) -> ndarray:
+    def velocity(self, before: Array, middle: Array, after: Array) -> Array:
         """Return the velocity at y, for unit time from x to y and from y to z."""
         return self.metric.space.to_tangent(0.5 * (after - before), middle)
 
-    def _project(self, point: ndarray) -> ndarray:
+    def _project(self, point: Points) -> Array:
         return self.metric.space.projection(point)
 
-    def _squared_dist(self, start: ndarray, end: ndarray) -> float:
+    def _squared_dist(self, start: Points, end: Points) -> float:
         return float(self.metric.energy(np.stack([start, end])))
 
     @single_threaded_libraries()
     def _solve(
         self,
-        triple: Callable[[ndarray], ndarray],
-        middle: ndarray,
+        triple: Callable[[Array], Array],
+        middle: Array,
         derivative: float,
         energy: float,
     ) -> Triple:
@@ -135,16 +135,17 @@ class GeodesicEquation:
         )
         scale = np.sign(derivative) / unit
 
-        def shift_of(variables: ndarray) -> ndarray:
+        def shift_of(variables: Array) -> Array:
             if directions is not None:
-                return (variables @ directions).reshape(shape)
+                combined: Array = variables @ directions
+                return combined.reshape(shape)
             shift = variables.reshape(shape)
             if metric.is_translation_invariant:
                 # Without translations, which the metric ignores, centroids move uniformly.
                 shift = shift - centroid(shift, surface_space(metric.space).template.vertex_areas)
             return shift
 
-        def equation(variables: ndarray) -> tuple[ndarray, ndarray] | None:
+        def equation(variables: Array) -> tuple[Array, Array] | None:
             points = triple(shift_of(variables))
             is_surface = metric.space.is_surface_space
             if is_surface and np.abs(points - middle).max() > _FAR * np.ptp(middle):
@@ -165,7 +166,7 @@ class GeodesicEquation:
         return Triple(points, root.n_iterations, root.n_evaluations, root.residual)
 
 
-def has_long_step(metric: RiemannianMetric, path: ndarray, all_coordinates: bool) -> bool:
+def has_long_step(metric: RiemannianMetric, path: Points, all_coordinates: bool) -> bool:
     """Return whether a step of surfaces is too long for the equation to have one solution."""
     # Triangles then shrink to nothing and grow anew, at a price that does not depend on how much
     # they change. Over all coordinates a triangle that rotates by more than 60 degrees may have two
@@ -187,7 +188,7 @@ def has_long_step(metric: RiemannianMetric, path: ndarray, all_coordinates: bool
     return bool(np.any(np.add(energies, floor) < _LEAST_SHARE * 0.5 * norms))
 
 
-def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
+def degeneration(metric: RiemannianMetric, before: Array, after: Array) -> str:
     """Return how a step has left the manifold, or "": a triangle may have turned over."""
     space = metric.space
     if not np.isfinite(after).all():
@@ -208,7 +209,7 @@ def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> s
     return f"triangle {worst} degenerates: its normal has turned over"
 
 
-def vanishing_triangle(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
+def vanishing_triangle(metric: RiemannianMetric, before: Array, after: Array) -> str:
     """Return which triangle of a surface has lost half of its area within one step, or ""."""
     space = metric.space
     if not holds_surfaces(space):
@@ -224,15 +225,15 @@ def vanishing_triangle(metric: RiemannianMetric, before: ndarray, after: ndarray
 class Root(NamedTuple):
     """The best point evaluated, shape (n,), with the norm of the function there."""
 
-    x: ndarray
+    x: Array
     residual: float
     n_iterations: int
     n_evaluations: int
 
 
 def find_root(
-    function: Callable[[ndarray], tuple[ndarray, ndarray] | None],
-    start: ndarray,
+    function: Callable[[Array], tuple[Array, Array] | None],
+    start: Points,
     *,
     tolerance: float,
     max_iter: int,
@@ -247,7 +248,7 @@ def find_root(
         return Root(start, np.inf, 0, n_evaluations)
     value, dual = values
     best = Root(x, _length(value, dual), 0, n_evaluations)
-    memory: deque[tuple[ndarray, ndarray, ndarray]] = deque(maxlen=_MEMORY)
+    memory: deque[tuple[Array, Array, Array]] = deque(maxlen=_MEMORY)
     for iteration in range(1, max_iter + 1):
         if best.residual <= tolerance:
             break
@@ -273,6 +274,6 @@ def find_root(
     return best._replace(n_evaluations=n_evaluations)
 
 
-def _length(value: ndarray, dual: ndarray) -> float:
+def _length(value: Array, dual: Array) -> float:
     # Rounding errors alone make it negative.
-    return float(np.sqrt(max(value @ dual, 0.0)))
+    return float(np.sqrt(max(float(value @ dual), 0.0)))

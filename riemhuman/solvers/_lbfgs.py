@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Required, Self, TypedDict, Unpack
 
 import numpy as np
 from autograd.core import make_vjp
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Callback, Contents, TangentVectors
 from riemhuman.geometry import Manifold
 from riemhuman.kernels.threads import (
     check_interrupt,
@@ -22,10 +22,10 @@ from riemhuman.kernels.threads import (
 from riemhuman.progress import ProgressBar
 from riemhuman.solvers.results import INTERRUPTED_MESSAGE, Result, SavedResult, Status
 
-Objective = Callable[[ndarray], tuple[float, ndarray]]
+Objective = Callable[[Array], tuple[float, Array]]
 """Returns value and gradient at x, shape (n,); the value is infinite outside the domain."""
 
-Operator = Callable[[ndarray], ndarray]
+Operator = Callable[[Array], Array]
 """Symmetric positive map from gradients to steps: an inverse Hessian up to a factor."""
 
 # Number of steps that are remembered.
@@ -53,12 +53,12 @@ _STILL = 0.01
 class Minimum(Result):
     """The best point x and its value, and the values at the start and after each iteration."""
 
-    x: ndarray
+    x: Array
     value: float
-    values: ndarray
+    values: Array
     gap: float = np.nan
 
-    def contents(self) -> dict[str, Any]:
+    def contents(self) -> Contents:
         return {
             "x": self.x,
             "value": self.value,
@@ -89,16 +89,16 @@ class Descent:
     # of at most `floor` are rounding errors and count as zero; those of iterations before these,
     # `earlier`, count for `recent_decrease`.
     objective: Objective
-    x: ndarray
-    inverse_hessian_at: Callable[[ndarray], Operator]
+    x: Array
+    inverse_hessian_at: Callable[[Array], Operator]
     tolerance: float
     max_iter: int = 1000
     recent_decrease: float = np.inf
     refresh: int = 50
     shortest: float = 0.0
     floor: float = -np.inf
-    earlier: Sequence[float] | ndarray = ()
-    callback: Callable[[int, float, ndarray], object] | None = None
+    earlier: Sequence[float] | Array = ()
+    callback: Callback | None = None
     progress: str = ""
 
     def minimize(self) -> Minimum:
@@ -228,12 +228,12 @@ class _Trial(NamedTuple):
 
     step: float
     value: float
-    gradient: ndarray
+    gradient: Array
     n_evaluations: int
 
 
 def _search(
-    objective: Objective, x: ndarray, direction: ndarray, value: float, slope: float
+    objective: Objective, x: Array, direction: TangentVectors, value: float, slope: float
 ) -> _Trial:
     """Return a step that satisfies Wolfe's weak conditions, or the best that lowers the value."""
     low, high, step = 0.0, np.inf, 1.0
@@ -263,19 +263,19 @@ class _Memory:
     """The last steps s, changes y of the gradient with their images P y, s·y and y·P y."""
 
     def __init__(self) -> None:
-        self._pairs: deque[tuple[ndarray, ndarray, ndarray, float, float]] = deque(maxlen=_MEMORY)
+        self._pairs: deque[tuple[Array, Array, Array, float, float]] = deque(maxlen=_MEMORY)
 
-    def add(self, step: ndarray, change: ndarray, image: ndarray) -> None:
+    def add(self, step: Array, change: Array, image: Array) -> None:
         along, square = float(step @ change), float(change @ image)
         if along > 0.0 and square > 0.0:
             self._pairs.append((step, change, image, along, square))
 
     @property
-    def scales(self) -> ndarray:
+    def scales(self) -> Array:
         """The factors by which P is nearest to the inverse Hessian along each step."""
         return np.array([along / square for *_, along, square in self._pairs] or [1.0])
 
-    def direction(self, gradient: ndarray, image: ndarray) -> ndarray:
+    def direction(self, gradient: Array, image: Array) -> Array:
         """Return −H g, given g and P g, by L-BFGS's two loops."""
         shares = []
         for step, change, change_image, along, _ in reversed(self._pairs):
@@ -285,17 +285,31 @@ class _Memory:
         direction = self.scales[-1] * image
         for (step, change, _, along, _), share in zip(self._pairs, reversed(shares), strict=True):
             direction += (share - float(change @ direction) / along) * step
-        return -direction
+        step_down: Array = -direction
+        return step_down
+
+
+class DescentSettings(TypedDict, total=False):
+    """Settings of `Descent`."""
+
+    tolerance: Required[float]
+    max_iter: int
+    recent_decrease: float
+    refresh: int
+    shortest: float
+    floor: float
+    earlier: Sequence[float] | Array
+    progress: str
 
 
 def minimize_from(
-    origin: ndarray,
+    origin: Array,
     space: Manifold,
-    directions: ndarray | None,
+    directions: TangentVectors | None,
     function: Objective,
-    inverse_hessian_at: Callable[[ndarray], Operator],
-    callback: Callable[[int, float, ndarray], object] | None = None,
-    **settings: Any,
+    inverse_hessian_at: Callable[[Array], Operator],
+    callback: Callback | None = None,
+    **settings: Unpack[DescentSettings],
 ) -> Minimum:
     """Return the points projection(origin + Σ_j x_j D_j) of least value, D_j the directions."""
     # The origin may be several points, each with coordinates x of its own. Without directions, x
@@ -305,16 +319,16 @@ def minimize_from(
     n_origins = origin.size // int(np.prod(space.shape))
     space.warn_of_tears(origin, directions)
 
-    def shifted(x: ndarray) -> ndarray:
+    def shifted(x: Array) -> Array:
         if directions is not None:
             x = combine_rows(x.reshape(n_origins, len(directions)), directions)
         return origin + x.reshape(origin.shape)
 
-    def points(x: ndarray) -> ndarray:
+    def points(x: Array) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
             return space.projection(shifted(x))
 
-    def objective(x: ndarray) -> tuple[float, ndarray]:
+    def objective(x: Array) -> tuple[float, Array]:
         with np.errstate(divide="ignore", invalid="ignore"):
             pull_back, at = make_vjp(space.projection, shifted(x))
         value, gradient = function(at)
@@ -323,7 +337,7 @@ def minimize_from(
             rows = pair_with_rows(rows, directions)
         return value if np.isfinite(value) else np.inf, rows.ravel()
 
-    def report(iteration: int, value: float, x: ndarray) -> None:
+    def report(iteration: int, value: float, x: Array) -> None:
         if callback is not None:
             callback(iteration, value, points(x))
 

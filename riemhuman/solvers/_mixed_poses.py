@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Points
 from riemhuman.errors import MixedPosesWarning, warn
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.manifold import holds_surfaces
 from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.kernels.surface import deformation_gradients, triangle_frames
 from riemhuman.solvers.transfer import SMOOTHING, heat_flow
+from riemhuman.surfaces.template import Template
 
 # A part is turned that is more than so many degrees away from the average of all surfaces; poses
 # are mixed where more than this share of a surface's area is. Of the open bodies in one pose, ten
@@ -24,10 +24,10 @@ _MOST_TURNED = 0.02
 _MOST_SURFACES = 100
 
 
-def warn_of_mixed_poses(metric: RiemannianMetric, points: ndarray, base: ndarray) -> None:
+def warn_of_mixed_poses(metric: RiemannianMetric, points: Points, base: Array) -> None:
     """Warn where a metric that measures stretching is to find components of several poses."""
     # Metrics of normals alone describe poses.
-    if not metric.space.is_surface_space or metric.is_stretch_invariant:
+    if not holds_surfaces(metric.space) or metric.is_stretch_invariant:
         return
     share = turned_share(metric.space.template, points, base)
     if share > _MOST_TURNED:
@@ -41,7 +41,7 @@ def warn_of_mixed_poses(metric: RiemannianMetric, points: ndarray, base: ndarray
         )
 
 
-def turned_share(template: Any, points: ndarray, base: ndarray) -> float:
+def turned_share(template: Template, points: Points, base: Array) -> float:
     """Return the largest share of the area of a surface whose parts are turned.
 
     Rotations of triangles from any base are smoothed over the surface, so that neither noise nor

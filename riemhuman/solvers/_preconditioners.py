@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numpy import ndarray
 from scipy import linalg, sparse
 
+from riemhuman.arrays import Array, Points, TangentVectors
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import holds_surfaces
@@ -59,7 +58,7 @@ _LARGEST_BLOCK = 16
 class CholeskyFactor:
     """Cholesky factor L of a positive semidefinite matrix with a tiny ridge, A ≈ L Lᵀ."""
 
-    def __init__(self, matrix: ndarray) -> None:
+    def __init__(self, matrix: Array) -> None:
         size = np.trace(matrix) / len(matrix)
         ridge = _RIDGE_OF_GRAM * (np.diag(matrix) + (size if size > 0 else 1.0))
         try:
@@ -67,21 +66,25 @@ class CholeskyFactor:
         except (np.linalg.LinAlgError, ValueError) as error:
             raise ArgumentError(_INDEFINITE) from error
 
-    def solve(self, columns: ndarray) -> ndarray:
+    def solve(self, columns: Array) -> Array:
         """Return L⁻¹ X."""
-        return linalg.solve_triangular(self._lower, columns, lower=True, check_finite=False)
+        solved: Array = linalg.solve_triangular(
+            self._lower, columns, lower=True, check_finite=False
+        )
+        return solved
 
-    def solve_transposed(self, columns: ndarray) -> ndarray:
+    def solve_transposed(self, columns: Array) -> Array:
         """Return L⁻ᵀ X."""
-        return linalg.solve_triangular(
+        solved: Array = linalg.solve_triangular(
             self._lower, columns, lower=True, trans="T", check_finite=False
         )
+        return solved
 
-    def inverse(self, columns: ndarray) -> ndarray:
+    def inverse(self, columns: Array) -> Array:
         """Return A⁻¹ X."""
         return self.solve_transposed(self.solve(columns))
 
-    def __call__(self, vector: ndarray) -> ndarray:
+    def __call__(self, vector: TangentVectors) -> Array:
         """Return A⁻¹ x."""
         return self.inverse(vector.reshape(-1, 1)).ravel()
 
@@ -95,7 +98,7 @@ class PathPreconditioner:
         self._gram = gram
         self._scale = 1.0 / (2.0 * n_segments)
 
-    def __call__(self, gradient: ndarray) -> ndarray:
+    def __call__(self, gradient: Array) -> Array:
         """Return the image of a gradient, the coordinates of all interior points in one row."""
         rows = gradient.reshape(len(self._inverse_time), -1)
         return (self._scale * self._inverse_time @ self._gram.inverse(rows.T).T).ravel()
@@ -104,7 +107,7 @@ class PathPreconditioner:
 class SparseCholeskyFactor(CholeskyFactor):
     """Cholesky factor, up to a permutation, of a sparse semidefinite matrix with a ridge."""
 
-    def __init__(self, matrix: Any, ridge: float = _RIDGE) -> None:
+    def __init__(self, matrix: sparse.csr_array, ridge: float = _RIDGE) -> None:
         diagonal = matrix.diagonal()
         size = diagonal.mean()
         added = ridge * (diagonal + (size if size > 0 else 1.0))
@@ -126,31 +129,31 @@ class SparseCholeskyFactor(CholeskyFactor):
         )
         if not np.all(pivots > 0.0):
             raise ArgumentError(_INDEFINITE)
-        self._lower: tuple[ndarray, ndarray, ndarray] = elimination.ends, elimination.rows, lower
+        self._lower: tuple[Array, Array, Array] = elimination.ends, elimination.rows, lower
         self._squared_scale = pivots.reshape(-1, 1)
         self._scale = np.sqrt(self._squared_scale)
 
-    def inverse(self, columns: ndarray) -> ndarray:
-        def both(x: ndarray) -> ndarray:
+    def inverse(self, columns: Array) -> Array:
+        def both(x: Array) -> Array:
             x = self._solve_lower(x)
             x /= self._squared_scale
             return self._solve_upper(x)
 
         return _many_together(both, columns)
 
-    def solve(self, columns: ndarray) -> ndarray:
+    def solve(self, columns: Array) -> Array:
         return _many_together(self._solve_lower, columns) / self._scale
 
-    def solve_transposed(self, columns: ndarray) -> ndarray:
+    def solve_transposed(self, columns: Array) -> Array:
         return _many_together(self._solve_upper, columns / self._scale)
 
-    def _solve_lower(self, columns: ndarray) -> ndarray:
+    def _solve_lower(self, columns: Array) -> Array:
         """Return the solution in the order of elimination, for a diagonal of 1."""
         x = columns[self._order]
         solve_lower(*self._lower, x.reshape(len(x) // _BLOCK, -1), _lanes(x))
         return x
 
-    def _solve_upper(self, x: ndarray) -> ndarray:
+    def _solve_upper(self, x: Array) -> Array:
         """Overwrite x; return the solution, back in the order of columns."""
         solve_upper(*self._lower, x.reshape(len(x) // _BLOCK, -1), _lanes(x))
         columns = np.empty_like(x)
@@ -158,11 +161,11 @@ class SparseCholeskyFactor(CholeskyFactor):
         return columns
 
 
-def _lanes(x: ndarray) -> tuple[int, ...] | None:
+def _lanes(x: Array) -> tuple[int, ...] | None:
     return (0,) * WIDTH if x.shape[1] == WIDTH else None
 
 
-def _many_together(solve: Callable[[ndarray], ndarray], columns: ndarray) -> ndarray:
+def _many_together(solve: Callable[[Array], Array], columns: Array) -> Array:
     """Solve for `WIDTH` right sides at a time, filled up with zeros, unless for few."""
     n = columns.shape[1]
     if n <= _FEW:
@@ -179,7 +182,7 @@ def _many_together(solve: Callable[[ndarray], ndarray], columns: ndarray) -> nda
 class BlockCholeskyFactor(CholeskyFactor):
     """Cholesky factor of a matrix with diagonal blocks, shape (m, k, k), and a ridge."""
 
-    def __init__(self, blocks: ndarray) -> None:
+    def __init__(self, blocks: Array) -> None:
         _, _, k = blocks.shape
         sizes = np.trace(blocks, axis1=-2, axis2=-1) / k
         ridge = _RIDGE_OF_BLOCKS * (sizes + (sizes.mean() if sizes.any() else 1.0))
@@ -189,23 +192,23 @@ class BlockCholeskyFactor(CholeskyFactor):
             raise ArgumentError(_INDEFINITE) from error
         self._inverse = np.linalg.inv(lower)
 
-    def solve(self, columns: ndarray) -> ndarray:
+    def solve(self, columns: Array) -> Array:
         return self._apply(self._inverse, columns)
 
-    def solve_transposed(self, columns: ndarray) -> ndarray:
+    def solve_transposed(self, columns: Array) -> Array:
         return self._apply(np.swapaxes(self._inverse, -1, -2), columns)
 
     @staticmethod
-    def _apply(blocks: ndarray, columns: ndarray) -> ndarray:
+    def _apply(blocks: Array, columns: Array) -> Array:
         m, k, _ = blocks.shape
         return (blocks @ columns.reshape(m, k, *columns.shape[1:])).reshape(columns.shape)
 
 
 def metric_factor(
     metric: RiemannianMetric,
-    points: ndarray,
+    points: Points,
     scale: float = 1.0,
-    directions: ndarray | None = None,
+    directions: TangentVectors | None = None,
     stiffness: float = 0.0,
     ridge: float = _RIDGE,
 ) -> CholeskyFactor:
@@ -227,7 +230,7 @@ def metric_factor(
     return BlockCholeskyFactor(_block_norms(metric, points) / scale)
 
 
-def _block_norms(metric: RiemannianMetric, points: ndarray) -> ndarray:
+def _block_norms(metric: RiemannianMetric, points: Points) -> Array:
     """Estimate (Σ_j M_ij M_ijᵀ)^½ for each entry i along a point's first axis; on fields M_ii."""
     shape = metric.space.shape
     one_block = math.prod(shape) <= _LARGEST_BLOCK
@@ -246,4 +249,5 @@ def _block_norms(metric: RiemannianMetric, points: ndarray) -> ndarray:
         squares += np.einsum("kia,kib->iab", rows, rows)
     values, vectors = np.linalg.eigh(squares)
     roots = np.sqrt(np.maximum(values, 0.0) / (1 if one_block else _N_PROBES))
-    return (vectors * roots[:, None, :]) @ np.swapaxes(vectors, -1, -2)
+    norms: Array = (vectors * roots[:, None, :]) @ np.swapaxes(vectors, -1, -2)
+    return norms

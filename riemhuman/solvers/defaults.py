@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 from warnings import catch_warnings, simplefilter
 
-from numpy import ndarray
-
+from riemhuman.arrays import Points
 from riemhuman.errors import ConvergenceWarning
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.manifold import holds_surfaces
 from riemhuman.geometry.strategies import LogSolver
 from riemhuman.solvers._alignment import end_of_logarithm, ends_as_given
 from riemhuman.solvers._geodesic_equation import has_long_step
@@ -23,7 +23,7 @@ from riemhuman.solvers.logarithm import DiscreteLogarithm, LogarithmResult, best
 from riemhuman.solvers.parallel_transport import PoleLadder
 from riemhuman.solvers.path_search import BasisPath, PathStraightening
 from riemhuman.solvers.paths import LinearPath, linear_path
-from riemhuman.solvers.results import finish, interruptible
+from riemhuman.solvers.results import Result, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.template import Template
 
@@ -44,10 +44,10 @@ _N_DOUBLINGS = 3
 _TOLERANCE = 1e-10
 
 
-def basis_of(metric: Any) -> DeformationBasis | None:
+def basis_of(metric: RiemannianMetric) -> DeformationBasis | None:
     """Return smooth deformations of surfaces; None where all coordinates are free."""
     space = metric.space
-    if not space.is_surface_space or space.template.n_vertices < _FEWEST_VERTICES:
+    if not holds_surfaces(space) or space.template.n_vertices < _FEWEST_VERTICES:
         return None
     return _harmonics(space.template)
 
@@ -57,13 +57,13 @@ def _harmonics(template: Template) -> DeformationBasis:
     return DeformationBasis.from_laplacian(template, _N_DEFORMATIONS)
 
 
-def geodesic_solver(metric: Any) -> BasisPath | PathStraightening:
+def geodesic_solver(metric: RiemannianMetric) -> BasisPath | PathStraightening:
     """Return a search over smooth deformations, or over all coordinates of small meshes."""
     basis = basis_of(metric)
     return BasisPath(basis) if basis is not None else PathStraightening()
 
 
-def exp_solver(metric: Any) -> DiscreteExponential:
+def exp_solver(metric: RiemannianMetric) -> DiscreteExponential:
     """Return discrete steps over the same deformations."""
     return DiscreteExponential(basis_of(metric), _N_STEPS, n_doublings=_N_DOUBLINGS)
 
@@ -74,8 +74,8 @@ class _Logarithm(LogSolver):
 
     basis: DeformationBasis
 
-    def solve(self, metric: Any, point: ndarray, base_point: ndarray) -> Any:
-        known: list[Any] = []
+    def solve(self, metric: RiemannianMetric, point: Points, base_point: Points) -> LogarithmResult:
+        known: list[Result | None] = []
         with interruptible(
             lambda inner: best_logarithm(metric, base_point, point, [*known, inner])
         ):
@@ -83,7 +83,11 @@ class _Logarithm(LogSolver):
         return finish(solver, result)
 
     def _find(
-        self, metric: Any, point: ndarray, base_point: ndarray, known: list[Any]
+        self,
+        metric: RiemannianMetric,
+        point: Points,
+        base_point: Points,
+        known: list[Result | None],
     ) -> tuple[DiscreteLogarithm, LogarithmResult]:
         """Return the logarithm, and the solver that finds it; add what is found to `known`."""
         point = end_of_logarithm(metric, base_point, point)
@@ -112,7 +116,7 @@ class _Logarithm(LogSolver):
         return solver, result
 
 
-def log_solver(metric: Any) -> LogSolver:
+def log_solver(metric: RiemannianMetric) -> LogSolver:
     """Return the logarithm that `exp_solver` undoes."""
     basis = basis_of(metric)
     if basis is None:
@@ -120,6 +124,6 @@ def log_solver(metric: Any) -> LogSolver:
     return _Logarithm(basis)
 
 
-def transport_solver(metric: Any) -> PoleLadder:
+def transport_solver(metric: RiemannianMetric) -> PoleLadder:
     """Return pole ladders along paths of `geodesic_solver`."""
     return PoleLadder(basis=basis_of(metric), geodesic_solver=geodesic_solver(metric))

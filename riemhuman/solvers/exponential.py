@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from autograd import grad
 from autograd.core import make_vjp
-from numpy import ndarray
 from scipy.sparse.linalg import LinearOperator, lsmr
 
+from riemhuman.arrays import Array, Contents, Points, TangentVectors
 from riemhuman.checks import (
     check_basis,
     path_array,
@@ -73,12 +73,12 @@ class ExponentialResult(Result):
     4
     """
 
-    path: ndarray
-    energies: ndarray
+    path: Points
+    energies: Array
     n_steps: int
     complete: bool
 
-    def contents(self) -> dict[str, Any]:
+    def contents(self) -> Contents:
         return {
             "path": self.path,
             "energies": self.energies,
@@ -98,9 +98,10 @@ class ExponentialResult(Result):
         )
 
     @property
-    def end(self) -> ndarray:
+    def end(self) -> Array:
         """The last point reached."""
-        return self.path[-1]
+        last: Points = self.path[-1]
+        return last
 
     @property
     def energy(self) -> float:
@@ -154,7 +155,7 @@ class DiscreteExponential(ExpSolver):
         whole_number(self.n_doublings, "n_doublings", minimum=0)
 
     def solve(
-        self, metric: RiemannianMetric, tangent_vec: ndarray, base_point: ndarray
+        self, metric: RiemannianMetric, tangent_vec: TangentVectors, base_point: Points
     ) -> ExponentialResult:
         check_metric(metric)
         base_point = metric.check_points(values_of(base_point, "base_point")[None], "base_point")[0]
@@ -167,8 +168,8 @@ class DiscreteExponential(ExpSolver):
     def _follow(
         self,
         metric: RiemannianMetric,
-        velocity: ndarray,
-        base_point: ndarray,
+        velocity: TangentVectors,
+        base_point: Points,
         walks: list[_Walk] | None = None,
     ) -> ExponentialResult:
         """Return the geodesic with the fewest steps that serve, without a warning.
@@ -189,7 +190,7 @@ class DiscreteExponential(ExpSolver):
                 break
         return replace(result, n_iterations=n_iterations, n_evaluations=n_evaluations)
 
-    def extend(self, metric: RiemannianMetric, path: ndarray, n_steps: int) -> ExponentialResult:
+    def extend(self, metric: RiemannianMetric, path: Points, n_steps: int) -> ExponentialResult:
         r"""Continue a discrete geodesic beyond its end, with the same time step.
 
         Parameters
@@ -208,8 +209,12 @@ class DiscreteExponential(ExpSolver):
         return finish(self, result)
 
     def derivatives(
-        self, metric: RiemannianMetric, path: ndarray, tangent_vec: ndarray, covectors: ndarray
-    ) -> tuple[ndarray, ndarray]:
+        self,
+        metric: RiemannianMetric,
+        path: Points,
+        tangent_vec: TangentVectors,
+        covectors: TangentVectors,
+    ) -> tuple[Array, Array]:
         r"""Return the derivatives of a function of a path by its initial velocity and point.
 
         Autograd uses them to differentiate through `metric.exp`. They are exact where the equations
@@ -253,7 +258,7 @@ class DiscreteExponential(ExpSolver):
         metric: RiemannianMetric,
         walk: _Walk,
         n_steps: int,
-        velocity: ndarray | None = None,
+        velocity: TangentVectors | None = None,
         stop_early: bool = False,
     ) -> tuple[ExponentialResult, bool]:
         """Add points, the first of them by a velocity if there is one."""
@@ -304,7 +309,7 @@ class DiscreteExponential(ExpSolver):
 class _Walk:
     """Points of a geodesic as far as it is known, and the number of steps per unit time."""
 
-    points: list[ndarray]
+    points: list[Array]
     steps_per_unit: int
 
     def result(self, metric: RiemannianMetric) -> ExponentialResult:
@@ -315,22 +320,23 @@ class _Walk:
 
 
 def _without_shift(
-    metric: RiemannianMetric, points: ndarray, covector: ndarray, moved: ndarray
-) -> ndarray:
+    metric: RiemannianMetric, points: Points, covector: TangentVectors, moved: Array
+) -> Array:
     """Return derivatives by x, y and z of a function of z, where s solves the equation."""
     # With the equation's multiplier μ, g(z) − μ ∂E/∂y does not depend on s to first order.
     shape = points.shape
     # Second derivatives along a direction, of the energy by its definition, recorded once.
     along, _ = make_vjp(grad(lambda path: RiemannianMetric.energy(metric, path)), points)
 
-    def middle(vector: ndarray) -> ndarray:
+    def middle(vector: TangentVectors) -> Array:
         return np.stack([np.zeros(shape[1:]), vector, np.zeros(shape[1:])])
 
-    def by_shift(multiplier: ndarray) -> ndarray:
+    def by_shift(multiplier: Array) -> Array:
         return np.tensordot(moved, along(middle(multiplier)), axes=1)
 
-    def along_shift(shift: ndarray) -> ndarray:
-        return along(np.tensordot(moved, shift, axes=0))[1]
+    def along_shift(shift: Array) -> Array:
+        change: Array = along(np.tensordot(moved, shift, axes=0))[1]
+        return change
 
     factor = metric_factor(metric, points[1][None], 1.0)
     multiplier = _least_squares(factor, by_shift, along_shift, covector)
@@ -341,16 +347,16 @@ def _without_shift(
 
 def _least_squares(
     factor: CholeskyFactor,
-    matrix: Callable[[ndarray], ndarray],
-    transposed: Callable[[ndarray], ndarray],
-    right: ndarray,
-) -> ndarray:
+    matrix: Callable[[Array], Array],
+    transposed: Callable[[Array], Array],
+    right: Array,
+) -> Array:
     """Return the shortest least-squares solution of A x = b, in variables of the factor."""
     # Motions that the metric does not measure are in the kernels of A and of its transpose.
     shape, size = right.shape, right.size
 
-    def preconditioned(apply: Callable[[ndarray], ndarray]) -> Callable[[ndarray], ndarray]:
-        def product(variables: ndarray) -> ndarray:
+    def preconditioned(apply: Callable[[Array], Array]) -> Callable[[Array], Array]:
+        def product(variables: Array) -> Array:
             vector = factor.solve_transposed(variables.reshape(size, 1)).reshape(shape)
             return factor.solve(apply(vector).reshape(size, 1)).ravel()
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Self
 
 import autograd.numpy as np
 from autograd import value_and_grad
-from numpy import ndarray
 
+from riemhuman.arrays import Array, ArrayLike, Points, TangentVectors
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry import Manifold, ProductMetric, RiemannianMetric
+from riemhuman.geometry.strategies import MeanSolver
 from riemhuman.solvers._lbfgs import Descent, Minimum
 from riemhuman.solvers._preconditioners import metric_factor
 from riemhuman.solvers.nearest_surface import NearestSurface
@@ -67,17 +68,17 @@ class GeodesicRegression(ImageEstimator):
     (1, 1202, 3)
     """
 
-    mean_: ndarray
+    mean_: Array
     center_: float
-    intercept_: ndarray
-    velocity_: ndarray
+    intercept_: Array
+    velocity_: Array
     n_iter_: int
 
     def __init__(
         self,
         space: Manifold,
         *,
-        mean: Any = None,
+        mean: MeanSolver | ArrayLike | None = None,
         image: str = "auto",
         nearest: NearestSurface | None = None,
         tolerance: float = 1e-6,
@@ -90,7 +91,7 @@ class GeodesicRegression(ImageEstimator):
         self.tolerance = tolerance
         self.max_iter = max_iter
 
-    def fit(self, X: ndarray, y: ndarray) -> Self:
+    def fit(self, X: Array, y: Array) -> Self:
         r"""Find the geodesic.
 
         Parameters
@@ -136,7 +137,7 @@ class GeodesicRegression(ImageEstimator):
             finish(self, MeanResult(line[0], minimum.value, minimum.values, **minimum.outcome))
         return self
 
-    def predict(self, X: ndarray) -> ndarray:
+    def predict(self, X: Array) -> Array:
         r"""Return the points of the geodesic.
 
         Parameters
@@ -148,7 +149,7 @@ class GeodesicRegression(ImageEstimator):
         vectors = times.reshape(-1, *(1,) * self.velocity_.ndim) * self.velocity_
         return self._restore(self._image_metric.exp(vectors, self.intercept_), self.mean_)
 
-    def score(self, X: ndarray, y: ndarray) -> float:
+    def score(self, X: Array, y: Array) -> float:
         r"""Return R² = 1 − Σ_i d(prediction, y_i)²/Σ_i d(mean, y_i)², with the mean found by `fit`.
 
         Parameters
@@ -166,7 +167,7 @@ class GeodesicRegression(ImageEstimator):
         whole = sum(float(metric.squared_dist(self.mean_, point)) for point in points)
         return 1.0 - left / whole
 
-    def gram_matrix(self, y: ndarray) -> ndarray:
+    def gram_matrix(self, y: Array) -> Array:
         r"""Return the inner products of the logarithms of points at the mean, shape (n, n).
 
         Parameters
@@ -181,25 +182,25 @@ class GeodesicRegression(ImageEstimator):
     def _refine(
         self,
         metric: RiemannianMetric,
-        times: ndarray,
-        images: ndarray,
+        times: Array,
+        images: Array,
         spread: float,
-        point: ndarray,
-        velocity: ndarray,
-    ) -> tuple[tuple[ndarray, ndarray], Minimum]:
+        point: Points,
+        velocity: TangentVectors,
+    ) -> tuple[tuple[Array, Array], Minimum]:
         """Minimise the sum in both, in variables in which it is nearly a sum of squares."""
         space, shape = metric.space, point.shape
         inverse = _inverse_matrix(metric, point, 0.5 * spread)
         slowness = 1.0 / np.sqrt(np.mean(times**2))
         columns = times.reshape(-1, *(1,) * point.ndim)
 
-        def line(changes: ndarray) -> ndarray:
+        def line(changes: Array) -> Array:
             # The factor is all but singular on directions that leave the manifold.
             changes = space.to_tangent(changes, point)
             moved = space.projection(metric.exp(changes[0], point))
             return np.stack([moved, space.to_tangent(velocity + changes[1], moved)])
 
-        def misfit(changes: ndarray, some: slice) -> Any:
+        def misfit(changes: Array, some: slice[int, int, None]) -> Array:
             start = line(changes)
             predictions = metric.exp(columns[some] * start[1], start[0])
             return np.sum(metric.squared_dist(predictions, images[some])) / (len(times) * spread)
@@ -207,7 +208,7 @@ class GeodesicRegression(ImageEstimator):
         slope = value_and_grad(misfit)
         blocks = [slice(k, k + _BLOCK) for k in range(0, len(times), _BLOCK)]
 
-        def objective(x: ndarray) -> tuple[float, ndarray]:
+        def objective(x: Array) -> tuple[float, Array]:
             try:
                 parts = [slope(x.reshape(2, *shape), some) for some in blocks]
             except (DegenerateSurfaceError, OutsideManifoldError):
@@ -216,7 +217,7 @@ class GeodesicRegression(ImageEstimator):
             value, gradient = (sum(part) for part in zip(*parts, strict=True))
             return 1.0 + float(value), np.ravel(gradient)
 
-        def inverse_hessian(gradient: ndarray) -> ndarray:
+        def inverse_hessian(gradient: Array) -> Array:
             by_point, by_velocity = gradient.reshape(2, -1, 1)
             return np.concatenate([inverse(by_point), slowness**2 * inverse(by_velocity)])[:, 0]
 
@@ -229,8 +230,8 @@ class GeodesicRegression(ImageEstimator):
 
 
 def _tangent_regression(
-    metric: RiemannianMetric, base: ndarray, times: ndarray, images: ndarray
-) -> tuple[ndarray, ndarray]:
+    metric: RiemannianMetric, base: Array, times: Array, images: Array
+) -> tuple[Array, Array]:
     """Return the geodesic whose ends fit the logarithms of the points best."""
     logs = metric.log(images, base)
     offset = logs.mean(axis=0)
@@ -239,14 +240,16 @@ def _tangent_regression(
     return point, metric.log(metric.exp(offset + slope, base), point)
 
 
-def _numbers(X: ndarray) -> ndarray:
+def _numbers(X: Array) -> Array:
     times = real_array(X, "X")
     if times.ndim not in (1, 2) or (times.ndim == 2 and times.shape[1] != 1):
         raise ArgumentError(f"X must have shape (n,) or (n, 1); found {times.shape}")
     return times.reshape(-1)
 
 
-def _inverse_matrix(metric: Any, point: ndarray, scale: float) -> Callable[[ndarray], ndarray]:
+def _inverse_matrix(
+    metric: RiemannianMetric, point: Points, scale: float
+) -> Callable[[Array], Array]:
     """Return the inverse of the metric's matrix at a point, factor by factor of a product."""
     if not isinstance(metric, ProductMetric):
         return metric_factor(metric, point[None], scale).inverse

@@ -8,8 +8,8 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Points
 from riemhuman.checks import check_function, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
@@ -63,7 +63,7 @@ class PoissonPath(PathSolver):
     def __post_init__(self) -> None:
         whole_number(self.n_nodes, "n_nodes", minimum=2)
 
-    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+    def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
         ends = align_ends(metric, start, end)
         path, _ = rotating_paths(metric, SegmentEnergy(), start, ends.end, self.n_nodes)[0]
@@ -74,11 +74,11 @@ class PoissonPath(PathSolver):
 def rotating_paths(
     metric: RiemannianMetric,
     energy: PathEnergy,
-    start: ndarray,
-    end: ndarray,
+    start: Points,
+    end: Points,
     n_nodes: int,
-    found: list[ndarray] | None = None,
-) -> list[tuple[ndarray, float]]:
+    found: list[Array] | None = None,
+) -> list[tuple[Array, float]]:
     """Return paths whose triangles rotate, with their energies: the best, then alternatives.
 
     All paths that are tried are added to `found`.
@@ -97,7 +97,7 @@ def rotating_paths(
         parts = [*parts[:n_limbs], np.concatenate(parts[n_limbs:])]
 
     @cache
-    def candidate(ways: tuple[bool, ...]) -> tuple[float, ndarray]:
+    def candidate(ways: tuple[bool, ...]) -> tuple[float, Array]:
         """Return energy and path if some parts rotate like their neighbours."""
         rotations = shorter.copy()
         for part, is_alike in zip(parts, ways, strict=True):
@@ -141,9 +141,9 @@ class ModelParameters(NamedTuple):
     (24, 3)
     """
 
-    betas: ndarray
-    pose: ndarray
-    trans: ndarray
+    betas: Array
+    pose: Array
+    trans: Array
 
     def __repr__(self) -> str:
         shapes = (f"{name}=<array {np.shape(part)}>" for name, part in self._asdict().items())
@@ -178,16 +178,16 @@ class ModelPath(PathSolver):
     (3, 1202, 3)
     """
 
-    model: Callable[[ndarray, ndarray, ndarray], ndarray]
+    model: Callable[[Array, Array, Array], Array]
     n_nodes: int = 11
-    parameters: Callable[[ndarray], ModelParameters] = field(kw_only=True)
+    parameters: Callable[[Array], ModelParameters] = field(kw_only=True)
 
     def __post_init__(self) -> None:
         check_function(self.model, "model")
         whole_number(self.n_nodes, "n_nodes", minimum=2)
         check_function(self.parameters, "parameters")
 
-    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+    def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
         first, last = (self._parameters(f, name) for f, name in ((start, "start"), (end, "end")))
         for name, a, b in zip(ModelParameters._fields, first, last, strict=True):
@@ -203,7 +203,7 @@ class ModelPath(PathSolver):
         message = f"the model's surfaces are up to {1000.0 * gap:.3g} mm from start and end"
         return known_path(metric, path, message)
 
-    def _parameters(self, surface: ndarray, name: str) -> ModelParameters:
+    def _parameters(self, surface: Points, name: str) -> ModelParameters:
         name = f"parameters({name})"
         betas, pose, trans = self.parameters(surface)
         pose = real_array(pose, f"pose of {name}")

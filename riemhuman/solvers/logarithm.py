@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Contents, Points, TangentVectors
 from riemhuman.checks import check_basis, real_number, whole_number
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.manifold import surface_space
 from riemhuman.geometry.strategies import GeodesicSolver, LogSolver, check_strategy
 from riemhuman.kernels.drift import steady_path
 from riemhuman.solvers._alignment import end_of_logarithm, ends_as_given
@@ -76,12 +77,12 @@ class LogarithmResult(Result):
     True
     """
 
-    tangent_vec: ndarray
-    path: ndarray
+    tangent_vec: TangentVectors
+    path: Points
     energy: float
     end_error: float = np.nan
 
-    def contents(self) -> dict[str, Any]:
+    def contents(self) -> Contents:
         return {
             "tangent_vec": self.tangent_vec,
             "path": self.path,
@@ -102,7 +103,7 @@ class LogarithmResult(Result):
 
 
 def best_logarithm(
-    metric: RiemannianMetric, start: ndarray, end: ndarray, known: Sequence[Result | None]
+    metric: RiemannianMetric, start: Points, end: Points, known: Sequence[Result | None]
 ) -> LogarithmResult:
     """Return what an interrupted search for a logarithm knows, at worst by the straight path."""
     logarithms = [result for result in known if isinstance(result, LogarithmResult)]
@@ -173,9 +174,7 @@ class DiscreteLogarithm(LogSolver):
         whole_number(self.n_doublings, "n_doublings", minimum=0)
         real_number(self.end_tolerance, "end_tolerance", minimum=0.0, strict=True)
 
-    def solve(
-        self, metric: RiemannianMetric, point: ndarray, base_point: ndarray
-    ) -> LogarithmResult:
+    def solve(self, metric: RiemannianMetric, point: Points, base_point: Points) -> LogarithmResult:
         start, end = check_end_points(metric, base_point, point)
         known: list[PathResult | LogarithmResult] = []
         with interruptible(lambda inner: best_logarithm(metric, start, end, [*known, inner])):
@@ -205,10 +204,10 @@ class DiscreteLogarithm(LogSolver):
             self._joined_basis(result.path), n_steps, self.tolerance, self.max_iter, n_doublings=0
         )
 
-    def _joined_basis(self, path: ndarray) -> DeformationBasis | None:
+    def _joined_basis(self, path: Points) -> DeformationBasis | None:
         return None if self.basis is None else self.basis.extend(path[1:] - path[0])
 
-    def _step_before(self, metric: RiemannianMetric, path: ndarray) -> Triple:
+    def _step_before(self, metric: RiemannianMetric, path: Points) -> Triple:
         basis = self._joined_basis(path)
         equation = GeodesicEquation(metric, basis, self.tolerance, self.max_iter)
         return equation.next_point(path[1], path[0])
@@ -216,8 +215,8 @@ class DiscreteLogarithm(LogSolver):
     def _by_doubling(
         self,
         metric: RiemannianMetric,
-        start: ndarray,
-        end: ndarray,
+        start: Points,
+        end: Points,
         known: list[PathResult | LogarithmResult],
     ) -> LogarithmResult:
         """Return the logarithm with the fewest steps that serve; add what is found to `known`."""
@@ -239,7 +238,7 @@ class DiscreteLogarithm(LogSolver):
             initial_path = refine_path(path.path, 2 * n_steps)
         return replace(result, n_evaluations=n_evaluations)
 
-    def _has_long_steps(self, metric: RiemannianMetric, path: ndarray) -> bool:
+    def _has_long_steps(self, metric: RiemannianMetric, path: Points) -> bool:
         """Return whether a step is too long, or no step before the start exists."""
         # Over a basis the exponential alone tells: it often comes back from long steps.
         if self.basis is None and has_long_step(metric, path, all_coordinates=True):
@@ -252,15 +251,14 @@ class DiscreteLogarithm(LogSolver):
         self,
         metric: RiemannianMetric,
         found: PathResult,
-        end: ndarray,
+        end: Points,
         inverse: DiscreteExponential | None = None,
     ) -> LogarithmResult:
         """Return the initial velocity of a path, tried by its exponential or a given one."""
         path = found.path
         if self.basis is None and metric.is_translation_invariant:
             # As the exponential moves surfaces along translations, which the metric ignores.
-            space: Any = metric.space
-            path = steady_path(path, space.template.vertex_areas)
+            path = steady_path(path, surface_space(metric.space).template.vertex_areas)
         backward = self._step_before(metric, path)
         tangent_vec = 0.5 * (len(path) - 1) * (path[1] - backward.points[2])
         result = LogarithmResult(tangent_vec, path, found.energy)
@@ -293,10 +291,10 @@ class DiscreteLogarithm(LogSolver):
     def _search(
         self,
         metric: RiemannianMetric,
-        start: ndarray,
-        end: ndarray,
+        start: Points,
+        end: Points,
         n_steps: int,
-        initial_path: ndarray | None,
+        initial_path: Points | None,
     ) -> tuple[PathResult, PathSearch]:
         """Return a path of so many steps, and the solver that minimises it to the end."""
         if self.basis is None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self, TypedDict
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Callback, Points, PointsOrBatches
 from riemhuman.checks import check_basis, check_function, real_number, values_of, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.estimator import Estimator
@@ -106,7 +106,7 @@ class BasisMean(MeanSolver):
     tolerance: float | None = None
     max_iter: int = 500
     sample_size: int = 64
-    callback: Callable[[int, float, ndarray], Any] | None = None
+    callback: Callback | None = None
     progress: bool = False
 
     def __post_init__(self) -> None:
@@ -123,9 +123,9 @@ class BasisMean(MeanSolver):
     def solve(
         self,
         metric: RiemannianMetric,
-        points: Any,
-        weights: ndarray | None = None,
-        initial_point: ndarray | None = None,
+        points: PointsOrBatches,
+        weights: Array | None = None,
+        initial_point: Points | None = None,
         exponent: int = 2,
     ) -> MeanResult:
         r"""Find the mean.
@@ -169,7 +169,7 @@ class BasisMean(MeanSolver):
         self,
         metric: RiemannianMetric,
         dispersion: Dispersion,
-        known: list[ndarray],
+        known: list[Array],
         is_given: bool,
         exponent: int,
     ) -> MeanResult:
@@ -179,7 +179,7 @@ class BasisMean(MeanSolver):
         dispersion = dispersion.with_points(members.points)
         point = members.aligned(model) if is_given else self._origin(dispersion.sample)
 
-        def keep(point: ndarray) -> None:
+        def keep(point: Points) -> None:
             known.append(members.turned_back(point))
 
         keep(point)
@@ -196,7 +196,7 @@ class BasisMean(MeanSolver):
         if callback is None:
             return self
 
-        def report(iteration: int, value: float, point: ndarray) -> None:
+        def report(iteration: int, value: float, point: Points) -> None:
             callback(iteration, value, members.turned_back(point))
 
         return replace(self, callback=report)
@@ -204,9 +204,9 @@ class BasisMean(MeanSolver):
     def _minimum(
         self,
         dispersion: Dispersion,
-        point: ndarray,
+        point: Points,
         exponent: int,
-        keep: Callable[[ndarray], None],
+        keep: Callable[[Array], None],
     ) -> tuple[Minimum, Dispersion]:
         """Return the best point, after rough searches where they pay, and of which functional."""
         if dispersion.in_batches or exponent == 1:
@@ -223,7 +223,7 @@ class BasisMean(MeanSolver):
                 return start, dispersion.sample
         return self._search(dispersion, point), dispersion
 
-    def _origin(self, dispersion: Dispersion) -> ndarray:
+    def _origin(self, dispersion: Dispersion) -> Array:
         """Return the better of the arithmetic mean and of the best of the points."""
         space, points = dispersion.metric.space, dispersion.points
         medoid = dispersion.medoid()
@@ -233,7 +233,7 @@ class BasisMean(MeanSolver):
             return medoid
         return min(medoid, average, key=dispersion.value)
 
-    def _directions(self, flat: ndarray, points: ndarray, origin: ndarray) -> ndarray:
+    def _directions(self, flat: Array, points: Points, origin: Array) -> Array:
         """Return the basis and, across it, the differences of points, as rows."""
         if flat.shape[1] != origin.size:
             raise ArgumentError(
@@ -250,7 +250,7 @@ class BasisMean(MeanSolver):
         rows = axes[:, is_known].T @ outside / np.sqrt(squares[is_known, None])
         return np.concatenate([flat, rows])
 
-    def _search(self, dispersion: Dispersion, origin: ndarray) -> Minimum:
+    def _search(self, dispersion: Dispersion, origin: Array) -> Minimum:
         """Return the best point over the basis and the differences of the points, or over all."""
         metric, space = dispersion.metric, dispersion.metric.space
         variance, check_areas = dispersion.value(origin), area_check(space, dispersion.points)
@@ -258,16 +258,16 @@ class BasisMean(MeanSolver):
         if self.basis is not None:
             directions = self._directions(self.basis.flat, dispersion.points, origin)
 
-        def function(point: ndarray) -> tuple[float, ndarray]:
+        def function(point: Points) -> tuple[float, Array]:
             if not np.all(space.belongs(point)):
                 return np.inf, np.zeros_like(point)
             return dispersion.value_and_gradient(point)
 
-        def factor_at(point: ndarray) -> CholeskyFactor:
+        def factor_at(point: Points) -> CholeskyFactor:
             scale = 1.0 / dispersion.curvature(variance)
             return metric_factor(metric, point[None], scale, directions)
 
-        def report(iteration: int, value: float, point: ndarray) -> None:
+        def report(iteration: int, value: float, point: Points) -> None:
             check_areas(point)
             if self.callback is not None:
                 self.callback(iteration, value, point)
@@ -326,9 +326,9 @@ class GradientDescentMean(MeanSolver):
     def solve(
         self,
         metric: RiemannianMetric,
-        points: Any,
-        weights: ndarray | None = None,
-        initial_point: ndarray | None = None,
+        points: PointsOrBatches,
+        weights: Array | None = None,
+        initial_point: Points | None = None,
         exponent: int = 2,
     ) -> MeanResult:
         """Find the mean, by default from the first point of positive weight; medians from the mean.
@@ -356,7 +356,7 @@ class GradientDescentMean(MeanSolver):
                 result = self._descend(dispersion.changed(smoothing=smoothing), result.point)
         return finish(self, result)
 
-    def _descend(self, dispersion: Dispersion, point: ndarray) -> MeanResult:
+    def _descend(self, dispersion: Dispersion, point: Points) -> MeanResult:
         metric = dispersion.metric
         values, n_evaluations = [dispersion.value(point)], 1
         floor, step = dispersion.floor(point), 1.0
@@ -402,14 +402,14 @@ class GradientDescentMean(MeanSolver):
         )
 
 
-def _best_known(dispersion: Dispersion, known: list[ndarray]) -> MeanResult:
+def _best_known(dispersion: Dispersion, known: list[Array]) -> MeanResult:
     """Return the best of some points for a search that is interrupted."""
     variances = [dispersion.value(point) for point in known]
     best = min(variances)
     return MeanResult(known[variances.index(best)], best, np.array([best]))
 
 
-def _mean_of_logarithms(dispersion: Dispersion, point: ndarray) -> ndarray:
+def _mean_of_logarithms(dispersion: Dispersion, point: Points) -> Array:
     """Return Σ_i w_i log_x(x_i)/Σ_i w_i, for medians with the weights w_i/d(x_i, x)."""
     total, sum_of_weights = np.zeros(np.shape(point)), 0.0
     for points, weights in dispersion.of_batches(with_weight):
@@ -420,6 +420,12 @@ def _mean_of_logarithms(dispersion: Dispersion, point: ndarray) -> ndarray:
         total += np.tensordot(weights, logarithms, axes=1)
         sum_of_weights += weights.sum()
     return total / sum_of_weights
+
+
+class _MeanSettings(TypedDict, total=False):
+    """What is handed to solvers; those of means alone need not know of medians."""
+
+    exponent: int
 
 
 class FrechetMean(Estimator):
@@ -455,17 +461,17 @@ class FrechetMean(Estimator):
     2.5
     """
 
-    estimate_: ndarray
+    estimate_: Array
     variance_: float
     n_iter_: int
     result_: MeanResult
-    _settings: ClassVar[dict[str, Any]] = {}
+    _settings: ClassVar[_MeanSettings] = {}
 
     def __init__(self, space: Manifold, solver: MeanSolver | None = None) -> None:
         self.space = space
         self.solver = solver
 
-    def fit(self, X: Any, y: object = None, weights: ndarray | None = None) -> Self:
+    def fit(self, X: PointsOrBatches, y: object = None, weights: Array | None = None) -> Self:
         r"""Find the mean of points.
 
         Parameters
@@ -515,4 +521,4 @@ class GeometricMedian(FrechetMean):
     [0.5, 0.5]
     """
 
-    _settings: ClassVar = {"exponent": 1}
+    _settings: ClassVar[_MeanSettings] = {"exponent": 1}

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import autograd.numpy as anp
 import numpy as np
 from autograd import value_and_grad
-from numpy import ndarray
 from scipy.sparse import csr_array
 
+from riemhuman.arrays import Array, Booleans, Points, Triangles
 from riemhuman.checks import integer_array, real_array, real_number, weight_shares, whole_number
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.geometry import ElasticMetric, RiemannianMetric
+from riemhuman.geometry import ElasticMetric, ProductManifold, RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.surface import apply_operator, stacked_derivatives, triangle_frames
 from riemhuman.solvers._lbfgs import minimize_from
@@ -87,8 +87,8 @@ class NearestSurface:
     def solve(
         self,
         metric: RiemannianMetric,
-        images: ndarray,
-        start: ndarray,
+        images: Array,
+        start: Points,
     ) -> MeanResult:
         r"""Find the surface.
 
@@ -112,7 +112,7 @@ class NearestSurface:
 
         distances = image_distances(metric, images)
 
-        def function(f: ndarray) -> tuple[float, ndarray]:
+        def function(f: Points) -> tuple[float, Array]:
             value, gradient = distances.value_and_gradient(f)
             if companion is not None:
                 squared, slopes = companion.energy_and_gradient(np.stack([start, f]))
@@ -120,7 +120,7 @@ class NearestSurface:
                 gradient = gradient + self.companion_weight * slopes[1]
             return value, gradient
 
-        def half_inverse_hessian_at(f: ndarray) -> CholeskyFactor:
+        def half_inverse_hessian_at(f: Points) -> CholeskyFactor:
             if companion is None:
                 return metric_factor(metric, f[None], 0.5)
             unseen = self.companion_weight * companion.metric_matrix(f)
@@ -159,7 +159,7 @@ class NearestSurface:
         return finish(self, MeanResult(minimum.x, variance, minimum.values, **minimum.outcome))
 
 
-def inverted_triangles(points: ndarray, reference: ndarray, faces: ndarray) -> ndarray:
+def inverted_triangles(points: Points, reference: Array, faces: Triangles) -> Booleans:
     r"""Tell which triangles of a surface are inverted with respect to a reference.
 
     Let A be the mean of the deformation gradients of all triangles that share a corner with a given
@@ -204,10 +204,11 @@ def inverted_triangles(points: ndarray, reference: ndarray, faces: ndarray) -> n
     across = np.cross(normals, first)
     images = [np.einsum("...ij,...j->...i", means, vector) for vector in (first, across)]
     expected = np.cross(*images)
-    return np.sum(expected * frames[..., 2], axis=-1) <= 0
+    inverted: Booleans = np.sum(expected * frames[..., 2], axis=-1) <= 0
+    return inverted
 
 
-def _frames(points: ndarray, faces: ndarray) -> ndarray:
+def _frames(points: Points, faces: Triangles) -> Array:
     """Return two edges and the unit normal of every triangle as columns, shape (..., F, 3, 3)."""
     one, two, three = (points[..., corner, :] for corner in faces.T)
     normals = np.cross(two - one, three - one)
@@ -219,20 +220,20 @@ def _frames(points: ndarray, faces: ndarray) -> ndarray:
 class _ByDefinition:
     """The mean for any pull-back, by autograd."""
 
-    def __init__(self, metric: Any, images: ndarray) -> None:
-        def mean(surface: ndarray) -> Any:
+    def __init__(self, metric: RiemannianMetric, images: Array) -> None:
+        def mean(surface: Points) -> Array:
             return anp.mean(metric.target_metric.squared_dist(metric.map(surface), images))
 
         self._slope = value_and_grad(mean)
 
-    def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
+    def value_and_gradient(self, surface: Points) -> tuple[float, Array]:
         try:
             value, gradient = self._slope(surface)
         except DegenerateSurfaceError:
             return np.inf, np.zeros_like(surface)
         return float(value), gradient
 
-    def nearby(self, surface: ndarray) -> ndarray:
+    def nearby(self, surface: Points) -> Array:
         return surface
 
 
@@ -242,7 +243,7 @@ class _OfElasticMetric:
     # Fields (g, n) that come from no surface come from one of separate triangles all the same: the
     # metric does not see how these lie.
 
-    def __init__(self, metric: ElasticMetric, images: ndarray) -> None:
+    def __init__(self, metric: ElasticMetric, images: Array) -> None:
         self._template = template = metric.space.template
         self._separate = separate = Template(
             template.vertices[template.faces].reshape(-1, 3),
@@ -253,12 +254,12 @@ class _OfElasticMetric:
         self._targets = np.stack([_separate_triangles(metric, separate, y) for y in images])
         self._has_both_terms = metric.a > 0 and metric.c > 0
 
-    def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
+    def value_and_gradient(self, surface: Points) -> tuple[float, Array]:
         targets, faces = self._targets, self._separate.faces
         squared, gradient = self._sum.squared_dists(surface, targets, self._weights, faces)
         return float(self._weights @ squared), gradient
 
-    def nearby(self, surface: ndarray) -> ndarray:
+    def nearby(self, surface: Points) -> Array:
         """Return the surface whose derivatives are nearest to those of one target's triangles."""
         # The metric does not see rotations of a triangle within its plane. They are chosen as on
         # the last surface, with Anderson acceleration (Peng et al., ACM TOG 37, 2018).
@@ -272,7 +273,7 @@ class _OfElasticMetric:
         weights = sizes.mean() / np.maximum(sizes, _SMALLEST * sizes.mean())
         assemble = self._template.interpolator.with_weights(weights)
 
-        def assembled(surface: ndarray) -> ndarray:
+        def assembled(surface: Points) -> Array:
             there = triangle_frames(surface, operator)[..., :2]
             # Σ (there · here) and Σ (there · n × here) over both columns: cos and sin of the turn.
             cosine = np.sum(there * tangents, axis=(1, 2))
@@ -304,21 +305,21 @@ class _OfElasticMetric:
         return best
 
 
-def image_distances(metric: RiemannianMetric, images: ndarray) -> _ByDefinition | _OfElasticMetric:
+def image_distances(metric: RiemannianMetric, images: Array) -> _ByDefinition | _OfElasticMetric:
     """Return the mean of squared distances from points of the image space."""
     if isinstance(metric, ElasticMetric):
         return _OfElasticMetric(metric, images)
     return _ByDefinition(metric, images)
 
 
-def _separate_triangles(metric: ElasticMetric, template: Template, image: ndarray) -> ndarray:
+def _separate_triangles(metric: ElasticMetric, template: Template, image: Array) -> Array:
     """Return corners of triangles with given fields, shape (3F, 3)."""
-    product: Any = metric.target_metric.space
+    product = cast("ProductManifold", metric.target_metric.space)
     parts = list(product.project_from_product(image))
     n_faces = template.n_faces
     g = parts.pop(0) if metric.a > 0 else np.tile(np.eye(2), (n_faces, 1, 1))
     normals = parts.pop(0) if metric.c > 0 else np.tile([0.0, 0.0, 1.0], (n_faces, 1))
-    # Any direction across the normal: the axis that is farthest from it leads to one.
+    # Some direction across the normal: the axis that is farthest from it leads to one.
     axes = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
     first = np.cross(normals, axes)
     first /= np.linalg.norm(first, axis=1, keepdims=True)

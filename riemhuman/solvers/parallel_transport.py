@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, ArrayLike, Contents, Points, TangentVectors
 from riemhuman.checks import check_basis, path_array, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
@@ -42,11 +42,11 @@ class TransportResult(Result):
     [[1.0], [1.0]]
     """
 
-    tangent_vec: ndarray
-    tangent_vecs: ndarray
-    path: ndarray
+    tangent_vec: TangentVectors
+    tangent_vecs: TangentVectors
+    path: Points
 
-    def contents(self) -> dict[str, Any]:
+    def contents(self) -> Contents:
         return {
             "tangent_vec": self.tangent_vec,
             "tangent_vecs": self.tangent_vecs,
@@ -114,11 +114,11 @@ class PoleLadder(TransportSolver):
     def solve(
         self,
         metric: RiemannianMetric,
-        tangent_vec: ndarray,
-        base_point: ndarray,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-        path: ndarray | None = None,
+        tangent_vec: TangentVectors,
+        base_point: Points,
+        direction: TangentVectors | None = None,
+        end_point: Points | None = None,
+        path: Points | None = None,
     ) -> TransportResult:
         r"""Transport a tangent vector along a geodesic, or along a path.
 
@@ -164,7 +164,7 @@ class PoleLadder(TransportSolver):
         path = aligned.turned_back(result.path)
         return replace(result, tangent_vec=vectors[-1], tangent_vecs=vectors, path=path)
 
-    def _geodesic(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> ndarray:
+    def _geodesic(self, metric: RiemannianMetric, start: Points, end: Points) -> Array:
         if metric.has_closed_form_geodesic:
             return metric.geodesic(start, end_point=end)(np.linspace(0.0, 1.0, self.n_rungs + 1))
         solver = self.geodesic_solver or metric.geodesic_solver
@@ -175,7 +175,9 @@ class PoleLadder(TransportSolver):
             )
         return np.asarray(solver.solve(metric, start, end).path)
 
-    def _climb(self, metric: RiemannianMetric, vector: ndarray, path: ndarray) -> TransportResult:
+    def _climb(
+        self, metric: RiemannianMetric, vector: TangentVectors, path: Points
+    ) -> TransportResult:
         vectors = [vector]
 
         def so_far(inner: Result | None) -> TransportResult:
@@ -186,7 +188,7 @@ class PoleLadder(TransportSolver):
         return finish(self, result)
 
     def _transported(
-        self, metric: RiemannianMetric, vectors: list[ndarray], path: ndarray
+        self, metric: RiemannianMetric, vectors: list[Array], path: Points
     ) -> TransportResult:
         """Return a vector transported along a path; vectors on the way are added to the first."""
         vector = vectors[0]
@@ -221,7 +223,13 @@ class PoleLadder(TransportSolver):
             message=f"{len(path) - 1} rungs{unsolved}",
         )
 
-    def _rung(self, equation: Any, start: ndarray, end: ndarray, vector: ndarray) -> list[Triple]:
+    def _rung(
+        self,
+        equation: GeodesicEquation | _ClosedForms,
+        start: Points,
+        end: Points,
+        vector: TangentVectors,
+    ) -> list[Triple]:
         """Return the equations of a rung, the last two of which end at exp_q(∓w')."""
         halves = equation.middle_point(start, end)
         sides = equation.both_sides(start, vector)
@@ -249,7 +257,13 @@ class SchildLadder(PoleLadder):
     array([1.])
     """
 
-    def _rung(self, equation: Any, start: ndarray, end: ndarray, vector: ndarray) -> list[Triple]:
+    def _rung(
+        self,
+        equation: GeodesicEquation | _ClosedForms,
+        start: Points,
+        end: Points,
+        vector: TangentVectors,
+    ) -> list[Triple]:
         sides = equation.both_sides(start, vector)
         halves = [equation.middle_point(side, end) for side in sides.points[::2]]
         ends = [equation.next_point(start, half.points[1]) for half in halves]
@@ -261,23 +275,23 @@ class _ClosedForms(NamedTuple):
 
     metric: RiemannianMetric
 
-    def next_point(self, before: ndarray, middle: ndarray) -> Triple:
+    def next_point(self, before: Array, middle: Array) -> Triple:
         after = self.metric.exp(-self.metric.log(before, middle), middle)
         return Triple(np.stack([before, middle, after]))
 
-    def both_sides(self, middle: ndarray, displacement: ndarray) -> Triple:
+    def both_sides(self, middle: Array, displacement: Array) -> Triple:
         before, after = (self.metric.exp(way, middle) for way in (-displacement, displacement))
         return Triple(np.stack([before, middle, after]))
 
-    def middle_point(self, start: ndarray, end: ndarray) -> Triple:
+    def middle_point(self, start: Points, end: Points) -> Triple:
         middle = self.metric.exp(0.5 * self.metric.log(end, start), start)
         return Triple(np.stack([start, middle, end]))
 
-    def velocity(self, before: ndarray, middle: ndarray, after: ndarray) -> ndarray:
+    def velocity(self, before: Array, middle: Array, after: Array) -> Array:
         return 0.5 * (self.metric.log(after, middle) - self.metric.log(before, middle))
 
 
-def _check_path(metric: RiemannianMetric, base_point: ndarray, path: Any) -> ndarray:
+def _check_path(metric: RiemannianMetric, base_point: Points, path: ArrayLike) -> Array:
     path = path_array(path, metric.space, batched=False)
     base_point, _ = check_end_points(metric, base_point, base_point)
     gap = np.abs(path[0] - base_point).max()

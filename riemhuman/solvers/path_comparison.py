@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self, overload
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Contents, Points, PointsLike
 from riemhuman.checks import check_methods, real_array, refuse_type
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
@@ -82,9 +82,9 @@ class PathComparison(Record):
     max_deviation: float
     starts: tuple[str, ...] = ()
 
-    def as_row(self) -> dict[str, Any]:
+    def as_row(self) -> dict[str, str | float]:
         """Return everything but the path, by name, for a table."""
-        row: dict[str, Any] = {"name": self.name, "metric": self.metric}
+        row: dict[str, str | float] = {"name": self.name, "metric": self.metric}
         row |= {f"energy_{name}": value for name, value in self.energies.items()}
         for label, change in (("area", self.area_change), ("edge", self.edge_change)):
             row |= {f"{label}_change_{key}": value for key, value in change._asdict().items()}
@@ -101,10 +101,10 @@ class PathComparison(Record):
 
 def compare_paths(
     metrics: Mapping[str, RiemannianMetric],
-    start: ndarray,
-    end: ndarray,
+    start: Points,
+    end: Points,
     solvers: Mapping[str, tuple[GeodesicSolver, str]],
-    reference: ndarray | None = None,
+    reference: Array | None = None,
 ) -> list[PathComparison]:
     """Find paths between two surfaces with several solvers, and measure them in the same way.
 
@@ -156,7 +156,7 @@ def compare_metrics(
     search: PathSearch,
     paths: Sequence[PathComparison],
     initial: str,
-    reference: ndarray | None = None,
+    reference: Array | None = None,
 ) -> list[PathComparison]:
     """Find a path under each metric, all with the same search and from the same path.
 
@@ -236,7 +236,7 @@ def _searched(
     search: PathSearch,
     begin: PathComparison,
     metrics: Mapping[str, RiemannianMetric],
-    reference: ndarray | None,
+    reference: Array | None,
     earlier: PathComparison | None = None,
 ) -> PathComparison:
     """Return the path of a search under a metric from a known path, after an earlier search."""
@@ -270,7 +270,7 @@ def _measured(
     result: PathResult,
     seconds: float,
     metrics: Mapping[str, RiemannianMetric],
-    reference: ndarray | None,
+    reference: Array | None,
 ) -> PathComparison:
     """Return the measures of a path under all metrics."""
     template = surface_space(metrics[metric_name].space).template
@@ -319,11 +319,11 @@ class PathDistances(Result):
     array([0.])
     """
 
-    lengths: ndarray
-    bounds: ndarray
-    gaps: ndarray
+    lengths: Array
+    bounds: Array
+    gaps: Array
 
-    def contents(self) -> dict[str, Any]:
+    def contents(self) -> Contents:
         return {
             "lengths": self.lengths,
             "bounds": self.bounds,
@@ -341,21 +341,21 @@ class PathDistances(Result):
         )
 
     @property
-    def excess(self) -> ndarray:
+    def excess(self) -> Array:
         """By how much lengths exceed the bounds, per cent, for the pairs i < j in order."""
         pairs = np.triu_indices(len(self.lengths), 1)
         with np.errstate(divide="ignore", invalid="ignore"):
             return 100.0 * (self.lengths[pairs] / self.bounds[pairs] - 1.0)
 
 
-def row_of_path(metric: RiemannianMetric, result: PathResult) -> ndarray:
+def row_of_path(metric: RiemannianMetric, result: PathResult) -> Array:
     """Return the numbers of one path that `distances_of_rows` takes, shape (6,)."""
     length, bound = float(metric.length(result.path)), float(np.sqrt(result.lower_bound))
     counts = result.n_iterations, result.n_evaluations, result.converged
     return np.array([length, bound, result.gap, *counts], dtype=float)
 
 
-def distances_of_rows(n_points: int, rows: ndarray) -> PathDistances:
+def distances_of_rows(n_points: int, rows: Array) -> PathDistances:
     """Return the table of the paths between all points i < j, given the row of each pair."""
     rows = rows.reshape(-1, 6)
     tables = np.zeros((3, n_points, n_points))
@@ -374,7 +374,7 @@ def distances_of_rows(n_points: int, rows: ndarray) -> PathDistances:
 def path_distances(
     solver: GeodesicSolver,
     metric: RiemannianMetric,
-    points: Sequence[Any] | ndarray,
+    points: PointsLike,
     *,
     n_jobs: int | None = None,
     progress: bool = False,
@@ -402,23 +402,33 @@ def path_distances(
     return distances_of_rows(len(points), rows)
 
 
-class PairsOfPoints(Sequence[Any]):
+class PairsOfPoints(Sequence[tuple[object, object]]):
     """The pairs i < j of a set of points, row by row."""
 
-    def __init__(self, points: Sequence[Any] | ndarray) -> None:
+    def __init__(self, points: PointsLike) -> None:
         self._points = points
         self._rows, self._columns = np.triu_indices(len(points), 1)
 
     def __len__(self) -> int:
         return len(self._rows)
 
-    def __getitem__(self, number: Any) -> Any:
+    @overload
+    def __getitem__(self, number: int) -> tuple[object, object]: ...
+
+    @overload
+    def __getitem__(
+        self, number: slice[int | None, int | None, int | None]
+    ) -> list[tuple[object, object]]: ...
+
+    def __getitem__(
+        self, number: int | slice[int | None, int | None, int | None]
+    ) -> tuple[object, object] | list[tuple[object, object]]:
         if isinstance(number, slice):
             return [self[k] for k in range(*number.indices(len(self)))]
         return self._points[int(self._rows[number])], self._points[int(self._columns[number])]
 
 
-def change_along_path(sizes: ndarray) -> ndarray:
+def change_along_path(sizes: Array) -> Array:
     """Return the largest relative changes of sizes along a path, see `PathComparison`."""
     # They are infinite where a size vanishes only between the ends, or only at both ends.
     sizes = np.abs(real_array(sizes, "sizes", finite=False))
@@ -428,7 +438,7 @@ def change_along_path(sizes: ndarray) -> ndarray:
     return np.maximum(np.maximum(growth, shrinkage) - 1.0, 0.0)
 
 
-def summarize(distortions: ndarray, weights: ndarray) -> Distortion:
+def summarize(distortions: Array, weights: Array) -> Distortion:
     """Return a summary of distortions, shape (m,), weighted by areas or lengths."""
     return Distortion(
         float(distortions.max()),
@@ -437,7 +447,7 @@ def summarize(distortions: ndarray, weights: ndarray) -> Distortion:
     )
 
 
-def _ratio(a: ndarray, b: ndarray) -> ndarray:
+def _ratio(a: Array, b: Array) -> Array:
     """Return a/b, or 1 where both are 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where((a == 0) & (b == 0), 1.0, a / b)

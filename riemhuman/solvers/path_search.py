@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self, cast
+from typing import ClassVar, Self, cast
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Callback, Points
 from riemhuman.checks import check_basis, check_function, check_methods, real_number, whole_number
 from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
@@ -59,7 +59,7 @@ class PathSearch(PathSolver):
     tolerance: float = 1e-4
     max_iter: int = 1000
     remove_drift: bool = True
-    callback: Callable[[int, float, ndarray], Any] | None = None
+    callback: Callback | None = None
     progress: bool = False
 
     # The share of the energy that the second half of many iterations may have gained at the end,
@@ -86,9 +86,9 @@ class PathSearch(PathSolver):
     def solve(
         self,
         metric: RiemannianMetric,
-        start: ndarray,
-        end: ndarray,
-        initial_path: ndarray | None = None,
+        start: Points,
+        end: Points,
+        initial_path: Points | None = None,
     ) -> PathResult:
         r"""Find a path of least energy.
 
@@ -105,12 +105,12 @@ class PathSearch(PathSolver):
         return self._between(metric, ends, initial_path)
 
     def _between(
-        self, metric: RiemannianMetric, ends: AlignedEnds, initial_path: ndarray | None = None
+        self, metric: RiemannianMetric, ends: AlignedEnds, initial_path: Points | None = None
     ) -> PathResult:
         """Find a path between ends that are aligned, or that count as they are."""
         start, end = ends.start, ends.given_end
         self._check_search(metric, start, end)
-        tried: list[ndarray] = []
+        tried: list[Array] = []
         results: list[PathResult] = []
 
         def best(inner: Result | None) -> PathResult:
@@ -137,7 +137,7 @@ class PathSearch(PathSolver):
         self,
         metric: RiemannianMetric,
         ends: AlignedEnds,
-        tried: list[ndarray],
+        tried: list[Array],
         results: Sequence[PathResult] = (),
     ) -> PathResult:
         """Return the best path of a search that is interrupted, at worst the straight one."""
@@ -159,27 +159,27 @@ class PathSearch(PathSolver):
         if callback is None or not ends.are_moved:
             return self
 
-        def report(iteration: int, energy: float, path: ndarray) -> None:
+        def report(iteration: int, energy: float, path: Points) -> None:
             callback(iteration, energy, ends.turned_back(path))
 
         return replace(self, callback=report)
 
     @property
     @abstractmethod
-    def _directions(self) -> ndarray | None:
+    def _directions(self) -> Array | None:
         """Deformations that interior points may move along, shape (K, n); None frees all."""
 
     @abstractmethod
-    def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
+    def _check_search(self, metric: RiemannianMetric, start: Points, end: Points) -> None:
         """Raise an error or warn if a search makes no sense."""
 
     @abstractmethod
-    def _factor(self, metric: RiemannianMetric, path: ndarray) -> CholeskyFactor:
+    def _factor(self, metric: RiemannianMetric, path: Points) -> CholeskyFactor:
         """Return a factor of the metric's matrix in the coordinates of the interior points."""
 
     def _starts(
-        self, metric: RiemannianMetric, start: ndarray, end: ndarray, tried: list[ndarray]
-    ) -> list[ndarray]:
+        self, metric: RiemannianMetric, start: Points, end: Points, tried: list[Array]
+    ) -> list[Array]:
         """Return the start of least energy, and those with a limb that rotates the other way."""
         starts, alternatives = [linear_path(start, end, self.n_nodes)], []
         if metric.space.is_surface_space and np.all(metric.space.belongs(np.stack([start, end]))):
@@ -194,12 +194,12 @@ class PathSearch(PathSolver):
         best = min(starts, key=lambda path: _energy(metric, self.energy, path))
         return [best, *alternatives]
 
-    def _initial_path(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> ndarray:
+    def _initial_path(self, metric: RiemannianMetric, start: Points, end: Points) -> Array:
         path = cast("GeodesicSolver", self.initial).solve(metric, start, end).path
         return check_initial_path(metric, start, end, self.n_nodes, path)
 
     def _best_of(
-        self, metric: RiemannianMetric, paths: list[ndarray], results: list[PathResult]
+        self, metric: RiemannianMetric, paths: list[Array], results: list[PathResult]
     ) -> PathResult:
         """Descend from the start that leads to the least energy, as far as a short run tells.
 
@@ -221,25 +221,26 @@ class PathSearch(PathSolver):
         return replace(result, n_evaluations=n_evaluations)
 
     def _descend(
-        self, metric: RiemannianMetric, path: ndarray, earlier: ndarray | tuple[()] = ()
+        self, metric: RiemannianMetric, path: Points, earlier: Array | tuple[()] = ()
     ) -> PathResult:
         """Minimise over the interior points of a path."""
         path = _on_manifold(metric, path)
         directions = self._directions
         over_all = directions is None
 
-        def energy(nodes: ndarray) -> tuple[float, ndarray]:
+        def energy(nodes: Array) -> tuple[float, Array]:
             if over_all and not np.all(metric.space.belongs(nodes)):
                 return np.inf, np.zeros_like(nodes)
             value, gradient = self.energy.value_and_gradient(metric, _with_interior(path, nodes))
             return value, gradient[1:-1]
 
-        def inverse_hessian_at(nodes: ndarray) -> Operator:
+        def inverse_hessian_at(nodes: Array) -> Operator:
             factor = self._factor(metric, _with_interior(path, nodes))
             return PathPreconditioner(factor, len(nodes) + 1)
 
-        def report(iteration: int, value: float, nodes: ndarray) -> None:
-            cast(Any, self.callback)(iteration, value, _with_interior(path, nodes))
+        def report(iteration: int, value: float, nodes: Array) -> None:
+            if self.callback is not None:
+                self.callback(iteration, value, _with_interior(path, nodes))
 
         # The energy of a constant path with rounding errors.
         rounding = max(rounding_energy(metric, point, self.energy) for point in path[[0, -1]])
@@ -338,20 +339,20 @@ class BasisPath(PathSearch, _OverBasis):
         super().__post_init__()
 
     @property
-    def _directions(self) -> ndarray:
+    def _directions(self) -> Array:
         return self.basis.flat
 
-    def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
+    def _check_search(self, metric: RiemannianMetric, start: Points, end: Points) -> None:
         self.basis.check_fits(start.shape[0])
 
     def _starts(
-        self, metric: RiemannianMetric, start: ndarray, end: ndarray, tried: list[ndarray]
-    ) -> list[ndarray]:
+        self, metric: RiemannianMetric, start: Points, end: Points, tried: list[Array]
+    ) -> list[Array]:
         if self.initial is not None:
             return [self._initial_path(metric, start, end)]
         return super()._starts(metric, start, end, tried)
 
-    def _factor(self, metric: RiemannianMetric, path: ndarray) -> CholeskyFactor:
+    def _factor(self, metric: RiemannianMetric, path: Points) -> CholeskyFactor:
         nodes = path[[1, -2]]
         if not np.all(metric.space.belongs(nodes)):
             # A triangle has vanished on the way, as it may at a small λ.
@@ -400,7 +401,7 @@ class PathStraightening(PathSearch):
     def _directions(self) -> None:
         return None
 
-    def _check_search(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> None:
+    def _check_search(self, metric: RiemannianMetric, start: Points, end: Points) -> None:
         if metric.is_reparametrization_invariant and not np.array_equal(start, end):
             warn(
                 f"under {metric!r} it costs nothing that surfaces slide along themselves: over all "
@@ -410,34 +411,34 @@ class PathStraightening(PathSearch):
                 ReparametrizationInvarianceWarning,
             )
 
-    def _factor(self, metric: RiemannianMetric, path: ndarray) -> CholeskyFactor:
+    def _factor(self, metric: RiemannianMetric, path: Points) -> CholeskyFactor:
         ridge = float(np.clip(self.tolerance, *_RIDGES))
         return metric_factor(metric, path[1:-1], stiffness=_STIFFNESS, ridge=ridge)
 
 
-def refine_path(path: ndarray, n_segments: int) -> ndarray:
+def refine_path(path: Points, n_segments: int) -> Array:
     """Return a path at other times, by a spline."""
     from scipy.interpolate import make_interp_spline  # takes long to import
 
     known = np.linspace(0.0, 1.0, len(path))
     spline = make_interp_spline(known, path, k=min(3, len(path) - 1))
-    refined = spline(np.linspace(0.0, 1.0, n_segments + 1))
+    refined: Points = spline(np.linspace(0.0, 1.0, n_segments + 1))
     refined[[0, -1]] = path[[0, -1]]
     return refined
 
 
-def _with_interior(path: ndarray, nodes: ndarray) -> ndarray:
+def _with_interior(path: Points, nodes: Array) -> Array:
     moved = path.copy()
     moved[1:-1] = nodes
     return moved
 
 
-def _on_manifold(metric: RiemannianMetric, path: ndarray) -> ndarray:
+def _on_manifold(metric: RiemannianMetric, path: Points) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         return _with_interior(path, metric.space.projection(path[1:-1]))
 
 
-def _energy(metric: RiemannianMetric, energy: PathEnergy, path: ndarray) -> float:
+def _energy(metric: RiemannianMetric, energy: PathEnergy, path: Points) -> float:
     """Return the energy, infinite where the path leaves the manifold."""
     if not np.all(metric.space.belongs(path[1:-1])):
         return np.inf

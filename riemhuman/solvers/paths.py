@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import autograd.numpy as anp
 import numpy as np
 from autograd import value_and_grad
-from numpy import ndarray
 
+from riemhuman.arrays import Array, PairsLike, Points
 from riemhuman.checks import real_array, values_of, whole_number
 from riemhuman.errors import (
     ArgumentError,
@@ -46,10 +44,10 @@ class SegmentEnergy(PathEnergy):
     8.0
     """
 
-    def value(self, metric: RiemannianMetric, path: ndarray) -> float:
+    def value(self, metric: RiemannianMetric, path: Points) -> float:
         return float(metric.energy(path))
 
-    def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
+    def value_and_gradient(self, metric: RiemannianMetric, path: Points) -> tuple[float, Array]:
         return metric.energy_and_gradient(path)
 
 
@@ -66,15 +64,15 @@ class FiniteDifferenceEnergy(PathEnergy):
     4.0
     """
 
-    def value(self, metric: RiemannianMetric, path: ndarray) -> float:
+    def value(self, metric: RiemannianMetric, path: Points) -> float:
         return float(self._energy(metric, metric.check_points(path, "path")))
 
-    def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
+    def value_and_gradient(self, metric: RiemannianMetric, path: Points) -> tuple[float, Array]:
         energy = value_and_grad(lambda points: self._energy(metric, points))
         value, gradient = energy(metric.check_points(path, "path"))
         return float(value), gradient
 
-    def _energy(self, metric: RiemannianMetric, path: ndarray) -> ndarray:
+    def _energy(self, metric: RiemannianMetric, path: Points) -> Array:
         start, end = path[:-1], path[1:]
         middle = metric.space.projection(0.5 * (start + end))
         return (len(path) - 1) * anp.sum(metric.squared_norm(end - start, middle))
@@ -84,7 +82,7 @@ class PathSolver(ABC):
     """A base of geodesic solvers, for one pair of points or many."""
 
     @abstractmethod
-    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+    def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         r"""Return a path between two points.
 
         Parameters
@@ -96,7 +94,7 @@ class PathSolver(ABC):
     def solve_many(
         self,
         metric: RiemannianMetric,
-        pairs: Sequence[Any] | ndarray,
+        pairs: PairsLike,
         *,
         n_jobs: int | None = None,
         progress: bool = False,
@@ -118,7 +116,7 @@ class PathSolver(ABC):
 def solve_pairs(
     solver: GeodesicSolver,
     metric: RiemannianMetric,
-    pairs: Sequence[Any] | ndarray,
+    pairs: PairsLike,
     *,
     n_jobs: int | None = None,
     progress: bool = False,
@@ -148,7 +146,7 @@ def solve_pairs(
 
 
 def _solve_pair(
-    solver: GeodesicSolver, metric: RiemannianMetric, pairs: Any, number: int
+    solver: GeodesicSolver, metric: RiemannianMetric, pairs: PairsLike, number: int
 ) -> PathResult:
     pair = pairs[number]
     if not hasattr(pair, "__len__") or len(pair) != 2:
@@ -184,7 +182,7 @@ class LinearPath(PathSolver):
     def __post_init__(self) -> None:
         whole_number(self.n_nodes, "n_nodes", minimum=2)
 
-    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+    def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
         path = linear_path(start, end, self.n_nodes)
         path[1:-1] = metric.space.projection(path[1:-1])
@@ -212,7 +210,7 @@ class ClosedFormGeodesic(PathSolver):
     def __post_init__(self) -> None:
         whole_number(self.n_nodes, "n_nodes", minimum=2)
 
-    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+    def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
         if not metric.has_closed_form_geodesic:
             raise NotDefinedError(
@@ -223,9 +221,7 @@ class ClosedFormGeodesic(PathSolver):
         return known_path(metric, path, "closed form", gap=0.0)
 
 
-def check_end_points(
-    metric: RiemannianMetric, start: ndarray, end: ndarray
-) -> tuple[ndarray, ndarray]:
+def check_end_points(metric: RiemannianMetric, start: Points, end: Points) -> tuple[Array, Array]:
     """Return two single points as float64 arrays after checking them."""
     check_metric(metric)
     checked = []
@@ -236,8 +232,8 @@ def check_end_points(
 
 
 def check_initial_path(
-    metric: RiemannianMetric, start: ndarray, end: ndarray, n_nodes: int, initial_path: ndarray
-) -> ndarray:
+    metric: RiemannianMetric, start: Points, end: Points, n_nodes: int, initial_path: Points
+) -> Array:
     """Return an initial path of `n_nodes` times, whose ends may be off by rounding."""
     path = metric.check_points(initial_path, "initial_path")
     if len(path) != n_nodes:
@@ -250,7 +246,7 @@ def check_initial_path(
     return path
 
 
-def linear_path(start: ndarray, end: ndarray, n_nodes: int) -> ndarray:
+def linear_path(start: Points, end: Points, n_nodes: int) -> Array:
     """Return (1 − t) x₀ + t x₁ at equally spaced times (step 4 of Algorithm 1, corrected)."""
     t = np.linspace(0.0, 1.0, n_nodes)
     return np.multiply.outer(1.0 - t, start) + np.multiply.outer(t, end)
@@ -258,7 +254,7 @@ def linear_path(start: ndarray, end: ndarray, n_nodes: int) -> ndarray:
 
 def known_path(
     metric: RiemannianMetric,
-    path: ndarray,
+    path: Points,
     message: str,
     gap: float = np.nan,
     energy: PathEnergy | None = None,
@@ -269,14 +265,14 @@ def known_path(
     return PathResult(path, value, np.array([value]), bound, gap, n_evaluations=1, message=message)
 
 
-def lower_bound(metric: RiemannianMetric, path: ndarray) -> float:
+def lower_bound(metric: RiemannianMetric, path: Points) -> float:
     """Return the squared distance of the ends of a path, if it is in closed form, else 0."""
     return float(metric.squared_dist(path[0], path[-1])) if metric.has_closed_form_dist else 0.0
 
 
 def rounding_energy(
     metric: RiemannianMetric,
-    point: ndarray,
+    point: Points,
     energy: PathEnergy | None = None,
     size: float = _ROUNDING,
 ) -> float:
@@ -285,6 +281,6 @@ def rounding_energy(
     return (energy or SegmentEnergy()).value(metric, np.stack([point, near]))
 
 
-def rounded(point: ndarray, size: float) -> ndarray:
+def rounded(point: Points, size: float) -> Array:
     """Return a point with rounding errors up to a relative size, the same ones at every call."""
     return point * (1.0 + np.random.default_rng(0).uniform(-size, size, point.shape))

@@ -8,12 +8,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from html import escape
-from typing import Any, Self, TypeVar
+from typing import Self, TypedDict, TypeVar
 
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import Array, Contents, Points
 from riemhuman.errors import ConvergenceWarning, FileFormatError, NotDefinedError, warn
+from riemhuman.geometry.strategies import SolvedMean, SolvedPath
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.kernels.threads import is_abandoned
 from riemhuman.memory import enough_memory
@@ -46,6 +48,15 @@ class Status(StrEnum):
     INTERRUPTED = "interrupted"
 
 
+class Outcome(TypedDict):
+    """How a solver ended: the fields of `Result`."""
+
+    n_iterations: int
+    n_evaluations: int
+    status: Status
+    message: str
+
+
 class SavedResult:
     """The arrays of a result in a file, each read as what it must be.
 
@@ -68,7 +79,7 @@ class SavedResult:
         if (found := str(self._arrays[_CLASS])) != class_name:
             raise FileFormatError(f"{path} must hold a {class_name}; found a {found[:60]}")
 
-    def array(self, name: str) -> ndarray:
+    def array(self, name: str) -> Array:
         """Return numbers of any shape.
 
         Parameters
@@ -97,7 +108,7 @@ class SavedResult:
         ----------
         name : str
         """
-        return self._value(name, "iu").item()
+        return int(self._value(name, "iu").item())
 
     def flag(self, name: str) -> bool:
         """Return a truth value.
@@ -106,7 +117,7 @@ class SavedResult:
         ----------
         name : str
         """
-        return self._value(name, "b").item()
+        return bool(self._value(name, "b").item())
 
     def text(self, name: str) -> str:
         """Return a text.
@@ -115,9 +126,9 @@ class SavedResult:
         ----------
         name : str
         """
-        return self._value(name, "U").item()
+        return str(self._value(name, "U").item())
 
-    def outcome(self) -> dict[str, Any]:
+    def outcome(self) -> Outcome:
         """Return how the solver ended: the fields of `Result`, by name."""
         try:
             status = Status(self.text("status"))
@@ -130,7 +141,7 @@ class SavedResult:
             "message": self.text("message"),
         }
 
-    def _value(self, name: str, kinds: str, *, single: bool = True) -> ndarray:
+    def _value(self, name: str, kinds: str, *, single: bool = True) -> Array:
         if name not in self._arrays:
             raise FileFormatError(f"{self._path} lacks the field {name}")
         array = self._arrays[name]
@@ -171,7 +182,7 @@ class Result(Record):
         return self.status is Status.CONVERGED
 
     @property
-    def outcome(self) -> dict[str, Any]:
+    def outcome(self) -> Outcome:
         """The fields of `Result`, by name, for another result that ended in the same way."""
         return {
             "n_iterations": self.n_iterations,
@@ -180,9 +191,9 @@ class Result(Record):
             "message": self.message,
         }
 
-    def contents(self) -> dict[str, Any]:
+    def contents(self) -> Contents:
         """Return what `save` writes: all fields, by name, as numbers, text or arrays."""
-        return self.outcome
+        return {**self.outcome}
 
     @classmethod
     def from_saved(cls, saved: SavedResult) -> Self:
@@ -231,7 +242,7 @@ class Result(Record):
             return table
         return notebook_pictures().surfaces_html(surfaces, None, repr(self)) + table
 
-    def _surfaces(self) -> ndarray | None:
+    def _surfaces(self) -> Array | None:
         """Return the first array of the result as surfaces to draw, if it has their shape."""
         for field in fields(self):
             value = getattr(self, field.name)
@@ -269,13 +280,13 @@ class PathResult(Result):
     [[0.0], [1.0], [2.0]]
     """
 
-    path: ndarray
+    path: Points
     energy: float
-    energies: ndarray
+    energies: Array
     lower_bound: float = 0.0
     gap: float = np.nan
 
-    def contents(self) -> dict[str, Any]:
+    def contents(self) -> Contents:
         return {
             "path": self.path,
             "energy": self.energy,
@@ -318,11 +329,11 @@ class MeanResult(Result):
     array([1.])
     """
 
-    point: ndarray
+    point: Points
     variance: float
-    variances: ndarray
+    variances: Array
 
-    def contents(self) -> dict[str, Any]:
+    def contents(self) -> Contents:
         return {
             "point": self.point,
             "variance": self.variance,
@@ -395,7 +406,7 @@ def finish(solver: object, result: ResultType) -> ResultType:
     return result
 
 
-def complete_path(found: Any) -> PathResult:
+def complete_path(found: SolvedPath) -> PathResult:
     """Return the result of a user-defined geodesic solver, a path and its energy, with defaults."""
     if isinstance(found, PathResult):
         return found
@@ -408,7 +419,7 @@ def complete_path(found: Any) -> PathResult:
     )
 
 
-def complete_mean(found: Any) -> MeanResult:
+def complete_mean(found: SolvedMean) -> MeanResult:
     """Return the result of a user-defined mean solver, a point and its variance, with defaults."""
     if isinstance(found, MeanResult):
         return found
@@ -421,7 +432,7 @@ def complete_mean(found: Any) -> MeanResult:
     )
 
 
-def _completed_outcome(found: Any) -> dict[str, Any]:
+def _completed_outcome(found: SolvedPath | SolvedMean) -> Outcome:
     return {
         "n_iterations": int(getattr(found, "n_iterations", 0)),
         "n_evaluations": int(getattr(found, "n_evaluations", 0)),

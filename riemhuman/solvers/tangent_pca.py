@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, ArrayLike, Points
 from riemhuman.checks import Rng, generator, one_of, real_array, refuse_type, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator, Transformer
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import sample_count, stack_samples, surface_space
 from riemhuman.geometry.metric import metric_of
-from riemhuman.geometry.strategies import check_strategy
+from riemhuman.geometry.strategies import MeanSolver, check_strategy
 from riemhuman.solvers._mixed_poses import warn_of_mixed_poses
 from riemhuman.solvers.means import BasisMean, GradientDescentMean
 from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
@@ -36,7 +36,7 @@ class ImageEstimator(Estimator):
     that space need not come from a surface; it is then replaced by the nearest surface.
     """
 
-    space: Any
+    space: Manifold | RiemannianMetric
     image: str
     nearest: NearestSurface | None
 
@@ -66,10 +66,10 @@ class ImageEstimator(Estimator):
             refuse_type(self.nearest, "nearest", "a NearestSurface(...)")
         return self.nearest
 
-    def _embed(self, points: ndarray) -> ndarray:
+    def _embed(self, points: Points) -> Array:
         return self._metric.map(points) if self._takes_fields else points
 
-    def _restore(self, images: ndarray, start: ndarray) -> ndarray:
+    def _restore(self, images: Array, start: Points) -> Array:
         """Return the surfaces with the nearest fields, or points without rounding errors."""
         metric = self._metric
         if not self._takes_fields:
@@ -77,12 +77,12 @@ class ImageEstimator(Estimator):
         found = [self._nearest.solve(metric, image[None], start).point for image in images]
         return np.array(found).reshape(-1, *metric.space.shape)
 
-    def _mean_point(self, mean: Any, points: ndarray) -> ndarray:
+    def _mean_point(self, mean: MeanSolver | ArrayLike | None, points: Points) -> Array:
         """Return the point of tangency: a point, what a solver finds, or the Karcher mean."""
         with interruptible(lambda inner: inner or known_mean(points[0])):
             return self._point_of_tangency(mean, points)
 
-    def _point_of_tangency(self, mean: Any, points: ndarray) -> ndarray:
+    def _point_of_tangency(self, mean: MeanSolver | ArrayLike | None, points: Points) -> Array:
         metric, nearest = self._metric, self._nearest
         if mean is None and self._takes_fields:
             mean = BasisMean(companion_weight=nearest.companion_weight, progress=nearest.progress)
@@ -91,11 +91,11 @@ class ImageEstimator(Estimator):
         if isinstance(mean, type) or hasattr(mean, "solve"):
             check_strategy(mean, "mean")
             return mean.solve(metric, points).point
-        mean = real_array(mean, "mean", metric.space.shape, batched=False)
-        return metric.space.check_point(mean, "mean")
+        point = real_array(mean, "mean", metric.space.shape, batched=False)
+        return metric.space.check_point(point, "mean")
 
 
-def known_mean(point: ndarray) -> MeanResult:
+def known_mean(point: Points) -> MeanResult:
     """Return the mean of an estimator that is interrupted later, whose variance is not known."""
     return MeanResult(point, np.nan, np.array([np.nan]))
 
@@ -168,11 +168,11 @@ class TangentPCA(ImageEstimator, Transformer):
     (5, 2)
     """
 
-    mean_: ndarray
-    components_: ndarray
-    explained_variance_: ndarray
-    explained_variance_ratio_: ndarray
-    offset_: ndarray
+    mean_: Array
+    components_: Array
+    explained_variance_: Array
+    explained_variance_ratio_: Array
+    offset_: Array
     n_components_: int
 
     def __init__(
@@ -180,7 +180,7 @@ class TangentPCA(ImageEstimator, Transformer):
         space: Manifold,
         n_components: int | None = None,
         *,
-        mean: Any = None,
+        mean: MeanSolver | ArrayLike | None = None,
         image: str = "auto",
         nearest: NearestSurface | None = None,
     ) -> None:
@@ -190,7 +190,7 @@ class TangentPCA(ImageEstimator, Transformer):
         self.image = image
         self.nearest = nearest
 
-    def fit(self, X: ndarray, y: object = None, base_point: ndarray | None = None) -> Self:
+    def fit(self, X: Array, y: object = None, base_point: Points | None = None) -> Self:
         r"""Find the mean and the directions.
 
         Parameters
@@ -211,7 +211,7 @@ class TangentPCA(ImageEstimator, Transformer):
         with interruptible(lambda inner: known_mean(self.mean_)):
             return self._fit_at_mean(points)
 
-    def _fit_at_mean(self, points: ndarray) -> Self:
+    def _fit_at_mean(self, points: Points) -> Self:
         metric = self._image_metric
         self._base = self._embed(self.mean_[None])[0]
         logs = metric.log(self._embed(points), self._base)
@@ -239,7 +239,7 @@ class TangentPCA(ImageEstimator, Transformer):
         self.explained_variance_ratio_ = values[:wanted] / values[values > 0].sum()
         return self
 
-    def transform(self, X: ndarray, y: object = None) -> ndarray:
+    def transform(self, X: Array, y: object = None) -> Array:
         r"""Return the coordinates of points, ⟨log x − offset, u_k⟩, shape (n, n_components).
 
         Parameters
@@ -255,9 +255,7 @@ class TangentPCA(ImageEstimator, Transformer):
         scores = logs.reshape(len(logs), -1) @ covectors.reshape(self.n_components_, -1).T
         return self._in_container(scores, X)
 
-    def fit_transform(
-        self, X: ndarray, y: object = None, base_point: ndarray | None = None
-    ) -> ndarray:
+    def fit_transform(self, X: Array, y: object = None, base_point: Points | None = None) -> Array:
         r"""Fit, and return the coordinates of the same points.
 
         Parameters
@@ -271,7 +269,7 @@ class TangentPCA(ImageEstimator, Transformer):
         self._require_fit("components_")
         return self.n_components_
 
-    def inverse_transform(self, X: ndarray) -> ndarray:
+    def inverse_transform(self, X: Array) -> Array:
         r"""Return the points exp(offset + Σ_k z_k u_k), on surfaces those with the nearest fields.
 
         Parameters
@@ -294,8 +292,8 @@ class TangentPCA(ImageEstimator, Transformer):
         self,
         n_samples: int = 1,
         rng: Rng = 0,
-        accept: Callable[[ndarray], bool] | None = None,
-    ) -> ndarray:
+        accept: Callable[[Array], bool] | None = None,
+    ) -> Array:
         r"""Draw points from the normal distribution of the coordinates.
 
         Parameters
@@ -315,7 +313,7 @@ class TangentPCA(ImageEstimator, Transformer):
         n_samples, rng = sample_count(n_samples), generator(rng)
         accept = accept or self._is_sound
         deviations = np.sqrt(self.explained_variance_)
-        accepted: list[ndarray] = []
+        accepted: list[Array] = []
         n_drawn = 0
         while len(accepted) < n_samples:
             if n_drawn >= _MOST_DRAWN * n_samples:
@@ -329,7 +327,7 @@ class TangentPCA(ImageEstimator, Transformer):
             accepted += [point for point in points if accept(point)]
         return stack_samples(np.stack(accepted), n_samples)
 
-    def _is_sound(self, point: ndarray) -> bool:
+    def _is_sound(self, point: Points) -> bool:
         if not self._takes_fields:
             return True
         faces = surface_space(self._metric.space).template.faces

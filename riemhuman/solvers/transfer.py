@@ -16,16 +16,18 @@ page has figures for simulated people and for FAUST.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-from numpy import ndarray
 from scipy.sparse.linalg import LinearOperator
 
+from riemhuman.arrays import Array, ArrayLike, Contents, Points
 from riemhuman.checks import check_basis, check_methods, one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
+from riemhuman.geometry import SurfaceMetric
+from riemhuman.geometry.manifold import SurfaceSpace
 from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives, triangle_frames
@@ -103,8 +105,12 @@ class MotionTransfer:
             )
 
     def solve(
-        self, space: AlignedSurfaces, motion: Any, target: ndarray, reference: ndarray | None = None
-    ) -> ndarray:
+        self,
+        space: SurfaceSpace,
+        motion: Iterable[ArrayLike],
+        target: Array,
+        reference: Array | None = None,
+    ) -> Array:
         """Return the target's motion, on which parts rest that rest on the source, above all feet.
 
         Parameters
@@ -123,7 +129,7 @@ class MotionTransfer:
                 'reference must be left out where transfer="pose": poses are transferred as they '
                 "are, whatever the pose of the target"
             )
-        moved: list[ndarray] = []
+        moved: list[Array] = []
         for k, frame in enumerate(motion):
             frame = _one_surface(space, frame, f"motion[{k}]")
             if k == 0:
@@ -166,9 +172,7 @@ class ShapeTransfer:
     (1202, 3)
     """
 
-    def solve(
-        self, space: AlignedSurfaces, before: ndarray, after: ndarray, target: ndarray
-    ) -> ndarray:
+    def solve(self, space: SurfaceSpace, before: Array, after: Array, target: Array) -> Array:
         """Return the second body in the target's pose, with the centroids of its components.
 
         Parameters
@@ -213,14 +217,14 @@ class DisentanglingResult(Result):
     True
     """
 
-    surface: ndarray
-    posed: ndarray
+    surface: Points
+    posed: Array
     value: float
-    values: ndarray
+    values: Array
     shape_dist: float
     pose_dist: float
 
-    def contents(self) -> dict[str, Any]:
+    def contents(self) -> Contents:
         return {
             "surface": self.surface,
             "posed": self.posed,
@@ -301,7 +305,7 @@ class Disentangling:
         whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
-        self, shape_metric: SurfaceMetric, pose_metric: SurfaceMetric, shape: ndarray, pose: ndarray
+        self, shape_metric: SurfaceMetric, pose_metric: SurfaceMetric, shape: Array, pose: Array
     ) -> DisentanglingResult:
         """Find the surface.
 
@@ -316,7 +320,7 @@ class Disentangling:
         """
         check_metric(shape_metric, "shape_metric")
         check_metric(pose_metric, "pose_metric")
-        space: Any = shape_metric.space
+        space = shape_metric.space
         if not space.is_surface_space or space.shape != pose_metric.space.shape:
             raise ArgumentError(
                 "shape_metric and pose_metric must be metrics on surfaces over one template; found "
@@ -326,7 +330,7 @@ class Disentangling:
         pose = _one_surface(space, pose, "pose")
         if self.basis is not None:
             self.basis.check_fits(len(shape))
-        known: list[ndarray] = []
+        known: list[Array] = []
 
         def best(inner: Result | None) -> DisentanglingResult:
             # At worst A as it is.
@@ -343,17 +347,17 @@ class Disentangling:
         self,
         shape_metric: SurfaceMetric,
         pose_metric: SurfaceMetric,
-        shape: ndarray,
-        pose: ndarray,
-        posed: ndarray,
+        shape: Array,
+        pose: Array,
+        posed: Array,
     ) -> DisentanglingResult:
         """Return the surface that is found from A in the pose of B."""
-        space: Any = shape_metric.space
+        space = shape_metric.space
         terms = [(shape_metric, 1.0, shape), (pose_metric, self.pose_weight, posed)]
         faces = space.template.faces
         least_areas = np.minimum(*(triangle_areas(body, faces) for body in (shape, posed)))
 
-        def weighted_sum(surface: ndarray) -> tuple[float, ndarray]:
+        def weighted_sum(surface: Points) -> tuple[float, Array]:
             value, gradient = 0.0, np.zeros_like(surface)
             for metric, weight, point in terms:
                 squared, slopes = metric.energy_and_gradient(np.stack([point, surface]))
@@ -361,13 +365,13 @@ class Disentangling:
                 gradient += weight * slopes[1]
             return value, gradient
 
-        def objective(surface: ndarray) -> tuple[float, ndarray]:
+        def objective(surface: Points) -> tuple[float, Array]:
             if np.any(triangle_areas(surface, faces) < _LEAST_AREA * least_areas):
                 return np.inf, np.zeros_like(surface)
             return weighted_sum(surface)
 
-        def factor(surface: ndarray) -> CholeskyFactor:
-            matrix: Any = sum(w * metric.metric_matrix(surface) for metric, w, _ in terms)
+        def factor(surface: Points) -> CholeskyFactor:
+            matrix = sum(w * metric.metric_matrix(surface) for metric, w, _ in terms)
             return SparseCholeskyFactor(2.0 * matrix)
 
         minimum = minimize_from(
@@ -403,9 +407,9 @@ class Disentangling:
 def _disentangled(
     shape_metric: SurfaceMetric,
     pose_metric: SurfaceMetric,
-    shape: ndarray,
-    pose: ndarray,
-    surface: ndarray,
+    shape: Array,
+    pose: Array,
+    surface: Points,
 ) -> DisentanglingResult:
     """Return the start of a search that was interrupted before it began."""
     distances = float(shape_metric.dist(shape, surface)), float(pose_metric.dist(pose, surface))
@@ -417,9 +421,7 @@ def _disentangled(
 class _ChangeTransfer:
     """Deformations of a reference, transferred to a target."""
 
-    def __init__(
-        self, space: AlignedSurfaces, reference: ndarray, target: ndarray, axes: str
-    ) -> None:
+    def __init__(self, space: SurfaceSpace, reference: Array, target: Array, axes: str) -> None:
         self._operator = space.template.differential_operator
         self._interpolator = space.template.interpolator
         self._frames = triangle_frames(reference, self._operator)
@@ -429,7 +431,7 @@ class _ChangeTransfer:
             gradients = deformation_gradients(self._frames, self._target_frames)
             self._axes = nearest_rotations(gradients)
 
-    def solve(self, surface: ndarray, placed_as: ndarray) -> ndarray:
+    def solve(self, surface: Points, placed_as: Array) -> Array:
         """Return the target, deformed as the reference is deformed into this surface."""
         frames = triangle_frames(surface, self._operator)
         gradients = deformation_gradients(self._frames, frames)
@@ -451,13 +453,13 @@ class PoseTransfer:
     second round adds the smoothed remainder of the rotations, which restores the bends of joints.
     """
 
-    def __init__(self, space: AlignedSurfaces, bone_smoothing: float = _BONE_SMOOTHING) -> None:
+    def __init__(self, space: SurfaceSpace, bone_smoothing: float = _BONE_SMOOTHING) -> None:
         self._template = template = space.template
         self._bone_smoothing = bone_smoothing
         self._area = float(template.face_areas.sum())
         self._time = self._area * SMOOTHING
 
-    def solve(self, shape: ndarray, pose: ndarray) -> ndarray:
+    def solve(self, shape: Array, pose: Array) -> Array:
         """Return a body in the pose of another, with its centroid, shape (V, 3)."""
         frames = triangle_frames(shape, self._template.differential_operator)
         rotations, heat = self._rotations(frames, pose), self._template.heat
@@ -473,24 +475,27 @@ class PoseTransfer:
         field = heat_flow(along_bones, missing) @ field
         return assemble.surface_of(stacked_derivatives(field @ frames), pose)
 
-    def _frames(self, surface: ndarray) -> ndarray:
+    def _frames(self, surface: Points) -> Array:
         return triangle_frames(surface, self._template.differential_operator)
 
-    def _rotations(self, frames: ndarray, surface: ndarray) -> ndarray:
+    def _rotations(self, frames: Array, surface: Points) -> Array:
         """Return the polar rotations of triangles from their frames to those of a surface."""
         return nearest_rotations(deformation_gradients(frames, self._frames(surface)))
 
-    def _trust(self, field: ndarray) -> ndarray:
+    def _trust(self, field: Array) -> Array:
         """Return how far triangles can be trusted to keep their metric, less in joints; (F,)."""
         entries, laplacian = field.reshape(-1, 9), self._template.heat.laplacian
         # |∇X|² = X LX − ½ L X² over the area, for the Laplacian L of finite volumes.
         slopes = 2.0 * entries * (laplacian @ entries) - laplacian @ entries**2
         # A rotation by a small angle changes its matrix by √2 times the angle.
         squared_bends = 0.25 * slopes.sum(axis=1) / self._template.face_areas
-        return 1.0 / (1.0 + _STRAIN_OF_BENDS**2 * self._area * np.maximum(squared_bends, 0.0))
+        weights: Array = 1.0 / (
+            1.0 + _STRAIN_OF_BENDS**2 * self._area * np.maximum(squared_bends, 0.0)
+        )
+        return weights
 
 
-def heat_flow(half: LinearOperator, rotations: ndarray) -> ndarray:
+def heat_flow(half: LinearOperator, rotations: Array) -> Array:
     """Return rotations after heat has flowed between them, as between matrices."""
     for _ in range(2):
         heat = half @ rotations.reshape(-1, 9)
@@ -498,14 +503,14 @@ def heat_flow(half: LinearOperator, rotations: ndarray) -> ndarray:
     return rotations
 
 
-def _one_surface(space: AlignedSurfaces, surface: Any, name: str) -> ndarray:
+def _one_surface(space: SurfaceSpace, surface: ArrayLike, name: str) -> Array:
     check_methods(
         space, "space", "a space of surfaces, AlignedSurfaces(template)", "check_immersed"
     )
-    surface = np.asarray(space.check_immersed(surface, name))
-    if surface.ndim != len(space.shape):
+    checked = np.asarray(space.check_immersed(surface, name))
+    if checked.ndim != len(space.shape):
         raise ArgumentError(
-            f"{name} must be one surface of shape {space.shape}; found {surface.shape}"
+            f"{name} must be one surface of shape {space.shape}; found {checked.shape}"
         )
-    space.check_scale(surface, name)
-    return surface
+    space.check_scale(checked, name)
+    return checked
