@@ -171,18 +171,18 @@ def _samples(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
     kept = areas > 0
     faces, areas, longest = faces[kept], areas[kept], longest[kept]
     cuts = np.ceil(np.stack([longest, 2 * areas / longest], axis=1)).astype(np.int64)
-    found = []
+    samples = []
     for n_along, n_across in np.unique(cuts, axis=0).tolist():
         chosen = (cuts == (n_along, n_across)).all(axis=1)
         weights, shares = _centers_of_cells(n_along, n_across)
-        found.append(
+        samples.append(
             (
                 np.einsum("sc,fcx->fsx", weights, points[faces[chosen]]).reshape(-1, 3),
                 np.einsum("sc,fcx->fsx", weights, normals[faces[chosen]]).reshape(-1, 3),
                 np.outer(areas[chosen], shares).ravel(),
             )
         )
-    places, directions, parts = (np.concatenate(column) for column in zip(*found, strict=True))
+    places, directions, parts = (np.concatenate(column) for column in zip(*samples, strict=True))
     return places, unit_vectors(directions), parts
 
 

@@ -108,10 +108,10 @@ def histograms(
 
 def positive_numbers(numbers: Any, name: str) -> tuple[float, ...]:
     """Return one positive number or more as a tuple."""
-    found = real_array(numbers, name, (f"n_{name}",), batched=False)
-    if found.size == 0 or found.min() <= 0:
-        raise ArgumentError(f"{name} must be positive numbers; found {found.tolist()}")
-    return tuple(found.tolist())
+    values = real_array(numbers, name, (f"n_{name}",), batched=False)
+    if values.size == 0 or values.min() <= 0:
+        raise ArgumentError(f"{name} must be positive numbers; found {values.tolist()}")
+    return tuple(values.tolist())
 
 
 def meshes_of(bodies: Any) -> tuple[int, Callable[[int], Mesh]]:

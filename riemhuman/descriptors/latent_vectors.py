@@ -121,7 +121,7 @@ class LatentVectors(Record, Descriptor):
 
 
 def _as_ids(ids: Any) -> tuple[str, ...]:
-    found = []
+    texts = []
     for number, value in enumerate(ids):
         if isinstance(value, bytes):
             value = value.decode("utf-8", errors="replace")
@@ -132,5 +132,5 @@ def _as_ids(ids: Any) -> tuple[str, ...]:
         text = str(value).strip()
         if not text:
             raise ArgumentError(f"ids[{number}] is missing")
-        found.append(text)
-    return tuple(found)
+        texts.append(text)
+    return tuple(texts)

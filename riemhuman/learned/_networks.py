@@ -22,7 +22,7 @@ def network(parameters: Mapping[str, Any], name: str, x: Any, backend: ModuleTyp
 
 def network_shapes(name: str, n_in: int, n_hidden: int, n_out: int) -> dict[str, tuple[int, ...]]:
     """Return the shapes of a network's parameters."""
-    found = {
+    shapes = {
         "A": (n_in, n_hidden),
         "b1": (n_hidden,),
         "B": (n_hidden, n_hidden),
@@ -31,7 +31,7 @@ def network_shapes(name: str, n_in: int, n_hidden: int, n_out: int) -> dict[str,
         "L": (n_in, n_out),
         "b3": (n_out,),
     }
-    return {f"{name}.{key}": shape for key, shape in found.items()}
+    return {f"{name}.{key}": shape for key, shape in shapes.items()}
 
 
 def cloud_features(parameters: Mapping[str, Any], x: Any, backend: ModuleType = np) -> Any:

@@ -99,8 +99,8 @@ class Parts:
         if not len(points):
             return np.empty((0, 9 * self.n_parts)), np.empty((0, 3, 3))
         blocks = range(_BLOCK, len(points), _BLOCK)
-        found = [self._split(some) for some in np.split(points, blocks)]
-        features, frames = (np.concatenate(part) for part in zip(*found, strict=True))
+        pieces = [self._split(some) for some in np.split(points, blocks)]
+        features, frames = (np.concatenate(part) for part in zip(*pieces, strict=True))
         return features, frames
 
     def _split(self, points: ndarray) -> tuple[ndarray, ndarray]:

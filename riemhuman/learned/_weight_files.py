@@ -26,9 +26,9 @@ class Weights:
     def __init__(self, path: str | os.PathLike[str], kind: str, settings: Sequence[str]) -> None:
         self.fields = load_arrays(path, ["format_version", "kind", *settings, *_TEMPLATE])
         for name, expected in {"format_version": VERSION, "kind": kind}.items():
-            found = self.fields[name].tolist()
-            if found != expected:
-                raise FileFormatError(f"its {name} must be {expected!r}; found {found!r:.60}")
+            stored = self.fields[name].tolist()
+            if stored != expected:
+                raise FileFormatError(f"its {name} must be {expected!r}; found {stored!r:.60}")
         self.settings = {name: int(self.indices(name, (), 1, _LARGEST)) for name in settings}
         self.template = Template(*(self.fields[name] for name in _TEMPLATE))
 

@@ -95,8 +95,8 @@ class MetricCodes(Transformer):
             raise ArgumentError(f"X must hold at least three bodies; found {len(coordinates)}")
         if np.sum(np.ptp(coordinates, axis=0) ** 2) <= _ROUNDING * np.sum(coordinates**2):
             raise ArgumentError("X must hold different bodies; all are the same to rounding")
-        found = principal_components(coordinates, min(n_components, n_codes - 1))
-        self.mean_, self.components_ = found
+        components = principal_components(coordinates, min(n_components, n_codes - 1))
+        self.mean_, self.components_ = components
         n_random = n_codes - len(self.components_)
         self._projection = _random_signs(coordinates.shape[1], n_random, seed)
         self.scale_ = 1.0

@@ -240,10 +240,10 @@ def _apart(step: float, chord: float, product: float) -> float:
 
 
 @compiled
-def _between(within: Any, firsts: Any, weights: Any, place: Any, other: Any) -> float:
+def _between(within: Any, firsts: Any, weights: Any, place: Any, next_place: Any) -> float:
     """Return the squared distance between two places, interpolated between frames."""
     k, p = place
-    h, q = other
+    h, q = next_place
     total = 0.0
     first, second = firsts[k, p], firsts[h, q]
     nodes = min(_NODES, len(within))

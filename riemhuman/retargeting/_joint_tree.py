@@ -40,7 +40,7 @@ def joints_by_tree(parents: ndarray, positions: ndarray) -> dict[str, int]:
     if not all(leg_joints + arm_joints):
         return {}
     left = _left_directions(positions, leg_joints, arm_joints)
-    found: dict[str, int] = {}
+    joints_of_roles: dict[str, int] = {}
     for limbs, roles, before, after in (
         (leg_joints, ("hip", "knee", "ankle"), "", "toes"),
         (arm_joints, ("shoulder", "elbow", "wrist"), "collar", ""),
@@ -49,12 +49,14 @@ def joints_by_tree(parents: ndarray, positions: ndarray) -> dict[str, int]:
         if np.sum((first - second) * left, axis=1).mean() < 0.0:
             limbs = limbs[::-1]
         for side, (above, *limb, below) in zip(("left", "right"), limbs, strict=True):
-            found |= {f"{side}_{role}": joint for role, joint in zip(roles, limb, strict=True)}
+            joints_of_roles |= {
+                f"{side}_{role}": joint for role, joint in zip(roles, limb, strict=True)
+            }
             if before and above >= 0:
-                found[f"{side}_{before}"] = above
+                joints_of_roles[f"{side}_{before}"] = above
             if after and below >= 0:
-                found[f"{side}_{after}"] = below
-    return found | _neck_and_head(parents, paths, lengths, arms)
+                joints_of_roles[f"{side}_{after}"] = below
+    return joints_of_roles | _neck_and_head(parents, paths, lengths, arms)
 
 
 def bone_lengths(parents: ndarray, positions: ndarray) -> ndarray:
@@ -73,7 +75,7 @@ def _longest_path(parents: ndarray, lengths: ndarray, joint: int) -> list[int]:
         path = joints_to_root(parents, end)
         if joint in path:
             path = path[: path.index(joint) + 1][::-1]
-            length = sum(lengths[each] for each in path[1:])
+            length = sum(lengths[node] for node in path[1:])
             if length > best_length * (1.0 + 1e-9):
                 best, best_length = path, length
     return best
@@ -97,8 +99,8 @@ def _pairs_of_branches(parents: ndarray, reaches: ndarray) -> list[tuple[int, in
     longest = max(size.values(), default=0.0)
     long = [pair for pair in candidates if size[pair] > _LONG * longest]
 
-    def is_inside(pair: tuple[int, int], other: tuple[int, int]) -> bool:
-        return any(joint in joints_to_root(parents, pair[0]) for joint in other)
+    def is_inside(pair: tuple[int, int], outer: tuple[int, int]) -> bool:
+        return any(joint in joints_to_root(parents, pair[0]) for joint in outer)
 
     # A pair of hands within a pair of arms is part of it.
     outer = [p for p in long if not any(q != p and is_inside(p, q) for q in long)]

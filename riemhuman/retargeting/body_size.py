@@ -44,14 +44,14 @@ def recorded_person(positions: ndarray, joints: Mapping[str, int], model: BodyMo
 
     lengths = np.linalg.norm(bones(positions, joints, _LENGTHS), axis=-1)
     recorded = np.median(lengths, axis=0) / leg_length(positions, joints)
-    mean, own = model.joints(), model_joints(model)
+    mean, joint_numbers = model.joints(), model_joints(model)
     changes = np.tensordot(model.joint_regressor, model.shapedirs, axes=1)
-    mean_leg = leg_length(mean, own)
+    mean_leg = leg_length(mean, joint_numbers)
 
     def residuals(betas: ndarray) -> ndarray:
         rest = mean + changes @ betas
-        leg = leg_length(rest, own)
-        apart = np.linalg.norm(bones(rest, own, _LENGTHS), axis=1) / leg - recorded
+        leg = leg_length(rest, joint_numbers)
+        apart = np.linalg.norm(bones(rest, joint_numbers, _LENGTHS), axis=1) / leg - recorded
         taller = leg / mean_leg - 1.0
         return np.concatenate([apart / _LENGTH_DEVIATION, [taller / _LEG_DEVIATION], betas])
 

@@ -160,7 +160,7 @@ def _axes_of_limb(
     upper_hinge = unit(_mean_vector(rotations[0], raised, source.kept))
     lower_hinge = unit(_mean_vector(rotations[1], rotations[0] @ upper_hinge, source.kept))
     bends = np.cross(upper, lower)
-    seen = [_bending_axis(each, bends, source.kept) for each in rotations]
+    seen = [_bending_axis(joint_rotations, bends, source.kept) for joint_rotations in rotations]
     if seen[0] is not None and seen[1] is not None:
         # Where a limb bends little, the axis is that of a crooked limb rather than of its joint.
         trusted = _TRUSTED_LEG if limb[0].endswith("hip") else _TRUSTED_ARM

@@ -80,14 +80,14 @@ def find_joints(
     warning.
     """
     told = _told_joints(names, table or {})
-    joints = found = _named_joints(names, parents, told)
+    joints = named = _named_joints(names, parents, told)
     problem = _problem(names, parents, joints)
     if problem and positions is not None:
         inferred = joints_by_tree(parents, positions)
         if inferred and not _problem(names, parents, inferred | told):
             joints = inferred | told
             pairs = ", ".join(f"{role}={names[joint]!r}" for role, joint in inferred.items())
-            missing = [role for limb in LIMBS for role in limb if role not in found]
+            missing = [role for limb in LIMBS for role in limb if role not in named]
             reason = f"names of joints do not tell {', '.join(missing)}" if missing else problem
             warnings.warn(
                 f"{reason}; they were inferred from the shape of the skeleton: {pairs}. Pass "
@@ -119,7 +119,7 @@ def _named_joints(
     names: Sequence[str], parents: ndarray, told: Mapping[str, int]
 ) -> dict[str, int]:
     """Return the joints that are told, and those that names tell."""
-    found = dict(told)
+    joints = dict(told)
     depths = [len(joints_to_root(parents, joint)) for joint in range(len(names))]
     read = [_read_name(name) for name in names]
     sides = [(f"{side}_", side, _SIDED_NAMES) for side in SIDES] + [("", "", _OTHER_NAMES)]
@@ -130,26 +130,26 @@ def _named_joints(
             candidates = [
                 (spellings.index(name), is_shortened, order * depths[joint], joint)
                 for joint, (own_side, name, is_shortened) in enumerate(read)
-                if own_side == side and name in spellings and joint not in found.values()
+                if own_side == side and name in spellings and joint not in joints.values()
             ]
-            if candidates and prefix + part not in found:
-                found[prefix + part] = min(candidates)[3]
+            if candidates and prefix + part not in joints:
+                joints[prefix + part] = min(candidates)[3]
     for side in SIDES:
         # Hands and toes may have other names, or be end sites.
         for role, above in ((f"{side}_wrist", f"{side}_elbow"), (f"{side}_toes", f"{side}_ankle")):
-            below = np.flatnonzero(np.asarray(parents) == found.get(above, -2))
-            if role not in found and len(below):
-                found[role] = int(below[0])
-        _drop_misplaced(parents, found, f"{side}_collar", f"{side}_shoulder")
-    return found
+            below = np.flatnonzero(np.asarray(parents) == joints.get(above, -2))
+            if role not in joints and len(below):
+                joints[role] = int(below[0])
+        _drop_misplaced(parents, joints, f"{side}_collar", f"{side}_shoulder")
+    return joints
 
 
-def _drop_misplaced(parents: ndarray, found: dict[str, int], above: str, below: str) -> None:
+def _drop_misplaced(parents: ndarray, joints: dict[str, int], above: str, below: str) -> None:
     """Forget a joint that is not above another."""
-    if {above, below} <= found.keys():
-        path = joints_to_root(parents, found[below])[1:]
-        if found[above] not in path:
-            del found[above]
+    if {above, below} <= joints.keys():
+        path = joints_to_root(parents, joints[below])[1:]
+        if joints[above] not in path:
+            del joints[above]
 
 
 def _problem(names: Sequence[str], parents: ndarray, joints: Mapping[str, int]) -> str:
@@ -177,11 +177,11 @@ def _problem(names: Sequence[str], parents: ndarray, joints: Mapping[str, int]) 
 
 def _branchings(parents: ndarray, joints: Mapping[str, int]) -> dict[str, int]:
     """Return the joints from which both legs and both arms hang; -1 where there are none."""
-    found = {}
+    branchings = {}
     for role, part in (("pelvis", "hip"), ("chest", "shoulder")):
         left, right = (joints_to_root(parents, joints[f"{side}_{part}"])[1:] for side in SIDES)
-        found[role] = next((joint for joint in left if joint in right), -1)
-    return found
+        branchings[role] = next((joint for joint in left if joint in right), -1)
+    return branchings
 
 
 def _read_name(name: str) -> tuple[str, str, bool]:
@@ -199,8 +199,8 @@ def _read_name(name: str) -> tuple[str, str, bool]:
         for text in ("".join(chosen[first:]) for first in range(len(chosen))):
             if text in _PARTS:
                 return side, text, is_shortened
-            for word, own in _SIDE_WORDS.items():
+            for word, side_of_word in _SIDE_WORDS.items():
                 for shorter in (text.removeprefix(word), text.removesuffix(word)):
                     if not side and shorter != text and shorter in _PARTS:
-                        return own, shorter, is_shortened
+                        return side_of_word, shorter, is_shortened
     return side, "", False

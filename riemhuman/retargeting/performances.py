@@ -90,12 +90,12 @@ def perform(
 ) -> Performed:
     """Return what a person of the model does in a recording, with a warning if it is far off."""
     figure = make_figure(model, betas)
-    own = own_person(recording, model) if up in (None, "y") else None
-    if own is not None and np.allclose(own.betas, betas, rtol=0.0, atol=_SAME_BETAS):
+    person = own_person(recording, model) if up in (None, "y") else None
+    if person is not None and np.allclose(person.betas, betas, rtol=0.0, atol=_SAME_BETAS):
         source = read_skeleton(recording, joints, "y")
-        chosen = recording.global_rotations[:, own.joints]
-        positions = own.metres * recording.positions[:, own.joints]
-        performance, scale = Performance(chosen, positions), own.metres
+        chosen = recording.global_rotations[:, person.joints]
+        positions = person.metres * recording.positions[:, person.joints]
+        performance, scale = Performance(chosen, positions), person.metres
     else:
         source = read_skeleton(recording, joints, up)
         scale = figure.leg / source.leg
@@ -212,24 +212,24 @@ def _warn_of_errors(
     angles = np.concatenate([errors.directions, errors.rotations], axis=1).mean(axis=0)
     distances = misplaced.mean(axis=0)
     labels = [" to ".join(pair) for pair in errors.bones] + list(errors.parts)
-    found = [
+    doubts = [
         f"{label} by {angle:.0f} degrees"
         for label, angle in zip(labels, angles, strict=True)
         if angle > _MOST_DEGREES
     ]
-    found += [
+    doubts += [
         f"{joint} by {100.0 * distance:.0f} cm"
         for joint, distance in zip(errors.joints, distances, strict=True)
         if distance > _MOST_METRES
     ]
     hips, shoulders = (unit(bone(source.positions, source.joints, *line)) for line in _LINES)
     if np.sum(hips * shoulders, axis=1).mean() < 0.0:
-        found.append("the hips face away from the shoulders: their sides may have been swapped")
+        doubts.append("the hips face away from the shoulders: their sides may have been swapped")
     elif _feet_point_backward(source):
-        found.append("feet point backward: left and right may have been swapped")
-    if found:
+        doubts.append("feet point backward: left and right may have been swapped")
+    if doubts:
         warnings.warn(
             f"{name or 'recording'}: the body differs from the recording in the mean, "
-            f"{', '.join(found)}; see errors. Joints may have been taken for others: pass joints=",
+            f"{', '.join(doubts)}; see errors. Joints may have been taken for others: pass joints=",
             stacklevel=2,
         )

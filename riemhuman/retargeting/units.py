@@ -34,7 +34,7 @@ def metres_in(unit: Any) -> float:
     if isinstance(unit, str):
         name = _SPELLINGS.get(unit.strip().lower())
         if name is None:
-            known = ", ".join(f"{each!r}" for each in _UNITS)
+            known = ", ".join(f"{unit_name!r}" for unit_name in _UNITS)
             raise ArgumentError(
                 f"unit must be one of {known}, or the metres in one; found {unit!r}"
             )
@@ -47,5 +47,5 @@ def guessed_unit(leg: float, joint_names: Sequence[str]) -> tuple[str, float]:
     units = {name: _UNITS[name][0] for name in _USUAL}
     if len(_CMU_JOINTS & set(joint_names)) >= 3:
         units["units of CMU (1/0.45 inch)"] = _CMU_UNIT
-    name = min(units, key=lambda each: abs(np.log(units[each] * leg / _ADULT_LEG)))
+    name = min(units, key=lambda candidate: abs(np.log(units[candidate] * leg / _ADULT_LEG)))
     return name, units[name]

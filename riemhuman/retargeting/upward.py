@@ -108,12 +108,12 @@ def upward_axis(
 
 def warn_of_doubt(name: str, axes: tuple[str, str]) -> None:
     """Warn where another axis than the one that was chosen may point up."""
-    chosen, other = axes
-    if other:
+    chosen, alternative = axes
+    if alternative:
         warnings.warn(
-            f"{name or 'recording'}: {chosen} was taken to point up, but {other} may as well: "
-            f"people who lie on the floor look like those who stand along another axis. Pass "
-            f"up={chosen!r} or up={other!r}",
+            f"{name or 'recording'}: {chosen} was taken to point up, but {alternative} may as "
+            f"well: people who lie on the floor look like those who stand along another axis. Pass "
+            f"up={chosen!r} or up={alternative!r}",
             stacklevel=2,
         )
 

@@ -115,12 +115,12 @@ def _first_finished(client: Any, distributed: Any, running: Collection[Any]) -> 
 def _check_workers(client: Any) -> None:
     """Refuse workers that cannot import the library, for which the client would wait."""
     try:
-        found = client.run(pkgutil.resolve_name, "riemhuman:__version__", on_error="return")
+        answers = client.run(pkgutil.resolve_name, "riemhuman:__version__", on_error="return")
     except (OSError, TimeoutError) as failure:
         raise _lost(f"the cluster cannot be reached ({short_message(failure)})") from failure
-    errors = [error for error in found.values() if isinstance(error, Exception)]
+    errors = [error for error in answers.values() if isinstance(error, Exception)]
     if errors:
         raise MissingDependencyError(
-            f"{len(errors)} of {len(found)} workers cannot import riemhuman ({errors[0]}); install "
-            "the same version on every worker"
+            f"{len(errors)} of {len(answers)} workers cannot import riemhuman ({errors[0]}); "
+            "install the same version on every worker"
         )

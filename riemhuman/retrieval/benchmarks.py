@@ -224,22 +224,22 @@ def representations(bodies: Any) -> dict[str, Any]:
     }
     if not _is_registered(bodies):
         return descriptors | of_extensions(bodies)
-    found = table_metrics(bodies)
+    chosen = table_metrics(bodies)
     space, straight = AlignedSurfaces(bodies.template, equip=False), LinearPath(n_nodes=2)
     # Thousands of geodesics would take hours; norms of differences, halfway, take minutes.
-    found[SOBOLEV] = SobolevMetric(space, d1=1.0, geodesic_solver=straight)
+    chosen[SOBOLEV] = SobolevMetric(space, d1=1.0, geodesic_solver=straight)
     # Vertices of a template whose triangles are not oriented consistently have no normals.
     with suppress(ArgumentError):
-        found[GAUGE_INVARIANT] = GaugeInvariantMetric(SRNFMetric(space), geodesic_solver=straight)
+        chosen[GAUGE_INVARIANT] = GaugeInvariantMetric(SRNFMetric(space), geodesic_solver=straight)
     model = getattr(bodies, "model", None)
     if hasattr(model, "fit"):
-        found["model shape vector"] = ModelShapeVectors(model)
-        found["model pose vector"] = ModelPoseVectors(model)
-        found["model pose, by rotation"] = ModelPoseVectors(model, "rotation", root=False)
-    found |= shipped_descriptors(bodies.template) | descriptors
+        chosen["model shape vector"] = ModelShapeVectors(model)
+        chosen["model pose vector"] = ModelPoseVectors(model)
+        chosen["model pose, by rotation"] = ModelPoseVectors(model, "rotation", root=False)
+    chosen |= shipped_descriptors(bodies.template) | descriptors
     # The mean over vertices is common in retrieval, but it uses the registration.
-    found["WKS, mean over vertices"] = WaveKernelSignature(pooling="vertex mean")
-    return found | of_extensions(bodies)
+    chosen["WKS, mean over vertices"] = WaveKernelSignature(pooling="vertex mean")
+    return chosen | of_extensions(bodies)
 
 
 def _is_registered(bodies: Any) -> bool:
@@ -269,8 +269,8 @@ class _CodeDescriptor(Descriptor):
         return self._of(bodies.points)
 
     def _of(self, points: np.ndarray) -> np.ndarray:
-        found = self.codes.split(self.codes.transform(points))
-        return found[self.codes.code_names.index(self.which)]
+        parts = self.codes.split(self.codes.transform(points))
+        return parts[self.codes.code_names.index(self.which)]
 
 
 def shipped_descriptors(template: Template) -> dict[str, Descriptor]:
@@ -307,10 +307,10 @@ def described_together(
 ) -> dict[str, Described]:
     """Compute the vectors of descriptors that share a costly step, such as spectra."""
     kinds: dict[Any, dict[str, Any]] = {}
-    for name, each in representations.items():
-        if hasattr(each, "describe_together"):
-            kinds.setdefault(each.describe_together, {})[name] = each
-    found: dict[str, Described] = {}
+    for name, representation in representations.items():
+        if hasattr(representation, "describe_together"):
+            kinds.setdefault(representation.describe_together, {})[name] = representation
+    described: dict[str, Described] = {}
     for together, sharing in kinds.items():
         if len(sharing) < 2:
             continue
@@ -318,8 +318,8 @@ def described_together(
             vectors, seconds = together(list(sharing.values()), bodies, progress=progress)
         except RiemhumanError:
             continue
-        found.update(zip(sharing, zip(vectors, seconds, strict=True), strict=True))
-    return found
+        described.update(zip(sharing, zip(vectors, seconds, strict=True), strict=True))
+    return described
 
 
 def timed_distances(
@@ -389,7 +389,10 @@ def _task_table(task: str, records: list[BenchmarkRecord]) -> str:
     title = TITLES[task]
     width = max(len(title), *(len(record.representation) for record in records))
     scored = [record.scores for record in records if record.scores is not None]
-    best = {f: max((round(getattr(own, f), 1) for own in scored), default=0) for f in _COLUMNS}
+    best = {
+        f: max((round(getattr(record_scores, f), 1) for record_scores in scored), default=0)
+        for f in _COLUMNS
+    }
     header = "".join(f"{name:>6} " for name in _COLUMNS.values())
     lines = [f"{title:<{width}}  {header} ms a body  ms a pair"]
     for record in records:

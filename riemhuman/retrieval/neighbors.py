@@ -237,7 +237,7 @@ class NearestNeighbors(Estimator):
             return
 
         def search(row: int) -> tuple[ndarray, ndarray, int]:
-            one = tuple(feature[row : row + 1] for feature in features)
+            query = tuple(feature[row : row + 1] for feature in features)
             bounds, largest = table[row], float(np.finfo(float).max)
             distances, numbers = np.empty(0), np.empty(0, dtype=np.int64)
             size = np.count_nonzero(np.isneginf(bounds)) or _FIRST  # candidates, if any
@@ -245,7 +245,7 @@ class NearestNeighbors(Estimator):
                 nearest = np.argpartition(bounds[left], min(size, len(left)) - 1)[:size]
                 batch, size = left[nearest], _BATCH
                 bounds[batch] = np.inf
-                squared = squared_distances(one, tuple(rows[batch] for rows in tables))
+                squared = squared_distances(query, tuple(rows[batch] for rows in tables))
                 distances = np.concatenate([distances, np.sqrt(squared[0])])
                 numbers = np.concatenate([numbers, batch])
                 if len(distances) >= k:

@@ -82,8 +82,11 @@ class PoissonInterpolator:
         # sin(angle / 2) / angle, also where the angle is 0.
         shares = 0.5 * np.sinc(angles / (2.0 * np.pi))
         quaternions = np.column_stack([np.cos(0.5 * angles), shares[:, None] * rotations])
-        one, other = quaternions[self._neighbours.T]
-        gaps = np.minimum(np.sum((one - other) ** 2, axis=1), np.sum((one + other) ** 2, axis=1))
+        quaternion_a, quaternion_b = quaternions[self._neighbours.T]
+        gaps = np.minimum(
+            np.sum((quaternion_a - quaternion_b) ** 2, axis=1),
+            np.sum((quaternion_a + quaternion_b) ** 2, axis=1),
+        )
         links = sparse.csr_array(
             # An entry of zero would be no link; SciPy's trees want 32-bit indices.
             (gaps + np.finfo(float).tiny, self._neighbours.T.astype(np.int32)),
@@ -94,11 +97,11 @@ class PoissonInterpolator:
         order = np.argsort(angles, kind="stable")
         factors = [1.0] * n_faces
         for root in order[np.unique(labels[order], return_index=True)[1]]:
-            found, parents = breadth_first_order(tree, root, directed=False)
-            found = found[1:][angles[found[1:]] > 0.0]
-            parents, sizes = parents[found], angles[found]
-            along = dot(rotations[found], rotations[parents]) / sizes
-            columns = (column.tolist() for column in (found, parents, along, sizes))
+            reached, parents = breadth_first_order(tree, root, directed=False)
+            reached = reached[1:][angles[reached[1:]] > 0.0]
+            parents, sizes = parents[reached], angles[reached]
+            along = dot(rotations[reached], rotations[parents]) / sizes
+            columns = (column.tolist() for column in (reached, parents, along, sizes))
             for t, parent, share, angle in zip(*columns, strict=True):
                 turns = round((factors[parent] * share - angle) / (2.0 * np.pi))
                 factors[t] = 1.0 + 2.0 * np.pi * turns / angle

@@ -363,9 +363,9 @@ def _every(motion: Any, step: int, name: str) -> Iterator[np.ndarray]:
     else:
         n_frames, numbered = 0, enumerate(_iterate(motion, name))
     n_vertices = None
-    for number, found in numbered:
+    for number, vertices in numbered:
         label, n_frames = f"frame {number} of {name}", max(n_frames, number + 1)
-        frame = real_array(found, label, ("n_vertices", 3), batched=False)
+        frame = real_array(vertices, label, ("n_vertices", 3), batched=False)
         if n_vertices not in (None, len(frame)):
             raise ArgumentError(
                 f"{label} has {len(frame)} vertices; the frames before it have {n_vertices}"

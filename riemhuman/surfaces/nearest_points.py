@@ -72,23 +72,23 @@ def nearest_points(
     np.maximum.at(reach, corner, np.repeat(longest, 3) / math.sqrt(3.0))
     around, starts = _triangles_around(faces, len(points))
     surface = (points, faces, around, starts, (1.0 + 1e-9) * reach)
-    found = _nothing_found(len(queries))
+    nearest = _nothing_found(len(queries))
     used = np.flatnonzero(np.diff(starts))
     near = cKDTree(points[used]).query(queries, k=range(1, min(_N_VERTICES, len(used)) + 1))[1]
     ends = near.shape[1] * np.arange(len(queries) + 1)
-    _try_vertices(queries, used[near].ravel(), ends, *surface, *found)
+    _try_vertices(queries, used[near].ravel(), ends, *surface, *nearest)
     # Few vertices have long edges; those with short edges need only be searched nearby.
     sizes = np.ceil(np.log2(np.maximum(reach[used], np.finfo(float).tiny)))
     for size in np.unique(sizes):
         members = used[sizes == size]
         tree, farthest = cKDTree(points[members]), (1.0 + 1e-9) * reach[members].max()
         for part in slices(len(queries), _BLOCK):
-            few = [array[part] for array in found]
+            few = [array[part] for array in nearest]
             nearby = tree.query_ball_point(queries[part], np.sqrt(few[2]) + farthest)
             ends = np.cumsum([0, *map(len, nearby)])
             vertices = members[np.fromiter(chain.from_iterable(nearby), np.int64, ends[-1])]
             _try_vertices(of_one_kind(queries[part]), vertices, ends, *surface, *few)
-    triangles, barycentric, squares = found
+    triangles, barycentric, squares = nearest
     return SurfacePoints(triangles, barycentric), np.sqrt(squares)
 
 
@@ -97,12 +97,12 @@ def nearest_points_around(
 ) -> tuple[SurfacePoints, np.ndarray]:
     """Return the nearest places in the triangles at given vertices, (N, k), of each query."""
     queries, points, faces = map(of_one_kind, (queries, points, faces))
-    found = _nothing_found(len(queries))
+    nearest = _nothing_found(len(queries))
     ends = vertices.shape[1] * np.arange(len(queries) + 1)
     around = _triangles_around(faces, len(points))
     everywhere = np.full(len(points), np.inf)
-    _try_vertices(queries, vertices.ravel(), ends, points, faces, *around, everywhere, *found)
-    triangles, barycentric, squares = found
+    _try_vertices(queries, vertices.ravel(), ends, points, faces, *around, everywhere, *nearest)
+    triangles, barycentric, squares = nearest
     return SurfacePoints(triangles, barycentric), np.sqrt(squares)
 
 

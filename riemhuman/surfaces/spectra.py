@@ -127,8 +127,8 @@ def _robust_spectrum(vertices: np.ndarray, faces: np.ndarray, n_eigenvalues: int
     areas = np.zeros(len(vertices))
     areas[used] = mass.diagonal()
     laplacian = sparse.csr_array(stiffness)
-    found = _eigenfunctions(laplacian, areas, faces, n_eigenvalues, "n_eigenvalues")
-    return Spectrum(*found, _constants(faces, areas), areas)
+    eigenfunctions = _eigenfunctions(laplacian, areas, faces, n_eigenvalues, "n_eigenvalues")
+    return Spectrum(*eigenfunctions, _constants(faces, areas), areas)
 
 
 def _constants(faces: np.ndarray, areas: np.ndarray) -> np.ndarray:
@@ -205,15 +205,15 @@ def _eigenpairs_of_parts(
         first = starts[:-1][sizes == size]
         members = first[:, np.newaxis] + np.arange(size)
         n_pairs = min(count, int(size) - 1)
-        found: Iterator[tuple[np.ndarray, np.ndarray]]
+        eigenpairs: Iterator[tuple[np.ndarray, np.ndarray]]
         if size > _SMALL_PART:
             slices = [slice(start, start + size) for start in first]
-            found = (
+            eigenpairs = (
                 lowest_eigenpairs(blocks[part, part], areas[part], n_pairs + 1) for part in slices
             )
         else:
-            found = zip(*_dense_eigenpairs(blocks, areas, members), strict=True)
-        for rows, (values, vectors) in zip(members, found, strict=True):
+            eigenpairs = zip(*_dense_eigenpairs(blocks, areas, members), strict=True)
+        for rows, (values, vectors) in zip(members, eigenpairs, strict=True):
             pairs += zip(values[1:], vectors.T[1:], [rows] * n_pairs, strict=False)
         # Of the parts so far, no more are needed.
         pairs = sorted(pairs, key=lambda pair: pair[0])[:count]
