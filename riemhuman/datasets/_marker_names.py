@@ -106,13 +106,13 @@ class MarkerNames:
         if part == "toes":
             middle, end = (self._single(side, spellings) for spellings in (_TOES, _TIPS))
             return middle + self._pairs(side, part) + end
-        found = self._single(side, _centre_names(part)) + self._pairs(side, part)
+        recipes = self._single(side, _centre_names(part)) + self._pairs(side, part)
         seen = self._numbers.get((side, part))
         if seen is not None:
             # Beside corners of the pelvis, a knee is the skin beside it as well.
-            found.append(Recipe((seen,), on_skin=self._is_laboratory))
+            recipes.append(Recipe((seen,), on_skin=self._is_laboratory))
         skin = (*_SHORT.get(part, ()), *_SKIN.get(part, ()), part)
-        return found + self._single(side, skin, on_skin=True)
+        return recipes + self._single(side, skin, on_skin=True)
 
     def _single(self, side: str, spellings: Sequence[str], on_skin: bool = False) -> list[Recipe]:
         number = self.first(side, spellings)
@@ -120,7 +120,7 @@ class MarkerNames:
 
     def _pairs(self, side: str, part: str) -> list[Recipe]:
         """Return the pairs of markers beside a joint, both from one source."""
-        found = []
+        recipes = []
         for pair in _pairs_of(part):
             for end in (_ON_SKIN, ""):
                 lateral, medial = (
@@ -135,8 +135,8 @@ class MarkerNames:
                     for spellings in pair
                 )
                 if lateral is not None and medial is not None:
-                    found.append(Recipe((lateral, medial)))
-        return found
+                    recipes.append(Recipe((lateral, medial)))
+        return recipes
 
     def pelvis(self) -> tuple[int, int, tuple[int, ...]] | None:
         """Return the left and right front corners of the pelvis, and the markers at its back."""
@@ -150,13 +150,13 @@ class MarkerNames:
 
     def head(self) -> dict[str, int]:
         """Return the markers of the head: "head", "nose", and "left_ear" and others on sides."""
-        found = {name: self.first("", spellings) for name, spellings in _UNSIDED.items()}
-        found |= {
+        markers = {name: self.first("", spellings) for name, spellings in _UNSIDED.items()}
+        markers |= {
             f"{side}_{name}": self.first(side, spellings)
             for name, spellings in _HEAD.items()
             for side in SIDES
         }
-        return {name: number for name, number in found.items() if number is not None}
+        return {name: number for name, number in markers.items() if number is not None}
 
 
 def _known(numbers: Sequence[int | None]) -> tuple[int, ...]:

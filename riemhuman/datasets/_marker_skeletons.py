@@ -64,8 +64,8 @@ def skeleton_of(
 ) -> SkeletonMotion:
     """Return the skeleton whose joints are where markers tell, with rotations that show bends."""
     told = _told_markers(markers, joints or {})
-    own = _markers_of_one_person(markers, told)
-    centres, on_skin = _centres(markers, own, told)
+    numbers = _markers_of_one_person(markers, told)
+    centres, on_skin = _centres(markers, numbers, told)
     missing = [role for role in NEEDED if role not in centres]
     if missing:
         raise FileFormatError(
@@ -133,14 +133,14 @@ def _markers_of_one_person(markers: Markers, told: Mapping[str, tuple[int, ...]]
 
 
 def _centres(
-    markers: Markers, own: Sequence[int], told: Mapping[str, tuple[int, ...]]
+    markers: Markers, chosen_markers: Sequence[int], told: Mapping[str, tuple[int, ...]]
 ) -> tuple[dict[str, ndarray], list[str]]:
     """Return the centres of joints over time, and those that are at one marker on the skin.
 
     "head frame" are the axes of the head, (n_frames, 3, 3), where its markers tell them.
     """
-    names = MarkerNames([markers.names[number] for number in own])
-    positions = markers.positions[:, own]
+    names = MarkerNames([markers.names[number] for number in chosen_markers])
+    positions = markers.positions[:, chosen_markers]
     centres, on_skin = {}, []
     for role in (*NEEDED, "left_toes", "right_toes"):
         if role in told:
@@ -187,19 +187,21 @@ def _hips_of_pelvis(positions: ndarray, names: MarkerNames) -> dict[str, ndarray
     width = np.linalg.norm(left - right, axis=1, keepdims=True)
     axes = frame(left - right, 0.5 * (left + right) - _mean(positions, back))
     across, ahead, down = np.moveaxis(axes, -1, 0)
-    found = {}
+    hips = {}
     for role, corner, sign in (("left_hip", left, 1.0), ("right_hip", right, -1.0)):
         step = _HIP_BELOW * down - _HIP_BEHIND * ahead - sign * _HIP_INSIDE * across
-        found[role] = corner + width * step
-    if any(np.isnan(path).any(axis=-1).all() for path in found.values()):
+        hips[role] = corner + width * step
+    if any(np.isnan(path).any(axis=-1).all() for path in hips.values()):
         return {}
-    return found
+    return hips
 
 
-def _head(positions: ndarray, found: Mapping[str, int], markers: Markers) -> dict[str, ndarray]:
+def _head(
+    positions: ndarray, head_markers: Mapping[str, int], markers: Markers
+) -> dict[str, ndarray]:
     """Return the centre of the head, and its axes where at least three markers tell them."""
     seen = {}
-    for name, number in found.items():
+    for name, number in head_markers.items():
         path = _filled(positions[:, number], markers.frames_per_second)
         if path is not None:
             seen[name] = path
@@ -392,10 +394,10 @@ def _rotations(positions: ndarray, joints: Mapping[str, int], head_axes: ndarray
     if "head" in joints:
         chest = rotations[:, joints["chest"]]
         raised = unit(positions[:, joints["head"]] - middle(positions, joints, "shoulder"))
-        own = turned_towards(chest, up, raised)
+        head_rotations = turned_towards(chest, up, raised)
         if head_axes is not None:
-            own = head_axes @ frame(left, ahead).T
-        rotations[:, joints["head"]] = own
+            head_rotations = head_axes @ frame(left, ahead).T
+        rotations[:, joints["head"]] = head_rotations
     return rotations
 
 

@@ -118,10 +118,12 @@ def _numbers(values: np.ndarray) -> str:
 
 def _tip(model: BodyModel, joint: int) -> np.ndarray:
     """Return the farthest vertex that moves with a joint, relative to it, in the mean body."""
-    own = model.weights.argmax(axis=1) == joint
-    if not own.any():
+    of_joint = model.weights.argmax(axis=1) == joint
+    if not of_joint.any():
         return np.zeros(3)
-    steps = model.template.vertices[own] - (model.joint_regressor @ model.template.vertices)[joint]
+    steps = (
+        model.template.vertices[of_joint] - (model.joint_regressor @ model.template.vertices)[joint]
+    )
     return np.asarray(steps[np.linalg.norm(steps, axis=1).argmax()])
 
 
@@ -149,8 +151,13 @@ def write_amass(file: Path, person: PosedPerson) -> None:
         "mocap_framerate": np.array(person.frames_per_second),
     }
     if not smpl:
-        own = (np.array(person.model.joint_names), person.poses, person.translations, person.betas)
-        fields |= dict(zip(SAVED_FIELDS, own, strict=True)) | {SAVED_REST: person.joints}
+        values = (
+            np.array(person.model.joint_names),
+            person.poses,
+            person.translations,
+            person.betas,
+        )
+        fields |= dict(zip(SAVED_FIELDS, values, strict=True)) | {SAVED_REST: person.joints}
     save_arrays(file, fields)
 
 

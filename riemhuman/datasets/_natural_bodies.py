@@ -62,8 +62,8 @@ def reach(
     def residuals(vectors: np.ndarray) -> np.ndarray:
         """Return the residuals, shape (people, m, 15), for axis-angle vectors (people, m, 9)."""
         rotations = np.repeat(written[:, None], vectors.shape[1], axis=1)
-        own = rotation_matrix(vectors.reshape(*vectors.shape[:-1], 3, 3))
-        rotations[..., arm, :, :] = own @ rotations[..., arm, :, :]
+        swings = rotation_matrix(vectors.reshape(*vectors.shape[:-1], 3, 3))
+        rotations[..., arm, :, :] = swings @ rotations[..., arm, :, :]
         frames, positions = joint_motions(joints[:, None], rotations, model.parents, order)
         frame = frames[..., arm[-1], :, :]
         lever = (palm - joints[:, arm[-1]])[:, None, :, None]
@@ -85,8 +85,8 @@ def reach(
         change = np.linalg.solve(normal, np.swapaxes(slopes, -1, -2) @ values[:, 0, :, None])
         vectors = vectors - np.clip(change[..., 0], -0.3, 0.3)
     reached = poses.copy()
-    own = rotation_matrix(vectors.reshape(-1, 3, 3)) @ written[:, arm]
-    reached[:, arm] = log(np.eye(3), own)
+    swings = rotation_matrix(vectors.reshape(-1, 3, 3)) @ written[:, arm]
+    reached[:, arm] = log(np.eye(3), swings)
     return reached
 
 

@@ -150,22 +150,24 @@ def load_amass(
     motions: list[AmassMotion | ArrayMotion | RetargetedMotion] = []
     for file in files:
         gender, recorded_rate, n_frames = _read_header(file)
-        own = models.get(gender, models.get(None))
-        if own is None:
+        model_of_gender = models.get(gender, models.get(None))
+        if model_of_gender is None:
             known = ", ".join(map(repr, models))
             raise ArgumentError(f"model must have one for {gender!r}, as in {file}; has {known}")
         rate = recorded_rate if frames_per_second is None else frames_per_second
         frames = nearest_frames(n_frames, recorded_rate, rate)
-        saved = _saved_motion(file, own, frames, rate)
+        saved = _saved_motion(file, model_of_gender, frames, rate)
         if saved is not None:
             motions.append(saved)
-        elif is_smpl(own):
-            motions.append(AmassMotion(file, own, gender, rate, frames, up))
+        elif is_smpl(model_of_gender):
+            motions.append(AmassMotion(file, model_of_gender, gender, rate, frames, up))
         else:
             axis = partial(_upward_axis, file, int(frames[-1])) if up is None else up
             recording = partial(_skeleton_motion, file, frames, rate, axis)
             size = rate, len(frames)
-            motions.append(RetargetedMotion(recording, own, _names(file), *size, up=axis))
+            motions.append(
+                RetargetedMotion(recording, model_of_gender, _names(file), *size, up=axis)
+            )
     if any(isinstance(motion, RetargetedMotion) for motion in motions):
         warnings.warn(
             "betas in the files belong to SMPL's models and are ignored: motions are performed by "
@@ -230,13 +232,13 @@ def _models(model: Any) -> dict[str | None, BodyModel]:
     if not models:
         raise ArgumentError("model holds no model; at least one is needed")
     first = next(iter(models.values()))
-    for gender, each in models.items():
+    for gender, model_of_gender in models.items():
         label = "model" if gender is None else f"model[{gender!r}]"
-        if not isinstance(each, BodyModel):
-            refuse_type(each, label, "a BodyModel")
-        if not is_smpl(each):
-            model_joints(each)
-        if face_difference(each.faces, first.faces):
+        if not isinstance(model_of_gender, BodyModel):
+            refuse_type(model_of_gender, label, "a BodyModel")
+        if not is_smpl(model_of_gender):
+            model_joints(model_of_gender)
+        if face_difference(model_of_gender.faces, first.faces):
             raise ArgumentError(f"{label} must have the triangles of the other models")
     return models
 
@@ -263,9 +265,9 @@ def _read_header(file: Path) -> tuple[str, float, int]:
                 f"{file}: {name} must have shape ({length}, {width}); found {shape}"
             )
     with format_errors(file, "a motion"):
-        found = fields[rate_name]
-        found = found.item() if found.size == 1 else found
-        rate = real_number(found, rate_name, minimum=0.0, strict=True)
+        rates = fields[rate_name]
+        rates = rates.item() if rates.size == 1 else rates
+        rate = real_number(rates, rate_name, minimum=0.0, strict=True)
         if not 1.0 / _LARGEST < rate < _LARGEST:
             raise ArgumentError(f"{rate_name} must be frames a second; found {rate:g}")
     return _gender(fields.get("gender", np.array("neutral")), file), rate, n_frames

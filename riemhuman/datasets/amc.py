@@ -105,20 +105,26 @@ def load_amc(
     with memory_errors(file):
         content = read_bytes(file)
         chosen = _skeleton_beside(file) if skeleton is None else file_path(skeleton, "skeleton")
-        found = _SkeletonReader(chosen).read()
-        values = _read_frames(file, content, found)
-        return _skeleton_motion(found, values, rate, file.stem)
+        skeleton_of_file = _SkeletonReader(chosen).read()
+        values = _read_frames(file, content, skeleton_of_file)
+        return _skeleton_motion(skeleton_of_file, values, rate, file.stem)
 
 
 def _skeleton_beside(file: Path) -> Path:
     """Return the skeleton in a recording's folder that its name points to."""
-    candidates = sorted(other for other in file.parent.iterdir() if other.suffix.lower() == ".asf")
-    named = [other for other in candidates if file.stem.lower().startswith(other.stem.lower())]
+    candidates = sorted(
+        candidate for candidate in file.parent.iterdir() if candidate.suffix.lower() == ".asf"
+    )
+    named = [
+        candidate
+        for candidate in candidates
+        if file.stem.lower().startswith(candidate.stem.lower())
+    ]
     if named:
-        return max(named, key=lambda other: len(other.stem))
+        return max(named, key=lambda candidate: len(candidate.stem))
     if len(candidates) == 1:
         return candidates[0]
-    listed = ", ".join(other.name for other in candidates[:8]) or "no .asf file"
+    listed = ", ".join(candidate.name for candidate in candidates[:8]) or "no .asf file"
     raise FileError(
         f"{file} needs its skeleton, an .asf file whose name begins its own; its folder has "
         f"{listed}. Name the right one: skeleton="
@@ -323,13 +329,15 @@ def _read_frames(file: Path, content: bytes, skeleton: _Skeleton) -> dict[str, n
             f"{file}: {len(skeleton.bones)} bones in {n_frames} frames take far more memory than a "
             "file of its size may"
         )
-    found = {
+    values_of_bones = {
         name: np.array(column).reshape(n_frames, widths[name]) for name, column in values.items()
     }
     for bone in skeleton.bones:
         for number, freedom in enumerate(bone.freedoms):
-            found[bone.name][:, number] *= angle if freedom in _ROTATIONS else skeleton.metres
-    return found
+            values_of_bones[bone.name][:, number] *= (
+                angle if freedom in _ROTATIONS else skeleton.metres
+            )
+    return values_of_bones
 
 
 def _check_complete(lines: _Lines, n_frames: int, missing: set[str]) -> None:
@@ -352,11 +360,11 @@ def _skeleton_motion(
     rotations, translations = [], []
     lengthened = [_lengthened(bone, values.get(bone.name)) for bone in bones]
     for number, bone in enumerate(bones):
-        own = values.get(bone.name, np.zeros((n_frames, 0)))
-        steps = np.broadcast_to(offsets[number], (n_frames, 3)) + _moved(bone, own)
+        bone_values = values.get(bone.name, np.zeros((n_frames, 0)))
+        steps = np.broadcast_to(offsets[number], (n_frames, 3)) + _moved(bone, bone_values)
         if number:
             steps = steps + lengthened[bone.parent]
-        rotations.append(_rotations(bone, own))
+        rotations.append(_rotations(bone, bone_values))
         translations.append(steps)
     for number, bone in enumerate(bones):
         if number not in parents and bone.length:
@@ -389,9 +397,9 @@ def _rotations(bone: _Bone, values: np.ndarray) -> np.ndarray:
     if not order:
         return np.tile(np.eye(3), (len(values), 1, 1))
     angles = np.stack([_column(bone, values, f"r{axis}") for axis in order], axis=1)
-    own: np.ndarray = Rotation.from_euler(order, angles).as_matrix()
+    turns: np.ndarray = Rotation.from_euler(order, angles).as_matrix()
     # The root rotates in space and then carries its rest orientation; bones rotate in their axes.
-    return own @ bone.axes if bone.parent < 0 else bone.axes @ own @ bone.axes.T
+    return turns @ bone.axes if bone.parent < 0 else bone.axes @ turns @ bone.axes.T
 
 
 def _moved(bone: _Bone, values: np.ndarray) -> np.ndarray:

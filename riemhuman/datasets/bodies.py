@@ -209,7 +209,7 @@ def _labels(wanted: Any, name: str, names: tuple[str, ...]) -> list[int]:
     known |= {number: number for number in range(len(names))}
     try:
         several = [wanted] if isinstance(wanted, (str, int, np.integer)) else list(wanted)
-        return [known[each] for each in several]
+        return [known[label] for label in several]
     except (KeyError, TypeError) as error:
         raise ArgumentError(
             f"{name} must be names or indices of {', '.join(names[:20])}; found {wanted!r}"

@@ -124,11 +124,11 @@ def load_dfaust(
         with _open(file) as contents:
             # h5py returns names that are not UTF-8 as bytes; no sequence has such a name.
             names = [name for name in contents if isinstance(name, str)]
-            own = _read_faces(contents, names, file)
-        difference = None if faces is None else face_difference(own, faces)
+            file_faces = _read_faces(contents, names, file)
+        difference = None if faces is None else face_difference(file_faces, faces)
         if difference:
             raise FileFormatError(f"{file}: triangles must be those of {_FILES[0]}: {difference}")
-        faces = own
+        faces = file_faces
         for match in filter(None, (re.fullmatch(r"(\d+)_(\w+)", name) for name in names)):
             recorded.setdefault(match[1], {})[match[2]] = file
     if faces is None or not recorded:
@@ -161,7 +161,7 @@ def _motions(
     keys: dict[Path, list[str]] = {}
     for file, subject, sequence in chosen:
         keys.setdefault(file, []).append(f"{subject}_{sequence}")
-    shapes = {file: _shapes(file, own) for file, own in keys.items()}
+    shapes = {file: _shapes(file, file_keys) for file, file_keys in keys.items()}
     return Motions(
         [
             DynamicFaustMotion(

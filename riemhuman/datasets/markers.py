@@ -85,8 +85,8 @@ def load_trc(
     file = file_path(path)
     suffix_of(file, (".trc",))
     with memory_errors(file):
-        found = _TextReader(file).read()
-        return skeleton_of(_in_metres(*found, metres), joints)
+        contents = _TextReader(file).read()
+        return skeleton_of(_in_metres(*contents, metres), joints)
 
 
 def load_c3d(

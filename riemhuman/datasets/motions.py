@@ -200,9 +200,11 @@ class ModelMotion(Motion):
         ----------
         betas : array_like, shape (B,)
         """
-        other = real_array(betas, "betas", (self.model.n_betas,), batched=False)
+        new_betas = real_array(betas, "betas", (self.model.n_betas,), batched=False)
         names, rate = (self.subject, self.sequence), self.frames_per_second
-        return ArrayMotion(names, rate, self.model, other, *self._parameters(np.arange(len(self))))
+        return ArrayMotion(
+            names, rate, self.model, new_betas, *self._parameters(np.arange(len(self)))
+        )
 
     @abstractmethod
     def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -279,15 +281,15 @@ def choose_names(wanted: Any, name: str, known: Sequence[str], source: str = "")
         return tuple(known)
     try:
         single = isinstance(wanted, (str, int, np.integer))
-        names = tuple(str(each) for each in ([wanted] if single else wanted))
+        names = tuple(str(label) for label in ([wanted] if single else wanted))
     except TypeError as error:
         raise ArgumentTypeError(f"{name} must be a list of names; found {wanted!r}") from error
-    unknown = [each for each in names if each not in known]
+    unknown = [label for label in names if label not in known]
     if unknown or not names or len(set(names)) < len(names):
-        found = "unknown: " + ", ".join(map(repr, unknown)) if unknown else f"found {wanted!r}"
+        problem = "unknown: " + ", ".join(map(repr, unknown)) if unknown else f"found {wanted!r}"
         raise ArgumentError(
             f"{name} must be different names, at least one, out of {', '.join(known)}{source}; "
-            f"{found}"
+            f"{problem}"
         )
     return names
 
@@ -334,14 +336,16 @@ def load_mesh_motions(
     """
     rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
     root = existing_folder(folder)
-    inner = sorted(filter(Path.is_dir, root.iterdir()), key=lambda each: natural_key(each.name))
+    inner = sorted(
+        filter(Path.is_dir, root.iterdir()), key=lambda subfolder: natural_key(subfolder.name)
+    )
     folders = [root] if _holds_meshes(root) else list(filter(_holds_meshes, inner))
     if not folders:
         raise FileError(
             f"{root} holds no motion: neither .hdf5 files nor meshes, nor folders of meshes"
         )
-    return Motions(MeshMotion(each, rate, unit, up) for each in folders)
+    return Motions(MeshMotion(subfolder, rate, unit, up) for subfolder in folders)
 
 
 def _holds_meshes(folder: Path) -> bool:
-    return any(is_visible(each, MESH_ENDINGS) for each in folder.iterdir())
+    return any(is_visible(file, MESH_ENDINGS) for file in folder.iterdir())

@@ -171,14 +171,14 @@ def _performances(
     offsets *= np.array([[degrees[name.split("_")[-1]]] for name in model.joint_names])
     if touched is None:
         offsets[..., model.parents < 0, 1] += rng.normal(0.0, _HEADING_DEGREES, (*shape[:2], 1))
-    written = np.stack([joint_rotations(each, model) for each in angles.values()])
+    written = np.stack([joint_rotations(pose_angles, model) for pose_angles in angles.values()])
     turned = Rotation.from_rotvec(offsets.reshape(-1, 3), degrees=True).as_matrix()
     poses = pose_vectors(turned.reshape(*shape, 3) @ written, model)
     for name, points in (touched or {}).items():
         number = list(angles).index(name)
         for side, point in points.items():
-            own = point + rng.normal(0.0, _TOUCHED_POINT_METRES, (len(betas), 3))
-            poses[:, number] = reach(model, betas, poses[:, number], side, own)
+            touched_points = point + rng.normal(0.0, _TOUCHED_POINT_METRES, (len(betas), 3))
+            poses[:, number] = reach(model, betas, poses[:, number], side, touched_points)
     return poses
 
 

@@ -80,12 +80,12 @@ def with_both_sides(
 ) -> dict[str, Sequence[Any]]:
     """Return angles by joint, those of joints without a side written out for both sides."""
     sided: dict[str, Sequence[Any]] = {}
-    for name, own in angles.items():
+    for name, value in angles.items():
         if name in joint_names:
-            sided[name] = own
+            sided[name] = value
         elif f"left_{name}" in joint_names:
-            sided.setdefault(f"left_{name}", own)
-            sided.setdefault(f"right_{name}", mirror_angles(own))
+            sided.setdefault(f"left_{name}", value)
+            sided.setdefault(f"right_{name}", mirror_angles(value))
         else:
             raise ArgumentError(
                 f"angles name the joint {name!r}; the model has {', '.join(joint_names)}"
@@ -97,7 +97,8 @@ def mirror_angles(angles: Sequence[Any]) -> tuple[Any, ...]:
     """Return axes and angles, or curves, of the joint on the other side: y and z change sign."""
     axes, *degrees = angles
     mirrored = (
-        each if axis == "x" else np.negative(each) for axis, each in zip(axes, degrees, strict=True)
+        angle if axis == "x" else np.negative(angle)
+        for axis, angle in zip(axes, degrees, strict=True)
     )
     return axes, *mirrored
 

@@ -335,9 +335,9 @@ def read_labels(
     file = file_path(table, "labels")
     by_name: dict[str, list[int]] = {}
     for number, name in enumerate(names):
-        for each in {name, Path(name).stem}:
-            by_name.setdefault(each, []).append(number)
-    found: dict[int, tuple[int, str, str]] = {}
+        for spelling in {name, Path(name).stem}:
+            by_name.setdefault(spelling, []).append(number)
+    rows: dict[int, tuple[int, str, str]] = {}
     unknown = []
     for line, (name, subject, pose) in _read_table(file):
         cells = dict(zip(_COLUMNS, (name, subject, pose), strict=True))
@@ -352,20 +352,24 @@ def read_labels(
             raise FileFormatError(f"{file}, line {line}: {name[:60]} may be {several}; name one")
         if not candidates:
             unknown.append(name)
-        elif candidates[0] in found:
+        elif candidates[0] in rows:
             raise FileFormatError(
                 f"{file}, line {line}: {name[:60]} has a label already, on line "
-                f"{found[candidates[0]][0]}"
+                f"{rows[candidates[0]][0]}"
             )
         else:
-            found[candidates[0]] = line, subject, pose
-    numbers = sorted(found)
-    unlabelled = [name for number, name in enumerate(names) if number not in found]
-    if not found or ((unknown or unlabelled) and not allow_missing):
+            rows[candidates[0]] = line, subject, pose
+    numbers = sorted(rows)
+    unlabelled = [name for number, name in enumerate(names) if number not in rows]
+    if not rows or ((unknown or unlabelled) and not allow_missing):
         problems = {"meshes without a row": unlabelled, "rows without a mesh": unknown}
-        listed = [f"{problem}: {join_names(own, 5)}" for problem, own in problems.items() if own]
+        listed = [
+            f"{problem}: {join_names(names_of_problem, 5)}"
+            for problem, names_of_problem in problems.items()
+            if names_of_problem
+        ]
         raise FileFormatError(f"{file} does not match the meshes: {'; '.join(listed)}")
-    _, subjects, poses = zip(*(found[number] for number in numbers), strict=True)
+    _, subjects, poses = zip(*(rows[number] for number in numbers), strict=True)
     return numbers, {"subject": list(subjects), "pose": list(poses)}
 
 
@@ -373,8 +377,10 @@ def existing_folder(folder: str | os.PathLike[str]) -> Path:
     """Return the path of a folder; raise an error if there is none."""
     root = file_path(folder, "folder", "folder")
     if not root.is_dir():
-        found = f"{root} is a file, not a folder" if root.exists() else f"there is no folder {root}"
-        raise FileError(found)
+        problem = (
+            f"{root} is a file, not a folder" if root.exists() else f"there is no folder {root}"
+        )
+        raise FileError(problem)
     return root
 
 
@@ -431,10 +437,10 @@ def _load(
 def _label_columns(texts: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     """Return the fields of `Bodies` for the texts of the columns of a table."""
     columns: dict[str, Any] = {}
-    for column, own in texts.items():
-        names = sorted(set(own), key=natural_key)
+    for column, cells in texts.items():
+        names = sorted(set(cells), key=natural_key)
         columns[f"{column}_names"] = tuple(names)
-        columns[column] = np.array([names.index(text) for text in own])
+        columns[column] = np.array([names.index(text) for text in cells])
     return columns
 
 
@@ -448,36 +454,38 @@ def _load_photographed(
     allow_missing: bool,
 ) -> Bodies:
     """Load bodies of SAM 3D Body, with labels of their files or, without a table, by file."""
-    found = load_photographed_bodies(folder, faces, up=up)
-    numbers = [found.names[:index].count(name) for index, name in enumerate(found.names)]
+    photographed = load_photographed_bodies(folder, faces, up=up)
+    numbers = [
+        photographed.names[:index].count(name) for index, name in enumerate(photographed.names)
+    ]
     table = file_path(folder) / _LABELS if labels is None else file_path(labels)
-    chosen: Sequence[int] = range(len(found))
-    texts = {"subject": [*found.names], "pose": [str(number) for number in numbers]}
+    chosen: Sequence[int] = range(len(photographed))
+    texts = {"subject": [*photographed.names], "pose": [str(number) for number in numbers]}
     if labels is not None or table.exists():
-        files = list(dict.fromkeys(found.names))
-        rows, own = read_labels(
+        files = list(dict.fromkeys(photographed.names))
+        rows, columns = read_labels(
             table, [f"{name}.npz" for name in files], allow_missing=allow_missing
         )
         row_of = {files[row]: place for place, row in enumerate(rows)}
-        chosen = [index for index, name in enumerate(found.names) if name in row_of]
+        chosen = [index for index, name in enumerate(photographed.names) if name in row_of]
         texts = {
-            column: [cells[row_of[found.names[index]]] for index in chosen]
-            for column, cells in own.items()
+            column: [cells[row_of[photographed.names[index]]] for index in chosen]
+            for column, cells in columns.items()
         }
-    points = found.points[list(chosen)]
+    points = photographed.points[list(chosen)]
     if template is None:
-        template = Template(points[0], found.faces)
+        template = Template(points[0], photographed.faces)
     elif not isinstance(template, Template):
         template = Template.from_file(template)
-    difference = face_difference(found.faces, template.faces)
+    difference = face_difference(photographed.faces, template.faces)
     if difference:
         raise ArgumentError(f"template must have the triangles of faces: {difference}")
     if align:
         points = procrustes(points, to=template.vertices, scale=None)
     ids = tuple(
-        f"{found.names[index]}_{numbers[index]}"
-        if found.names.count(found.names[index]) > 1
-        else found.names[index]
+        f"{photographed.names[index]}_{numbers[index]}"
+        if photographed.names.count(photographed.names[index]) > 1
+        else photographed.names[index]
         for index in chosen
     )
     return Bodies(points=points, template=template, ids=ids, **_label_columns(texts))
@@ -497,10 +505,10 @@ def _read_table(table: Path) -> list[tuple[int, list[str]]]:
     header = [name.lower() for name in rows[0][1]] if rows else []
     missing = [name for name in _COLUMNS if name not in header]
     if missing:
-        found = ",".join(rows[0][1])[:60] if rows else ""
+        first_line = ",".join(rows[0][1])[:60] if rows else ""
         raise FileFormatError(
             f"{table} lacks the columns {', '.join(missing)}; its first line must name "
-            f"{', '.join(_COLUMNS)}; found {found!r}"
+            f"{', '.join(_COLUMNS)}; found {first_line!r}"
         )
     numbers = [header.index(name) for name in _COLUMNS]
     found_rows = []

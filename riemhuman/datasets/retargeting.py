@@ -123,11 +123,11 @@ class RetargetedMotion(ModelMotion):
         ----------
         betas : array_like, shape (B,)
         """
-        other = copy(self)
-        other.__dict__.pop("_played", None)
-        other._betas = real_array(betas, "betas", (self.model.n_betas,), batched=False)
-        other.model, other._size = self._unscaled, 1.0
-        return other
+        performance = copy(self)
+        performance.__dict__.pop("_played", None)
+        performance._betas = real_array(betas, "betas", (self.model.n_betas,), batched=False)
+        performance.model, performance._size = self._unscaled, 1.0
+        return performance
 
     def _parameters(self, numbers: ndarray) -> tuple[ndarray, ndarray]:
         return self._played.poses[numbers], self._played.translations[numbers]
@@ -213,23 +213,25 @@ def retarget(
     if frames_per_second is not None:
         rate = float(frames_per_second)
         recording = _thinned(recording, rate)
-    found = find_joints(recording.joint_names, recording.parents, joints, recording.positions)
-    check_bones(recording.positions, found, recording.joint_names)
+    joint_numbers = find_joints(
+        recording.joint_names, recording.parents, joints, recording.positions
+    )
+    check_bones(recording.positions, joint_numbers, recording.joint_names)
     is_recorded = scale == _RECORDED or (scale is None and metres is not None)
-    own, size = own_person(recording, model), 1.0
-    if own is not None and (betas is None or isinstance(betas, str)):
-        betas, size, is_recorded = own.betas, own.size, False
+    performer, size = own_person(recording, model), 1.0
+    if performer is not None and (betas is None or isinstance(betas, str)):
+        betas, size, is_recorded = performer.betas, performer.size, False
     elif isinstance(betas, str):
-        betas = recorded_person(recording.positions, found, model)
+        betas = recorded_person(recording.positions, joint_numbers, model)
     if is_recorded:
-        leg = leg_length(recording.positions, found)
+        leg = leg_length(recording.positions, joint_numbers)
         if metres is None:
             metres = _guessed_metres(leg, recording)
         person = np.zeros(model.n_betas) if betas is None else betas
         size = metres * leg / make_figure(model, person).leg
     names, n_frames = ("", recording.name), len(recording)
     return RetargetedMotion(
-        recording, model, names, rate, n_frames, betas=betas, joints=found, up=up, size=size
+        recording, model, names, rate, n_frames, betas=betas, joints=joint_numbers, up=up, size=size
     )
 
 

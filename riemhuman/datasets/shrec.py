@@ -113,18 +113,18 @@ def load_shrec14(
     for number, names in enumerate(members.values()):
         for name in names:
             stem = Path(name).stem if Path(name).suffix.lower() in MESH_ENDINGS else Path(name).name
-            found = by_name.get(stem, [])
-            if not found and re.fullmatch(r"[0-9]+", stem):
-                found = by_name.get(_last_number(stem), [])
-            if len(found) > 1:
-                several = ", ".join(str(file.relative_to(root).with_suffix("")) for file in found)
+            matches = by_name.get(stem, [])
+            if not matches and re.fullmatch(r"[0-9]+", stem):
+                matches = by_name.get(_last_number(stem), [])
+            if len(matches) > 1:
+                several = ", ".join(str(file.relative_to(root).with_suffix("")) for file in matches)
                 raise FileFormatError(
                     f"{class_file}: the id {name[:60]} fits several meshes, {several}; keep one"
                 )
-            if found:
+            if matches:
                 subject.append(number)
                 ids.append(name)
-                files += found
+                files += matches
             else:
                 missing.append(name)
     if missing:
@@ -157,7 +157,7 @@ def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
                 members[name] = tuple(islice(words, count))
         except (StopIteration, ValueError) as error:
             raise FileFormatError(f"{where} is damaged: {short_message(error)}") from error
-        ids = [each for names in members.values() for each in names]
+        ids = [model_id for names in members.values() for model_id in names]
         left = len(list(words))
         if left or not len(set(ids)) == len(ids) == n_meshes:
             raise FileFormatError(

@@ -138,8 +138,8 @@ def load_shrec19(folder: str | os.PathLike[str]) -> MatchedMeshes:
     >>> mesh, other = meshes[0], meshes[1]  # doctest: +SKIP
     """
     root = existing_folder(folder)
-    found = [file for file in root.rglob("*.mat") if re.fullmatch(r"[0-9]+", file.stem)]
-    files = sorted(found, key=lambda file: natural_key(file.name))
+    meshes = [file for file in root.rglob("*.mat") if re.fullmatch(r"[0-9]+", file.stem)]
+    files = sorted(meshes, key=lambda file: natural_key(file.name))
     if not files:
         raise FileError(f"{root} holds no meshes of SHREC'19: no file is named as 1.mat is")
     names = tuple(file.stem for file in files)

@@ -130,8 +130,8 @@ class _Reader:
                     corners = corners[:, [0, 2, 1]]
                 faces.append(corners + starts[source])
         if not faces:
-            found = f": {n_others} sets of points or lines" if n_others else ""
-            raise FileFormatError(f"the scene of the GLB file holds no triangles{found}")
+            remark = f": {n_others} sets of points or lines" if n_others else ""
+            raise FileFormatError(f"the scene of the GLB file holds no triangles{remark}")
         return np.concatenate(vertices), np.concatenate(faces)
 
     def _check_size(self, n_vertices: int, n_corners: int) -> None:
@@ -313,8 +313,8 @@ class _Reader:
         accessor = self._item("accessors", number)
         component = accessor.get("componentType")
         if accessor.get("type") != kind or component not in _COMPONENTS:
-            found = f"{str(accessor.get('type'))[:20]} of {str(component)[:20]}"
-            raise FileFormatError(f"{where}: {kind} numbers expected, found {found}")
+            stated = f"{str(accessor.get('type'))[:20]} of {str(component)[:20]}"
+            raise FileFormatError(f"{where}: {kind} numbers expected, found {stated}")
         dtype, count = np.dtype(_COMPONENTS[component]), accessor["count"]
         if not isinstance(count, int) or not 0 <= count <= self._n_bytes:
             raise FileFormatError(f"{where}: {str(count)[:40]} rows are more than the file holds")

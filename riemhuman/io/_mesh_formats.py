@@ -228,10 +228,10 @@ def _off_by_lines(content: bytes) -> Mesh:
                 corners.extend(map(int, words[1 : 1 + lengths[-1]]))
         except (OverflowError, ValueError) as error:
             raise _bad_line(number, words) from error
-    found = len(positions) // 3 + len(lengths)
-    if found != n_vertices + n_faces:
+    n_lines = len(positions) // 3 + len(lengths)
+    if n_lines != n_vertices + n_faces:
         raise FileFormatError(
-            f"the OFF header declares {n_vertices} vertices and {n_faces} faces, {found} lines "
+            f"the OFF header declares {n_vertices} vertices and {n_faces} faces, {n_lines} lines "
             "follow"
         )
     return _mesh_of_polygons(positions, corners, lengths)

@@ -66,8 +66,8 @@ def suffix_of(file: Path, suffixes: Collection[str]) -> str:
             f"{_POINT_CLOUDS[suffix]}"
         )
     listed = " or ".join(suffixes) if len(suffixes) < 3 else f"one of {', '.join(suffixes)}"
-    found = repr(file.suffix) if suffix else "none"
-    raise FileFormatError(f"{file}: the ending must be {listed}; found {found}")
+    ending = repr(file.suffix) if suffix else "none"
+    raise FileFormatError(f"{file}: the ending must be {listed}; found {ending}")
 
 
 def check_file(file: Path) -> int:

@@ -30,8 +30,8 @@ def describe(value: Any, _depth: int = 0) -> Any:
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else str(float(value))
     if isinstance(value, np.ndarray) and value.dtype.kind != "O":
-        found = {"dtype": str(value.dtype), "sha256": digest(value).hex()}
-        return {"shape": list(value.shape), **found}
+        contents = {"dtype": str(value.dtype), "sha256": digest(value).hex()}
+        return {"shape": list(value.shape), **contents}
     if isinstance(value, np.longdouble):  # whose `item` is itself
         return repr(value)
     if isinstance(value, np.generic):

@@ -42,12 +42,12 @@ def face_difference(faces: np.ndarray, expected: np.ndarray) -> str | None:
     if not differs.any():
         return None
     count = "all" if differs.all() else f"{int(differs.sum())} of {len(expected)}"
-    found = f"{count} triangles differ"
+    difference = f"{count} triangles differ"
     if np.array_equal(_in_order(faces), _in_order(expected)):
-        found = f"{count} triangles or their corners are listed in another order"
+        difference = f"{count} triangles or their corners are listed in another order"
     first = int(differs.argmax())
     return (
-        f"{found}, the first at index {first}: "
+        f"{difference}, the first at index {first}: "
         f"{tuple(faces[first].tolist())} found, {tuple(expected[first].tolist())} expected"
     )
 

@@ -222,9 +222,11 @@ def _relative_gaps(points: np.ndarray, pairs: np.ndarray, tolerance: float) -> n
     """Return the distances between the corners of pairs of edges, in units of the largest ones."""
     if not len(pairs):
         return np.zeros(0)
-    one, other = points[pairs[:, 0]], points[pairs[:, 1]]
-    gaps = np.linalg.norm(one - other, axis=2).max(axis=1)
-    shorter = np.minimum(*(np.linalg.norm(e[:, 1] - e[:, 0], axis=1) for e in (one, other)))
+    first_edges, second_edges = points[pairs[:, 0]], points[pairs[:, 1]]
+    gaps = np.linalg.norm(first_edges - second_edges, axis=2).max(axis=1)
+    shorter = np.minimum(
+        *(np.linalg.norm(e[:, 1] - e[:, 0], axis=1) for e in (first_edges, second_edges))
+    )
     usual = _usual_length(points, pairs.reshape(-1, 2))
     largest = np.minimum(tolerance * usual, _LARGEST_GAP * shorter)
     return gaps / np.maximum(largest, np.finfo(float).tiny)

@@ -76,8 +76,8 @@ def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[nda
         vertices, faces = check_mesh(*_READERS.get(file.suffix.lower(), _read_with_meshio)(file))
     check_resolution(vertices, f"{file}: vertices", error=FileFormatError)
     if join:
-        found = find_seams(vertices, faces)
-        vertices, faces = found.join(vertices), found.faces
+        seams_of_file = find_seams(vertices, faces)
+        vertices, faces = seams_of_file.join(vertices), seams_of_file.faces
     return vertices, faces
 
 

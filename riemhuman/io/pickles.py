@@ -102,10 +102,10 @@ def load_pickled_tree(file: Path) -> Any:
 def pickled_tree(content: bytes, storages: Mapping[str, bytes], is_little: bool, size: int) -> Any:
     """Return what `load_pickled_tree` does from a pickle whose tensors are in other `storages`."""
 
-    def storage(found: Any) -> _Record:
-        if not (isinstance(found, list) and len(found) > 4 and found[0] == "storage"):
+    def storage(reference: Any) -> _Record:
+        if not (isinstance(reference, list) and len(reference) > 4 and reference[0] == "storage"):
             raise FileFormatError("holds a malformed tensor")
-        kind, key = _name_of(found[1]), str(found[2])
+        kind, key = _name_of(reference[1]), str(reference[2])
         if kind not in _STORAGES:
             raise FileFormatError(f"holds a tensor of type {_describe(kind)}, which is not read")
         if key not in storages:
@@ -317,24 +317,24 @@ class _Tree:
     def __init__(self, size: int) -> None:
         self._n_bytes, self._n_values = memory_limit(size), _MOST_VALUES
 
-    def value(self, found: Any, depth: int = 0) -> Any:
+    def value(self, stored: Any, depth: int = 0) -> Any:
         """Return the plain value of a record, or None where it has none."""
         self._n_values -= 1
         if depth > _DEEPEST_TREE or self._n_values < 0:
             raise FileFormatError("holds dictionaries and lists that nest too deep or too often")
-        kind = _kind(found)
+        kind = _kind(stored)
         if kind in ("array", "buffer", "scalar", "tensor"):
-            array = _tensor(found, self._n_bytes) if kind == "tensor" else _array(found)
+            array = _tensor(stored, self._n_bytes) if kind == "tensor" else _array(stored)
             self._n_bytes -= array.size * _BYTES_OF_NUMBER
             if self._n_bytes < 0:
                 raise FileFormatError("uses its data more often than its size allows")
             return array
-        if isinstance(found, dict):
-            pairs = ((str(key), self.value(item, depth + 1)) for key, item in found.items())
+        if isinstance(stored, dict):
+            pairs = ((str(key), self.value(item, depth + 1)) for key, item in stored.items())
             return {key: item for key, item in pairs if item is not None}
-        if isinstance(found, list):
-            return [self.value(item, depth + 1) for item in found]
-        return found if isinstance(found, (str, int, float)) else None
+        if isinstance(stored, list):
+            return [self.value(item, depth + 1) for item in stored]
+        return stored if isinstance(stored, (str, int, float)) else None
 
 
 def _tensor(record: _Record, most_bytes: int) -> np.ndarray:
@@ -414,9 +414,9 @@ def _sparse(state: dict[str, Any]) -> sparse.coo_array:
     return sparse.coo_array(values, shape=tuple(shape))
 
 
-def _name_of(found: Any) -> str:
+def _name_of(stored: Any) -> str:
     """Return the name of a class of records."""
-    return found.__name__ if isinstance(found, type) else ""
+    return stored.__name__ if isinstance(stored, type) else ""
 
 
 def _attributes(record: _Record) -> dict[str, Any]:

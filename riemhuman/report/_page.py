@@ -24,9 +24,9 @@ _quoted = cache(quote)  # the same characters come thousands of times
 
 
 def template(name: str) -> jinja2.Template:
-    found = web_templates("report")
-    found.filters |= {"written": written, "missing": is_missing, "shown": _shown}
-    return found.get_template(name)
+    environment = web_templates("report")
+    environment.filters |= {"written": written, "missing": is_missing, "shown": _shown}
+    return environment.get_template(name)
 
 
 def fill(macro: str, **values: Any) -> str:

@@ -215,11 +215,11 @@ def _findings(rows: list[Row], from_straight: list[Row]) -> dict[str, Any]:
     for row in from_straight:
         if not row["starts"]:
             continue
-        energy, other = (
+        energy, straight_energy = (
             path[f"energy_{row['metric']}"] for path in (row, from_rotating[row["name"]])
         )
-        if energy < other:
-            lower.append((row["name"], 100.0 * (1.0 - energy / other)))
+        if energy < straight_energy:
+            lower.append((row["name"], 100.0 * (1.0 - energy / straight_energy)))
     for table in (rows, from_straight):
         continued += [(row["name"], row["starts"]) for row in table if ", then " in row["starts"]]
     names_from_straight = [row["name"] for row in from_straight]
@@ -259,10 +259,10 @@ def _comparison(report: Report, pair: Pair) -> Step:
             solvers["body model"] = (path, "ours")
             reference = path.solve(metrics["ours"], start, end).path
         known = compare_paths(metrics, start, end, solvers, reference)
-        found = compare_metrics(metrics, search, known, _ROTATING, reference)
+        searched = compare_metrics(metrics, search, known, _ROTATING, reference)
         straight = known[:1]
         found_from_it = compare_metrics(metrics, search, straight, _LINEAR, reference)
-        rows, rows_from_straight = _named([*known, *found]), _named([*straight, *found_from_it])
+        rows, rows_from_straight = _named([*known, *searched]), _named([*straight, *found_from_it])
         paths = {path.name: path.result.path for path in rows}
         return paths, {
             "pair": list(pair),

@@ -83,12 +83,12 @@ def choose_pair(distances: ndarray, suits: ndarray, share: float) -> Pair | None
     return int(first[number]), int(second[number])
 
 
-def group_within(same: ndarray, other: ndarray, size: int) -> ndarray:
+def group_within(same: ndarray, labels: ndarray, size: int) -> ndarray:
     """Return at most `size` items of the class with the most other classes, one of each."""
     groups = []
     for label in dict.fromkeys(same.tolist()):
         items = np.flatnonzero(same == label)
-        _, first = np.unique(other[items], return_index=True)
+        _, first = np.unique(labels[items], return_index=True)
         groups.append(items[np.sort(first)])
     group = max(groups, key=len)
     places = np.linspace(0, len(group) - 1, min(size, len(group))).round().astype(np.int64)
@@ -153,9 +153,11 @@ class Report:
             return described_together(self.representations, self.bodies)
 
         def compute(name: str, representation: Any) -> Computed:
-            own = described().get(name) if hasattr(representation, "describe_together") else None
+            vectors = (
+                described().get(name) if hasattr(representation, "describe_together") else None
+            )
             try:
-                matrix, (per_body, per_pair) = timed_distances(representation, self.bodies, own)
+                matrix, (per_body, per_pair) = timed_distances(representation, self.bodies, vectors)
             except RiemhumanError as error:
                 return {}, {"problem": f"{type(error).__name__}: {error}"}
             record = {"seconds_per_body": per_body, "seconds_per_pair": per_pair}
@@ -191,11 +193,11 @@ class Report:
     @cached_property
     def pairs(self) -> dict[str, Pair]:
         """A person in two poses and two people in one pose, as far as there are such bodies."""
-        found = {
+        chosen = {
             SAME_PERSON: self.pair(POSE_METRIC, 0.5, person=True, pose=False),
             SAME_POSE: self.pair(SHAPE_METRIC, 1.0, person=False, pose=True),
         }
-        return {name: pair for name, pair in found.items() if pair is not None}
+        return {name: pair for name, pair in chosen.items() if pair is not None}
 
     @cached_property
     def basis(self) -> tuple[DeformationBasis, str]:

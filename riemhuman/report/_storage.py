@@ -89,8 +89,8 @@ class ResultStore:
         """Return the result of a step, computed unless its file holds one from the same inputs."""
         key = fingerprint({"step": name, "common": self._common, "inputs": inputs})
         file = self._folder / f"{name}.npz"
-        found = _read(file, key)
-        if found is None:
+        stored = _read(file, key)
+        if stored is None:
             with self._progress(title):
                 start = time.perf_counter()
                 arrays, record = compute()
@@ -98,9 +98,9 @@ class ResultStore:
             header: dict[str, Any] = {"fingerprint": key, "seconds": seconds, "record": record}
             save_arrays(file, {**arrays, "about": np.array(json.dumps(header))})
         else:
-            header, arrays = found
+            header, arrays = stored
         seconds, record = header["seconds"], header["record"]
-        step = Step(name, dict(arrays), record, key, seconds, title, found is not None)
+        step = Step(name, dict(arrays), record, key, seconds, title, stored is not None)
         self.steps.append(step)
         return step
 
