@@ -208,7 +208,13 @@ class Viewer {
   play() {
     if (this.time >= 1) this.seek(0);
     let before = performance.now();
+    let counted = { since: before, frames: 0 };
     const advance = (now) => {
+      counted.frames += 1;
+      if (now - counted.since >= 1000) {
+        this.element.dataset.rate = ((1000 * counted.frames) / (now - counted.since)).toFixed(1);
+        counted = { since: now, frames: 0 };
+      }
       const passed = ((now - before) / (this.duration() * 1000)) * Number(this.find("speed").value);
       before = now;
       const time = this.time + Math.max(passed, 0);
