@@ -11,7 +11,8 @@ ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "tutorials").glob("*.md"))]
 TUTORIALS = sorted((ROOT / "tutorials").glob("*.ipynb"))
-SLOW = {"bring_your_data"}  # registers a model to a mesh, in seconds
+# They register a model to a mesh, and make films and maps, in seconds.
+SLOW = {"bring_your_data", "recipes"}
 
 every = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
 

@@ -132,7 +132,7 @@ def maps(bodies, space) -> None:
         "how do they stand? (0, 0, 1)": (rh.ElasticMetric(space, 0.0, 0.0, 1.0), "pose"),
     }
     for ax, (title, (metric, label)) in zip(axes, tasks.items(), strict=True):
-        places = rh.plots.embed(metric.dist_pairwise(bodies.points), "t-sne")
+        places = rh.plots.embed(metric, bodies)
         names = getattr(bodies, f"{label}_names")
         rh.plots.plot_embedding(
             places, getattr(bodies, label), names, ax=ax,

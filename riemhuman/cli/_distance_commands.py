@@ -391,7 +391,7 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
     else:
         items, classes = np.zeros(len(names), dtype=int), None
         settings["item_names"] = [Path(name).stem for name in names]
-    positions = rh.plots.embed(distances, options.method)
+    positions = rh.plots.embed(distances, method=options.method)
     record = {"meshes": len(items), "method": options.method, "stress": None}
     scale = "Near points are similar bodies (t-SNE); their distances have no unit."
     if options.method == "mds":

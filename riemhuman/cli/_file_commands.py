@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
+from riemhuman.cli._readable_units import SHORT_UNITS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
@@ -178,7 +179,21 @@ def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> Any:
 )
 def _info(options: argparse.Namespace) -> cli.Answer:
     facts = {"file": str(options.file), **_facts(options.file)}
-    return cli.Answer(facts, facts)
+    return cli.Answer(_with_units(facts), facts)
+
+
+def _with_units(facts: dict[str, Any]) -> dict[str, Any]:
+    """Return facts for people: the sizes of a mesh in the unit that they suggest."""
+    if "unit_guess" not in facts:
+        return facts
+    guess = facts["unit_guess"]
+    unit = SHORT_UNITS.get(guess, "units")
+    said = facts | {"unit_guess": f"{guess}; the file names none"}
+    said["extents"] = f"{', '.join(f'{length:.8g}' for length in facts['extents'])} {unit}"
+    said["area"] = f"{facts['area']:.8g} {unit}²"
+    if facts["volume"] is not None:
+        said["volume"] = f"{facts['volume']:.8g} {unit}³"
+    return said
 
 
 def _facts(file: Path) -> dict[str, Any]:

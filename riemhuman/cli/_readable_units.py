@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from riemhuman.cli import _commands as cli
 
+SHORT_UNITS = {"metres": "m", "centimetres": "cm", "millimetres": "mm", "inches": "in"}
+
 UNITS = cli.choice(
     "--units",
     "units of the printed table: centimetres, litres and kilograms, or inches and pounds; CSV and "

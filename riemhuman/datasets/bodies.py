@@ -5,21 +5,27 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import class_indices, real_array
+from riemhuman.checks import class_indices, distance_matrix, real_array
 from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, format_errors
+from riemhuman.optional import import_optional
 from riemhuman.provided import notebook_pictures
 from riemhuman.surfaces.template import Template
+
+if TYPE_CHECKING:
+    import pandas
 
 Class = int | str
 
 _FORMAT_VERSION = 1
+_SEXES = ("woman", "man")
 _NAMES = ("subject_names", "pose_names", "ids")
 _STORED = ("points", "subject", "pose", "betas", "pose_vectors", "translations")
 
@@ -140,6 +146,62 @@ class Bodies:
                 labels = _labels(wanted, name, getattr(self, f"{name}_names"))
                 chosen &= np.isin(getattr(self, name), labels)
         return self._choose(np.flatnonzero(chosen))
+
+    @property
+    def sex(self) -> np.ndarray:
+        """The sex of each surface, shape (n,): "woman", "man" or "".
+
+        It is the last word of the name of its person, as of those of the open bodies; of other
+        names it is not known.
+
+        Examples
+        --------
+        >>> bodies = rh.datasets.load_open_bodies("coarse")
+        >>> bodies[bodies.sex == "woman"]
+        <Bodies: 50 surfaces, 5 people in 10 poses, 1,202 vertices, 2,400 triangles, with their
+        body model>
+        """
+        last_words = [name.split()[-1:] for name in self.subject_names]
+        sexes = [words[0] if words and words[0] in _SEXES else "" for words in last_words]
+        return np.array(sexes, dtype=str)[self.subject]
+
+    def to_frame(self, distances: ArrayLike | None = None) -> pandas.DataFrame:
+        """Return the labels of the surfaces, or their distances with labels, as a table of pandas.
+
+        Parameters
+        ----------
+        distances : array_like, shape (n, n), optional
+            Distances of the surfaces, as of `dist_pairwise`: rows and columns are then named after
+            person and pose, or after `ids` where two surfaces would have one name.
+
+        Raises
+        ------
+        MissingDependencyError
+            If pandas is not installed.
+
+        Examples
+        --------
+        >>> bodies = rh.datasets.load_open_bodies("coarse")[:3]
+        >>> metric = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template, equip=False), 1, 1e-4, 0)
+        >>> table = bodies.to_frame(metric.dist_pairwise(bodies.points))
+        >>> round(table.loc["tall slim woman, t_like", "tall slim woman, arms_up"], 3)
+        0.086
+        """
+        frames = import_optional("pandas", "tables")
+        people = [self.subject_names[number] for number in self.subject]
+        poses = [self.pose_names[number] for number in self.pose]
+        if distances is None:
+            columns = {"subject": people, "pose": poses, "sex": self.sex}
+            return frames.DataFrame(columns, index=list(self.ids))
+        matrix = distance_matrix(distances, "distances")
+        if len(matrix) != len(self):
+            raise ArgumentError(
+                f"distances must be those of the {len(self)} surfaces; found {len(matrix)} rows"
+            )
+        names = [f"{person}, {pose}" for person, pose in zip(people, poses, strict=True)]
+        if len(set(names)) < len(names):
+            names = list(self.ids)
+        return frames.DataFrame(matrix, index=names, columns=names)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the surfaces and their labels, but not the body model, to an .npz file.

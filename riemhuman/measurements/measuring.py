@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from autograd import make_vjp
@@ -23,8 +23,12 @@ from riemhuman.measurements.definitions import nearest_name
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.memory import check_memory, enough_memory
+from riemhuman.optional import import_optional
 from riemhuman.solvers import ShapeTransfer
 from riemhuman.surfaces.template import Template, check_body_sizes
+
+if TYPE_CHECKING:
+    import pandas
 
 _POSES = ("as is", "standard")
 _FEWER = "measure fewer at a time"
@@ -81,6 +85,35 @@ class BodySizes:
     def to_dict(self) -> dict[str, ndarray]:
         """Return the values by name, each of shape (...)."""
         return {name: self.values[..., k] for k, name in enumerate(self.names)}
+
+    def to_frame(self, names: Sequence[str] | None = None) -> pandas.DataFrame:
+        """Return a table of pandas: a row for each body, a column for each measurement.
+
+        Parameters
+        ----------
+        names : sequence of str, optional
+            Names of the bodies, such as `Bodies.ids`; by default their numbers.
+
+        Raises
+        ------
+        MissingDependencyError
+            If pandas is not installed.
+
+        Examples
+        --------
+        >>> bodies = rh.datasets.load_open_bodies("coarse")[:2]
+        >>> sizes = rh.measurements.Measurements(bodies.model).measure(bodies.points, missing="nan")
+        >>> sizes.to_frame(bodies.ids)["volume"].round(3).tolist()
+        [0.062, 0.062]
+        """
+        frames = import_optional("pandas", "tables")
+        rows = self.values.reshape(-1, len(self.names))
+        index = None if names is None else list(names)
+        if index is not None and len(index) != len(rows):
+            raise ArgumentError(
+                f"names must be those of the {len(rows)} bodies; found {len(index)}"
+            )
+        return frames.DataFrame(rows, index=index, columns=list(self.names))
 
 
 class Measurements:

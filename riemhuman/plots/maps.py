@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import Rng, class_indices, distance_matrix, generator, one_of, real_array
+from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.optional import import_matplotlib, import_optional
 from riemhuman.plots.figures import class_colors, new_axes
@@ -53,12 +55,21 @@ _FRACTIONS = {
 }
 
 
-def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
-    """Embed items in the plane by their distances.
+def embed(
+    distances: ArrayLike | RiemannianMetric,
+    bodies: Any = None,
+    *,
+    method: str = "t-sne",
+    rng: Rng = 0,
+) -> ndarray:
+    """Embed items in the plane by their distances, shape (n, 2).
 
     Parameters
     ----------
-    distances : array_like, shape (n, n)
+    distances : array_like, shape (n, n), or RiemannianMetric
+        Distances, or the metric that gives those of the bodies.
+    bodies : Bodies or array, shape (n, V, 3), optional
+        What the metric compares; none for distances.
     method : {"t-sne", "mds"}
         t-distributed stochastic neighbour embedding [1]_, which preserves neighbourhoods, or
         classical multidimensional scaling (Torgerson 1952), which approximates distances.
@@ -73,9 +84,19 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
     --------
     >>> rh.plots.embed([[0, 3, 4], [3, 0, 5], [4, 5, 0]], method="mds").shape
     (3, 2)
+    >>> bodies = rh.datasets.load_open_bodies("coarse")[:20]
+    >>> metric = rh.SRNFMetric(rh.AlignedSurfaces(bodies.template, equip=False))
+    >>> rh.plots.embed(metric, bodies, method="mds").shape
+    (20, 2)
     """
-    matrix = distance_matrix(distances, "distances")
     one_of(method, "method", METHODS)
+    if isinstance(distances, RiemannianMetric):
+        if bodies is None:
+            raise ArgumentError("a metric needs the bodies that it compares: embed(metric, bodies)")
+        distances = distances.dist_pairwise(bodies.points if isinstance(bodies, Bodies) else bodies)
+    elif bodies is not None:
+        raise ArgumentError("bodies are for a metric; distances need none")
+    matrix = distance_matrix(distances, "distances")
     if len(matrix) < 3:
         raise ArgumentError(f"distances must be of at least 3 items; found {len(matrix)}")
     start = _classical_scaling(matrix)

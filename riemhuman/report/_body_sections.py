@@ -151,7 +151,7 @@ def _maps(report: Report) -> Step:
 
     def compute() -> Computed:
         return {
-            f"{task.name} {method}": embed(report.matrix(task.metric), method, rng=seed)
+            f"{task.name} {method}": embed(report.matrix(task.metric), method=method, rng=seed)
             for task in report.tasks
             for method in _METHODS.values()
         }, {}

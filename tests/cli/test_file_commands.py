@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 import shutil
 import time
 from pathlib import Path
@@ -244,3 +245,15 @@ def test_info_says_which_fields_of_a_recording_are_used(run, tmp_path):
     assert facts["left_out"] == "expression (expression of the face)"
     save_arrays(tmp_path / "other.npz", {"poses": np.zeros(3)})
     assert json.loads(run("info", tmp_path / "other.npz", "--json").out)["kind"] == "arrays"
+
+
+def test_sizes_of_meshes_have_units(run, scans, bodies, tmp_path):
+    said = run("info", scans / "body_0.ply").out
+    assert re.search(r"^extents .* m$", said, re.MULTILINE)
+    assert re.search(r"^area .* m²$", said, re.MULTILINE)
+    assert re.search(r"^volume .* m³$", said, re.MULTILINE)
+    assert re.search(r"^unit guess +metres; the file names none$", said, re.MULTILINE)
+    save_mesh(tmp_path / "speck.ply", 1e-4 * bodies.points[0], bodies.template.faces)
+    said = run("info", tmp_path / "speck.ply").out
+    assert re.search(r"^area .* units²$", said, re.MULTILINE)
+    assert "none: no human body has this size; the file names none" in said

@@ -154,3 +154,28 @@ def test_representations():
     assert "6 surfaces, 2 people" in bodies._repr_html_()
     assert "<img" in bodies._repr_html_()
     assert "<img" not in bodies[[]]._repr_html_()
+
+
+def test_the_sex_is_the_last_word_of_a_name():
+    bodies = Bodies(**fields(subject_names=["tall woman", "old man"]))
+    assert bodies.sex.tolist() == ["woman"] * 3 + ["man"] * 3
+    assert len(bodies[bodies.sex == "woman"]) == 3
+    assert bodies[:0].sex.shape == (0,)
+    assert set(Bodies(**fields()).sex.tolist()) == {""}
+    assert Bodies(**fields(subject_names=["", "man"])).sex.tolist() == [""] * 3 + ["man"] * 3
+
+
+def test_tables_of_pandas():
+    some = Bodies(**fields())[[0, 1, 5]]
+    table = some.to_frame()
+    assert table.index.tolist() == ["0", "1", "5"]
+    assert table.iloc[2].tolist() == ["Ben", "aside", ""]
+    distances = np.array([[0.0, 1.0, 2.0], [1.0, 0.0, 3.0], [2.0, 3.0, 0.0]])
+    table = some.to_frame(distances)
+    assert table.loc["Ada, down", "Ben, aside"] == 3.0
+    assert table.index.equals(table.columns)
+    # The same person twice in one pose: names would not be unique.
+    same = Bodies(**fields(pose=[0] * 6))[:3]
+    assert same.to_frame(distances).columns.tolist() == ["0", "1", "2"]
+    with pytest.raises(ArgumentError, match="those of the 3 surfaces; found 2 rows"):
+        some.to_frame(distances[:2, :2])

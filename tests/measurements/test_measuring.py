@@ -270,3 +270,12 @@ def test_unseen_parts_are_not_measured(bodies, own):
         assert "does not trust" in measured.why_missing[0, name]
     with pytest.raises(ArgumentError, match="does not trust"):
         own.measure(straight, trusted_vertices=trusted)
+
+
+def test_a_table_of_pandas(bodies, own):
+    sizes = own.measure(bodies.points[:2])
+    table = sizes.to_frame(bodies.ids[:2])
+    assert table.loc["1", "stature"] == sizes["stature"][1]
+    assert sizes.to_frame().shape == (2, len(own.names))
+    with pytest.raises(ArgumentError, match="names must be those of the 2 bodies; found 1"):
+        sizes.to_frame(["anna"])

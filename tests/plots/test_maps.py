@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist, squareform
 
+import riemhuman as rh
 from riemhuman.errors import ArgumentError, MissingDependencyError
 from riemhuman.plots.figures import new_figure
 from riemhuman.plots.maps import describe_stress, embed, plot_embedding, stress
@@ -13,7 +14,7 @@ DISTANCES = squareform(pdist(POINTS))
 
 
 def test_scaling_keeps_the_distances_of_points_in_a_plane():
-    found = embed(DISTANCES, "mds")
+    found = embed(DISTANCES, method="mds")
     np.testing.assert_allclose(squareform(pdist(found)), DISTANCES, atol=1e-10)
     np.testing.assert_allclose(found.mean(axis=0), 0, atol=1e-12)
     assert found[:, 0].std() > found[:, 1].std()
@@ -42,14 +43,14 @@ def test_t_sne_is_seeded_and_keeps_groups_together():
 )
 def test_bad_matrices(distances, message):
     with pytest.raises(ArgumentError, match=message):
-        embed(distances, "mds")
+        embed(distances, method="mds")
 
 
 def test_without_scikit_learn(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "sklearn.manifold", None)
     with pytest.raises(MissingDependencyError, match=r"\[report\]'"):
         embed(DISTANCES)
-    assert embed(DISTANCES, "mds").shape == (12, 2)
+    assert embed(DISTANCES, method="mds").shape == (12, 2)
 
 
 LABELS = np.repeat([0, 1, 2], 4)
@@ -146,3 +147,15 @@ def test_maps_of_one_class_and_of_more_classes_than_fit(n_classes):
 )
 def test_stress_in_words(value, words):
     assert describe_stress(value) == words
+
+
+def test_a_metric_and_bodies_are_embedded_in_one_call():
+    bodies = rh.datasets.load_open_bodies("coarse")[:12]
+    metric = rh.SRNFMetric(rh.AlignedSurfaces(bodies.template, equip=False))
+    expected = embed(metric.dist_pairwise(bodies.points), method="mds")
+    np.testing.assert_array_equal(embed(metric, bodies, method="mds"), expected)
+    np.testing.assert_array_equal(embed(metric, bodies.points, method="mds"), expected)
+    with pytest.raises(ArgumentError, match=r"a metric needs the bodies .*embed\(metric, bodies\)"):
+        embed(metric)
+    with pytest.raises(ArgumentError, match="distances need none"):
+        embed(DISTANCES, bodies)
