@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.bodies import rotation_matrix
+from riemhuman.bodies.skinning import JointMotions
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._arm_positions import elbow_bend, move_hand, swing_elbow
@@ -56,6 +57,19 @@ class _Limb:
 
     def strain(self, pose: Pose) -> float:
         return 1.0 if self.arm is None else self.arm.strain(pose.local)
+
+    def joint_positions(self, pose: Pose) -> np.ndarray:
+        motions = JointMotions(self.samples.skeleton, pose.local, pose.betas)
+        positions: np.ndarray = motions.positions + pose.trans
+        return positions
+
+
+@dataclass(frozen=True)
+class _Start:
+    """A pose from which a limb is fitted; rivals from there have moved a joint, if it is given."""
+
+    pose: Pose
+    joint: int | None = None
 
 
 def find_limb_doubts(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
@@ -153,12 +167,20 @@ def _arm_elsewhere(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> l
     skeleton, pose = arm.samples.skeleton, body.fit.pose
     vertices = np.flatnonzero(body.task.body.parts.vertices(arm.joints[1:].tolist()))
     limb = _Limb(vertices, arm.joints[1:], arm.samples, arm)
-    swings, shifts = [], []
+    swings: list[_Start] = []
+    shifts: list[_Start] = []
+    elbow, wrist = map(int, arm.joints[2:])
     if elbow_bend(skeleton, pose, arm.joints) > settings.least_swung:
-        swings = [swing_elbow(skeleton, pose, arm.joints, by) for by in settings.elbow_swings]
+        swings = [
+            _Start(swing_elbow(skeleton, pose, arm.joints, degrees), elbow)
+            for degrees in settings.elbow_swings
+        ]
     inward = find_contact(body, arm, settings)
     if inward is not None:
-        shifts = [move_hand(skeleton, pose, arm.joints, by * inward) for by in settings.across]
+        shifts = [
+            _Start(move_hand(skeleton, pose, arm.joints, distance * inward), wrist)
+            for distance in settings.across
+        ]
     starts = [*swings, *shifts]
     displaced = _displaced_in_rivals(body, limb, starts, settings.least_margin, settings)
     by_swings, by_shifts = displaced[: len(swings)], displaced[len(swings) :]
@@ -197,14 +219,14 @@ def _turned_head(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
     for turn in settings.head_turns:
         local = pose.local.copy()
         local[joints[1]] = local[joints[1]] @ rotation_matrix(np.radians([*turn, 0.0]))
-        starts.append(pose._replace(local=local))
+        starts.append(_Start(pose._replace(local=local)))
     displaced = _displaced_in_rivals(body, limb, starts, settings.head_margin, settings)
     reason = f"head: {_EQUAL}, in which it is turned or nods differently"
     return _doubts_about(body, limb.vertices[displaced.any(axis=0)], reason)
 
 
 def _displaced_in_rivals(
-    body: BodyFit, limb: _Limb, starts: list[Pose], margin: float, settings: RivalSettings
+    body: BodyFit, limb: _Limb, starts: list[_Start], margin: float, settings: RivalSettings
 ) -> np.ndarray:
     """Return which vertices of a limb are elsewhere in rivals almost as near, a row for each start.
 
@@ -232,14 +254,17 @@ def _displaced_in_rivals(
         return list(mapped(fit_one, starts, N_THREADS))
 
     n_first, scales = task.body.settings.arms.n_first_steps, task.body.settings.dense.scales
-    first = fit([pose, *starts], scales[:n_first])
+    first = fit([pose, *(start.pose for start in starts)], scales[:n_first])
     costs = costs_of([pose, *first], seen[:: settings.n_compared_first])
     # What is still far away then comes no nearer.
     near = np.flatnonzero(costs[2:] < settings.most_farther * min(costs[:2]))
     poses = [pose, *fit([first[0], *(first[1 + k] for k in near)], scales[n_first:])]
     costs, surfaces = costs_of(poses, seen), surfaces_of(poses)
-    for k, surface, cost in zip(near, surfaces[2:], costs[2:], strict=True):
-        if cost < (1.0 + margin) * min(costs[:2]):
+    joints = [limb.joint_positions(each) for each in poses]
+    for k, surface, cost, rival in zip(near, surfaces[2:], costs[2:], joints[2:], strict=True):
+        joint = starts[k].joint
+        moved = np.inf if joint is None else np.linalg.norm(rival[joint] - joints[0][joint])
+        if moved > settings.displaced_metres and cost < (1.0 + margin) * min(costs[:2]):
             displaced[k] = _displaced(surfaces[0], surface, settings)
     return displaced | _displaced(surfaces[0], surfaces[1], settings)
 

@@ -5,13 +5,15 @@ A doubtful result is searched again: from other starts, without a floor, and as 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from riemhuman.registration._arms_and_hands import BodyFit, fit_arms_and_hands
+from riemhuman.registration._arms_and_hands import ArmsFit, BodyFit, fit_arms_and_hands
 from riemhuman.registration._dense_fit import fit_densely
 from riemhuman.registration._elastic_step import leave_model
+from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.registration._start_search import (
@@ -21,8 +23,9 @@ from riemhuman.registration._start_search import (
     search_scan,
     with_likeliest_arms,
 )
-from riemhuman.registration._verdict import judge
+from riemhuman.registration._verdict import find_margin, judge
 from riemhuman.registration.registration_traces import RegistrationTrace
+from riemhuman.surfaces.nearest_points import nearest_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,10 @@ def fit_and_judge(search: Search, *, unit_is_known: bool = True) -> Registration
     """Return the stages after a search."""
     best = search.candidates[0]
     dense = fit_densely(search.body, best, search.scan)
-    arms = fit_arms_and_hands(dense, known=best.known)
+    if is_clearly_refused(search, dense.pose):
+        arms = ArmsFit(dense.task, dense.pose, [], {})
+    else:
+        arms = fit_arms_and_hands(dense, known=best.known)
     elastic = leave_model(arms.task, arms.pose)
     fitted = BodyFit(arms.task, elastic, arms.doubtful_arms, arms.hand_fits)
     verdict = judge(search, fitted, unit_is_known=unit_is_known)
@@ -102,21 +108,61 @@ def _near_share(trace: RegistrationTrace) -> float:
 def _register_again(task: ScanTask, first: RegistrationTrace, *, again: bool) -> RegistrationTrace:
     """Return the registration from other starts, without a direction up from a floor, or of a half.
 
-    Only the likeliest of these searches is followed to its end.
+    Only the likeliest of these searches is followed to its end, and none that would be refused too.
     """
-    whole, scan = task.models.whole, task.scan
-    searches = [search_scan(whole, scan, again=again)]
-    if scan.floor is not None and not task.up_is_known:
-        without_floor = replace(scan, up=None, floor=None, other_ups=())
-        searches.append(search_scan(whole, without_floor, quick=True))
-    near_enough = whole.settings.retries.near_of_half
-    if not first.verdict.trusted_vertices.any() and _near_share(first) > near_enough:
-        searches += [search_scan(half, scan, quick=True) for half in task.models.halves]
-    likeliest = max(searches, key=_likelihood_of)
-    if likeliest is not searches[0]:
+    whole = task.models.whole
+    likeliest = max(_other_searches(task, first, again=again), key=_likelihood_of)
+    if likeliest.is_quick:
         likeliest = with_likeliest_arms(likeliest)
+    if _is_refused_too(task, first, likeliest):
+        return first
     other = fit_and_judge(likeliest, unit_is_known=task.unit_is_known)
     return _or_half(task, other) if likeliest.body is whole else other
+
+
+def _other_searches(task: ScanTask, first: RegistrationTrace, *, again: bool) -> Iterator[Search]:
+    """Yield searches from which a doubtful scan may be explained better."""
+    whole, scan, near = task.models.whole, task.scan, _near_share(first)
+    settings = whole.settings.retries
+    if scan.floor is not None and not task.up_is_known:
+        without_floor = replace(scan, up=None, floor=None, other_ups=())
+        search = search_scan(whole, without_floor, quick=True)
+        yield search
+        if _likelihood_of(search) > _likelihood_of(first.search) + settings.retry_gain:
+            return  # the floor was none
+    # Much of the scan is far from the body: most often there is something else in it, whose
+    # normals the first search has shown not to agree with a body's.
+    quick = again and near < settings.clearly_near
+    scan = replace(scan, signed=first.search.signed) if quick else scan
+    yield search_scan(whole, scan, again=again, quick=quick)
+    if first.verdict.trusted_vertices.any() or near < settings.near_of_half:
+        return
+    for half, missing in zip(task.models.halves, whole.parts.halves, strict=True):
+        if first.verdict.matched[missing].mean() < settings.most_matched_half:
+            yield search_scan(half, scan, quick=True)
+
+
+def _is_refused_too(task: ScanTask, first: RegistrationTrace, other: Search) -> bool:
+    """Return whether a search leads to the body that is refused, or to one that will be."""
+    settings, search = task.models.whole.settings, first.search
+    if other.body is not search.body:
+        return False
+    samples = other.body.samples(settings.search.rounds[-1].n_model)
+    bodies = [pose_body(samples, each.candidates[0].pose).points for each in (search, other)]
+    gap = np.sqrt(np.mean(np.sum((bodies[0] - bodies[1]) ** 2, axis=1)))
+    if gap < settings.search.same_metres:
+        # All doubts but that about its likelihood among others are about the body alone.
+        return find_margin(search) > settings.trust.least_margin
+    is_likelier = _likelihood_of(other) > _likelihood_of(search) + settings.retries.retry_gain
+    return not is_likelier and is_clearly_refused(other, other.candidates[0].pose)
+
+
+def is_clearly_refused(search: Search, pose: Pose) -> bool:
+    """Return whether so much of a scan is far from a body that no details of it matter."""
+    settings, scan = search.body.settings, search.scan
+    points = scan.points[scan.even_points(settings.retries.n_near)]
+    _, gaps = nearest_points(points, search.body.surface(pose), search.body.model.faces)
+    return bool(np.mean(gaps < settings.trust.near_metres) < settings.retries.clearly_near)
 
 
 def _likelihood_of(search: Search) -> float:

@@ -31,6 +31,8 @@ class Search:
     starts: list[Candidate]
     rounds: list[list[Candidate]]  # candidates that each round kept, the likeliest first
     candidates: list[Candidate]  # those of the last round, the first with its likeliest arms
+    is_quick: bool = False  # whether no arms were tried, and fewer starts followed
+    signed: bool = True  # whether the signs of the scan's normals counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +57,12 @@ def search_scan(
     if not scan.estimated and scan.parts is None:
         return search
     normals, agreement = orient_normals(body, scan, search.candidates[0].pose)
-    if agreement < body.settings.retries.agreement:
-        unsigned = replace(scan, signed=False)
-        search = _search_near(body, unsigned, known, again=again, quick=quick)
+    if scan.signed and agreement < body.settings.retries.agreement:
+        scan = replace(scan, signed=False)
+        search = _search_near(body, scan, known, again=again, quick=quick)
         normals, _ = orient_normals(body, scan, search.candidates[0].pose)
-    return replace(search, scan=replace(scan, normals=normals))
+    oriented = replace(scan, normals=normals, signed=True)
+    return replace(search, scan=oriented, signed=scan.signed)
 
 
 def _search_near(
@@ -100,7 +103,8 @@ def search_starts(
     """Return the bodies from the likeliest starts."""
     # A search that is done again starts from the headings between, and follows more starts. A
     # quick one follows fewer, and tries no arms.
-    offset, more = (0.5, 2.0) if again else (0.0, 0.5 if quick else 1.0)
+    offset = 0.5 if again else 0.0
+    more = 0.5 if quick else 2.0 if again else 1.0
     first, *later = body.settings.search.rounds
     rounds = [
         replace(first, n_best=int(max(more, 1.0) * first.n_best)),
@@ -109,7 +113,7 @@ def search_starts(
     ups = _likely_ups(body, scan, rounds[:2], offset)
     starts = make_starts(body, scan, body.poses, ups, offset)
     kept = _follow(body, starts, rounds, scan)
-    search = Search(body, scan, starts, kept, kept[-1])
+    search = Search(body, scan, starts, kept, kept[-1], is_quick=quick)
     return search if quick else with_likeliest_arms(search)
 
 

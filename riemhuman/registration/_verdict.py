@@ -124,7 +124,7 @@ def _measure(search: Search, fitted: BodyFit, found: _Parts, likelihood: float) 
     limb = int(np.argmin(shares))
     return FitQuality(
         likelihood=likelihood,
-        margin=_margin(search),
+        margin=find_margin(search),
         near=float(np.mean(gaps < settings.near_metres)),
         betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
         far=float(np.quantile(model_distances, settings.far_share)),
@@ -134,7 +134,7 @@ def _measure(search: Search, fitted: BodyFit, found: _Parts, likelihood: float) 
     )
 
 
-def _margin(search: Search) -> float:
+def find_margin(search: Search) -> float:
     """Return how much likelier the best body is than all whose visible part is elsewhere."""
     candidates, samples = search.candidates, search.body.samples(_N_FEW)
     surface = pose_body(samples, candidates[0].pose).points

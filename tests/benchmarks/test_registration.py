@@ -101,7 +101,10 @@ def test_a_hundred_scans(benchmark, registration):
 
 
 def test_processor_time(benchmark, registration, tmp_path):
-    """Processor seconds of five scans, of a scan of two people beside a floor, and of a folder."""
+    """Processor seconds of five scans, of scans that are searched again, and of a folder.
+
+    No scan takes more than 2.5 times the median.
+    """
     model, numbers = registration.model, (0, 17, 34, 51, 68)
     scans = [scan for *_, scan in scans_of(bodies_to_scan(model, SEED), model.faces, SEED, numbers)]
     registration.solve(scans[0].surface)  # compiles
@@ -110,20 +113,36 @@ def test_processor_time(benchmark, registration, tmp_path):
         result, _, used = clocked(partial(registration.solve, scan.surface), benchmark=benchmark)
         seconds.append(used)
         errors.append(np.linalg.norm(result.points - scan.body, axis=1).mean())
-    floor = simulated_scan(scans[0].body, model.faces, 0, rotate=False, floor=True).points
-    two = np.concatenate([floor, scans[1].body + [0.8, 0.0, 0.0]])
-    doubtful, _, longest = clocked(lambda: registration.solve(two))
+    doubtful = {}
+    for name, points, is_right in doubtful_scans(model, scans[0].body, scans[1].body):
+        result, _, used = clocked(partial(registration.solve, points))
+        assert result.trusted == is_right, f"{name}: {result.message}"
+        doubtful[name] = used
     files, output = tmp_path / "scans", tmp_path / "bodies"
     files.mkdir()
     for number, scan in enumerate(scans):
         rh.io.save_mesh(files / f"{number}.ply", scan.points, scan.faces)
     _, _, folder = clocked(lambda: register_folder(registration, files, output))
-    assert not doubtful.trusted
     median = np.median(seconds)
     print(f"\nprocessor seconds: median {median:.1f}, worst {max(seconds):.1f}", end="")
     print(f"; a folder {folder / len(scans):.1f} a scan", end="")
-    print(f"; two people, refused, {longest:.1f}, {longest / median:.1f} times the median", end="")
+    for name, used in doubtful.items():
+        print(f"; {name} {used:.1f}, {used / median:.1f} times the median", end="")
     print(f"; mean errors {np.round(1000 * np.array(errors), 2)} mm")
+    assert max(*seconds, *doubtful.values()) < 2.5 * median
+
+
+def doubtful_scans(model, body, other):
+    """Yield scans of which the first explanation is in doubt, and whether they can be trusted."""
+    floor = simulated_scan(body, model.faces, 0, rotate=False, floor=True).points
+    beside = other + [0.8, 0.0, 0.0]
+    yield "two people on a floor", np.concatenate([floor, beside]), False
+    yield "two people", np.concatenate([body, beside]), False
+    # A board at the back is taken for a floor on which the body lies.
+    corner = [body[:, 0].mean() - 0.9, body[:, 1].min(), body[:, 2].min() - 0.003]
+    places = np.random.default_rng(0).random((8000, 2)) @ [[1.8, 0.0, 0.0], [0.0, 2.2, 0.0]]
+    cloud = simulated_scan(body, model.faces, 0, rotate=False).points
+    yield "a false floor", np.concatenate([cloud, corner + places]), True
 
 
 def test_what_scans_cost(benchmark, registration):

@@ -1,5 +1,7 @@
 """Scans of people with flesh and habits, whose skin touches skin: right, or refused by name."""
 
+import re
+
 import numpy as np
 import pytest
 from scanned_people import result_of_one_search, settings_with
@@ -67,7 +69,7 @@ def test_a_wrong_arm_is_not_trusted(registration_from, bodies):
     result = result_of_one_search(registration_from("hips"), scan.points)
     assert error(result, scan) > FAR
     assert not result.trusted
-    assert "its right elbow matches hardly anything in the scan" in result.message
+    assert re.search("its right (elbow|wrist) matches hardly anything", result.message)
 
 
 @pytest.mark.slow

@@ -91,9 +91,10 @@ def test_vertices_outside_the_view_are_not_matched(registration_from, frames):
 @pytest.mark.slow
 def test_two_people_are_refused(registration, scan):
     both = np.concatenate([scan.points, scan.points + [0.9, 0.0, 0.4]])
-    found = registration.solve(both)
+    found = registration.solve(both, trace=True)
     assert not found.trusted
     assert "more than one person" in found.message
+    assert found.trace.arms.hand_fits == {}  # no details of a body that is refused
 
 
 def test_a_landmark_needs_a_joint(registration, scan):
