@@ -100,7 +100,7 @@ def _view(options: argparse.Namespace) -> cli.Answer:
         if ending in rh.datasets.recordings.RECORDING_ENDINGS:
             if len(options.meshes) > 1:
                 raise ArgumentError(f"give either one {ending} file with a path, or meshes")
-            motion, faces, timing = inputs.read_motion(first)
+            motion, faces, timing = inputs.read_motion(first, is_shown=True)
             title = first.parent.resolve().name if first.name == _PATH_FILE else first.name
             viewer = rh.plots.view_path(motion, faces, title=title, **timing)
         elif (scan_and_body := _scan_and_body(options)) is not None:

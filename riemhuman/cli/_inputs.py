@@ -25,6 +25,7 @@ PATH_METRIC = (1.0, 1.0, 0.1)  # limbs would shrink along paths of the shape met
 _N_HARMONICS = 60
 # Frames a second of recordings: enough to play smoothly, and for movements of a body.
 _RECORDED_RATE = 30.0
+_SHOWN_RATE = 60.0
 _SUMMARY = "summary.json"
 _PATH_ENDINGS = (".glb", ".png", ".html", ".npz")
 _MOST_IN_STRIP = 12
@@ -37,18 +38,25 @@ def is_recording(file: Path) -> bool:
     return not rh.io.load_arrays(file, (), ("path",))
 
 
-def read_motion(file: Path, *, is_mean: bool = False) -> tuple[Any, ndarray, dict[str, Any]]:
-    """Return the frames in a file, their triangles, and what a page says of a recording's time."""
+def read_motion(
+    file: Path, *, is_mean: bool = False, is_shown: bool = False
+) -> tuple[Any, ndarray, dict[str, Any]]:
+    """Return the frames in a file, their triangles, and what a page says of a recording's time.
+
+    To be shown, recordings are performed by the full model, at the rate of a screen.
+    """
     if not is_recording(file):
         arrays = rh.io.load_arrays(file, ("path", "faces"))
         return arrays["path"], arrays["faces"], {}
-    motion = rh.datasets.load_recording(file)
+    model = rh.datasets.load_open_model("full") if is_shown else None
+    rate = _SHOWN_RATE if is_shown else _RECORDED_RATE
+    motion = rh.datasets.load_recording(file, model)
     timing: dict[str, Any] = {}
-    if motion.frames_per_second > _RECORDED_RATE:
+    if motion.frames_per_second > rate:
         timing["description"] = (
-            f"{_RECORDED_RATE:g} of the {motion.frames_per_second:g} frames recorded per second."
+            f"{rate:g} of the {motion.frames_per_second:g} frames recorded per second."
         )
-        motion = rh.datasets.load_recording(file, frames_per_second=_RECORDED_RATE)
+        motion = rh.datasets.load_recording(file, model, frames_per_second=rate)
     # An average adult performs recordings of skeletons; for comparisons of movements, all others.
     if is_mean:
         motion = motion.performed_by([0.0] * motion.model.n_betas)
