@@ -11,6 +11,7 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.errors import ArgumentError
+from riemhuman.io.files import format_errors
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 _MESHES = (".ply", ".obj", ".off", ".stl", ".glb")
 _WRITTEN_MESHES = (".ply", ".obj", ".off", ".glb")
 _MOTIONS = (".npz", ".bvh", ".glb")
+_RATE_OF_VIDEOS = 30.0
+# Written from bodies only if they are frames of a motion; .glb may be a mesh.
+_SKELETAL = (".npz", ".bvh")
 _FOLDER_FILES = r"(?is:.+\.ply)|summary\.json"
 
 
@@ -27,15 +31,16 @@ _FOLDER_FILES = r"(?is:.+\.ply)|summary\.json"
     "Registers the open model to a body of another topology, in any pose, and writes where the\n"
     "vertices of each are on the other. `riemhuman convert --map` applies the map.",
     "  riemhuman make-map smpl_body.ply -o smpl_map.npz\n"
-    "  riemhuman make-map smpl_body.ply -o smpl_map.npz --coarse\n",
+    "  riemhuman make-map smpl_body.ply -o smpl_map.npz --coarse --up z\n",
     cli.mesh_option("body", "BODY", "a body of the other topology, metres"),
     cli.output("NPZ", ".npz"),
     cli.flag("--coarse", "a map to the coarse model"),
+    cli.option("--up", "axis that points up (default: found by the feet)", choices=cli.AXES),
 )
 def _make_map(options: argparse.Namespace) -> cli.Answer:
     model = rh.datasets.load_open_model("coarse" if options.coarse else "full")
     with options.task("Map"):
-        topology = rh.registration.TopologyMap.fit(options.body, model)
+        topology = rh.registration.TopologyMap.fit(options.body, model, up=options.up)
         topology.save(options.output)
     record = {
         "vertices": topology.n_template_vertices,
@@ -65,11 +70,13 @@ def _target(parser: argparse.ArgumentParser) -> None:
     "recording of a motion, and writes it in another format. With a map of\n"
     "`riemhuman make-map`, bodies of either topology become bodies of the other. Several\n"
     "bodies become a folder of .ply files; of several people in a recording, the one that is\n"
-    "written is named.",
+    "written is named. With --faces and --map, the bodies in an .npz file are taken for frames\n"
+    "of one person's motion if the output is .npz or .bvh.",
     "  riemhuman convert scan.obj scan.ply\n"
     "  riemhuman convert smpl_body.ply open_body.ply --map smpl_map.npz\n"
     "  riemhuman convert photographs.npz bodies/ --faces mhr_face_mask.ply\n"
-    "  riemhuman convert walk.bvh -o walk.npz\n",
+    "  riemhuman convert walk.bvh -o walk.npz\n"
+    "  riemhuman convert video.npz walk.bvh --faces face_mask.ply --map map.npz --fps 30\n",
     cli.path_option("source", "IN", "a mesh, bodies of SAM 3D Body, a recording, or a folder"),
     _target,
     cli.output(
@@ -77,6 +84,15 @@ def _target(parser: argparse.ArgumentParser) -> None:
     ),
     cli.path_option("--map", "MAP", "a map of `riemhuman make-map`"),
     cli.path_option("--faces", "MESH", "mesh with the triangles of SAM 3D Body"),
+    cli.option(
+        "--up", "axis that points up in the bodies, which are turned y up", choices=cli.AXES
+    ),
+    cli.option(
+        "--fps",
+        f"frames a second of bodies that become a motion (default: {_RATE_OF_VIDEOS:g})",
+        metavar="N",
+        type=float,
+    ),
 )
 def _convert(options: argparse.Namespace) -> cli.Answer:
     source: Path = options.source
@@ -84,6 +100,8 @@ def _convert(options: argparse.Namespace) -> cli.Answer:
     with options.task("Converting"):
         if is_motion and not source.is_dir() and inputs.is_recording(source):
             return _convert_motion(options)
+        if options.faces is not None and options.map is not None and options.ending in _SKELETAL:
+            return _convert_photographs_to_motion(options)
         if options.ending not in (*_WRITTEN_MESHES, ""):
             raise ArgumentError(
                 f"{options.output} must be a mesh ({', '.join(_WRITTEN_MESHES)}) or a folder: "
@@ -95,8 +113,12 @@ def _convert(options: argparse.Namespace) -> cli.Answer:
                 f"{source} holds {len(bodies)} bodies, and {options.output} takes one: give a "
                 f"folder, such as {options.output.with_suffix('')}/"
             )
-        change = _change_of_topology(options.map)
-        converted = {f"{name}.ply": change(*body) for name, body in bodies.items()}
+        change = _change_of_topology(options.map, options.up)
+        converted = {}
+        for name, body in bodies.items():
+            file = source / name if source.is_dir() else source
+            with format_errors(file, "a body of the map's topology"):
+                converted[f"{name}.ply"] = change(*body)
         points, faces = next(iter(converted.values()))
         record = {"bodies": len(bodies), "vertices": len(points), "triangles": len(faces)}
         if options.ending:
@@ -130,16 +152,17 @@ def _read_bodies(source: Path, faces: Path | None) -> dict[str, tuple[ndarray, n
 
 def _change_of_topology(
     place: Path | None,
+    up: str | None,
 ) -> Callable[[ndarray, ndarray], tuple[ndarray, ndarray]]:
     """Return what a map makes of a body, in the direction that its number of vertices tells."""
     if place is None:
-        return lambda points, faces: (points, faces)
+        return lambda points, faces: (rh.surfaces.make_upright(points, up=up), faces)
     topology = rh.registration.TopologyMap.load(place)
 
     def change(points: ndarray, faces: ndarray) -> tuple[ndarray, ndarray]:
         if len(points) == topology.model.n_vertices:
-            return topology.to_template((points, faces)), topology.template_faces
-        return topology.to_model((points, faces)), topology.model.faces
+            return topology.to_template((points, faces), up=up), topology.template_faces
+        return topology.to_model((points, faces), up=up), topology.model.faces
 
     return change
 
@@ -152,6 +175,17 @@ def _convert_motion(options: argparse.Namespace) -> cli.Answer:
             f"{options.output} must be a motion ({', '.join(_MOTIONS)}): {options.source} holds one"
         )
     motion = rh.datasets.load_recording(options.source)
+    motion.save(options.output)
+    record = {"frames": len(motion), "frames_per_second": motion.frames_per_second}
+    return cli.Answer(record, record)
+
+
+def _convert_photographs_to_motion(options: argparse.Namespace) -> cli.Answer:
+    """Write the bodies in a file, seen from a camera, as a motion of the open model."""
+    found = rh.datasets.load_photographed_bodies(options.source, options.faces)
+    topology = rh.registration.TopologyMap.load(options.map)
+    rate = _RATE_OF_VIDEOS if options.fps is None else options.fps
+    motion = topology.to_motion(found.places, rate, name=options.source.stem)
     motion.save(options.output)
     record = {"frames": len(motion), "frames_per_second": motion.frames_per_second}
     return cli.Answer(record, record)

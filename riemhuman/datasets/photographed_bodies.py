@@ -65,6 +65,13 @@ class PhotographedBodies:
     missing: tuple[str, ...]
     up: str = "-y"
 
+    @property
+    def places(self) -> np.ndarray:
+        """Surfaces where the camera saw them, metres, y up; those of `points` if that is unknown."""
+        if self.translations is None:
+            return self.points
+        return self.points + turn_upright(self.translations, self.up)[:, np.newaxis]
+
     def __len__(self) -> int:
         return len(self.points)
 

@@ -23,7 +23,7 @@ from riemhuman.datasets.bvh import load_bvh
 from riemhuman.datasets.markers import load_c3d, load_trc
 from riemhuman.datasets.motion_arrays import motion_from_arrays, one_person, warn_of_varying_betas
 from riemhuman.datasets.motions import ArrayMotion, ModelMotion
-from riemhuman.datasets.photographed_bodies import load_photographed_bodies, turn_upright
+from riemhuman.datasets.photographed_bodies import load_photographed_bodies
 from riemhuman.datasets.retargeting import retarget
 from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import array_shapes, load_arrays
@@ -281,9 +281,7 @@ def _photographed_motion(
             f"needed: {difference}. registration.transfer_model(load_open_model(), "
             "Template(body, faces)) makes one"
         )
-    points = found.points
-    if found.translations is not None:
-        points = points + turn_upright(found.translations, found.up)[:, np.newaxis]
+    points = found.places
     fit = model.fit(points, betas_prior=1e-7, sequence=True)
     person, spread = one_person(fit.betas, None, len(points))
     name = path.stem

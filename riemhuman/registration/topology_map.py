@@ -11,8 +11,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.bodies import BodyModel, ModelFit
-from riemhuman.checks import check_same_scale, one_of, real_array, refuse_type
+from riemhuman.checks import check_same_scale, one_of, real_array, real_number, refuse_type
 from riemhuman.datasets import load_open_model
+from riemhuman.datasets.motion_arrays import one_person, warn_of_varying_betas
+from riemhuman.datasets.motions import ArrayMotion
 from riemhuman.datasets.photographed_bodies import standing_axis, turn_upright
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -159,7 +161,15 @@ class TopologyMap:
             refuse_type(model, "model", "a BodyModel")
         one_of(up, "up", (None, *AXES))
         points, triangles = _bodies_and_faces(template, faces)
-        _check_bodies(points, points[0], triangles, "template", model.template.vertices)
+        is_file = isinstance(template, (str, os.PathLike))
+        _check_bodies(
+            points[0] if len(points) == 1 else points,
+            points[0],
+            triangles,
+            os.fspath(template) if is_file else "template",
+            model.template.vertices,
+            FileFormatError if is_file else ArgumentError,
+        )
         points = turn_upright(points, up=up or standing_axis(points[0], triangles))
         dense, kept = _dense_model(model)
         with single_threaded_libraries():
@@ -293,6 +303,42 @@ class TopologyMap:
         if not fit:
             return mapped
         return mapped, self.model.fit(mapped, betas_prior=1e-7, sequence=mapped.ndim == 3)
+
+    def to_motion(
+        self, points: Any, frames_per_second: float, *, name: str = "", up: str | None = None
+    ) -> ArrayMotion:
+        """Return bodies of the other topology, moments of one person's motion, as a motion.
+
+        The model is fitted to every frame, each from the one before. The person has the mean of
+        the betas, and a warning says by how much they differ. `Motion.save` writes the result in
+        AMASS's layout, as BVH or as GLB.
+
+        Parameters
+        ----------
+        points : array_like, shape (n_frames, V, 3)
+            Bodies of the other topology, metres, y up.
+        frames_per_second : float
+        name : str
+            Name of the motion.
+        up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+            As for `to_model`.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no frame, or bodies are refused as by `to_model`.
+        """
+        rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+        mapped = self.to_model(points, up=up)
+        if mapped.ndim != 3 or not len(mapped):
+            raise ArgumentError(
+                "points must have shape (n_frames, V, 3), with at least one frame; found frames of "
+                f"shape {mapped.shape[:-2]}"
+            )
+        fit = self.model.fit(mapped, betas_prior=1e-7, sequence=True)
+        person, spread = one_person(fit.betas, None, len(mapped))
+        warn_of_varying_betas(spread, name)
+        return ArrayMotion(("", name), rate, self.model, person, fit.pose, fit.trans)
 
     def to_template(self, points: Any, *, up: str | None = None) -> np.ndarray:
         """Return bodies of the model as bodies of the other topology.

@@ -1,25 +1,29 @@
 """The commands make-map and convert."""
 
 import pickle
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import riemhuman as rh
+from riemhuman.cli import main
 from riemhuman.registration import topology_map
 
 
-@pytest.fixture
-def smpl_map(bodies, tmp_path, run, monkeypatch):
+@pytest.fixture(scope="module")
+def smpl_map(tmp_path_factory):
     """Return the map of the coarse bodies' own topology, whose registration is known."""
     full = rh.datasets.load_open_bodies("full")[0]
+    coarse = rh.datasets.load_open_bodies("coarse")
     known = SimpleNamespace(points=full, fit=None, trusted=True, message="")
-    monkeypatch.setattr(topology_map, "_register", lambda *options: known)
-    rh.save_mesh(tmp_path / "body.ply", bodies[0], bodies.template.faces)
-    finished = run("make-map", tmp_path / "body.ply", "-o", tmp_path / "map.npz")
-    assert finished.code == 0, finished.err
-    return tmp_path / "map.npz"
+    folder = tmp_path_factory.mktemp("map")
+    rh.save_mesh(folder / "body.ply", coarse[0], coarse.template.faces)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(topology_map, "_register", lambda *options: known)
+        assert main(["make-map", str(folder / "body.ply"), "-o", str(folder / "map.npz")]) == 0
+    return folder / "map.npz"
 
 
 def test_bodies_change_their_topology_and_return(smpl_map, bodies, run, tmp_path):
@@ -31,6 +35,77 @@ def test_bodies_change_their_topology_and_return(smpl_map, bodies, run, tmp_path
     points, faces = rh.load_mesh(back)
     np.testing.assert_array_equal(faces, bodies.template.faces)
     assert np.linalg.norm(points - bodies[1], axis=1).mean() < 0.002
+
+
+@pytest.mark.filterwarnings("ignore:.*betas differ")
+def test_photographs_of_a_video_become_a_motion(smpl_map, bodies, run, refused, tmp_path):
+    frames = bodies.points[:3] * [1.0, -1.0, -1.0]
+    rh.io.save_arrays(tmp_path / "video.npz", {"pred_vertices": frames})
+    rh.save_mesh(tmp_path / "faces.ply", bodies[1], bodies.template.faces)
+    given = ("convert", tmp_path / "video.npz", tmp_path / "video.bvh", "--fps", "24")
+    assert "must be a mesh" in refused(*given, "--faces", tmp_path / "faces.ply")
+    assert run(*given, "--faces", tmp_path / "faces.ply", "--map", smpl_map).code == 0
+    motion = rh.datasets.load_bvh(tmp_path / "video.bvh")
+    assert (len(motion), round(motion.frames_per_second)) == (3, 24)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda body: body[:-1], "1,202 vertices.* found 1,201|triangle"),
+        (lambda body: body * [-1.0, 1.0, 1.0], "mirrored"),
+        (lambda body: 100.0 * body, "times as large"),
+        (lambda body: body * [1.0, -1.0, -1.0], 'up="-y"'),
+        (lambda body: np.where(np.arange(len(body))[:, None] == 7, np.nan, body), "NaN|finite"),
+    ],
+    ids=["vertices", "mirrored", "centimetres", "y down", "NaN"],
+)
+def test_bodies_that_do_not_fit_a_map_are_refused_by_file(
+    smpl_map, bodies, refused, tmp_path, change, said
+):
+    points, faces = change(bodies[1]), bodies.template.faces
+    faces = faces[(faces < len(points)).all(axis=1)]
+    source = tmp_path / "wrong.obj"
+    with source.open("w") as file:
+        file.writelines(f"v {x} {y} {z}\n" for x, y, z in points)
+        file.writelines(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces)
+    error = refused("convert", source, tmp_path / "there.ply", "--map", smpl_map)
+    assert "wrong.obj" in error
+    assert re.search(said, error), error
+
+
+def test_bodies_are_turned_upright(smpl_map, bodies, run, tmp_path):
+    rh.save_mesh(tmp_path / "down.ply", bodies[1] * [1.0, -1.0, -1.0], bodies.template.faces)
+    rh.save_mesh(tmp_path / "upright.ply", bodies[1], bodies.template.faces)
+    for name, options in (("down", ("--up=-y",)), ("upright", ())):
+        target = tmp_path / f"{name}_open.ply"
+        given = ("convert", tmp_path / f"{name}.ply", target, "--map", smpl_map)
+        assert run(*given, *options).code == 0
+    down, upright = (rh.load_mesh(tmp_path / f"{n}_open.ply")[0] for n in ("down", "upright"))
+    np.testing.assert_allclose(down[:, 1], upright[:, 1], atol=1e-6)
+
+
+def test_other_triangles_are_refused_by_file(smpl_map, bodies, refused, tmp_path):
+    source = tmp_path / "wrong.ply"
+    rh.save_mesh(source, bodies[1], bodies.template.faces[::-1])
+    error = refused("convert", source, tmp_path / "there.ply", "--map", smpl_map)
+    assert re.search(r"wrong\.ply.*must have the triangles of the map", error)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda body: body * [-1.0, 1.0, 1.0], "mirrored"),
+        (lambda body: 100.0 * body, "times as large"),
+        (lambda body: 0.001 * body, "times as large|small|size"),
+    ],
+    ids=["mirrored", "centimetres", "millimetres"],
+)
+def test_maps_are_not_made_of_bad_bodies(bodies, refused, tmp_path, change, said):
+    rh.save_mesh(tmp_path / "wrong.ply", change(bodies[1]), bodies.template.faces)
+    error = refused("make-map", tmp_path / "wrong.ply", "-o", tmp_path / "map.npz")
+    assert "wrong.ply" in error
+    assert re.search(said, error), error
 
 
 def test_photographs_become_meshes(bodies, run, tmp_path):

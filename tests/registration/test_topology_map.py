@@ -248,3 +248,22 @@ def test_bodies_of_the_coarse_model_come_with_parameters(to_coarse, people):
     assert points.shape == (len(others), 1202, 3)
     assert fit.betas.shape == (len(others), coarse.n_betas)
     assert np.linalg.norm(coarse(fit.betas, fit.pose, fit.trans) - points, axis=-1).mean() < 0.005
+
+
+def test_frames_of_a_person_become_a_motion(to_coarse, full, tmp_path):
+    coarse = to_coarse.model
+    performed = rh.datasets.load_open_motions("coarse", sequences=["knees"])[0]
+    poses, betas = performed.pose_vectors[20:24], np.linspace(-1.0, 1.0, coarse.n_betas)
+    shift = np.array([0.3, 0.0, 0.1])
+    frames = to_coarse.to_template(np.stack([coarse(betas, pose, shift) for pose in poses]))
+    with pytest.warns(UserWarning, match="knees: betas differ from frame to frame"):
+        motion = to_coarse.to_motion(frames * [1, -1, -1], 25.0, name="knees", up="-y")
+    assert (len(motion), motion.frames_per_second) == (4, 25.0)
+    assert np.linalg.norm(motion[:] - to_coarse.to_model(frames), axis=-1).mean() < 0.003
+    motion.save(tmp_path / "knees.bvh")
+    motion.save(tmp_path / "knees.npz")
+    again = rh.datasets.load_recording(tmp_path / "knees.npz")
+    np.testing.assert_allclose(again[:], motion[:], atol=1e-5)
+    for wrong in (frames[0], frames[:0]):
+        with pytest.raises(ArgumentError, match="n_frames, V, 3"):
+            to_coarse.to_motion(wrong, 25.0)
