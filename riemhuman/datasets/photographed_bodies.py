@@ -67,7 +67,7 @@ class PhotographedBodies:
 
     @property
     def places(self) -> np.ndarray:
-        """Surfaces where the camera saw them, metres, y up; those of `points` if that is unknown."""
+        """Surfaces where the camera saw them, metres, y up; if unknown, those of `points`."""
         if self.translations is None:
             return self.points
         return self.points + turn_upright(self.translations, self.up)[:, np.newaxis]
