@@ -273,9 +273,10 @@ def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_
 
 def _refuse_outside(numbers: np.ndarray, count: int, name: str) -> None:
     if not numbers.size or numbers.min() < 0 or numbers.max() >= count:
-        found = f"numbers from {numbers.min()} to {numbers.max()}" if numbers.size else "none"
+        numbered = f"numbers from {numbers.min()} to {numbers.max()}" if numbers.size else "none"
         raise ArgumentError(
-            f"correspondence must number {name} of the model, from 0 to {count - 1}; found {found}"
+            f"correspondence must number {name} of the model, from 0 to {count - 1}; "
+            f"found {numbered}"
         )
 
 

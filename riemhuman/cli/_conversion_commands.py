@@ -126,8 +126,8 @@ def _convert(options: argparse.Namespace) -> cli.Answer:
         else:
             # A folder may hold bodies of several topologies.
             with inputs.mesh_folder(options, {}, faces, record) as folder:
-                for name, (own, triangles) in converted.items():
-                    rh.save_mesh(folder / name, own, triangles)
+                for name, (converted_points, triangles) in converted.items():
+                    rh.save_mesh(folder / name, converted_points, triangles)
     return cli.Answer(record, record)
 
 

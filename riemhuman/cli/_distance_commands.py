@@ -112,19 +112,19 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
     if options.all:
         return cli.Answer(f"{head}\n\n{rh.retrieval.format_benchmark(records)}", records)
     titles = rh.retrieval.benchmarks.TITLES
-    found: dict[str, dict[str, Any]] = {}
-    for each in records:
-        if each.scores is None:
-            raise ArgumentError(f"{each.representation} cannot be computed: {each.problem}")
-        found.setdefault(titles[each.task], {})[each.representation] = each.scores
+    scores_by_title: dict[str, dict[str, Any]] = {}
+    for record in records:
+        if record.scores is None:
+            raise ArgumentError(f"{record.representation} cannot be computed: {record.problem}")
+        scores_by_title.setdefault(titles[record.task], {})[record.representation] = record.scores
     end = (
         "Per cent, each body against all others: NN nearest neighbour, FT and ST first and second "
         "tier."
     )
     if natural:
         end += " Among other people: other bodies of the same person are left out."
-    parts = [rh.retrieval.format_table(title, rows) for title, rows in found.items()]
-    return cli.Answer("\n\n".join([head, *parts, end]), found)
+    parts = [rh.retrieval.format_table(title, rows) for title, rows in scores_by_title.items()]
+    return cli.Answer("\n\n".join([head, *parts, end]), scores_by_title)
 
 
 @cli.command(

@@ -342,7 +342,7 @@ def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> M
     if (options.unit or options.up) and not any(place.is_dir() for place in places):
         raise ArgumentError("--unit and --up are for folders of meshes; other files are in metres")
     units = {"unit": options.unit, "up": options.up}
-    found: list[tuple[str, Any, ndarray]] = []
+    loaded_motions: list[tuple[str, Any, ndarray]] = []
     for place in places:
         files = sorted(place.rglob("*")) if place.is_dir() else [place]
         recorded = [
@@ -354,12 +354,14 @@ def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> M
         if any(chosen.values()) and not is_hdf5:
             raise ArgumentError(f"--subjects and --sequences choose from HDF5 files; found {place}")
         if recorded and not any(file.suffix.lower() in cli.MESH_ENDINGS for file in files):
-            found += [(file.stem, *read_motion(file, is_mean=True)[:2]) for file in recorded]
+            loaded_motions += [
+                (file.stem, *read_motion(file, is_mean=True)[:2]) for file in recorded
+            ]
         else:
             load = rh.datasets.load_dfaust if is_hdf5 else rh.datasets.load_mesh_motions
             loaded = load(place, **(chosen if is_hdf5 else units))
-            found += [(motion.sequence, motion, motion.faces) for motion in loaded]
-    names, motions, triangles = zip(*found, strict=True)
+            loaded_motions += [(motion.sequence, motion, motion.faces) for motion in loaded]
+    names, motions, triangles = zip(*loaded_motions, strict=True)
     if options.template is None:
         body, source = rh.Template(motions[0][0], triangles[0]), names[0]
     else:

@@ -235,18 +235,18 @@ def _match(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.io.text_tables import csv_text
 
     first, second = (_matched_result(path, options) for path in (options.scan_a, options.scan_b))
-    found = rh.registration.correspondence(first, second)
-    places = found.points * UNITS[second.scan.unit]
-    write_text(options.output, csv_text([_HEADER, *_rows(found, places)]))
+    matched = rh.registration.correspondence(first, second)
+    places = matched.points * UNITS[second.scan.unit]
+    write_text(options.output, csv_text([_HEADER, *_rows(matched, places)]))
     if options.picture is not None:
         names = options.scan_a.stem, options.scan_b.stem
         with rh.plots.figure_style():
             figure = rh.plots.plot_match(first, second, names)
             rh.plots.figures.save_figure(figure, options.picture)
-    share = float(np.mean(found.seen))
-    record = {"a": options.scan_a, "b": options.scan_b, "n_vertices": len(found), "placed": share}
+    share = float(np.mean(matched.seen))
+    record = {"a": options.scan_a, "b": options.scan_b, "n_vertices": len(matched), "placed": share}
     record["picture"] = options.picture
-    text = f"{100 * share:.0f} % of the {len(found):,} vertices of A have a place on B"
+    text = f"{100 * share:.0f} % of the {len(matched):,} vertices of A have a place on B"
     return cli.Answer(text, record, trusted=first.trusted and second.trusted)
 
 
@@ -272,15 +272,15 @@ def _matched_result(path: Path, options: argparse.Namespace) -> Any:
     return result
 
 
-def _rows(found: Any, places: Any) -> list[list[float | int | None]]:
+def _rows(matched: Any, places: Any) -> list[list[float | int | None]]:
     """Return a row for every vertex, empty where it has no place."""
     rows: list[list[float | int | None]] = []
-    for vertex, nearest in enumerate(found.vertices.tolist()):
+    for vertex, nearest in enumerate(matched.vertices.tolist()):
         row: list[float | int | None] = [vertex, *[None] * (len(_HEADER) - 1)]
         if nearest >= 0:
             row[1] = nearest
-            if found.triangles is not None:
-                row[2:6] = [int(found.triangles[vertex]), *found.barycentric[vertex].tolist()]
+            if matched.triangles is not None:
+                row[2:6] = [int(matched.triangles[vertex]), *matched.barycentric[vertex].tolist()]
             row[6:] = places[vertex].tolist()
         rows.append(row)
     return rows

@@ -172,10 +172,10 @@ class AlignedSurfaces(SurfaceSpace):
 
     def as_array(self, points: object, name: str = "points") -> object:
         if isinstance(points, (list, tuple)):
-            each: list[object] = [
+            surfaces: list[object] = [
                 self.as_array(point, f"{name}[{k}]") for k, point in enumerate(points)
             ]
-            return points if all(map(operator.is_, each, points)) else np.stack(each)  # type: ignore[arg-type]  # or NumPy refuses
+            return points if all(map(operator.is_, surfaces, points)) else np.stack(surfaces)  # type: ignore[arg-type]  # or NumPy refuses
         if not hasattr(points, "faces") and not hasattr(points, "cells"):
             return points
         vertices, faces = as_arrays(points)

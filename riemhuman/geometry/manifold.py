@@ -123,11 +123,11 @@ class Manifold(ABC):
         ----------
         equip : bool
         """
-        other = copy(self)
-        vars(other).pop("metric", None)
-        if equip and other.default_metric() is not None:
-            other.equip_with_metric()
-        return other
+        space = copy(self)
+        vars(space).pop("metric", None)
+        if equip and space.default_metric() is not None:
+            space.equip_with_metric()
+        return space
 
     @abstractmethod
     def belongs(self, point: Points, atol: float = 1e-9) -> Booleans:

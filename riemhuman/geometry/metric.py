@@ -449,8 +449,8 @@ class RiemannianMetric(Unchanging):
         task = f"the features of {len(checked):,} points"
         with enough_memory(task):
             if checked.nbytes > _MANY_BYTES:
-                one = self.bulk.features(checked[:1], precision)
-                check_memory(len(checked) * sum(array.nbytes for array in one), task)
+                features_of_first = self.bulk.features(checked[:1], precision)
+                check_memory(len(checked) * sum(array.nbytes for array in features_of_first), task)
             return self.bulk.features(checked, precision)
 
     def lower_bound_coordinates(self, points: Points) -> Array:
@@ -544,8 +544,8 @@ class RiemannianMetric(Unchanging):
         weights : array, shape (n,), above 0
         """
         squared, gradient = np.empty(len(others)), np.zeros(np.shape(point))
-        for i, (weight, other) in enumerate(zip(weights, others, strict=True)):
-            squared[i], slopes = self.energy_and_gradient(np.stack([other, point]))
+        for i, (weight, surface) in enumerate(zip(weights, others, strict=True)):
+            squared[i], slopes = self.energy_and_gradient(np.stack([surface, point]))
             gradient += weight * slopes[1]
         return squared, gradient
 

@@ -234,8 +234,8 @@ class AreaMetric(SmoothedMetric):
         def fields(points: Points) -> Array:
             surfaces, template = self.space.check_point(points, "points"), self.space.template
             averages = np.empty((len(surfaces), template.n_vertices))
-            for one, ratios in zip(averages, area_ratios(surfaces, template), strict=True):
-                one[:] = self._averages(ratios)
+            for row, ratios in zip(averages, area_ratios(surfaces, template), strict=True):
+                row[:] = self._averages(ratios)
             return self._smoothed(averages)
 
         return SumOfFactors([(fields, 1.0, self.target_metric.bulk)])

@@ -112,10 +112,10 @@ class SobolevMetric(MidpointMetric):
             closed = bool(second.surrounded[used].all())
             terms.append(second)
         if self.a0 == 0 and sum(weight > 0 for weight in first[:3]) < 2 and not closed:
-            found = ", ".join(f"{name} = {value:g}" for name, value in weights.items())
+            stated = ", ".join(f"{name} = {value:g}" for name, value in weights.items())
             raise ArgumentError(
                 "a0, or two of a1, b1 and c1, or on a mesh without border a2, must be above 0, or "
-                f"some deformations would cost nothing; found {found}"
+                f"some deformations would cost nothing; found {stated}"
             )
         super().__init__(space, terms, **solvers)
 

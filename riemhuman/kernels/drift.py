@@ -44,9 +44,9 @@ def rigid_motions(
     """
     size = np.ptp(surfaces[0], axis=0).max()
     some = slice(None, None, max(1, surfaces.shape[1] // _N_VERTICES))
-    f, own = surfaces[:, some], weights[some]
+    f, shares = surfaces[:, some], weights[some]
     target = np.broadcast_to(target, surfaces.shape)[:, some]
-    pull = np.broadcast_to(own, f.shape[:2])
+    pull = np.broadcast_to(shares, f.shape[:2])
     before = f
     for _ in range(_N_ROUNDS):
         turns, shifts = least_squares_motions(f, target, pull, rotations=rotations)
@@ -54,7 +54,7 @@ def rigid_motions(
         if np.abs(after - before).max() <= _TOLERANCE * size:
             break
         distances = np.linalg.norm(after - target, axis=2)
-        pull = own / np.maximum(distances, _SMALLEST * size)
+        pull = shares / np.maximum(distances, _SMALLEST * size)
         before = after
     return turns, shifts
 

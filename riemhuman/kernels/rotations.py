@@ -139,7 +139,7 @@ def quaternions(rotations: ndarray) -> ndarray:
 
 
 @compiled
-def fill_quaternions(rotations: ndarray, found: ndarray) -> None:
+def fill_quaternions(rotations: ndarray, quaternions: ndarray) -> None:
     """Fill `quaternions` of rotations, shape (n, 3, 3)."""
     q = onp.empty(4)
     for t in range(len(rotations)):
@@ -163,7 +163,7 @@ def fill_quaternions(rotations: ndarray, found: ndarray) -> None:
             q[0], q[1], q[2], q[3] = z, xz, yz, largest
         length = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
         for k in range(4):
-            found[t, k] = q[k] / length
+            quaternions[t, k] = q[k] / length
 
 
 def log(r1: ndarray, r2: ndarray) -> ndarray:
@@ -199,16 +199,16 @@ def nearest_rotations(matrices: ndarray) -> ndarray:
     """
     matrices = onp.asarray(matrices, dtype=onp.float64)
     flat = onp.ascontiguousarray(matrices.reshape(-1, 3, 3))
-    found, near = onp.empty(flat.shape), onp.empty(len(flat), dtype=bool)
-    _by_newton(flat, found, near)
+    nearest, near = onp.empty(flat.shape), onp.empty(len(flat), dtype=bool)
+    _by_newton(flat, nearest, near)
     left, _, right = onp.linalg.svd(flat[~near])
     left[..., 2] *= onp.sign(onp.linalg.det(left) * onp.linalg.det(right))[..., None]
-    found[~near] = left @ right
-    return found.reshape(matrices.shape)
+    nearest[~near] = left @ right
+    return nearest.reshape(matrices.shape)
 
 
 @compiled
-def _by_newton(matrices: ndarray, found: ndarray, near: ndarray) -> None:
+def _by_newton(matrices: ndarray, nearest: ndarray, near: ndarray) -> None:
     """Fill the limits of X ← ½ (X + X⁻ᵀ), and which of the matrices are near enough for it."""
     # Faster than singular values and as exact (Higham, "Computing the polar decomposition", 1986).
     x, cofactors = onp.empty((3, 3)), onp.empty((3, 3))
@@ -233,7 +233,7 @@ def _by_newton(matrices: ndarray, found: ndarray, near: ndarray) -> None:
                 break
         for i in range(3):
             for j in range(3):
-                found[t, i, j] = x[i, j]
+                nearest[t, i, j] = x[i, j]
 
 
 @compiled

@@ -67,8 +67,8 @@ class Mesh:
         incidence = faces.ravel(), np.repeat(np.arange(len(points)), 2)
         shape = len(self.faces), len(points)
         inside = sparse.csr_array((np.ones(len(incidence[0])), incidence), shape=shape)
-        one, other = sparse.triu(inside.T @ inside, 1).nonzero()
-        ways = np.linalg.norm(points[one] - points[other], axis=1), one, other
+        first, second = sparse.triu(inside.T @ inside, 1).nonzero()
+        ways = np.linalg.norm(points[first] - points[second], axis=1), first, second
         return points, faces, inside, ways
 
     def strip(self, start: SurfacePoint, end: SurfacePoint) -> Strip:
@@ -125,7 +125,7 @@ def geodesics(surfaces: Any, start: SurfacePoint, end: SurfacePoint, mesh: Mesh)
     paths = *arrays, np.empty((2, 2, most), np.complex128), np.empty((2, most))
     few = np.empty(2, np.int64), np.empty(3, np.complex128)
     corners = mesh.faces[[start[0], end[0]]]
-    found = []
+    crossings = []
     for f in np.require(values_of(surfaces), np.float64, ["C", "W"]):
         paths[0][0, : len(strip)] = strip
         buffer, n = _straighten(f, (mesh.faces, mesh.neighbours), ends, len(strip), paths, few)
@@ -133,10 +133,10 @@ def geodesics(surfaces: Any, start: SurfacePoint, end: SurfacePoint, mesh: Mesh)
         crossed = np.concatenate([corners[:1], np.append(edges, edges[:, :1], axis=1), corners[1:]])
         inner = np.concatenate([1.0 - t, t, np.zeros_like(t)], axis=1)
         weights = np.concatenate([start[1][np.newaxis], inner, end[1][np.newaxis]])
-        found.append((crossed, weights) if n >= 0 else (corners[:0], weights[:0]))
-    vertices, weights = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    counts = np.array([len(part) for part, _ in found])
-    bodies = np.repeat(np.arange(len(found)), counts)
+        crossings.append((crossed, weights) if n >= 0 else (corners[:0], weights[:0]))
+    vertices, weights = (np.concatenate(parts) for parts in zip(*crossings, strict=True))
+    counts = np.array([len(part) for part, _ in crossings])
+    bodies = np.repeat(np.arange(len(crossings)), counts)
     points = weighted_vertices(surfaces, bodies[:, None], vertices, weights)
     return Lines(points, bodies, np.where(counts > 0, 0, MISSES))
 

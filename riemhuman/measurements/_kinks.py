@@ -100,7 +100,7 @@ def _weights_of_least_gain(products: ndarray, errors: ndarray) -> ndarray:
         slope = products @ w
         return scale * float(0.5 * w @ slope + errors @ w), scale * (slope + errors)
 
-    found = minimize(
+    minimum = minimize(
         gain,
         np.full(size, 1.0 / size),
         jac=True,
@@ -109,5 +109,5 @@ def _weights_of_least_gain(products: ndarray, errors: ndarray) -> ndarray:
         constraints={"type": "eq", "fun": lambda w: w.sum() - 1.0, "jac": np.ones_like},
         options={"ftol": 1e-12, "maxiter": 200},
     )
-    weights: ndarray = found.x
+    weights: ndarray = minimum.x
     return weights

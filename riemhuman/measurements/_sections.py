@@ -186,9 +186,9 @@ def section(surfaces: Any, origins: Any, normals: Any, cutter: Cutter) -> Lines:
     crossed, wanted = onp.empty((len(cutter[0]), 2), onp.int64), onp.empty(len(cutter[0]), bool)
     statuses, edges = onp.zeros(len(f), int), []
     for k in range(len(f)):
-        found = _trace(f[k], heights[k], o[k], cutter, crossed, wanted)
-        statuses[k] = min(found, 0)
-        edges.append(crossed[: max(found, 0)].copy())
+        n_crossed = _trace(f[k], heights[k], o[k], cutter, crossed, wanted)
+        statuses[k] = min(n_crossed, 0)
+        edges.append(crossed[: max(n_crossed, 0)].copy())
     bodies = onp.repeat(onp.arange(len(f)), [len(crossings) for crossings in edges])
     crossed_edges = onp.concatenate(edges).T
     points = _crossings(surfaces, origins, normals, heights, bodies, crossed_edges)

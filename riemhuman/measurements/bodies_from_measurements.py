@@ -521,9 +521,9 @@ def _nearest_betas(
         np.zeros(len(mean)) if start is None else solve_triangular(root, start - mean, lower=True)
     )
     limits: Any = {"ftol": _FIRST_GAIN, "xtol": _LEAST_STEP, "gtol": None, "max_nfev": max_iter}
-    found = least_squares(residuals, start, lambda z: linearisation(z)[1], **limits)
-    left = max_iter - int(found.nfev)
-    z, cost, converged = least_squares_with_kinks(linearisation, found.x, left)
+    smooth_fit = least_squares(residuals, start, lambda z: linearisation(z)[1], **limits)
+    left = max_iter - int(smooth_fit.nfev)
+    z, cost, converged = least_squares_with_kinks(linearisation, smooth_fit.x, left)
     return _Search(mean + root @ z, body(z), float(np.linalg.norm(z)), cost, converged)
 
 
@@ -610,10 +610,10 @@ def nearest_body(
         raise ArgumentError(f"metric must have a metric_matrix; found {metric!r}")
     start = real_array(point, "point", metric.space.shape, batched=False)
     goals = as_mapping(wanted, measurements.names)
-    own = Measurements(measurements.definitions, list(goals))
+    wanted_measurements = Measurements(measurements.definitions, list(goals))
     targets = np.array(list(goals.values()))
     f = start.copy()
-    values, slopes = _measured(own, f)
+    values, slopes = _measured(wanted_measurements, f)
     energy, gradient = 0.0, np.zeros_like(f)
     n_steps, penalty = 0, 0.0
     while n_steps < max_iter:
@@ -625,7 +625,7 @@ def nearest_body(
         for step, halvings in product(steps, range(_MOST_HALVINGS)):
             moved = f + 0.5**halvings * step.reshape(f.shape)
             try:
-                trial, trial_slopes = _measured(own, moved)
+                trial, trial_slopes = _measured(wanted_measurements, moved)
             except ArgumentError:  # the step is too long: no body can be measured there
                 continue
             trial_energy, both = metric.energy_and_gradient(np.stack([start, moved]))

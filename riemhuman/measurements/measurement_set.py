@@ -319,7 +319,7 @@ class MeasurementSet:
         }
         text = json.dumps(record, indent=1, ensure_ascii=False)
         # Lists of numbers and names are one line each.
-        write_text(path, re.sub(r"\[[^][]*\]", lambda found: " ".join(found[0].split()), text))
+        write_text(path, re.sub(r"\[[^][]*\]", lambda match: " ".join(match[0].split()), text))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], template: Template | BodyModel) -> MeasurementSet:

@@ -340,7 +340,9 @@ def values_of_bodies(
     """
     if not gradient:
         bodies = LandmarkedBodies(description, surfaces, axes)
-        return np.stack([each.value(bodies) for each in description.measurements], axis=-1), None
+        return np.stack(
+            [definition.value(bodies) for definition in description.measurements], axis=-1
+        ), None
     values, slopes = [], []
     for measurement in description.measurements:
         pull_back, value = make_vjp(

@@ -45,8 +45,8 @@ class ArmSurface:
         self.on_hand = self.vertices[moves > settings.hand_moves_metres]
         # Coefficients of poses of this hand; NaN for the other.
         hands = [model.hand_pose(pose).reshape(2, -1) for pose in model.hand_poses]
-        own = np.array([[self.side == "left"], [self.side == "right"]])
-        self.hands = [np.where(own, both, np.nan).ravel() for both in hands]
+        on_side = np.array([[self.side == "left"], [self.side == "right"]])
+        self.hands = [np.where(on_side, both, np.nan).ravel() for both in hands]
 
         # Rotations of the bones from the rest pose to a T-pose, with the palms down: there, y is up
         # and z forward, the hinge of the elbow is y and that of the wrist z.

@@ -59,8 +59,8 @@ def parts_in_words(joints: Sequence[str]) -> list[str]:
         by_side = {side: _parts_of_limb(limb, side, rest) for side in _SIDES}
         both = [part for part in by_side["left"] if part in by_side["right"]]
         parts += [_PLURALS[part] for part in both]
-        for side, own in by_side.items():
-            parts += [f"{side} {part}" for part in own if part not in both]
+        for side, parts_of_side in by_side.items():
+            parts += [f"{side} {part}" for part in parts_of_side if part not in both]
         rest -= {f"{side}_{joint}" for side in _SIDES for joint, *_ in limb}
     return parts + [in_words(joint) for joint in joints if joint in rest]
 

@@ -44,8 +44,8 @@ def motion_onto_body(scan: ndarray, points: ndarray, faces: ndarray) -> ndarray:
         ends = [_rough(motion, few, samples, tree, n_steps) for motion in motions]
         ends.sort(key=lambda end: end[0])
         motions = [motion for _, motion in ends[:n_kept]]
-    found = [_precise(motion, many, samples, across, tree) for motion in motions]
-    return min(found, key=lambda end: end[0])[1]
+    refined = [_precise(motion, many, samples, across, tree) for motion in motions]
+    return min(refined, key=lambda end: end[0])[1]
 
 
 def _start_rotations(scan: ndarray, samples: ndarray) -> list[ndarray]:

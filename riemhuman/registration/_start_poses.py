@@ -49,7 +49,11 @@ def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
         written[f"{name}_right"] = _mirror_pose(_START_POSES[name])
     rotations = []
     for angles in written.values():
-        known = {k: own for k, own in angles.items() if k in names or f"left_{k}" in names}
+        known = {
+            k: joint_angles
+            for k, joint_angles in angles.items()
+            if k in names or f"left_{k}" in names
+        }
         rotations.append(joint_rotations(known, model))
     vectors = pose_vectors(np.stack(rotations), model)
     return dict(zip(written, np.ascontiguousarray(rotation_matrix(vectors)), strict=True))

@@ -54,25 +54,25 @@ def find_overlaps(
 ) -> np.ndarray:
     """Return which matched vertices lie in the same place as another matched part of the body."""
     overlaps = np.zeros(len(points), dtype=bool)
-    own = np.flatnonzero(matched)
-    if not len(own):
+    matched_numbers = np.flatnonzero(matched)
+    if not len(matched_numbers):
         return overlaps
-    normals = vertex_normals(points, template.faces)[own]
-    count = min(settings.n_neighbours, len(own))
+    normals = vertex_normals(points, template.faces)[matched_numbers]
+    count = min(settings.n_neighbours, len(matched_numbers))
     ends = template.vertices[template.edges]
     edge = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean())
     farthest = np.clip(edge, *settings.overlap_metres)
-    distances, near = cKDTree(points[own]).query(
-        points[own], k=count, distance_upper_bound=farthest
+    distances, near = cKDTree(points[matched_numbers]).query(
+        points[matched_numbers], k=count, distance_upper_bound=farthest
     )
     close = np.isfinite(distances)
     near[~close] = 0
-    gaps = points[own][near] - points[own, np.newaxis]
+    gaps = points[matched_numbers][near] - points[matched_numbers, np.newaxis]
     close &= np.abs(np.einsum("nkx,nx->nk", gaps, normals)) < settings.along_metres
-    rest = template.vertices[own]
+    rest = template.vertices[matched_numbers]
     apart = np.linalg.norm(rest[near] - rest[:, np.newaxis], axis=-1) > settings.apart_metres
     alike = np.einsum("nkx,nx->nk", normals[near], normals) > 0.5
-    overlaps[own] = (apart & alike & close).any(axis=1)
+    overlaps[matched_numbers] = (apart & alike & close).any(axis=1)
     return overlaps
 
 

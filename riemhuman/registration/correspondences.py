@@ -73,8 +73,8 @@ class ScanCorrespondence:
     @property
     def seen(self) -> np.ndarray:
         """Which vertices have a place on the other scan; shape (N,)."""
-        found: np.ndarray = self.vertices >= 0
-        return found
+        seen: np.ndarray = self.vertices >= 0
+        return seen
 
 
 def correspondence(result_a: RegisteredScan, result_b: RegisteredScan) -> ScanCorrespondence:
@@ -184,10 +184,10 @@ def _scan_normals(result: RegisteredScan) -> np.ndarray:
         return vertex_normals(scan.points, faces)
     normals = vertex_normals(result.points, result.faces)
     places = result.correspondence
-    own: np.ndarray = np.einsum(
+    sums: np.ndarray = np.einsum(
         "nk,nkx->nx", places.barycentric, normals[result.faces[places.triangles]]
     )
-    return own
+    return sums
 
 
 def _local_spacing(scan: Scan, vertices: np.ndarray) -> np.ndarray:

@@ -224,8 +224,8 @@ def register_folder(
 def _scan_files(folder: str | os.PathLike[str]) -> list[Path]:
     """Return the files of scans in a folder, in the natural order of their names."""
     place = existing_folder(folder)
-    files = [each for each in place.iterdir() if is_visible(each, POINT_SUFFIXES)]
-    files = sorted((each for each in files if each.is_file()), key=lambda f: natural_key(f.name))
+    files = [file for file in place.iterdir() if is_visible(file, POINT_SUFFIXES)]
+    files = sorted((file for file in files if file.is_file()), key=lambda f: natural_key(f.name))
     if not files:
         raise FileError(f"{place} holds no scans; they end in {', '.join(POINT_SUFFIXES)}")
     for first, second in pairwise(files):
@@ -256,11 +256,11 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
         )
     return sorted(
         map(_read, files),
-        key=lambda each: (
-            each.trusted,
-            bool(each.arrays),
-            -np.nan_to_num(each.median_distance),
-            natural_key(each.name),
+        key=lambda record: (
+            record.trusted,
+            bool(record.arrays),
+            -np.nan_to_num(record.median_distance),
+            natural_key(record.name),
         ),
     )
 
@@ -286,7 +286,7 @@ def _record(
     """Return the record of a result, with some points of its scan."""
     seen = np.flatnonzero(~result.background)
     shown = seen[thin_points(scan.points[seen], _N_SHOWN, np.random.default_rng(0))]
-    arrays = {each: getattr(result, each) for each in _OF_RESULT} | fit
+    arrays = {field: getattr(result, field) for field in _OF_RESULT} | fit
     arrays |= {
         "faces": result.faces,
         "shown": scan.points[shown].astype(np.float32),
@@ -343,7 +343,11 @@ def _read_output(folder: Path, names: set[str]) -> dict[tuple[str, str], ScanRec
                     "scan registered again"
                 )
         complete[record.name, str(saved["key"])] = record
-    gone = [each.name for each in complete.values() if each.arrays and each.name not in names]
+    gone = [
+        complete_record.name
+        for complete_record in complete.values()
+        if complete_record.arrays and complete_record.name not in names
+    ]
     if gone:
         warn(f"{folder} holds bodies whose scans are gone: {', '.join(gone)}", UserWarning)
     return complete

@@ -148,10 +148,10 @@ def find_inward_triangles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     pairs, alike = oriented_alike(faces)
     links = sparse.coo_array((alike[alike], pairs[alike].T), shape=(len(faces),) * 2)
     part = connected_components(links, directed=False)[1]
-    own, area = outwardness(part)
+    curvature, area = outwardness(part)
     together, _ = outwardness(np.zeros(len(faces), dtype=np.int64))
-    decided = (np.abs(own) > _LEAST_CURVATURE) & (area > _LEAST_AREA * area.sum())
-    return np.where(decided, own < 0, together[0] < 0)[part]
+    decided = (np.abs(curvature) > _LEAST_CURVATURE) & (area > _LEAST_AREA * area.sum())
+    return np.where(decided, curvature < 0, together[0] < 0)[part]
 
 
 def oriented_alike(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -205,7 +205,11 @@ def _in_metres(
             f"size {extent:.3g}"
         )
     if unit is None:
-        fitting = [each for each in _INFERRED_UNITS if is_human_size(extent, unit=UNITS[each])]
+        fitting = [
+            candidate
+            for candidate in _INFERRED_UNITS
+            if is_human_size(extent, unit=UNITS[candidate])
+        ]
         if not fitting:
             raise ArgumentError(
                 f"{name} is {extent:.3g} long, which is the size of a body neither in metres nor "

@@ -67,9 +67,10 @@ class ScanOverBody:
     n_points: int
 
     def __repr__(self) -> str:
-        own = 1000.0 * np.abs(self.distances[~self.background])
+        millimetres = 1000.0 * np.abs(self.distances[~self.background])
         return (
-            f"<ScanOverBody: {self.n_points} points, {np.median(own):.1f} mm median distance, "
+            f"<ScanOverBody: {self.n_points} points, {np.median(millimetres):.1f} mm median "
+            f"distance, "
             f"{100 * self.seen.mean():.0f} % of the vertices seen>"
         )
 

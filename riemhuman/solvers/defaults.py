@@ -107,9 +107,9 @@ class _Logarithm(LogSolver):
             solver = DiscreteLogarithm(basis, n_nodes - 1)
             with catch_warnings():
                 simplefilter("ignore", ConvergenceWarning)
-                found = search._between(metric, ends_as_given(base_point, point))
-            known.append(found)
-            result = solver._logarithm(metric, found, point, exp_solver(metric))
+                path_between = search._between(metric, ends_as_given(base_point, point))
+            known.append(path_between)
+            result = solver._logarithm(metric, path_between, point, exp_solver(metric))
             known.append(result)
             if result.converged:
                 break

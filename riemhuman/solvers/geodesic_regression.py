@@ -222,11 +222,11 @@ class GeodesicRegression(ImageEstimator):
             return np.concatenate([inverse(by_point), slowness**2 * inverse(by_velocity)])[:, 0]
 
         start = np.zeros(2 * point.size)
-        found = Descent(
+        minimum = Descent(
             objective, start, lambda x: inverse_hessian, self.tolerance, self.max_iter
         ).minimize()
-        intercept, speed = line(found.x.reshape(2, *shape))
-        return (intercept, speed), found
+        intercept, speed = line(minimum.x.reshape(2, *shape))
+        return (intercept, speed), minimum
 
 
 def _tangent_regression(

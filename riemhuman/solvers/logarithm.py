@@ -250,18 +250,18 @@ class DiscreteLogarithm(LogSolver):
     def _logarithm(
         self,
         metric: RiemannianMetric,
-        found: PathResult,
+        path_result: PathResult,
         end: Points,
         inverse: DiscreteExponential | None = None,
     ) -> LogarithmResult:
         """Return the initial velocity of a path, tried by its exponential or a given one."""
-        path = found.path
+        path = path_result.path
         if self.basis is None and metric.is_translation_invariant:
             # As the exponential moves surfaces along translations, which the metric ignores.
             path = steady_path(path, surface_space(metric.space).template.vertex_areas)
         backward = self._step_before(metric, path)
         tangent_vec = 0.5 * (len(path) - 1) * (path[1] - backward.points[2])
-        result = LogarithmResult(tangent_vec, path, found.energy)
+        result = LogarithmResult(tangent_vec, path, path_result.energy)
         forward = (inverse or self.inverse(result))._follow(metric, tangent_vec, path[0])
         reached = forward.end
         if metric.is_rotation_invariant and metric.space.is_surface_space:
@@ -276,14 +276,16 @@ class DiscreteLogarithm(LogSolver):
                 remedy = "the metric does not measure the sizes of triangles: add a small a"
             message = (
                 f"the exponential ends {end_error:.1e} from the point in {forward.n_steps} steps "
-                f"({forward.message}; path: {found.message}; step before the start: error "
+                f"({forward.message}; path: {path_result.message}; step before the start: error "
                 f"{backward.error:.1e}); {remedy}"
             )
         return replace(
             result,
             end_error=end_error,
-            n_iterations=found.n_iterations + backward.n_iterations + forward.n_iterations,
-            n_evaluations=found.n_evaluations + backward.n_evaluations + forward.n_evaluations,
+            n_iterations=path_result.n_iterations + backward.n_iterations + forward.n_iterations,
+            n_evaluations=path_result.n_evaluations
+            + backward.n_evaluations
+            + forward.n_evaluations,
             status=Status.CONVERGED if end_error <= self.end_tolerance else Status.STALLED,
             message=message,
         )

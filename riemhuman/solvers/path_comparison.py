@@ -212,18 +212,18 @@ def compare_metrics(
                 f"paths must be measured under the same metrics, {', '.join(map(repr, metrics))}; "
                 f"{path.name!r} is under {', '.join(map(repr, path.energies))}"
             )
-    found: dict[str, PathComparison] = {}
+    compared: dict[str, PathComparison] = {}
     for name in metrics:
-        found[name] = _searched(name, search, by_name[initial], metrics, reference)
+        compared[name] = _searched(name, search, by_name[initial], metrics, reference)
     is_settled = False
     while not is_settled:
         is_settled = True
         for name in metrics:
-            best = _lowest([*paths, *found.values()], name)
-            if best.energies[name] < (1.0 - _LOWER) * found[name].energies[name]:
-                found[name] = _searched(name, search, best, metrics, reference, found[name])
+            best = _lowest([*paths, *compared.values()], name)
+            if best.energies[name] < (1.0 - _LOWER) * compared[name].energies[name]:
+                compared[name] = _searched(name, search, best, metrics, reference, compared[name])
                 is_settled = False
-    return list(found.values())
+    return list(compared.values())
 
 
 def _lowest(rows: Sequence[PathComparison], metric_name: str) -> PathComparison:

@@ -217,7 +217,7 @@ class PathSearch(PathSolver):
         if last.status is Status.INTERRUPTED:
             return replace(best, status=last.status, message=last.message)
         result = self._descend(metric, best.path, best.energies[:-1])
-        n_evaluations = result.n_evaluations + sum(each.n_evaluations for each in results)
+        n_evaluations = result.n_evaluations + sum(candidate.n_evaluations for candidate in results)
         return replace(result, n_evaluations=n_evaluations)
 
     def _descend(
@@ -266,14 +266,16 @@ class PathSearch(PathSolver):
                 "the initial path leaves the manifold or has no finite energy; pass another "
                 "initial_path"
             )
-        found = _with_interior(path, minimum.x)
+        minimal_path = _with_interior(path, minimum.x)
         if self.remove_drift:
-            still = metric.remove_drift(found)
+            still = metric.remove_drift(minimal_path)
             # A triangle that is nearly flat may become flat by the rounding of a rotation.
-            found = still if np.all(metric.space.belongs(still)) else found
+            minimal_path = still if np.all(metric.space.belongs(still)) else minimal_path
         gap = 100.0 * minimum.gap / minimum.value if minimum.value > 0 else 0.0
         bound = lower_bound(metric, path)
-        return PathResult(found, minimum.value, minimum.values, bound, gap, **minimum.outcome)
+        return PathResult(
+            minimal_path, minimum.value, minimum.values, bound, gap, **minimum.outcome
+        )
 
 
 @dataclass(frozen=True)

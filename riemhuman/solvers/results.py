@@ -76,8 +76,8 @@ class SavedResult:
 
     def __init__(self, path: str | os.PathLike[str], class_name: str) -> None:
         self._path, self._arrays = path, load_arrays(path, [_CLASS])
-        if (found := str(self._arrays[_CLASS])) != class_name:
-            raise FileFormatError(f"{path} must hold a {class_name}; found a {found[:60]}")
+        if (stored_class := str(self._arrays[_CLASS])) != class_name:
+            raise FileFormatError(f"{path} must hold a {class_name}; found a {stored_class[:60]}")
 
     def array(self, name: str) -> Array:
         """Return numbers of any shape.
@@ -406,36 +406,36 @@ def finish(solver: object, result: ResultType) -> ResultType:
     return result
 
 
-def complete_path(found: SolvedPath) -> PathResult:
+def complete_path(solved: SolvedPath) -> PathResult:
     """Return the result of a user-defined geodesic solver, a path and its energy, with defaults."""
-    if isinstance(found, PathResult):
-        return found
-    energy = float(found.energy)
+    if isinstance(solved, PathResult):
+        return solved
+    energy = float(solved.energy)
     return PathResult(
-        path=np.asarray(found.path, dtype=float),
+        path=np.asarray(solved.path, dtype=float),
         energy=energy,
-        energies=np.asarray(getattr(found, "energies", [energy]), dtype=float),
-        **_completed_outcome(found),
+        energies=np.asarray(getattr(solved, "energies", [energy]), dtype=float),
+        **_completed_outcome(solved),
     )
 
 
-def complete_mean(found: SolvedMean) -> MeanResult:
+def complete_mean(solved: SolvedMean) -> MeanResult:
     """Return the result of a user-defined mean solver, a point and its variance, with defaults."""
-    if isinstance(found, MeanResult):
-        return found
-    variance = float(found.variance)
+    if isinstance(solved, MeanResult):
+        return solved
+    variance = float(solved.variance)
     return MeanResult(
-        point=np.asarray(found.point, dtype=float),
+        point=np.asarray(solved.point, dtype=float),
         variance=variance,
-        variances=np.asarray(getattr(found, "variances", [variance]), dtype=float),
-        **_completed_outcome(found),
+        variances=np.asarray(getattr(solved, "variances", [variance]), dtype=float),
+        **_completed_outcome(solved),
     )
 
 
-def _completed_outcome(found: SolvedPath | SolvedMean) -> Outcome:
+def _completed_outcome(solved: SolvedPath | SolvedMean) -> Outcome:
     return {
-        "n_iterations": int(getattr(found, "n_iterations", 0)),
-        "n_evaluations": int(getattr(found, "n_evaluations", 0)),
-        "status": Status.CONVERGED if getattr(found, "converged", True) else Status.STALLED,
-        "message": str(getattr(found, "message", "")),
+        "n_iterations": int(getattr(solved, "n_iterations", 0)),
+        "n_evaluations": int(getattr(solved, "n_evaluations", 0)),
+        "status": Status.CONVERGED if getattr(solved, "converged", True) else Status.STALLED,
+        "message": str(getattr(solved, "message", "")),
     }

@@ -74,8 +74,8 @@ class ImageEstimator(Estimator):
         metric = self._metric
         if not self._takes_fields:
             return metric.space.projection(images)
-        found = [self._nearest.solve(metric, image[None], start).point for image in images]
-        return np.array(found).reshape(-1, *metric.space.shape)
+        surfaces = [self._nearest.solve(metric, image[None], start).point for image in images]
+        return np.array(surfaces).reshape(-1, *metric.space.shape)
 
     def _mean_point(self, mean: MeanSolver | ArrayLike | None, points: Points) -> Array:
         """Return the point of tangency: a point, what a solver finds, or the Karcher mean."""
