@@ -148,7 +148,7 @@ def _in_chunks(
 
     def run(first: int, last: int) -> tuple[Any, ...]:
         added = [onp.zeros(shape) for shape in shapes]
-        return loop(*given, first, last, *added), *added
+        return loop(*given, first, last, tuple(added)), *added
 
     return sums_in_chunks(run, len(faces), threaded=threaded)
 
@@ -242,10 +242,11 @@ def _first_order_norms(
     weights: tuple[float, ...],
     first: int,
     last: int,
-    vector_slopes: ndarray,
-    surface_slopes: ndarray,
+    slopes: tuple[ndarray, ndarray],
 ) -> float:
+    """Return the sum of squared norms, and add their slopes by vectors and by surfaces."""
     a1, b1, c1, d1, bend = weights
+    vector_slopes, surface_slopes = slopes
     total = 0.0
     for t in range(first, last):
         for i in range(surfaces.shape[1]):
@@ -266,13 +267,13 @@ def _first_order_norms(
             k12, k21 = area * (a1 * along + d1 * turn), area * (a1 * along - d1 * turn)
             bending = 2.0 * (c1 * area + bend * areas[t])
             k31, k32 = bending * m31, bending * m32
-            slopes = (k11, k12, k21, k22, k31, k32)
-            _add_to_corners(vector_slopes, faces[t], i, frame, slopes)
+            by_vectors = (k11, k12, k21, k22, k31, k32)
+            _add_to_corners(vector_slopes, faces[t], i, frame, by_vectors)
             # Of the surface's own derivatives in the frame, the symmetric part stretches the
             # triangle, the antisymmetric part turns the frame, and the last row tilts it.
             shear = m11 * k12 + m12 * k11 + m21 * k22 + m22 * k21 + m31 * k32 + m32 * k31
             spin = m11 * k21 + m12 * k22 - m21 * k11 - m22 * k12
-            slopes = (
+            by_surface = (
                 moving - m11 * k11 - m21 * k21 - m31 * k31,
                 0.5 * (spin - shear),
                 -0.5 * (spin + shear),
@@ -280,7 +281,7 @@ def _first_order_norms(
                 k11 * m31 + k12 * m32 - k31 * m11 - k32 * m12,
                 k21 * m31 + k22 * m32 - k31 * m21 - k32 * m22,
             )
-            _add_to_corners(surface_slopes, faces[t], i, frame, slopes)
+            _add_to_corners(surface_slopes, faces[t], i, frame, by_surface)
     return total
 
 
@@ -322,6 +323,15 @@ class ZerothOrderTerm(QuadraticTerm):
         return value, 2.0 * self.weight * masses[..., None] * vectors, slopes
 
 
+class VertexValues(NamedTuple):
+    """What sums over the triangles around vertices are taken of; what is not needed is empty."""
+
+    h: ndarray
+    z: ndarray
+    by_areas: ndarray
+    by_normals: ndarray
+
+
 def _vertex_sums(
     surfaces: ndarray,
     template: Any,
@@ -336,34 +346,32 @@ def _vertex_sums(
     shapes = [shape if one else (0, 0, 0) for one in wanted]
     # Arrays that are not given are empty, so that the loop is compiled only once.
     empty = onp.empty((0, 0, 0)), onp.empty((0, 0, 0)), onp.empty((0, 0)), onp.empty((0, 0, 0))
-    arrays = [
-        none if one is None else onp.ascontiguousarray(one)
-        for one, none in zip((h, z, by_areas, by_normals), empty, strict=True)
-    ]
-    given = surfaces, template.faces, *arrays
-    return _in_chunks(_add_vertex_sums, given, shape[:2], *shapes)
+    values = VertexValues(
+        *(
+            none if one is None else onp.ascontiguousarray(one)
+            for one, none in zip((h, z, by_areas, by_normals), empty, strict=True)
+        )
+    )
+    return _in_chunks(_add_vertex_sums, (surfaces, template.faces, values), shape[:2], *shapes)
 
 
 @compiled
 def _add_vertex_sums(
     surfaces: ndarray,
     faces: ndarray,
-    h: ndarray,
-    z: ndarray,
-    by_areas: ndarray,
-    by_normals: ndarray,
+    values: VertexValues,
     first: int,
     last: int,
-    areas: ndarray,
-    normals: ndarray,
-    images: ndarray,
-    slopes: ndarray,
+    sums: tuple[ndarray, ndarray, ndarray, ndarray],
 ) -> float:
     """Add vertex areas A, sums N of area vectors, L z, and the slopes of 2 zᵀL h + Σ (a A + b·N).
 
     L is the cotangent Laplacian of the surface; a and b are the slopes `by_areas` and `by_normals`.
     The result is infinite if a triangle has no area.
     """
+    # In one piece: divided into inlined functions, it takes 1.3 to 1.7 times as long.
+    h, z, by_areas, by_normals = values
+    areas, normals, images, slopes = sums
     x, y, n, b = onp.empty(3), onp.empty(3), onp.empty(3), onp.empty(3)
     total = 0.0
     for t in range(first, last):
