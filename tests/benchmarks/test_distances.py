@@ -4,8 +4,9 @@
 
 prints, for the metrics of pose, shape, both and SRNF, microseconds a pair of the compiled loops on
 one thread and on two, of the definitions on fields computed before and on raw vertices, and their
-ratios; then all 4,950 pairs from raw vertices, smoothed areas beside SRNF, and the first calls of a
-fresh process. Times are the shortest of several runs, in turns.
+ratios; how long one thread and two keep processors busy; then all 4,950 pairs from raw vertices,
+smoothed areas beside SRNF, and the first calls of a fresh process. Times are the shortest of
+several runs, in turns.
 """
 
 import subprocess
@@ -42,6 +43,16 @@ def shortest(*calls, rounds=5):
             call()
             times[k] = min(times[k], time.perf_counter() - begin)
     return times
+
+
+def processor_time(call, rounds=10):
+    """Return the least time that a call keeps processors busy, whatever else runs on them."""
+    times = []
+    for _ in range(rounds):
+        begin = time.process_time()
+        call()
+        times.append(time.process_time() - begin)
+    return min(times)
 
 
 def definition_on_fields(metric, points):
@@ -92,7 +103,18 @@ def test_against_the_definition(benchmark, name):
         f"{fields / two:.0f} and {vertices / two:.0f}; {n_pairs:,} pairs from raw vertices "
         f"{times[5]:.3f} s, with two threads {times[6]:.3f} s"
     )
+    busy = [
+        processor_time(
+            lambda n=n: metric.bulk.squared_distances(all_features, all_features, n_threads=n)
+        )
+        for n in (1, 2)
+    ]
+    print(
+        f"{name:7}: two threads keep processors busy for {1e3 * busy[1]:.0f} ms, one for "
+        f"{1e3 * busy[0]:.0f}: {busy[1] / busy[0]:.2f} times as long"
+    )
     benchmark.pedantic(lambda: metric.dist_pairwise(points, n_jobs=2), rounds=3)
+    assert busy[1] <= 1.3 * busy[0]
     assert name not in ("pose", "shape") or fields >= 40 * one
     assert times[6] <= 0.5
 
