@@ -164,7 +164,10 @@ def is_registered_scan(path: str | os.PathLike[str]) -> bool:
     False
     """
     file = file_path(path)
-    return file.suffix.lower() == ".ply" and formats.says_trusted(file)
+    if file.suffix.lower() != ".ply":
+        return False
+    check_file(file)
+    return formats.says_trusted(file)
 
 
 def save_mesh(

@@ -122,6 +122,9 @@ def test_only_regular_files_are_read(tmp_path):
     ]:
         with pytest.raises(FileError, match=message):
             read_bytes(place)
+    os.mkfifo(tmp_path / "pipe.ply")  # opening it would wait for a writer
+    with pytest.raises(FileError, match="it is a device or a pipe"):
+        rh.io.is_registered_scan(tmp_path / "pipe.ply")
     assert len(short_message(ValueError("x" * 9999))) == 300
 
 

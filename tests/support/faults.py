@@ -12,6 +12,7 @@ import resource
 import signal
 import sys
 import time
+from pathlib import Path
 
 from cases import sphere_template, surfaces
 
@@ -73,11 +74,12 @@ def make_inputs(folder, seed):
 
 
 class Changes:
-    """Counts changes of files below a folder, and kills the process before one of them."""
+    """Counts changes of files below a folder; before one of them, a signal ends the process."""
 
-    def __init__(self, folder, fatal, pause):
+    def __init__(self, folder, fatal, pause, ending=signal.SIGKILL):
         self.count = 0
         self._folder, self._fatal, self._pause = str(folder), fatal, pause
+        self._ending = ending
 
     def __call__(self, event, arguments):
         if event == "open":
@@ -95,11 +97,11 @@ class Changes:
         """Count a change that is about to be made."""
         self.count += 1
         if self.count == self._fatal:
-            os.kill(os.getpid(), signal.SIGKILL)
+            os.kill(os.getpid(), self._ending)
         time.sleep(self._pause)
 
 
-def child(operation, inputs, outputs, kill_at, pause, largest_file, said, pipe):
+def child(operation, inputs, outputs, kill_at, pause, ending, largest_file, said, pipe):
     """Run an operation with its faults, and end the process with its code."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT), 2)
@@ -107,7 +109,7 @@ def child(operation, inputs, outputs, kill_at, pause, largest_file, said, pipe):
         # Beyond the limit, writing fails as on a full disk, and would end the process by a signal.
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
-    changes = Changes(outputs, kill_at, pause)
+    changes = Changes(outputs, kill_at, pause, ending)
     sys.addaudithook(changes)
     write = JobFolder.write
     JobFolder.write = lambda *arguments: (changes.add(), write(*arguments))
@@ -155,7 +157,7 @@ class Processes:
             said = self._folder / f"said_{number}"
             said.write_text("")
             ours, theirs = self._context.Pipe(duplex=False)
-            faults = kill_at, pause, largest_file
+            faults = kill_at, pause, signal.SIGKILL, largest_file
             task = operation, inputs or self.inputs, outputs, *faults, said, theirs
             process = self._context.Process(target=child, args=task)
             process.start()
@@ -170,3 +172,38 @@ class Processes:
             changes = 0 if process.exitcode < 0 else ours.recv()
             answers.append((process.exitcode, said.read_text(), changes))
         return answers
+
+    def run_beside_stopped(self, operation, outputs, stop_at, seconds):
+        """Run an operation while another process stands still before a change of a file.
+
+        Returns the answers of both: that of the second, which is killed if it takes longer than
+        some seconds, and that of the first, which goes on once the second has ended.
+        """
+        outputs.mkdir(parents=True, exist_ok=True)
+        said = self._folder / "said_by_the_first"
+        said.write_text("")
+        ours, theirs = self._context.Pipe(duplex=False)
+        faults = stop_at, 0, signal.SIGSTOP, None
+        task = operation, self.inputs, outputs, *faults, said, theirs
+        first = self._context.Process(target=child, args=task)
+        first.start()
+        theirs.close()
+        while first.is_alive() and not _is_stopped(first.pid):
+            time.sleep(0.01)
+        second = self.run(operation, outputs, kill_after=seconds)
+        if first.is_alive():
+            os.kill(first.pid, signal.SIGCONT)
+        first.join(seconds)
+        if first.exitcode is None:
+            first.kill()
+            first.join()
+        return second, (first.exitcode, said.read_text(), ours.recv() if ours.poll() else 0)
+
+
+def _is_stopped(number):
+    """Return whether a process stands still."""
+    try:
+        status = Path(f"/proc/{number}/stat").read_text()
+    except FileNotFoundError:  # it has just ended
+        return False
+    return status.rpartition(")")[2].split()[0] == "T"

@@ -1,4 +1,4 @@
-"""Commands that are killed, run twice at once, or out of space.
+"""Commands that are killed, run twice at once, out of space, or beside what never ends.
 
 A file or folder that a killed process writes is absent or whole, the old or the new; the
 same command then ends as if nothing had happened.
@@ -168,3 +168,38 @@ def test_full_disks(server, undisturbed, operation, tmp_path):
     sys.stdout.write(
         f"{operation}: {n_refused} of {len(limits)} full disks said; no partial files\n"
     )
+
+
+# Operations take less than a second; what takes longer waits for something that does not come.
+_HANGS = 60
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_nothing_waits_for_a_process_that_stands_still(server, undisturbed, operation, tmp_path):
+    new, n_changes = undisturbed(operation, server.inputs)
+    n_refused = 0
+    for stop_at in sorted({1, 2, n_changes // 2, n_changes - 1, n_changes}):
+        outputs = tmp_path / str(stop_at)
+        second, first = server.run_beside_stopped(operation, outputs, stop_at, _HANGS)
+        for code, said, _ in (second, first):
+            assert code in (0, 2), (stop_at, code, said)
+            assert "Traceback" not in said
+            assert "unexpected" not in said
+        assert 0 in (first[0], second[0]), (first, second)
+        n_refused += second[0] != 0
+        assert content(outputs) == new, stop_at
+    sys.stdout.write(f"{operation}: nothing hangs, {n_refused} runs refused what was in use\n")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_files_that_never_end_are_refused(server, operation, tmp_path):
+    inputs = tmp_path / "inputs"
+    shutil.copytree(server.inputs, inputs)
+    (inputs / "body_1.ply").unlink()
+    os.mkfifo(inputs / "body_1.ply")
+    code, said, _ = server.run(operation, tmp_path / "out", inputs=inputs, kill_after=_HANGS)
+    assert code == 2, said
+    assert "body_1.ply cannot be read: it is a device or a pipe" in said
+    assert content(tmp_path / "out") == {}
