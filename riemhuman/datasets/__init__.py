@@ -2,6 +2,12 @@
 
 from riemhuman.datasets.amass import load_amass
 from riemhuman.datasets.amc import load_amc
+from riemhuman.datasets.anny_bodies import (
+    AnnyParameters,
+    anny_bodies,
+    anny_parameters,
+    bodies_from_anny,
+)
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.bvh import load_bvh
 from riemhuman.datasets.dfaust import load_dfaust
@@ -31,6 +37,7 @@ from riemhuman.retargeting.performances import RetargetingErrors
 from riemhuman.retargeting.skeleton_motion import SkeletonMotion
 
 __all__ = [
+    "AnnyParameters",
     "ArrayMotion",
     "Bodies",
     "LabelledMeshes",
@@ -44,6 +51,9 @@ __all__ = [
     "RetargetedMotion",
     "RetargetingErrors",
     "SkeletonMotion",
+    "anny_bodies",
+    "anny_parameters",
+    "bodies_from_anny",
     "find_meshes",
     "joint_rotations",
     "load_amass",
