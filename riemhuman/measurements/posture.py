@@ -56,7 +56,7 @@ def posture_angles(
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> measurements = rh.measurements.Measurements(bodies.model)
     >>> angles = rh.measurements.posture_angles(measurements, bodies[0])
-    >>> bool(abs(angles["shoulder tilt"]) < 2.0)
+    >>> bool(abs(angles["shoulder tilt"]) < 4.0)
     True
     """
     definitions = measurements.definitions

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from importlib import metadata
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from riemhuman.report.printing import print_page
 from riemhuman.report.sheet_values import Average, SheetSubject, SheetValues
 
 _HIPS = "trochanterion"
+_DRAWING = Lock()  # matplotlib is not made for threads
 
 
 @cache
@@ -40,7 +42,8 @@ def save_pdf(content: Content, file: Path, browser: str | None) -> None:
                 return
         finally:
             page.unlink(missing_ok=True)
-    save_figure_pdf(content, version, file)
+    with _DRAWING:
+        save_figure_pdf(content, version, file)
 
 
 def content_for(

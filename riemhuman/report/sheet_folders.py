@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from riemhuman.checks import one_of
 from riemhuman.errors import FileError, MissingDependencyError, warn
 from riemhuman.io.files import file_path, write_text
 from riemhuman.io.outputs import atomic_folder, check_output_folder
-from riemhuman.kernels.threads import mapped
+from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.measurements import Measurements, open_measurements
 from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.optional import import_optional
@@ -100,23 +100,31 @@ def make_sheets(
     check_output_folder(folder, lambda name: bool(is_ours(name)), force=replace_output)
     with progress("Reading bodies"):
         found = find_subjects(paths, labels, unit=unit, up=up)
-    sheets = _all_sheets(found, measurements, units, progress)
+    known = _known(found, measurements, units, progress)
     with atomic_folder(folder, lambda name: bool(is_ours(name))) as temporary:
-        _write(temporary, sheets, found, progress)
+        _write(temporary, known, progress)
     return folder / _INDEX
 
 
 @dataclass(frozen=True, eq=False)
-class _Made:
-    subject: SheetSubject
-    values: SheetValues
-    content: Content
+class _Known:
+    """What is known about the bodies of a folder: their values, and the measurements of each."""
+
+    found: Found
+    values: Sequence[SheetValues]
+    measurements: Mapping[int, Measurements]  # by the number of vertices
+    units: str
+
+    def content(self, number: int) -> Content:
+        subject = self.found.subjects[number]
+        measurements = self.measurements[len(subject.points)]
+        return content_for(measurements, subject, self.values[number], self.units)
 
 
-def _all_sheets(
+def _known(
     found: Found, measurements: Measurements | None, units: str, progress: Progress
-) -> list[_Made]:
-    """Return what stands on all sheets, in the order of the bodies."""
+) -> _Known:
+    """Return what is known about all bodies, those of one triangulation measured together."""
     kinds: dict[int, list[int]] = {}
     own: dict[int, Measurements] = {}
     for number, (subject, faces) in enumerate(zip(found.subjects, found.faces, strict=True)):
@@ -126,13 +134,10 @@ def _all_sheets(
         own[key].definitions.surface.check_faces(faces, subject.file)
         kinds.setdefault(key, []).append(number)
     values: dict[int, SheetValues] = {}
-    n_bodies = len(found.subjects)
     for key, numbers in kinds.items():
         average = average_for(own[key])
-        for first in range(0, len(numbers), _BATCH):
-            part = numbers[first : first + _BATCH]
-            with progress(f"Measurements of bodies {len(values) + 1} to "
-                          f"{len(values) + len(part)} of {n_bodies}"):  # fmt: skip
+        for part, words in _parts(numbers):
+            with progress(f"Measurements of {words}"):
                 measured = values_of(own[key], [found.subjects[k] for k in part], average)
             values |= dict(zip(part, measured, strict=True))
     for number, subject in enumerate(found.subjects):
@@ -147,52 +152,72 @@ def _all_sheets(
             continue
         with progress(f"Changes of {subject.name} since {before.name}"):
             values[number] = with_changes(own[len(subject.points)], values[number], before, subject)
-    made = []
-    for number, subject in enumerate(found.subjects):
-        with progress(f"Pictures of {subject.name}"):
-            key = len(subject.points)
-            content = content_for(own[key], subject, values[number], units)
-        made.append(_Made(subject, values[number], content))
-    return made
+    return _Known(found, [values[k] for k in range(len(values))], own, units)
 
 
-def _write(folder: Path, sheets: Sequence[_Made], found: Found, progress: Progress) -> None:
+def _parts(numbers: Sequence[int]) -> Iterator[tuple[Sequence[int], str]]:
+    """Yield some numbers at a time, with words that say which of how many bodies these are."""
+    count = len(numbers)
+    for first in range(0, count, _BATCH):
+        part = numbers[first : first + _BATCH]
+        last = first + len(part)
+        which = f"{count} bodies" if count <= _BATCH else f"bodies {first + 1}–{last} of {count}"
+        yield part, which
+
+
+def _write(folder: Path, known: _Known, progress: Progress) -> None:
     """Write all files of a folder of sheets."""
-    version, browser = library_version(), find_browser()
-    names = _file_names([made.subject.name for made in sheets])
-    pdfs = [f"{name}.pdf" for name in names]
+    subjects, version = known.found.subjects, library_version()
     try:
         check_printing()
+        endings = (".html", ".pdf")
     except MissingDependencyError as error:
         warn(f"no PDF is written, for want of Chromium or Chrome; or else {error}", UserWarning)
-        pdfs = [""] * len(sheets)
+        endings = (".html", "")
+    files = [
+        tuple(end and f"{name}{end}" for end in endings)
+        for name in _file_names([subject.name for subject in subjects])
+    ]
+    entries: list[Entry] = []
+    # Pictures take memory: those of a part are written before the next is drawn.
+    for part, words in _parts(range(len(subjects))):
+        with progress(f"Pictures of {words}"):
+            contents = list(mapped(known.content, part, thread_count(-1)))
+        with progress(f"Pages and PDF files of {words}"):
+            _write_files(folder, contents, [files[number] for number in part], version)
+        for number, content in zip(part, contents, strict=True):
+            of_body = subjects[number], known.values[number], content
+            entries.append(Entry.of(*of_body, *files[number]))
+    tables = _write_tables(folder, list(zip(subjects, known.values, strict=True)))
+    write_text(folder / _INDEX, index_page(entries, known.found.failures, tables, version))
 
-    def write(numbered: tuple[int, _Made]) -> None:
-        number, made = numbered
-        text = sheet_page(made.content, version, index=_INDEX)
-        write_text(folder / f"{names[number]}.html", text)
-        if pdfs[number]:
-            save_pdf(made.content, folder / pdfs[number], browser)
 
-    with progress(f"Pages and PDF files of {len(sheets)} bodies"):
-        n_threads = min(_MOST_BROWSERS, os.cpu_count() or 1) if browser else 1
-        list(mapped(write, enumerate(sheets), n_threads))
-    numbers = [(made.subject, made.values) for made in sheets]
-    write_text(folder / _TABLE, table_text(numbers))
-    workbook = _WORKBOOK
+def _write_files(
+    folder: Path, contents: Sequence[Content], files: Sequence[tuple[str, ...]], version: str
+) -> None:
+    """Write pages and, if they have names, PDF files, by several browsers at a time."""
+    browser = find_browser()
+
+    def write(number: int) -> None:
+        page, pdf = files[number]
+        write_text(folder / page, sheet_page(contents[number], version, index=_INDEX))
+        if pdf:
+            save_pdf(contents[number], folder / pdf, browser)
+
+    n_threads = min(_MOST_BROWSERS, thread_count(-1)) if browser else 1
+    list(mapped(write, range(len(files)), n_threads))
+
+
+def _write_tables(folder: Path, sheets: Sequence[tuple[SheetSubject, SheetValues]]) -> list[str]:
+    """Write the tables of all numbers; return their names."""
+    write_text(folder / _TABLE, table_text(sheets))
     try:
         import_optional("openpyxl", "sheet")
     except MissingDependencyError as error:
         warn(f"{_WORKBOOK} is not written: {error}", UserWarning)
-        workbook = ""
-    else:
-        save_workbook(numbers, folder / _WORKBOOK)
-    entries = [
-        Entry.of(made.subject, made.values, made.content, f"{name}.html", pdf)
-        for made, name, pdf in zip(sheets, names, pdfs, strict=True)
-    ]
-    text = index_page(entries, found.failures, [_TABLE, *filter(None, [workbook])], version)
-    write_text(folder / _INDEX, text)
+        return [_TABLE]
+    save_workbook(sheets, folder / _WORKBOOK)
+    return [_TABLE, _WORKBOOK]
 
 
 def _file_names(names: Sequence[str]) -> list[str]:

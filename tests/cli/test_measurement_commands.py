@@ -200,7 +200,7 @@ def test_sheets_of_a_folder(run, refused, scans, tmp_path, monkeypatch):
     names = {Path(file).name for file in record["files"]}
     assert {"index.html", "measurements.csv", "body_0.html", "body_2.html"} <= names
     assert "no PDF is written" in finished.err
-    assert "Measurements of bodies 1 to 2 of 2: " in finished.err
+    assert "Measurements of 2 bodies: " in finished.err
     assert "Changes since visit 1" in (sheets / "body_2.html").read_text(encoding="utf-8")
     assert "earlier result; --force replaces it" in refused(*command)
     assert run(*command, "--force", "-q").code == 0
