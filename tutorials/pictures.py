@@ -30,7 +30,7 @@ def main() -> None:
     geodesic(bodies, space)
     moving(bodies, space)
     maps(bodies, space)
-    differences(bodies, space, people)
+    differences(bodies, people)
     path_and_mean(bodies, space, people)
     scan()
     measurement_lines(bodies)
@@ -142,24 +142,15 @@ def maps(bodies, space) -> None:
     save(figure, "maps")
 
 
-def differences(bodies, space, people) -> None:
-    """Draw two pairs of bodies, the second of each coloured by where it differs."""
-    pairs = {
-        "pose": (rh.ElasticMetric(space, 0.0, 0.0, 1.0), people[2, 0], people[2, 5]),
-        "body shape, (1, 1, 0)": (
-            rh.ElasticMetric(space, 1.0, 1.0, 0.0),
-            people[2, 0],
-            people[5, 0],
-        ),
-    }
-    faces = bodies.template.faces
-    figure, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-    for ax, (title, (metric, one, other)) in zip(axes, pairs.items(), strict=True):
-        found = rh.plots.contributions(metric, one, other).total
-        per_area = rh.plots.per_area(found, bodies.template.vertices, faces)
-        rh.plots.plot_path([one, other], faces, [0 * per_area, per_area], ax=ax)
-        ax.set_title(title)
-    save(figure, "differences")
+def differences(bodies, people) -> None:
+    """Draw two people in the standard pose, the second coloured by where it is outside."""
+    names = ("lanky man", "heavy man")
+    first, second = (bodies.subject_names.index(name) for name in names)
+    figure = rh.plots.plot_difference(
+        people[first, 0], people[second, 5], bodies.template.faces, names=names
+    )
+    figure.set_size_inches(9, 5)
+    save(figure, "differences", dpi=100)
 
 
 def path_and_mean(bodies, space, people) -> None:
@@ -182,29 +173,23 @@ def path_and_mean(bodies, space, people) -> None:
 
 
 def scan() -> None:
-    """Draw a scan with holes beside the body that is registered to it."""
+    """Draw a scan with holes, the body that is registered to it, and their distances."""
     bodies = rh.datasets.load_open_bodies("coarse")
-    surface, faces = bodies[57], bodies.template.faces
-    found = rh.registration.simulated_scan(surface, faces, rng=3, n_points=12000, missing=0.12)
-    body = rh.registration.ScanRegistration(bodies.model).solve(found.surface).points
-    middle = body.mean(axis=0)
-    turn, *_ = np.linalg.lstsq(body - middle, surface - surface.mean(axis=0), rcond=None)
-    points = (found.points - middle) @ turn
-    figure, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-    axes[0].scatter(points[:, 0], points[:, 1], c=points[:, 2], s=1, cmap="copper")
-    axes[0].set_aspect("equal")
-    axes[0].set_axis_off()
-    rh.plots.plot_body((body - middle) @ turn, faces, ax=axes[1])
-    save(figure, "scan")
+    found = rh.registration.simulated_scan(
+        bodies[57], bodies.template.faces, rng=3, n_points=12000, missing=0.12
+    )
+    result = rh.registration.ScanRegistration(bodies.model).solve(found.surface)
+    figure = rh.plots.plot_scan(rh.registration.lay_over_body(result))
+    save(figure, "scan", dpi=100)
 
 
 def measurement_lines(bodies) -> None:
-    """Draw a person in the standard pose with every tape."""
-    own = rh.measurements.Measurements(bodies.model)
-    straight = rh.measurements.in_standard_pose(own.definitions, bodies[25])
-    lines = own.lines(straight, axes="space")
-    figure = rh.plots.plot_measurement_lines(straight, bodies.template.faces, lines)
-    save(figure, "measurement_lines")
+    """Draw a person in the standard pose with all girths, and their values."""
+    every = rh.measurements.Measurements(bodies.model)
+    girths = rh.measurements.Measurements(
+        bodies.model, [name for name in every.names if "girth" in name]
+    )
+    save(rh.plots.plot_measurements(girths, bodies[25]), "measurement_lines", dpi=100)
 
 
 def motions() -> None:
