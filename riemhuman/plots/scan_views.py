@@ -219,7 +219,7 @@ def plot_scan(
     """
     end = _colour_end(over) if limit is None else limit
     pictures, window = _pictures(over, end, height, view)
-    figure = new_figure(3 * 4.6 * window.width / window.height + 1.2, 5.0)
+    figure = new_figure(3 * 4.6 * window.width / window.height + 1.2, 5.2)
     axes = figure.subplots(1, 3)
     gaps = 1000 * np.abs(over.distances[~over.background])
     titles = {
@@ -230,7 +230,7 @@ def plot_scan(
     for ax, (name, picture) in zip(axes, pictures.items(), strict=True):
         ax.imshow(picture, interpolation="antialiased")
         ax.set_axis_off()
-        ax.set_title(titles[name], fontsize=10)
+        ax.set_title(titles[name], fontsize=10, pad=8)
     if not over.seen.all():
         axes[1].text(
             0.5, -0.01, "blue-grey: not seen", transform=axes[1].transAxes, ha="center", va="top",

@@ -12,23 +12,27 @@ from scipy.spatial.transform import Rotation
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._scan_preparation import thin_points
 from riemhuman.registration.registered_scans import apply_transform
+from riemhuman.surfaces.nearest_points import nearest_points
 
 # Points of the scan that are placed roughly, and then precisely.
 _N_ROUGH, _N_PRECISE = 300, 2000
 _N_TURNS = 12  # about each of the directions that may point up
 # Starts that go on after these many steps by closest points, and steps by tangent planes.
 _ROUNDS = ((4, 12), (10, 4))
-_PRECISE_STEPS = 15
+_PRECISE_STEPS, _SURFACE_STEPS, _SMALLEST_STEP = 15, 20, 1e-5
 _KEPT = 0.8  # share of the points, the nearest ones, that a step is computed from
-_IN_PLACE_METRES = 0.02  # median distance of a scan that needs no motion
+# Median distance of a scan that is in place or nearly so, and the share of it below which a motion
+# is no correction of the body's own errors.
+_IN_PLACE_METRES, _BETTER = 0.02, 0.8
 
 
 def motion_onto_body(scan: ndarray, points: ndarray, faces: ndarray) -> ndarray:
     """Return the rigid motion, shape (4, 4), of a scan's points, (N, 3), onto its body, (V, 3).
 
-    The identity if the scan is there already; otherwise the best of iterated closest points from
-    76 starts (Besl and McKay, "A method for registration of 3-D shapes", IEEE PAMI 1992), the last
-    steps by distances from tangent planes (Chen and Medioni, Image and Vision Computing 1992).
+    The identity if the scan is there already, or a small motion if it almost is; otherwise the best
+    of iterated closest points from 76 starts (Besl and McKay, "A method for registration of 3-D
+    shapes", IEEE PAMI 1992), the last steps by distances from tangent planes (Chen and Medioni,
+    Image and Vision Computing 1992).
     """
     rng = np.random.default_rng(0)
     few, many = (scan[thin_points(scan, count, rng)] for count in (_N_ROUGH, _N_PRECISE))
@@ -37,7 +41,12 @@ def motion_onto_body(scan: ndarray, points: ndarray, faces: ndarray) -> ndarray:
     across = np.concatenate([normals, normals[faces].mean(axis=1)])
     tree = cKDTree(samples)
     if np.median(tree.query(few)[0]) < _IN_PLACE_METRES:
-        return np.eye(4)
+        improved = _on_surface(np.eye(4), many, points, faces)
+        before, after = (
+            np.median(nearest_points(apply_transform(motion, many), points, faces)[1])
+            for motion in (np.eye(4), improved)
+        )
+        return improved if after < _BETTER * before else np.eye(4)
     centre, goal = np.median(few, axis=0), np.median(samples, axis=0)
     motions = [_about(rotation, centre, goal) for rotation in _start_rotations(few, samples)]
     for n_steps, n_kept in _ROUNDS:
@@ -45,7 +54,8 @@ def motion_onto_body(scan: ndarray, points: ndarray, faces: ndarray) -> ndarray:
         ends.sort(key=lambda end: end[0])
         motions = [motion for _, motion in ends[:n_kept]]
     refined = [_precise(motion, many, samples, across, tree) for motion in motions]
-    return min(refined, key=lambda end: end[0])[1]
+    best = min(refined, key=lambda end: end[0])[1]
+    return _on_surface(best, many, points, faces)
 
 
 def _start_rotations(scan: ndarray, samples: ndarray) -> list[ndarray]:
@@ -96,17 +106,39 @@ def _precise(
     for _ in range(_PRECISE_STEPS):
         moved = apply_transform(motion, scan)
         distances, nearest = tree.query(moved)
-        kept = distances <= np.quantile(distances, _KEPT)
-        starts, normals = moved[kept], across[nearest[kept]]
-        middle = starts.mean(axis=0)
-        slopes = np.concatenate([np.cross(starts - middle, normals), normals], axis=1)
-        gaps = np.einsum("nx,nx->n", samples[nearest[kept]] - starts, normals)
-        step, *_ = np.linalg.lstsq(slopes, gaps, rcond=None)
-        turn = Rotation.from_rotvec(step[:3]).as_matrix()
-        motion = _about(turn, middle, middle + step[3:]) @ motion
-        if np.abs(step).max() < 1e-5:
+        step = _step_to_planes(moved, samples[nearest], across[nearest], distances)
+        motion = step @ motion
+        if np.abs(step - np.eye(4)).max() < _SMALLEST_STEP:
             break
     return _mean_distance(motion, scan, tree), motion
+
+
+def _on_surface(motion: ndarray, scan: ndarray, points: ndarray, faces: ndarray) -> ndarray:
+    """Return a motion improved by distances from the surface itself."""
+    normals = vertex_normals(points, faces)
+    for _ in range(_SURFACE_STEPS):
+        moved = apply_transform(motion, scan)
+        places, distances = nearest_points(moved, points, faces)
+        corners, shares = faces[places.triangles], places.barycentric[:, :, np.newaxis]
+        ends = (shares * points[corners]).sum(axis=1)
+        across = (shares * normals[corners]).sum(axis=1)
+        step = _step_to_planes(moved, ends, across, distances)
+        motion = step @ motion
+        if np.abs(step - np.eye(4)).max() < _SMALLEST_STEP:
+            break
+    return motion
+
+
+def _step_to_planes(starts: ndarray, ends: ndarray, across: ndarray, distances: ndarray) -> ndarray:
+    """Return the small motion of the nearer points that brings them nearest to planes."""
+    kept = distances <= np.quantile(distances, _KEPT)
+    moved, normals = starts[kept], across[kept]
+    middle = moved.mean(axis=0)
+    slopes = np.concatenate([np.cross(moved - middle, normals), normals], axis=1)
+    gaps = np.einsum("nx,nx->n", ends[kept] - moved, normals)
+    step, *_ = np.linalg.lstsq(slopes, gaps, rcond=None)
+    turn = Rotation.from_rotvec(step[:3]).as_matrix()
+    return _about(turn, middle, middle + step[3:])
 
 
 def _mean_distance(motion: ndarray, scan: ndarray, tree: cKDTree) -> float:

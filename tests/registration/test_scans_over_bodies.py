@@ -34,6 +34,15 @@ def test_a_scan_in_other_axes_and_millimetres_is_moved_onto_its_body(scan, rotat
     assert np.mean(found.seen != there.seen) < 0.05
 
 
+def test_a_scan_that_is_almost_in_place_is_moved_and_one_in_place_is_not(scan):
+    placed = lay_over_body(scan.points, BODY, FACES).scan_points
+    there = lay_over_body(placed, BODY, FACES)
+    aside = lay_over_body(placed + [0.004, 0.003, -0.003], BODY, FACES)
+    assert np.array_equal(there.scan_points, placed)
+    near = np.median(np.abs(there.distances))
+    assert np.median(np.abs(aside.distances)) < 1.2 * near
+
+
 @pytest.mark.parametrize("metres", [0.004, -0.004])
 def test_distances_are_positive_outside_and_negative_inside(metres):
     surface = BODY + metres * vertex_normals(BODY, FACES)
