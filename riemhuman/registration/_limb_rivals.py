@@ -183,13 +183,13 @@ def _arm_elsewhere(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> l
         ]
     starts = [*swings, *shifts]
     displaced = _displaced_in_rivals(body, limb, starts, settings.least_margin, settings)
-    by_swings, by_shifts = displaced[: len(swings)], displaced[len(swings) :]
-    elsewhere = f"{arm.side} arm: {_EQUAL}, in which the elbow points elsewhere"
-    across = f"{arm.side} arm: {_EQUAL}, in which the hand is on the other side of what it touches"
-    return [
-        *_doubts_about(body, vertices[by_swings.any(axis=0)], elsewhere),
-        *_doubts_about(body, vertices[by_shifts.any(axis=0)], across),
-    ]
+    by_swings, by_shifts = (
+        rows.any(axis=0) for rows in (displaced[: len(swings)], displaced[len(swings) :])
+    )
+    ways = ["the elbow points elsewhere"] * bool(by_swings.any())
+    ways += ["the hand is on the other side of what it touches"] * bool(by_shifts.any())
+    reason = f"{arm.side} arm: {_EQUAL}, in which {' or '.join(ways)}"
+    return _doubts_about(body, vertices[by_swings | by_shifts], reason)
 
 
 def find_contact(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> np.ndarray | None:
