@@ -183,17 +183,24 @@ def _info(options: argparse.Namespace) -> cli.Answer:
 
 
 def _with_units(facts: dict[str, Any]) -> dict[str, Any]:
-    """Return facts for people: the sizes of a mesh in the unit that they suggest."""
+    """Return facts for people: the sizes of a mesh or scan with the unit that they suggest."""
+    if "extents" in facts and "unit" in facts:  # of points, which are read in metres
+        unit = f"{facts['unit']}, by its size"
+        return facts | {"extents": f"{_lengths(facts['extents'])} m", "unit": unit}
     if "unit_guess" not in facts:
         return facts
     guess = facts["unit_guess"]
     unit = SHORT_UNITS.get(guess, "units")
     said = facts | {"unit_guess": f"{guess}; the file names none"}
-    said["extents"] = f"{', '.join(f'{length:.8g}' for length in facts['extents'])} {unit}"
-    said["area"] = f"{facts['area']:.8g} {unit}²"
+    said["extents"] = f"{_lengths(facts['extents'])} {unit}"
+    said["area"] = f"{facts['area']:.4g} {unit}²"
     if facts["volume"] is not None:
-        said["volume"] = f"{facts['volume']:.8g} {unit}³"
+        said["volume"] = f"{facts['volume']:.4g} {unit}³"
     return said
+
+
+def _lengths(lengths: Sequence[float]) -> str:
+    return ", ".join(f"{length:.4g}" for length in lengths)
 
 
 def _facts(file: Path) -> dict[str, Any]:
@@ -234,6 +241,7 @@ def _scan_facts(file: Path) -> dict[str, Any]:
         "points": len(scan),
         "normals": scan.normals is not None,
         "extents": np.ptp(scan.points, axis=0),
+        "unit": scan.unit,
         "next": inputs.advice(file),
     }
 

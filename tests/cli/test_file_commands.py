@@ -253,6 +253,11 @@ def test_sizes_of_meshes_have_units(run, scans, bodies, tmp_path):
     assert re.search(r"^area .* m²$", said, re.MULTILINE)
     assert re.search(r"^volume .* m³$", said, re.MULTILINE)
     assert re.search(r"^unit guess +metres; the file names none$", said, re.MULTILINE)
+    assert max(len(number) for number in re.findall(r"\d\.\d+", said)) <= 7
+    np.save(tmp_path / "points.npy", 1000.0 * bodies.points[0])
+    said = run("info", tmp_path / "points.npy").out
+    assert re.search(r"^extents +[\d., ]+ m$", said, re.MULTILINE)
+    assert re.search(r"^unit +millimetres, by its size$", said, re.MULTILINE)
     save_mesh(tmp_path / "speck.ply", 1e-4 * bodies.points[0], bodies.template.faces)
     said = run("info", tmp_path / "speck.ply").out
     assert re.search(r"^area .* units²$", said, re.MULTILINE)
