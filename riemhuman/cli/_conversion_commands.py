@@ -11,7 +11,6 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.errors import ArgumentError
-from riemhuman.io.files import format_errors
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -95,6 +94,8 @@ def _target(parser: argparse.ArgumentParser) -> None:
     ),
 )
 def _convert(options: argparse.Namespace) -> cli.Answer:
+    from riemhuman.io.files import format_errors
+
     source: Path = options.source
     is_motion = options.faces is None and source.suffix.lower() not in _MESHES
     with options.task("Converting"):

@@ -14,12 +14,13 @@ import numpy as np
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, real_number, refuse_type
 from riemhuman.datasets._motion_files import SAVED_FIELDS, SAVED_REST
-from riemhuman.datasets.motions import ArrayMotion, ModelMotion, Motions
+from riemhuman.datasets.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
 from riemhuman.io.files import convert_errors, file_path, format_errors
+from riemhuman.io.kinds_of_files import YES, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.retargeting.body_size import model_of_size
 from riemhuman.retargeting.joint_names import model_joints
@@ -91,6 +92,15 @@ class AmassMotion(ModelMotion):
         return upright_parameters(self.model, self.betas, pose, translations, self.up)
 
 
+@reads(
+    "AMASS",
+    "datasets.load_amass",
+    (".npz",),
+    registered=YES,
+    measured=YES,
+    is_motion=True,
+    written=WRITTEN_MOTIONS,
+)
 def load_amass(
     path: str | os.PathLike[str],
     model: BodyModel | Mapping[str, BodyModel] | None = None,

@@ -28,6 +28,7 @@ from riemhuman.datasets.registered_meshes import (
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FrameIndexError
 from riemhuman.io import save_glb
 from riemhuman.io.files import file_path, natural_key, suffix_of
+from riemhuman.io.kinds_of_files import BY_MAP, YES, reads
 from riemhuman.io.meshes import save_mesh
 from riemhuman.io.outputs import atomic_folder
 from riemhuman.kernels.threads import slices
@@ -305,6 +306,15 @@ class MeshMotion(Motion):
         return np.stack([self._meshes[number] for number in numbers])
 
 
+@reads(
+    "a folder of folders of meshes, one a motion",
+    "datasets.load_mesh_motions",
+    MESH_ENDINGS,
+    registered=YES,
+    measured=BY_MAP,
+    is_motion=True,
+    written=(".glb",),
+)
 def load_mesh_motions(
     folder: str | os.PathLike[str],
     frames_per_second: float = 60.0,

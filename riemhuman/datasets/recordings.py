@@ -22,12 +22,13 @@ from riemhuman.datasets.amc import load_amc
 from riemhuman.datasets.bvh import load_bvh
 from riemhuman.datasets.markers import load_c3d, load_trc
 from riemhuman.datasets.motion_arrays import motion_from_arrays, one_person, warn_of_varying_betas
-from riemhuman.datasets.motions import ArrayMotion, ModelMotion
+from riemhuman.datasets.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
 from riemhuman.datasets.retargeting import retarget
 from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import array_shapes, load_arrays
 from riemhuman.io.files import file_path, format_errors, suffix_of
+from riemhuman.io.kinds_of_files import YES, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.pickles import load_pickled_tree
 from riemhuman.io.torch_files import load_torch_tree
@@ -171,6 +172,15 @@ def _leaves(content: Any, depth: int = 0) -> set[str]:
 
 
 # More than eight arguments: each keyword states a fact that some kind of file leaves open.
+@reads(
+    "skeletons, markers, and people in videos",
+    "datasets.load_recording",
+    RECORDING_ENDINGS,
+    registered=YES,
+    measured=YES,
+    is_motion=True,
+    written=WRITTEN_MOTIONS,
+)
 def load_recording(
     path: str | os.PathLike[str],
     model: BodyModel | None = None,

@@ -6,6 +6,7 @@ killed process leaves whole files, and two processes may share the folder of a j
 
 from riemhuman.io._gltf import save_glb
 from riemhuman.io.arrays import load_array, load_arrays, save_arrays
+from riemhuman.io.kinds_of_files import FileKind, file_kinds, reads
 from riemhuman.io.mesh_seams import Seams, find_seams
 from riemhuman.io.meshes import (
     as_arrays,
@@ -20,8 +21,10 @@ from riemhuman.io.meshes import (
 from riemhuman.io.pickles import load_pickled_arrays
 
 __all__ = [
+    "FileKind",
     "Seams",
     "as_arrays",
+    "file_kinds",
     "find_seams",
     "is_registered_scan",
     "load_array",
@@ -30,6 +33,7 @@ __all__ = [
     "load_pickled_arrays",
     "load_points",
     "load_trusted",
+    "reads",
     "save_arrays",
     "save_glb",
     "save_mesh",

@@ -30,6 +30,7 @@ from riemhuman.io.files import (
     suffix_of,
     write_bytes,
 )
+from riemhuman.io.kinds_of_files import AFTER, BY_MAP, reads
 from riemhuman.io.mesh_arrays import check_mesh, split_polygons
 from riemhuman.io.mesh_seams import check_seams, find_seams
 from riemhuman.optional import import_optional
@@ -367,3 +368,12 @@ WRITTEN_SUFFIXES = (*_WRITERS,)
 
 POINT_SUFFIXES = (*_READERS, ".xyz", ".npy")
 """Suffixes of the files that `load_points` reads."""
+
+reads(
+    "a mesh of SMPL, SMPL-X, MHR, Anny or another topology",
+    "load_mesh",
+    MESH_SUFFIXES,
+    registered=BY_MAP,
+    measured=AFTER,
+    written=WRITTEN_SUFFIXES,
+)(load_mesh)
