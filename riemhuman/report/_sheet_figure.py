@@ -174,7 +174,7 @@ def _group(
         side.text(x, y, row.title, size=8.6, color=_INK)
         side.rule(y + 1.5, x, x + _COLUMN)
         if row.why:
-            side.text(ends["percentile"], y, "not seen", size=8.0, align="right")
+            side.text(ends["percentile"], y, "not measured", size=8.0, align="right")
             continue
         unit = "" if row.unit == content.length_unit else f" {row.unit}"
         side.text(ends["value"], y, row.value + unit, size=8.6, color=_INK, weight="bold",
@@ -277,7 +277,7 @@ def _all_rows(side: _Side, y: float, rows: Sequence[RowText]) -> float:
         x = _LEFT + (number // n_lines) * (width + 5.0)
         at = y + (number % n_lines + 1) * step + 1.0
         side.text(x, at, textwrap.shorten(row.title, 30, placeholder="…"), size=size, color=_INK)
-        value = "not seen" if row.why else f"{row.value} {row.unit}"
+        value = "not measured" if row.why else f"{row.value} {row.unit}"
         ends = ((value, width - 13.0), ("" if row.why else row.uncertainty, width - 6.0))
         for text, end in (*ends, ("" if row.why else row.percentile, width)):
             side.text(x + end, at, text, size=size, color=_INK, align="right")
