@@ -110,6 +110,7 @@ def test_a_page_looks_as_it_did(browser, saved, name, window):
     assert browser.console() == []
 
 
+@pytest.mark.slow
 def test_a_page_that_looks_otherwise_is_found(browser, saved):
     """Without the body, the scan's page differs by more than is allowed."""
     hide = "document.querySelector('.viewer').viewer.bodies()[0].holder.visible = false;"

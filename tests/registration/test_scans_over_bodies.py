@@ -20,6 +20,7 @@ def scan():
     return simulated_scan(BODY, FACES, rng=3, n_points=6000, missing=0.12)
 
 
+@pytest.mark.everyday("z up")
 @pytest.mark.parametrize(
     "rotation",
     [Rotation.identity(), Rotation.from_euler("x", 90, degrees=True), Rotation.random(rng=5)],
@@ -52,6 +53,7 @@ def test_distances_are_positive_outside_and_negative_inside(metres):
     assert found.seen.all()
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_not_seen(scan):
     found = lay_over_body(scan.points, BODY, FACES)
     without_head = scan.points[scan.points[:, 1] < BODY[:, 1].max() - 0.25]
@@ -72,6 +74,7 @@ def test_thinned_meshes_keep_their_form():
     assert over.thinned(5000) is over
 
 
+@pytest.mark.slow  # the command's test is an everyday one
 def test_a_scan_of_something_else_is_refused():
     points = np.random.default_rng(0).uniform(-0.9, 0.9, (2000, 3))
     with pytest.raises(ArgumentError, match="half of its points are more than"):
