@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from riemhuman.checks import real_array, real_number
 from riemhuman.errors import FileFormatError
 
 SMPL_ENDING = ".smpl"
@@ -45,15 +46,19 @@ def fields_of_smpl(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     count = _number(arrays, "frameCount", 1)
     if count < 1:
         raise FileFormatError(f"frameCount must be at least 1; found {count}")
+    if count > 1 and not {"bodyPose", "bodyTranslation"} & arrays.keys():
+        raise FileFormatError(f"holds neither bodyPose nor bodyTranslation, but frameCount {count}")
     parts = [_frames(arrays, name, (count, size, 3)) for name, size in _PARTS[int(version)].items()]
-    rate = arrays.get("frameRate", np.array(_DEFAULT_RATE))
+    given = arrays.get("frameRate", np.array(_DEFAULT_RATE))
+    value = given.item() if given.size == 1 else given
+    rate = real_number(value, "frameRate", minimum=0.0, strict=True)
     fields = {
         "poses": np.concatenate(parts, axis=1),
         "trans": _frames(arrays, "bodyTranslation", (count, 3)),
-        "fps": rate,
+        "fps": np.array(rate),
     }
     if "shapeParameters" in arrays:
-        fields["betas"] = arrays["shapeParameters"]
+        fields["betas"] = real_array(arrays["shapeParameters"], "shapeParameters")
     return fields
 
 
