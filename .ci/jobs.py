@@ -105,8 +105,10 @@ def nightly(python: str, arguments: list[str]) -> None:
     call(python, "tests/support/fuzz.py", "all", "--count", "1500", "--first", "20000")
     test(python, "-m", "", "-s", "tests", "--ignore", "tests/benchmarks", *arguments)
     test(python, "-m", "", "-s", "tests/benchmarks", "--benchmark-enable", *arguments)
+    call(python, "-m", "pip", "install", "-q", "--no-compile", "cosmic-ray>=8.4")
+    programs = os.pathsep.join([str(Path(python).parent), os.environ["PATH"]])
     for subpackage in ("kernels", "terms", "geometry", "solvers"):
-        call(python, "tests/support/mutations.py", subpackage, "100", "31")
+        call(python, "tests/support/mutations.py", subpackage, "100", "31", PATH=programs)
 
 
 def main() -> None:
