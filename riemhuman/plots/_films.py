@@ -16,6 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_bytes
 from riemhuman.optional import import_optional
+from riemhuman.plots._ground_picture import Ground, over
 from riemhuman.plots.figures import value_colors
 from riemhuman.plots.rendering import View, Window, render, window_around
 from riemhuman.progress import ProgressBar
@@ -31,7 +32,8 @@ _WIDEST = 1920
 _TURN_SECONDS = 4.0  # in which bodies that do not move turn once
 _MOST_LOOKED_AT = 48  # frames of a body by which the picture is framed
 _MOST_BODIES = 8
-_N_COLORS = 128  # of a GIF
+_GROUND = 0.85  # share of the radius of the ground that is always seen
+_N_COLORS = 256  # of a GIF
 _QUALITY = "18"  # of H.264: smaller is better; 18 is hard to tell from the original
 _INK, _PAPER = (60, 66, 74), 255
 
@@ -89,27 +91,30 @@ def save_film(file: Path, film: Film, *, progress: bool) -> None:
 def _pictures(film: Film, height: int, n_pictures: int, rate: int) -> Iterator[Image.Image]:
     """Draw all pictures, one after the other."""
     turns = film.n_frames == 1
-    windows = _windows(film, turns)
+    grounds = [Ground.below(_some_frames(body, turns)) for body in film.bodies]
+    windows = _windows(film, grounds, turns)
     wide = sum(window.width for window in windows) / windows[0].height
     height = 2 * (min(height, int(_WIDEST / wide)) // 2)  # H.264 takes even numbers of pixels
-    colors = [_colors(body) for body in film.bodies]
     for number in range(n_pictures):
         view, share = View(), number / max(n_pictures - 1, 1)
         if turns:
             view, share = View(azimuth=view.azimuth + 360 * number / n_pictures), 0.0
-        parts = [
-            render(
-                film.surface(body, share) - (_middle(body) if turns else 0.0),
-                film.faces,
-                height=height,
-                view=view,
-                window=window,
-                color=color,
+        parts = []
+        for body, ground, window in zip(film.bodies, grounds, windows, strict=True):
+            surface = film.surface(body, share) - (_middle(body) if turns else 0.0)
+            drawn = render(
+                surface, film.faces, height=height, view=view, window=window, color=_colors(body)
             )
-            for body, window, color in zip(film.bodies, windows, colors, strict=True)
-        ]
+            parts.append(over(drawn, ground.picture(surface, view, window, drawn.shape[:2])))
         said = f"{number / rate:.2f} s" if film.frames_per_second is not None else ""
         yield _on_paper(parts, [body.label for body in film.bodies], said)
+
+
+def _some_frames(body: ViewedBody, turns: bool) -> list[ndarray]:
+    """Return frames by which the picture is framed; a body that turns is on its axis."""
+    places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), _MOST_LOOKED_AT))
+    frames = [np.asarray(body.frames[k]) for k in sorted(set(places.round().astype(int).tolist()))]
+    return [frame - _middle(body) for frame in frames] if turns else frames
 
 
 def _middle(body: ViewedBody) -> ndarray:
@@ -119,21 +124,21 @@ def _middle(body: ViewedBody) -> ndarray:
     return middle * [1.0, 0.0, 1.0]
 
 
-def _windows(film: Film, turns: bool) -> list[Window]:
+def _windows(film: Film, grounds: Sequence[Ground], turns: bool) -> list[Window]:
     """Return a window of the same size for each body, which holds it at all times."""
     found = []
-    for body in film.bodies:
-        if turns:
-            surface = np.asarray(body.frames[0]) - _middle(body)
-            views = [View(azimuth=azimuth) for azimuth in range(0, 360, 15)]
-            boxes = [window_around(surface, view) for view in views]
-        else:
-            places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), _MOST_LOOKED_AT))
-            numbers = sorted(set(places.round().astype(int).tolist()))
-            boxes = [window_around(np.asarray(body.frames[k]), View()) for k in numbers]
+    for body, ground in zip(film.bodies, grounds, strict=True):
+        views = [View(azimuth=azimuth) for azimuth in range(0, 360, 15)] if turns else [View()]
+        frames = _some_frames(body, turns)
+        boxes = [window_around(frame, view) for view in views for frame in frames]
         centres = np.array([box.centre for box in boxes])
         halves = np.array([(box.width, box.height) for box in boxes]) / 2
-        found.append(((centres - halves).min(axis=0), (centres + halves).max(axis=0)))
+        low, high = (centres - halves).min(axis=0), (centres + halves).max(axis=0)
+        # Most of the ground, whose grid fades outwards.
+        middle = float(View().rotate(ground.middle)[0])
+        low[0] = min(low[0], middle - _GROUND * ground.radius)
+        high[0] = max(high[0], middle + _GROUND * ground.radius)
+        found.append((low, high))
     width, height = np.max([high - low for low, high in found], axis=0)
     # All stand on one floor, above the line of the names.
     below, height = 0.08 * height, 1.08 * height
@@ -156,7 +161,7 @@ def _colors(body: ViewedBody) -> ArrayLike:
 def _on_paper(parts: Sequence[ndarray], labels: Sequence[str], said: str) -> Image.Image:
     """Return pictures side by side on white, each with its label below, and the time."""
     row = np.concatenate(parts, axis=1)
-    row = row[:, : 2 * (row.shape[1] // 2)].astype(float)
+    row = row[:, : 2 * (row.shape[1] // 2)]
     opacity = row[..., 3:] / 255
     flat = np.round(row[..., :3] * opacity + _PAPER * (1 - opacity)).astype(np.uint8)
     picture = Image.fromarray(flat)

@@ -39,7 +39,7 @@ def test_a_body_that_does_not_move_turns_once(turning):
     dark = [(frame.min(axis=-1) < 235).mean() for frame in frames]
     assert min(dark) > 0.05
     # From the side a body is narrower than from the front; after half a turn it is as wide again.
-    widths = [(frame[:370] < 235).all(axis=-1).any(axis=0).sum() for frame in frames]
+    widths = [(frame[:300] < 235).all(axis=-1).any(axis=0).sum() for frame in frames]
     assert widths[15] < 0.85 * widths[75]
     assert widths[35] == pytest.approx(widths[75], abs=4)
 
@@ -47,8 +47,19 @@ def test_a_body_that_does_not_move_turns_once(turning):
 def test_nothing_is_cut_off(turning):
     frames, _ = turning
     for frame in frames:
-        border = np.concatenate([frame[0], frame[:, 0], frame[:, -1]])
+        border = np.concatenate([frame[0], frame[:300, 0], frame[:300, -1]])
         assert border.min() > 230
+
+
+def test_bodies_stand_on_a_ground_with_their_shadow(turning):
+    """The film's ground is that of the page: below the feet, darkest there, turning with them."""
+    frames, _ = turning
+    for frame in frames[::20]:
+        light = frame.max(axis=-1)
+        ground = light[340:385]
+        assert (ground < 250).mean() > 0.2
+        assert ground.min() < 180
+    assert np.abs(frames[0] - frames[5])[370:385].max() > 10
 
 
 def test_recordings_keep_their_pace_and_the_shorter_one_waits(tmp_path):

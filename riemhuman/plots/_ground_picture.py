@@ -1,0 +1,108 @@
+"""The ground below a body in films: the grid and the shadow of the page, see viewer_ground.js."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+from scipy.ndimage import uniform_filter
+
+from riemhuman.plots.rendering import View, Window
+
+_CELLS = 96  # of the shadow, in each direction
+# Where feet touch the ground, and what the body keeps from the sky: height as a share of that of
+# the body, cells that a mean is taken over, and strength.
+_LAYERS = ((0.025, 3, 0.9), (0.3, 15, 0.55))
+_DARKEST = 0.62
+_SPACING = 0.25  # metres between lines; every fourth is stronger
+_INK = np.array([59.0, 70.0, 82.0])
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A disc below a body: its middle on the ground, the radius, and the height of the body."""
+
+    middle: ndarray
+    radius: float
+    height: float
+
+    @classmethod
+    def below(cls, frames: list[ndarray]) -> Ground:
+        """Return the ground below a body in some frames, each of shape (V, 3)."""
+        low = np.min([frame.min(axis=0) for frame in frames], axis=0)
+        high = np.max([frame.max(axis=0) for frame in frames], axis=0)
+        middle = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+        around = max(float(np.linalg.norm((f - middle)[:, ::2], axis=1).max()) for f in frames)
+        height = float(high[1] - low[1])
+        return cls(middle, 1.15 * max(around, 0.3 * height), height)
+
+    def picture(
+        self, surface: ndarray, view: View, window: Window, shape: tuple[int, ...]
+    ) -> ndarray:
+        """Return the ground seen in a window, (rows, columns, 4), colours and opacity up to 255."""
+        place, wide = self._seen(view, window, shape)
+        from_middle = np.linalg.norm(place - self.middle[::2], axis=-1) / self.radius
+        fade = 1 - _smooth_step(0.35, 1.0, from_middle)
+        lines = np.maximum(
+            0.22 * _lines(place, wide, _SPACING), 0.42 * _lines(place, wide, 4 * _SPACING)
+        )
+        grid = np.where(from_middle < 1, fade * (0.05 + lines), 0.0)
+        cells = (place - self.middle[::2]) / self.radius * _CELLS / 2 + _CELLS / 2
+        columns, rows = np.moveaxis(cells.astype(int).clip(0, _CELLS - 1), -1, 0)
+        shadow = self._shadow(surface)[columns, rows]
+        dark = _DARKEST * shadow * (1 - _smooth_step(0.6, 1.0, from_middle))
+        opacity = dark + grid * (1 - dark)
+        color = _INK * (grid * (1 - dark) / np.maximum(opacity, 1e-6))[..., None]
+        return np.concatenate([color, 255 * opacity[..., None]], axis=-1)
+
+    def _seen(self, view: View, window: Window, shape: tuple[int, ...]) -> tuple[ndarray, ndarray]:
+        """Return the places x, z on the ground that pixels show, and their change per pixel."""
+        rows, columns = shape
+        pixel = window.height / rows
+        x = window.centre[0] + (np.arange(columns) + 0.5 - columns / 2) * pixel
+        y = window.centre[1] - (np.arange(rows) + 0.5 - rows / 2) * pixel
+        right, up, towards = view.rotate(np.eye(3)).T
+        x, y = np.meshgrid(x, y)
+        depth = (self.middle[1] - y * up[1]) / towards[1]
+        points = x[..., None] * right + y[..., None] * up + depth[..., None] * towards
+        per_row = pixel * np.abs(up - up[1] / towards[1] * towards)
+        return points[..., ::2], (pixel * np.abs(right) + per_row)[::2]
+
+    def _shadow(self, surface: ndarray) -> ndarray:
+        """Return how dark each cell below a surface is, from 0 to 1."""
+        cells = ((surface - self.middle)[:, ::2] / self.radius + 1) * _CELLS / 2
+        above = np.maximum(surface[:, 1] - self.middle[1], 0) / self.height
+        # Each vertex stands for the same share of the surface, about two square metres a body.
+        share = 0.65 * self.height**2 / len(surface) / (2 * self.radius / _CELLS) ** 2
+        light = np.ones((_CELLS, _CELLS))
+        for height, width, strength in _LAYERS:
+            cover, *_ = np.histogram2d(
+                cells[:, 0], cells[:, 1], bins=_CELLS, range=[[0, _CELLS]] * 2,
+                weights=share * np.exp(-above / height),
+            )  # fmt: skip
+            for _ in range(2):
+                cover = uniform_filter(cover, width, mode="constant")
+            light *= 1 - strength * (1 - np.exp(-cover))
+        return np.asarray(1 - light)
+
+
+def _lines(place: ndarray, wide: ndarray, spacing: float) -> ndarray:
+    """Return how much of a line of the grid is in each pixel; close lines become grey."""
+    change = wide / spacing
+    near = np.abs((place / spacing - 0.5) % 1 - 0.5) / change
+    drawn = np.clip(1.2 - near, 0, 1) * np.clip(0.6 / change - 0.5, 0, 1)
+    return np.asarray(drawn.max(axis=-1))
+
+
+def _smooth_step(low: float, high: float, values: ndarray) -> ndarray:
+    share = np.clip((values - low) / (high - low), 0, 1)
+    return np.asarray(share**2 * (3 - 2 * share))
+
+
+def over(front: ndarray, back: ndarray) -> ndarray:
+    """Lay a picture over another, shape (rows, columns, 4), colours and opacity up to 255."""
+    hides, shows = front[..., 3:] / 255, back[..., 3:] / 255 * (1 - front[..., 3:] / 255)
+    opacity = hides + shows
+    color = (front[..., :3] * hides + back[..., :3] * shows) / np.maximum(opacity, 1e-9)
+    return np.concatenate([color, 255 * opacity], axis=-1)
