@@ -239,6 +239,7 @@ def test_fingers_turn_zoom_move_and_frame(browser, opened):
         browser.touch("touchMove", (x + moved, y))
     browser.touch("touchEnd")
     assert state(browser, "yaw") == pytest.approx(before + 0.5, abs=0.2)
+    y = top + (bottom - top) * 0.25  # above the colour bar, whose ends can be dragged
     browser.touch("touchStart", (x - 40, y), (x + 40, y))
     browser.touch("touchMove", (x - 60, y), (x + 60, y))
     browser.touch("touchMove", (x - 80, y + 20), (x + 80, y + 20))
