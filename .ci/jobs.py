@@ -73,7 +73,8 @@ def lower_bounds() -> list[str]:
     config = ConfigParser(interpolation=None)
     config.read("setup.cfg")
     extras = config["options.extras_require"]
-    wanted = {"test", *re.search(r"\[(.*)\]", extras["all"])[1].split(","), "plot", "completion"}
+    wanted = {"test", "plot", "completion", "video"}
+    wanted |= {*re.search(r"\[(.*)\]", extras["all"])[1].split(",")}
     lines = [config["options"]["install_requires"], *(extras[name] for name in sorted(wanted))]
     bounds = re.findall(r"^([\w.-]+)>=([\d.]+)", "\n".join(lines), re.MULTILINE)
     return [f"{name}=={release}" for name, release in bounds]
