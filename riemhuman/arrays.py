@@ -7,7 +7,7 @@ function that is differentiated takes and returns them as it does arrays.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -77,10 +77,8 @@ Callback: TypeAlias = Callable[[int, float, NDArray[np.float64]], object]
 NamedArrays: TypeAlias = Mapping[str, NDArray[np.generic]]
 """Arrays by name, as in .npz files."""
 
-JSONValue: TypeAlias = (
-    "str | int | float | bool | Sequence[JSONValue] | Mapping[str, JSONValue] | None"
-)
-"""A value that JSON can hold."""
+JSONValue: TypeAlias = Any
+"""A value of a document of JSON, whose shape readers check where they use it."""
 
 JSONRecord: TypeAlias = dict[str, JSONValue]
 """An object of JSON, with names for its values."""

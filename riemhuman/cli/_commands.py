@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
+from riemhuman.arrays import JSONRecord, JSONValue
 from riemhuman.errors import ArgumentError, FileError
 from riemhuman.optional import import_matplotlib
 
@@ -26,7 +27,7 @@ FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 class Answer:
     """The answer of a command: lines of text, or values by name, and a record for ``--json``."""
 
-    text: str | Mapping[str, Any] = ""
+    text: str | Mapping[str, JSONValue] = ""
     record: Any = None
     trusted: bool = True
     written: bool = True  # whether to add the places of outputs
@@ -37,7 +38,7 @@ Argument: TypeAlias = Callable[[argparse.ArgumentParser], object]
 
 
 # The texts, arguments and functions of commands; a name of two words is a command of a group.
-COMMANDS: dict[str, tuple[dict[str, Any], Sequence[Argument], Run]] = {}
+COMMANDS: dict[str, tuple[JSONRecord, Sequence[Argument], Run]] = {}
 GROUPS = {
     "motions": (
         "compare, align, average and search motions",
@@ -274,7 +275,7 @@ def _topics_text() -> str:
 
 @cache
 def make_parser(version: str, description: str, epilog: str) -> Parser:
-    style: dict[str, Any] = {
+    style: JSONRecord = {
         "formatter_class": argparse.RawDescriptionHelpFormatter,
         "allow_abbrev": False,
     }

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
+from riemhuman.arrays import JSONRecord
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli._readable_units import SHORT_UNITS
@@ -203,7 +204,7 @@ def _lengths(lengths: Sequence[float]) -> str:
     return ", ".join(f"{length:.4g}" for length in lengths)
 
 
-def _facts(file: Path) -> dict[str, Any]:
+def _facts(file: Path) -> JSONRecord:
     from riemhuman.io.files import suffix_of
     from riemhuman.io.meshes import MESH_SUFFIXES
 
@@ -225,14 +226,14 @@ def _facts(file: Path) -> dict[str, Any]:
     return readers[suffix_of(file, readers)](file)
 
 
-def _mesh_facts(file: Path) -> dict[str, Any]:
+def _mesh_facts(file: Path) -> JSONRecord:
     vertices, faces = rh.load_mesh(file)
     if not len(faces):
         return _scan_facts(file)
     return {"kind": "mesh", **mesh_facts(vertices, faces)}
 
 
-def _scan_facts(file: Path) -> dict[str, Any]:
+def _scan_facts(file: Path) -> JSONRecord:
     import numpy as np
 
     scan = rh.registration.load_scan(file)
@@ -246,7 +247,7 @@ def _scan_facts(file: Path) -> dict[str, Any]:
     }
 
 
-def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
+def mesh_facts(vertices: ndarray, faces: ndarray) -> JSONRecord:
     """Return counts, sizes (in the unit of the file) and defects of a mesh by name."""
     import numpy as np
 
@@ -315,7 +316,7 @@ def _use_as_template(vertices: ndarray, faces: ndarray, seams: rh.io.Seams) -> s
     return "yes"
 
 
-def _folder_facts(folder: Path) -> dict[str, Any]:
+def _folder_facts(folder: Path) -> JSONRecord:
     import numpy as np
 
     try:
@@ -324,7 +325,7 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
         motions = rh.datasets.load_mesh_motions(folder)
         names = [f"{motion.sequence}: {len(motion):,} frames" for motion in motions]
         return {"kind": "folder of motions", "motions": names}
-    facts: dict[str, Any] = {"kind": "folder of meshes", "meshes": len(files)}
+    facts: JSONRecord = {"kind": "folder of meshes", "meshes": len(files)}
     facts |= {"first": files[0].name, "last": files[-1].name}
     try:
         meshes = rh.datasets.RegisteredMeshes(files)
@@ -341,7 +342,7 @@ def _folder_facts(folder: Path) -> dict[str, Any]:
     }
 
 
-def _npz_facts(file: Path) -> dict[str, Any]:
+def _npz_facts(file: Path) -> JSONRecord:
     from riemhuman.io.arrays import array_shapes
 
     every_name, shapes = array_shapes(file, ("path", "faces"))
@@ -384,7 +385,7 @@ def _npz_facts(file: Path) -> dict[str, Any]:
     return _array_facts(file)
 
 
-def _array_facts(file: Path) -> dict[str, Any]:
+def _array_facts(file: Path) -> JSONRecord:
     from riemhuman.io.arrays import first_headers
 
     every_name, headers = first_headers(file, _MOST_LISTED)
@@ -394,7 +395,7 @@ def _array_facts(file: Path) -> dict[str, Any]:
     return facts | ({"others": f"{n_others:,} more arrays"} if n_others else {})
 
 
-def _map_facts(file: Path) -> dict[str, Any]:
+def _map_facts(file: Path) -> JSONRecord:
     from riemhuman.io.arrays import array_shapes
 
     shapes = array_shapes(file, ("template", "registered"))[1]
@@ -404,7 +405,7 @@ def _map_facts(file: Path) -> dict[str, Any]:
     return {"kind": "map between topologies", **counts}
 
 
-def _photograph_facts(file: Path, names: set[str]) -> dict[str, Any]:
+def _photograph_facts(file: Path, names: set[str]) -> JSONRecord:
     from riemhuman.io.arrays import array_shapes
 
     shape = array_shapes(file, ("pred_vertices",))[1]["pred_vertices"]
@@ -422,7 +423,7 @@ def _photograph_facts(file: Path, names: set[str]) -> dict[str, Any]:
     }
 
 
-def _model_facts(file: Path) -> dict[str, Any]:
+def _model_facts(file: Path) -> JSONRecord:
     model = rh.BodyModel.from_file(file)
     contents = rh.bodies.model_contents(file)
     return {
@@ -439,7 +440,7 @@ def _model_facts(file: Path) -> dict[str, Any]:
     }
 
 
-def _measurement_facts(file: Path) -> dict[str, Any]:
+def _measurement_facts(file: Path) -> JSONRecord:
     import json
 
     from riemhuman.io.files import format_errors, read_text
@@ -452,7 +453,7 @@ def _measurement_facts(file: Path) -> dict[str, Any]:
     return {"kind": kind, **sizes, "measurements": names}
 
 
-def _table_facts(file: Path) -> dict[str, Any]:
+def _table_facts(file: Path) -> JSONRecord:
     from riemhuman.io.text_tables import read_rows
 
     _, rows = read_rows(file)
@@ -462,7 +463,7 @@ def _table_facts(file: Path) -> dict[str, Any]:
     return {"kind": kind, "columns": columns, "rows": max(0, len(rows) - 1)}
 
 
-def _hdf5_facts(file: Path) -> dict[str, Any]:
+def _hdf5_facts(file: Path) -> JSONRecord:
     motions = rh.datasets.load_dfaust(file)
     return {
         "kind": "motions of Dynamic FAUST",
@@ -475,7 +476,7 @@ def _hdf5_facts(file: Path) -> dict[str, Any]:
     }
 
 
-def _pickle_facts(file: Path) -> dict[str, Any]:
+def _pickle_facts(file: Path) -> JSONRecord:
     """Return facts of a recording, or if the file holds none, of a body model."""
     try:
         return _recording_facts(file)
@@ -483,7 +484,7 @@ def _pickle_facts(file: Path) -> dict[str, Any]:
         return _model_facts(file)
 
 
-def _recording_facts(file: Path) -> dict[str, Any]:
+def _recording_facts(file: Path) -> JSONRecord:
     times = _times(rh.datasets.load_recording(file))
     return {"kind": "recording of poses", **times, **_fields_of_recording(file)}
 
@@ -496,7 +497,7 @@ def _fields_of_recording(file: Path) -> dict[str, str]:
     }
 
 
-def _skeleton_facts(file: Path) -> dict[str, Any]:
+def _skeleton_facts(file: Path) -> JSONRecord:
     readers: dict[str, Callable[[Path], rh.datasets.SkeletonMotion]] = {
         ".bvh": rh.datasets.load_bvh,
         ".amc": rh.datasets.load_amc,
@@ -512,6 +513,6 @@ def _skeleton_facts(file: Path) -> dict[str, Any]:
     }
 
 
-def _times(motion: Any) -> dict[str, Any]:
+def _times(motion: Any) -> JSONRecord:
     rate = motion.frames_per_second
     return {"frames": len(motion), "frames_per_second": rate, "seconds": len(motion) / rate}

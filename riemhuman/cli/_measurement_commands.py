@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
+from riemhuman.arrays import JSONRecord
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
@@ -88,7 +89,7 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
 
 def _missing(
     files: Sequence[Path], result: BodySizes | VisitComparison
-) -> tuple[list[dict[str, Any]], list[str]]:
+) -> tuple[list[JSONRecord], list[str]]:
     """Return what was not measured and why, as records and in words."""
     missing, said = [], []
     for (number, name), reason in result.why_missing.items():

@@ -15,6 +15,7 @@ from dataclasses import is_dataclass
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from riemhuman.arrays import JSONRecord
 from riemhuman.cli._commands import Answer
 from riemhuman.errors import ConvergenceWarning
 
@@ -72,7 +73,7 @@ def _readable(value: Any) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
-def solved(result: Result, text: dict[str, Any], **record: object) -> Answer:
+def solved(result: Result, text: JSONRecord, **record: object) -> Answer:
     """Return the answer of a solver, with whether and how it has converged."""
     iterations = "iteration" if result.n_iterations == 1 else "iterations"
     said = f"{'yes' if result.converged else 'no'}, after {result.n_iterations} {iterations}"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import JSONRecord
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import class_indices, distance_matrix, real_array
 from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError
@@ -84,7 +85,7 @@ class Bodies:
         points = real_array(
             self.points, "points", ("n_bodies", self.template.n_vertices, 3), batched=False
         )
-        values: dict[str, Any] = {"points": points}
+        values: JSONRecord = {"points": points}
         for name in ("subject", "pose"):
             labels = class_indices(getattr(self, name), name, len(points))
             names = tuple(str(label) for label in getattr(self, f"{name}_names"))
@@ -241,7 +242,7 @@ class Bodies:
             )
         with format_errors(file_path(path), "a file of bodies"):
             template = Template(arrays["template_vertices"], arrays["template_faces"])
-            values: dict[str, Any] = {name: arrays[name] for name in _STORED if name in arrays}
+            values: JSONRecord = {name: arrays[name] for name in _STORED if name in arrays}
             values |= {name: tuple(arrays[name].tolist()) for name in _NAMES if name in arrays}
             return cls(template=template, **values)
 
@@ -259,7 +260,7 @@ class Bodies:
 
     def _choose(self, numbers: np.ndarray) -> Bodies:
         stored = {name: getattr(self, name) for name in _STORED}
-        chosen: dict[str, Any] = {
+        chosen: JSONRecord = {
             name: value[numbers] for name, value in stored.items() if value is not None
         }
         return replace(self, **chosen, ids=tuple(self.ids[number] for number in numbers))

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import JSONRecord
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
@@ -37,9 +38,9 @@ DATA = Path(__file__).parent / "data"
 
 
 @cache
-def read_table(name: str) -> dict[str, Any]:
+def read_table(name: str) -> JSONRecord:
     """Return a table of people, poses or motions of the open data sets."""
-    table: dict[str, Any] = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
+    table: JSONRecord = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
     return table
 
 

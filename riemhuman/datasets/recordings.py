@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import JSONRecord, JSONValue
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets._smpl_files import FIELDS_USED, SMPL_ENDING, fields_of_smpl
 from riemhuman.datasets.amass import FIELDS_READ, load_amass
@@ -385,9 +386,9 @@ def _people(content: Any, name: str, depth: int = 0) -> Iterator[_Person]:
             yield from _people(value, label, depth + 1)
 
 
-def _people_by_frame(content: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
+def _people_by_frame(content: Mapping[str, JSONValue]) -> dict[str, list[JSONRecord]]:
     """Return the fields of each person in each frame, where the keys are frames of a video."""
-    people: dict[str, list[dict[str, Any]]] = {}
+    people: dict[str, list[JSONRecord]] = {}
     for frame in content.values():
         if not isinstance(frame, dict):
             return {}
@@ -406,7 +407,7 @@ def _people_by_frame(content: Mapping[str, Any]) -> dict[str, list[dict[str, Any
     return people
 
 
-def _is_one_frame(body: Mapping[str, Any]) -> bool:
+def _is_one_frame(body: Mapping[str, JSONValue]) -> bool:
     """Return whether these fields are of a single frame."""
     root = _first(body, _ROOT_POSES)
     whole = _first(body, _WHOLE_POSES)
@@ -415,7 +416,7 @@ def _is_one_frame(body: Mapping[str, Any]) -> bool:
     return whole is not None and (whole.ndim == 1 or len(whole) == 1 or whole.shape[1:] == (3, 3))
 
 
-def _stacked(frames: list[dict[str, Any]]) -> dict[str, Any]:
+def _stacked(frames: list[JSONRecord]) -> JSONRecord:
     """Return the fields of all frames, each an array over the frames."""
     shared = set(frames[0]).intersection(*frames[1:])
     stacked = {}
@@ -426,7 +427,7 @@ def _stacked(frames: list[dict[str, Any]]) -> dict[str, Any]:
     return stacked
 
 
-def _person(content: Mapping[str, Any], name: str) -> _Person | None:
+def _person(content: Mapping[str, JSONValue], name: str) -> _Person | None:
     """Return the person whose poses and translations are among these fields."""
     poses, translations = _poses(content), _first(content, _TRANSLATIONS)
     if poses is None or translations is None or not len(poses):
@@ -456,7 +457,7 @@ def _person(content: Mapping[str, Any], name: str) -> _Person | None:
     return _Person(name, poses, translations, betas, known, used)
 
 
-def _poses(content: Mapping[str, Any]) -> np.ndarray | None:
+def _poses(content: Mapping[str, JSONValue]) -> np.ndarray | None:
     """Return poses as axis-angle vectors, shape (n_frames, J, 3), if these fields hold them."""
     whole = _vectors(_first(content, _WHOLE_POSES))
     if whole is not None:
@@ -482,13 +483,13 @@ def _vectors(array: np.ndarray | None) -> np.ndarray | None:
     return array.reshape(len(array), -1, 3).astype(float)
 
 
-def _first(content: Mapping[str, Any], names: tuple[str, ...]) -> np.ndarray | None:
+def _first(content: Mapping[str, JSONValue], names: tuple[str, ...]) -> np.ndarray | None:
     """Return the first of some fields that holds numbers."""
     name = _first_name(content, names)
     return None if name is None else np.asarray(content[name])
 
 
-def _first_name(content: Mapping[str, Any], names: tuple[str, ...]) -> str | None:
+def _first_name(content: Mapping[str, JSONValue], names: tuple[str, ...]) -> str | None:
     """Return the name of the first of some fields that holds numbers."""
     for name in names:
         value = content.get(name)

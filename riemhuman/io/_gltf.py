@@ -10,11 +10,11 @@ from __future__ import annotations
 import json
 import os
 import struct
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import JSONRecord
 from riemhuman.checks import real_array, real_number, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes
@@ -99,13 +99,13 @@ def _glb(points: np.ndarray, triangles: np.ndarray, seconds: float, name: str) -
     n_times, n_vertices = points.shape[:2]
     # glTF reserves the largest number of each type for restarting strips.
     index_type = "<u2" if n_vertices < 65535 else "<u4"
-    primitive: dict[str, Any] = {
+    primitive: JSONRecord = {
         "attributes": {"POSITION": add(positions[0]), "NORMAL": add(normals[0])},
         "indices": add(triangles.astype(index_type).ravel()),
         "material": 0,
     }
-    mesh: dict[str, Any] = {"name": name, "primitives": [primitive]}
-    document: dict[str, Any] = {
+    mesh: JSONRecord = {"name": name, "primitives": [primitive]}
+    document: JSONRecord = {
         "asset": {"version": "2.0", "generator": "riemhuman"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
@@ -141,11 +141,11 @@ def _offset(points: np.ndarray) -> list[float]:
     return np.round(0.5 * (low + high)).tolist()
 
 
-def _describe_arrays(arrays: list[np.ndarray], document: dict[str, Any]) -> bytes:
+def _describe_arrays(arrays: list[np.ndarray], document: JSONRecord) -> bytes:
     """Return arrays as the binary part of a file, and write their layout into its document."""
     binary = bytearray()
-    views: list[dict[str, Any]] = []
-    accessors: list[dict[str, Any]] = []
+    views: list[JSONRecord] = []
+    accessors: list[JSONRecord] = []
     for array in arrays:
         is_vertices, is_float = array.ndim == 2, array.dtype.kind == "f"
         view = {"buffer": 0, "byteOffset": len(binary), "byteLength": array.nbytes}

@@ -16,10 +16,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from riemhuman.arrays import JSONRecord
 from riemhuman.errors import FileFormatError
 from riemhuman.io.files import read_bytes
 
-_Json = dict[str, Any]
+_Json = JSONRecord
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from riemhuman.arrays import JSONRecord
+
 # Parameters that distances in closed form do not depend on.
 _SOLVERS = frozenset({"geodesic_solver", "exp_solver", "log_solver", "transport_solver", "solvers"})
 
@@ -50,13 +52,13 @@ def describe(value: Any, _depth: int = 0) -> Any:
     if isinstance(value, (set, frozenset)):
         return sorted((describe(item, _depth + 1) for item in value), key=repr)
     kind = type(value)
-    described: dict[str, Any] = {"class": f"{kind.__module__}.{kind.__qualname__}"}
+    described: JSONRecord = {"class": f"{kind.__module__}.{kind.__qualname__}"}
     for name, item in _parameters(value).items():
         described[name] = describe(item, _depth + 1)
     return described
 
 
-def _parameters(value: Any) -> dict[str, Any]:
+def _parameters(value: Any) -> JSONRecord:
     """Return the arguments of the constructor that an object keeps as attributes."""
     try:
         names = set(inspect.signature(type(value)).parameters)

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from riemhuman.arrays import JSONRecord, JSONValue
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_array
 from riemhuman.io.files import (
@@ -61,7 +62,9 @@ class JobFolder:
         with lock_file(self.path / _LOCK, message):
             yield
 
-    def claim(self, described: Mapping[str, Any], layout: Mapping[str, Any]) -> dict[str, Any]:
+    def claim(
+        self, described: Mapping[str, JSONValue], layout: Mapping[str, JSONValue]
+    ) -> JSONRecord:
         """Write the manifest of a new job, or check that of an earlier run; return its layout."""
         file = self.path / MANIFEST
         with convert_errors(self.path):
@@ -71,7 +74,7 @@ class JobFolder:
         if not file.exists():
             write_text(file, json.dumps({**described, "layout": dict(layout)}, indent=1))
         manifest = self._manifest()
-        kept: dict[str, Any] = manifest.pop("layout")
+        kept: JSONRecord = manifest.pop("layout")
         counts = [type(count) is int and count >= 1 for count in kept.values()]
         if kept.keys() != layout.keys() or not all(counts):
             raise FileFormatError(
@@ -139,7 +142,7 @@ class JobFolder:
             for name in names:
                 (self.path / name).unlink(missing_ok=True)
 
-    def _manifest(self) -> dict[str, Any]:
+    def _manifest(self) -> JSONRecord:
         file = self.path / MANIFEST
         with format_errors(file, "the manifest of a job"):
             manifest = json.loads(read_bytes(file))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import struct
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
+from riemhuman.arrays import JSONRecord
 from riemhuman.kernels.surface import vertex_normals
 
 _FLOAT, _BYTE, _INT = 5126, 5121, 5125  # component types of glTF
@@ -54,13 +54,13 @@ class _Buffer:
     """The binary part of a file, and the list of the arrays in it."""
 
     data: bytearray = field(default_factory=bytearray)
-    views: list[dict[str, Any]] = field(default_factory=list)
-    accessors: list[dict[str, Any]] = field(default_factory=list)
+    views: list[JSONRecord] = field(default_factory=list)
+    accessors: list[JSONRecord] = field(default_factory=list)
 
     def add(self, array: np.ndarray, target: int | None = None) -> int:
         """Append an array, a row an entry, and return its number."""
         rows = array.reshape(len(array), -1)
-        view: dict[str, Any] = {
+        view: JSONRecord = {
             "buffer": 0,
             "byteOffset": len(self.data),
             "byteLength": array.nbytes,
@@ -114,9 +114,9 @@ def skinned_glb(animation: SkinnedAnimation) -> bytes:
     return _chunks(document, bytes(buffer.data))
 
 
-def _joint_nodes(animation: SkinnedAnimation) -> tuple[list[dict[str, Any]], list[int]]:
+def _joint_nodes(animation: SkinnedAnimation) -> tuple[list[JSONRecord], list[int]]:
     """Return a node for each joint, in the rest pose, and the numbers of the roots."""
-    nodes: list[dict[str, Any]] = []
+    nodes: list[JSONRecord] = []
     for joint, parent in enumerate(animation.parents):
         start = animation.joints[parent] if parent >= 0 else np.zeros(3)
         children = np.flatnonzero(animation.parents == joint).tolist()
@@ -128,7 +128,7 @@ def _joint_nodes(animation: SkinnedAnimation) -> tuple[list[dict[str, Any]], lis
     return nodes, np.flatnonzero(animation.parents < 0).tolist()
 
 
-def _primitive(animation: SkinnedAnimation, buffer: _Buffer) -> dict[str, Any]:
+def _primitive(animation: SkinnedAnimation, buffer: _Buffer) -> JSONRecord:
     """Return the surface with the weights of its vertices."""
     vertices = animation.vertices.astype("<f4")
     normals = vertex_normals(animation.vertices, animation.faces)
@@ -169,14 +169,12 @@ def _sorted_weights(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return joints.astype("u1"), strongest.astype("<f4")
 
 
-def _animation(animation: SkinnedAnimation, root: int, buffer: _Buffer) -> dict[str, Any]:
+def _animation(animation: SkinnedAnimation, root: int, buffer: _Buffer) -> JSONRecord:
     """Return the rotations of all joints, and the places of the root, over time."""
     n_frames = len(animation.rotations)
     times = buffer.add((np.arange(n_frames) / animation.frames_per_second).astype("<f4"))
     samplers = [{"input": times, "output": buffer.add(animation.root_places.astype("<f4"))}]
-    channels: list[dict[str, Any]] = [
-        {"sampler": 0, "target": {"node": root, "path": "translation"}}
-    ]
+    channels: list[JSONRecord] = [{"sampler": 0, "target": {"node": root, "path": "translation"}}]
     for joint in range(len(animation.joints)):
         quaternions = _continuous(animation.rotations[:, joint]).astype("<f4")
         channels.append({"sampler": len(samplers), "target": {"node": joint, "path": "rotation"}})
@@ -191,7 +189,7 @@ def _continuous(quaternions: np.ndarray) -> np.ndarray:
     return np.concatenate([quaternions[:1], signs[:, None] * quaternions[1:]])
 
 
-def _chunks(document: dict[str, Any], binary: bytes) -> bytes:
+def _chunks(document: JSONRecord, binary: bytes) -> bytes:
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     parts = struct.pack("<I4s", len(text), b"JSON") + text

@@ -35,6 +35,7 @@ from numpy import ndarray
 from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, gammaln, softmax, stdtrit
 
+from riemhuman.arrays import JSONRecord
 from riemhuman.checks import SUSPECTED_UNITS, one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.measurements._kinks import least_squares_with_kinks
@@ -327,9 +328,9 @@ class Prediction:
 
 
 @cache
-def adults() -> dict[str, Any]:
+def adults() -> JSONRecord:
     """Return names, and by sex means, covariances and offsets: those of the model less ANSUR's."""
-    record: dict[str, Any] = load_json("measurements_of_adults.json")
+    record: JSONRecord = load_json("measurements_of_adults.json")
     size = len(record["names"])
     for sex in SEXES:
         entry, correlations = record[sex], np.eye(size)

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 import autograd.numpy as np
 
+from riemhuman.arrays import JSONRecord, JSONValue
 from riemhuman.checks import one_of, real_number, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
@@ -152,10 +153,10 @@ class Measurement:
         """
         return "there is no path along the surface"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JSONRecord:
         """Return the record that JSON holds: the kind and the parameters without their defaults."""
         defaults = {f.name: f.default for f in fields(self)} | {"equivalents": {}}
-        record: dict[str, Any] = {"kind": self.kind}
+        record: JSONRecord = {"kind": self.kind}
         for name, value in asdict(self).items():
             if value != defaults[name]:
                 record[name] = list(value) if isinstance(value, tuple) else value
@@ -495,7 +496,7 @@ def _class_of(kind: str) -> type[Measurement]:
     return next(iter(classes.values()))
 
 
-def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
+def measurement_from_dict(record: Mapping[str, JSONValue]) -> Measurement:
     """Return the measurement that a JSON record describes.
 
     Parameters
@@ -523,7 +524,7 @@ def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
         raise ArgumentError(f"a {cls.__name__} cannot be made of {record!r}: {error}") from error
 
 
-def nearest_name(name: str, what: str, known: Sequence[str] | Mapping[str, Any]) -> str:
+def nearest_name(name: str, what: str, known: Sequence[str] | Mapping[str, JSONValue]) -> str:
     """Return a name if it is known; otherwise raise an error that offers the nearest names."""
     if name in known:
         return name

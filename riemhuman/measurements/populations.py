@@ -16,6 +16,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.special import ndtr, ndtri, softmax
 
+from riemhuman.arrays import JSONRecord
 from riemhuman.checks import one_of, real_number
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
@@ -123,8 +124,8 @@ def average_adult(
 
 
 @cache
-def _adults() -> dict[str, Any]:
-    record: dict[str, Any] = load_json("percentiles_of_adults.json")
+def _adults() -> JSONRecord:
+    record: JSONRecord = load_json("percentiles_of_adults.json")
     return record
 
 

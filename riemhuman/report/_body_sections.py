@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
 from scipy.spatial.distance import cdist
 
+from riemhuman.arrays import JSONRecord, JSONValue
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.measurements import (
     Measurements,
@@ -63,10 +64,10 @@ def retrieval_section(report: Report) -> Section | None:
     return Section("retrieval", "Who is it, and how do they stand?", "Retrieval", html)
 
 
-def _retrieval(report: Report, task: Task) -> dict[str, Any]:
+def _retrieval(report: Report, task: Task) -> JSONRecord:
     """Return what the page says about one task."""
     distances = {name: step.arrays["distances"] for name, step in report.distances.items()}
-    rows: dict[str, dict[str, Any]] = {
+    rows: dict[str, JSONRecord] = {
         name: {"representation": name, **vars(scores(matrix, task.labels))}
         for name, matrix in distances.items()
     }
@@ -87,9 +88,7 @@ def _retrieval(report: Report, task: Task) -> dict[str, Any]:
     }
 
 
-def _retrieval_figures(
-    report: Report, task: Task, distances: Mapping[str, ndarray]
-) -> dict[str, Any]:
+def _retrieval_figures(report: Report, task: Task, distances: Mapping[str, ndarray]) -> JSONRecord:
     names = [readable(name) for name in task.names]
     return {
         "curves": report.output.figure(
@@ -122,12 +121,12 @@ def map_section(report: Report) -> Section | None:
     return Section("maps", "Maps of people and of poses", "Maps", html)
 
 
-def _map(report: Report, task: Task, method: str, positions: ndarray) -> dict[str, Any]:
+def _map(report: Report, task: Task, method: str, positions: ndarray) -> JSONRecord:
     shares_class = (
         scores(cdist(positions, positions), task.labels).nn if task.is_retrieval else None
     )
     lost = stress(report.matrix(task.metric), positions) if method == "mds" else None
-    about: dict[str, Any] = {"task": task, "neighbours": shares_class}
+    about: JSONRecord = {"task": task, "neighbours": shares_class}
     about["loss"] = None if lost is None else describe_stress(lost)
     if lost is not None and lost > LARGEST_STRESS:
         return about
@@ -186,8 +185,8 @@ def _sweep(report: Report, tasks: Sequence[Task]) -> Step:
     # Squared distances are sums, so both parts are computed once and then weighted.
     plan, points = report.plan, report.bodies.points
 
-    def row(squared: ndarray, **weights: float | None) -> dict[str, Any]:
-        found: dict[str, Any] = dict(weights)
+    def row(squared: ndarray, **weights: float | None) -> JSONRecord:
+        found: JSONRecord = dict(weights)
         for task in tasks:
             own = scores(np.sqrt(squared), task.labels)
             found[f"{task.name}_nn"] = own.nn
@@ -212,7 +211,9 @@ def _sweep(report: Report, tasks: Sequence[Task]) -> Step:
     return report.store.step("sweep", compute, "Sweep over the weights", **inputs)
 
 
-def best_weights(rows: Sequence[Mapping[str, Any]], tasks: Sequence[Task]) -> list[dict[str, Any]]:
+def best_weights(
+    rows: Sequence[Mapping[str, JSONValue]], tasks: Sequence[Task]
+) -> list[JSONRecord]:
     """Return the row that scores highest on each task, and how many others score the same."""
     best = []
     for task in tasks:
@@ -272,7 +273,7 @@ def _measure(report: Report, definitions: MeasurementSet) -> Step:
         names = measurements.names
         units = dict(zip(names, measurements.units, strict=True))
         by_name = zip(units.items(), 1000.0 * np.transpose(spreads), strict=True)
-        record: dict[str, Any] = {
+        record: JSONRecord = {
             "units": units,
             "means": [
                 {"person": bodies.subject_names[person], **dict(zip(names, own, strict=True))}

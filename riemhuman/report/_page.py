@@ -13,6 +13,7 @@ from urllib.parse import quote
 import jinja2
 import numpy as np
 
+from riemhuman.arrays import JSONValue
 from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.text_tables import csv_text
 from riemhuman.plots.figures import figure_files, new_figure
@@ -75,7 +76,7 @@ class Table:
     """The rows of a table on the page and in a CSV file; NaN and None are missing values."""
 
     name: str
-    rows: Sequence[Mapping[str, Any]]
+    rows: Sequence[Mapping[str, JSONValue]]
 
     def csv(self) -> str:
         """Return the CSV file: a line of keys, and a line per row, numbers with all digits."""
@@ -160,7 +161,7 @@ class Output:
         source = f"data:image/svg+xml,{quoted}"
         return Image(source, round(float(width)), round(float(height)), name)
 
-    def table(self, name: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+    def table(self, name: str, rows: Sequence[Mapping[str, JSONValue]]) -> Table:
         """Return a table, which is also written to its file."""
         table = Table(name, rows)
         write_text(self.folder / "tables" / f"{name}.csv", table.csv())

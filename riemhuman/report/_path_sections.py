@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import JSONRecord
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import AlignedSurfaces, RiemannianMetric, SobolevMetric, SRNFMetric
 from riemhuman.plots import (
@@ -67,7 +68,7 @@ _VIEWED_METRICS = {
     "pose (0, 0, 1)": ("pose", POSE_WEIGHTS),
     "both (1, 1, 0.1)": ("both", (1.0, 1.0, 0.1)),
 }
-Row = dict[str, Any]
+Row = JSONRecord
 _COUNTS = {4: "Four", 5: "Five"}
 
 
@@ -207,7 +208,7 @@ def _drawn(step: Step) -> list[str]:
     return [row["name"] for row in step.record["rows"] if row["name"] != _ROTATING]
 
 
-def _findings(rows: list[Row], from_straight: list[Row]) -> dict[str, Any]:
+def _findings(rows: list[Row], from_straight: list[Row]) -> JSONRecord:
     """Return what the section says about the searches from the two starts."""
     from_rotating = {row["name"]: row for row in rows}
     start, ours = from_rotating[_ROTATING], from_rotating[_OURS]

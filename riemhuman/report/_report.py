@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import JSONValue
 from riemhuman.datasets import load_open_model, load_open_motions
 from riemhuman.errors import RiemhumanError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
@@ -125,7 +126,7 @@ class Report:
     plan: Plan
     store: ResultStore
     output: Output
-    representations: Mapping[str, Any]
+    representations: Mapping[str, JSONValue]
     given_basis: DeformationBasis | None = None
 
     def metric(self, weights: Weights) -> ElasticMetric:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import JSONRecord, JSONValue
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import convert_errors, file_path, write_text
@@ -26,7 +27,7 @@ _SUBFOLDERS = ("figures", "tables", "results", "results/figures")
 _LONGEST_RECORD = 2**23  # characters
 
 Progress = Callable[[str], AbstractContextManager[Any]]
-Computed = tuple[Mapping[str, ndarray], Mapping[str, Any]]
+Computed = tuple[Mapping[str, ndarray], Mapping[str, JSONValue]]
 
 
 def check_folder(path: str | os.PathLike[str]) -> Path:
@@ -58,7 +59,7 @@ def open_folder(path: str | os.PathLike[str]) -> Path:
     return folder
 
 
-def write_provenance(folder: Path, provenance: dict[str, Any]) -> None:
+def write_provenance(folder: Path, provenance: JSONRecord) -> None:
     """Write the provenance of the report, a file that also marks the folder as a report."""
     text = json.dumps({"made_by": _MADE_BY, **provenance}, indent=2, ensure_ascii=False)
     write_text(folder / _MARKER, text + "\n")
@@ -70,7 +71,7 @@ class Step:
 
     name: str
     arrays: dict[str, ndarray]
-    record: dict[str, Any]
+    record: JSONRecord
     fingerprint: str
     seconds: float  # of the computation, in this run or an earlier one
     title: str
@@ -95,7 +96,7 @@ class ResultStore:
                 start = time.perf_counter()
                 arrays, record = compute()
                 seconds = time.perf_counter() - start
-            header: dict[str, Any] = {"fingerprint": key, "seconds": seconds, "record": record}
+            header: JSONRecord = {"fingerprint": key, "seconds": seconds, "record": record}
             save_arrays(file, {**arrays, "about": np.array(json.dumps(header))})
         else:
             header, arrays = stored
@@ -110,7 +111,7 @@ def fingerprint(value: Any) -> str:
     return hashlib.sha256(json.dumps(describe(value), sort_keys=True).encode()).hexdigest()
 
 
-def _read(file: Path, key: str) -> tuple[dict[str, Any], dict[str, ndarray]] | None:
+def _read(file: Path, key: str) -> tuple[JSONRecord, dict[str, ndarray]] | None:
     """Return the header and the arrays of a step, or None if the file holds another or none."""
     try:
         arrays = load_arrays(file, ["about"])

@@ -11,8 +11,9 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from riemhuman.arrays import JSONRecord
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_text
@@ -200,7 +201,7 @@ def _versions() -> dict[str, str]:
 
 
 @cache
-def _identity() -> dict[str, Any]:
+def _identity() -> JSONRecord:
     """Return versions and a digest of the source code, on which all results depend."""
     digest = hashlib.sha256()
     root = Path(__file__).parents[1]

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import JSONRecord
 from riemhuman.checks import length_of, one_of, whole_number
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError
 from riemhuman.geometry import RiemannianMetric
@@ -229,7 +230,7 @@ def path_job(
         return distances_of_rows(len(points), np.array(job.read(_ROWS)))
 
 
-def _described(metric: RiemannianMetric) -> dict[str, Any]:
+def _described(metric: RiemannianMetric) -> JSONRecord:
     version = pkgutil.resolve_name("riemhuman:__version__")
     return {"format": _FORMAT, "version": str(version), "metric": describe(metric)}
 
