@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
-from riemhuman.arrays import JSONRecord, JSONValue
+from riemhuman.arrays import JSONRecord
 from riemhuman.errors import ArgumentError, FileError
 from riemhuman.optional import import_matplotlib
 
@@ -27,7 +27,7 @@ FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 class Answer:
     """The answer of a command: lines of text, or values by name, and a record for ``--json``."""
 
-    text: str | Mapping[str, JSONValue] = ""
+    text: str | Mapping[str, object] = ""
     record: Any = None
     trusted: bool = True
     written: bool = True  # whether to add the places of outputs

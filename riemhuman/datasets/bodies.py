@@ -85,7 +85,7 @@ class Bodies:
         points = real_array(
             self.points, "points", ("n_bodies", self.template.n_vertices, 3), batched=False
         )
-        values: JSONRecord = {"points": points}
+        values: dict[str, object] = {"points": points}
         for name in ("subject", "pose"):
             labels = class_indices(getattr(self, name), name, len(points))
             names = tuple(str(label) for label in getattr(self, f"{name}_names"))

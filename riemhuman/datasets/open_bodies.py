@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.arrays import JSONValue
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, whole_number
 from riemhuman.datasets._natural_bodies import natural_surfaces, reach, surface_noise
@@ -156,10 +156,10 @@ def _read_model(resolution: str) -> BodyModel:
 
 def _performances(
     model: BodyModel,
-    angles: Mapping[str, JSONValue],
+    angles: Mapping[str, Any],
     betas: np.ndarray,
     rng: np.random.Generator,
-    touched: Mapping[str, JSONValue] | None = None,
+    touched: Mapping[str, Any] | None = None,
 ) -> np.ndarray:
     """Return pose vectors (people, poses, J, 3), natural ones if hands touch the body."""
     shape = (len(betas), len(angles), model.n_joints, 3)

@@ -524,7 +524,7 @@ def measurement_from_dict(record: Mapping[str, JSONValue]) -> Measurement:
         raise ArgumentError(f"a {cls.__name__} cannot be made of {record!r}: {error}") from error
 
 
-def nearest_name(name: str, what: str, known: Sequence[str] | Mapping[str, JSONValue]) -> str:
+def nearest_name(name: str, what: str, known: Sequence[str] | Mapping[str, object]) -> str:
     """Return a name if it is known; otherwise raise an error that offers the nearest names."""
     if name in known:
         return name

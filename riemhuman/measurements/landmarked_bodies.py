@@ -10,7 +10,7 @@ import autograd.numpy as np
 import numpy as onp
 from numpy import ndarray
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import Array
 from riemhuman.bodies import joints_between
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
@@ -49,7 +49,7 @@ class LandmarkedBodies:
 
     def __init__(self, measurement_set: LandmarkedTemplate, surfaces: Any, axes: str) -> None:
         self.set, self.surfaces, self._frames = measurement_set, surfaces, axes
-        self._positions: JSONRecord = {}
+        self._positions: dict[str, Array] = {}
         self._numbers = onp.arange(len(surfaces))[:, None]
 
     def place(self, place: Place) -> Any:

@@ -16,7 +16,7 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from riemhuman.arrays import JSONValue
+from riemhuman.arrays import ArrayLike
 from riemhuman.bodies import BodyModel, correspondence_matrix
 from riemhuman.checks import one_of, real_array, real_number, refuse_type
 from riemhuman.datasets import load_open_model
@@ -73,11 +73,11 @@ class MeasurementSet:
 
     template: Template | BodyModel
     measurements: Sequence[Measurement]
-    landmarks: Mapping[str, JSONValue] = field(default_factory=dict)
+    landmarks: Mapping[str, tuple[ndarray, ndarray]] = field(default_factory=dict)
     parts: Mapping[str, ndarray] = field(default_factory=dict)
     frame: Sequence[str] = ()
     axes: Any = field(default_factory=lambda: np.eye(3))
-    standard_pose: Mapping[str, JSONValue] = field(default_factory=dict)
+    standard_pose: Mapping[str, ArrayLike] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         marks = {name: self._checked_landmark(name, m) for name, m in self.landmarks.items()}
