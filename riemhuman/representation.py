@@ -67,12 +67,12 @@ class Record:
 class Unchanging:
     """Base of classes whose arguments cannot be set again once an object is constructed."""
 
-    def __init_subclass__(cls, **keywords: Any) -> None:
+    def __init_subclass__(cls, **keywords: object) -> None:
         super().__init_subclass__(**keywords)
         if "__init__" in vars(cls):
             cls.__init__ = _completing(cls.__init__)  # type: ignore[method-assign]
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         if "_is_complete" in vars(self) and self._is_fixed(name):
             raise ArgumentError(f"{name} of {type(self).__name__} cannot change; make another one")
         super().__setattr__(name, value)
@@ -83,7 +83,7 @@ class Unchanging:
 
 def _completing(constructor: Callable[..., None]) -> Callable[..., None]:
     @wraps(constructor)
-    def construct(self: Any, *arguments: Any, **keywords: Any) -> None:
+    def construct(self: Any, *arguments: object, **keywords: object) -> None:
         constructor(self, *arguments, **keywords)
         if type(self).__init__ is construct:
             self._is_complete = True
@@ -91,7 +91,7 @@ def _completing(constructor: Callable[..., None]) -> Callable[..., None]:
     return construct
 
 
-def _brief(value: Any) -> str:
+def _brief(value: object) -> str:
     text = value.__qualname__ if inspect.isroutine(value) else repr(value)
     return _cut(" ".join(text.split()))
 

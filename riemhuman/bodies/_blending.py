@@ -15,6 +15,7 @@ from autograd.extend import defjvp, defvjp, primitive
 from autograd.numpy.numpy_vjps import unbroadcast_f
 from autograd.tracer import isbox
 
+from riemhuman.arrays import Array
 from riemhuman.kernels.compilation import compiled
 
 
@@ -34,11 +35,11 @@ class Followers(NamedTuple):
 class SkinningWeights(NamedTuple):
     """The weights that are not zero, shape (K,), and the vertices and joints they belong to."""
 
-    values: Any
+    values: Array
     followers: Followers
 
     @classmethod
-    def of_table(cls, weights: Any) -> SkinningWeights:
+    def of_table(cls, weights: Array) -> SkinningWeights:
         """Return the entries of a table of weights, shape (V, J), that are not zero."""
         # The derivative by a weight may differ from zero where the weight does not.
         n_vertices, n_joints = np.shape(weights)
@@ -135,7 +136,7 @@ def _transposed(motions: Any) -> Any:
     return np.concatenate([turned, np.zeros_like(motions[..., 3:])], axis=-1)
 
 
-def _without_shifts(motions: Any) -> Any:
+def _without_shifts(motions: Array) -> Array:
     return np.concatenate([motions[..., :3], np.zeros_like(motions[..., 3:])], axis=-1)
 
 

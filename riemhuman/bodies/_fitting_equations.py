@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from scipy import linalg, sparse
 
+from riemhuman.arrays import Array
 from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
 from riemhuman.kernels.rotations import nearest_rotations, rotation_derivative, rotation_matrix
 
@@ -175,5 +175,5 @@ def least_squares_step(matrix: np.ndarray, right: np.ndarray, damping: float) ->
     scale[scale <= np.finfo(float).eps * scale.max(initial=0.0)] = np.inf
     system = matrix / np.outer(scale, scale) + np.diag(np.full(len(right), damping))
     system[np.isinf(scale), np.isinf(scale)] = 1.0
-    step: Any = linalg.solve(system, right / scale, assume_a="pos")
+    step: Array = linalg.solve(system, right / scale, assume_a="pos")
     return step / scale

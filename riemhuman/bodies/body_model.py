@@ -13,6 +13,7 @@ import autograd.numpy as np
 import numpy as onp
 from numpy.typing import DTypeLike
 
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies._blending import SkinningWeights
 from riemhuman.bodies.fitting import fit_model
 from riemhuman.bodies.model_files import read_model_fields
@@ -186,7 +187,7 @@ class BodyModel(Unchanging):
         """
         real = onp.float32 if single_precision else onp.float64
         kintree_table = onp.stack([self.parents, onp.arange(self.n_joints)])
-        fields: dict[str, Any] = {
+        fields: dict[str, object] = {
             "v_template": self.template.vertices.astype(real),
             "f": self.faces.astype(onp.int32),
             "shapedirs": self.shapedirs.astype(real),
@@ -238,7 +239,12 @@ class BodyModel(Unchanging):
             surface = skin_by(self._weights, surface, joints, *motions)
         return self._translated(surface, trans)
 
-    def joints(self, betas: Any = None, pose: Any = None, trans: Any = None) -> Any:
+    def joints(
+        self,
+        betas: ArrayLike | None = None,
+        pose: ArrayLike | None = None,
+        trans: ArrayLike | None = None,
+    ) -> Array:
         """Return the joints with these parameters, (..., J, 3), metres (Loper et al., equation 10).
 
         Parameters
@@ -314,7 +320,7 @@ class BodyModel(Unchanging):
             leads[name] = onp.broadcast_to(0.0, shape[:-axes])
         return math.prod(joint_shape(**leads))
 
-    def _rounded(self, array: Any) -> Any:
+    def _rounded(self, array: Array) -> Array:
         return array.astype(self.dtype, copy=False)
 
     def _rotations(self, pose: Any) -> Any:
@@ -329,13 +335,13 @@ class BodyModel(Unchanging):
             )
         return self._rounded(rotation_matrix(pose))
 
-    def _pose_offsets(self, rotations: Any) -> Any:
+    def _pose_offsets(self, rotations: Array) -> Array:
         limbs = onp.flatnonzero(self.parents >= 0)
         feature = rotations[..., limbs, :, :] - np.eye(3, dtype=self.dtype)
         feature = np.reshape(feature, (*np.shape(feature)[:-3], 9 * len(limbs)))
         return self._offsets(feature, "posedirs")
 
-    def _offsets(self, coefficients: Any, name: str) -> Any:
+    def _offsets(self, coefficients: Array, name: str) -> Array:
         if name not in self._matrices:
             directions = getattr(self, name)
             rows = directions.reshape(-1, directions.shape[-1]).T

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.bodies._fitting_equations import Equations, Loss, least_squares_step
 from riemhuman.bodies.skinning import Skeleton
 from riemhuman.checks import (
@@ -34,6 +35,9 @@ from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.memory import enough_memory
 from riemhuman.representation import Record
 from riemhuman.surfaces.template import check_body_sizes
+
+if TYPE_CHECKING:
+    from riemhuman.bodies.body_model import BodyModel
 
 _LOSSES = ("squared", "huber")
 
@@ -96,11 +100,11 @@ class ModelFit(Record):
 # More than eight arguments: each setting of the fit is a keyword of the public method `fit`.
 @enough_memory("a fit of the body model")
 def fit_model(
-    model: Any,
-    points: Any,
+    model: BodyModel,
+    points: ArrayLike,
     *,
-    correspondence: Any = None,
-    weights: Any = None,
+    correspondence: ArrayLike | sparse.csr_array | None = None,
+    weights: ArrayLike | None = None,
     loss: str = "squared",
     loss_scale: float = 0.01,
     betas_prior: float = 0.0,
@@ -188,7 +192,9 @@ def fit_model(
     )
 
 
-def _surfaces_of(model: Any, points: Any, combine: sparse.csr_array, whole: bool) -> np.ndarray:
+def _surfaces_of(
+    model: BodyModel, points: ArrayLike, combine: sparse.csr_array, whole: bool
+) -> np.ndarray:
     """Return the surfaces to fit, which have the model's unit and, if whole, a body's size."""
     surfaces = real_array(points, "points", ("n_points", 3))
     n_points = combine.shape[0]
@@ -206,7 +212,7 @@ def _surfaces_of(model: Any, points: Any, combine: sparse.csr_array, whole: bool
 
 
 def _priors(
-    model: Any, betas_prior: float, pose_prior: float, hands_prior: float | None
+    model: BodyModel, betas_prior: float, pose_prior: float, hands_prior: float | None
 ) -> np.ndarray:
     """Return the weight of the prior of each parameter: pose, betas, hands and translation."""
     in_pose = np.where(model.parents >= 0, real_number(pose_prior, "pose_prior", minimum=0.0), 0.0)

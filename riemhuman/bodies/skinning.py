@@ -7,15 +7,19 @@ Pons-Moll and Black, "SMPL: A Skinned Multi-Person Linear Model", ACM Trans. Gra
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import autograd.numpy as np
 import numpy as onp
 
+from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.bodies._blending import SkinningWeights, move
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.compilation import FUSED, compiled
+
+if TYPE_CHECKING:
+    from riemhuman.bodies.body_model import BodyModel
 
 # The root's parent, -1, as an unsigned number.
 _UNSIGNED_ROOT = 2**32 - 1
@@ -72,7 +76,9 @@ def joint_motions(
     return np.stack(in_space, axis=-3), np.stack(positions, axis=-2)
 
 
-def skin_surface(surface: Any, weights: Any, joints: Any, rotations: Any, positions: Any) -> Any:
+def skin_surface(
+    surface: Array, weights: Array, joints: Array, rotations: Array, positions: Array
+) -> Array:
     """Move every vertex with the weighted mean of its joints' motions (Loper et al., equation 2).
 
     Parameters
@@ -98,8 +104,8 @@ def skin_surface(surface: Any, weights: Any, joints: Any, rotations: Any, positi
 
 
 def skin_by(
-    weights: SkinningWeights, surface: Any, joints: Any, rotations: Any, positions: Any
-) -> Any:
+    weights: SkinningWeights, surface: Array, joints: Array, rotations: Array, positions: Array
+) -> Array:
     """Return `skin_surface` by weights that are known already."""
     # Joint j moves x to R_j (x - J_j) + position_j.
     shifts = positions - _apply(rotations, joints)
@@ -110,7 +116,7 @@ def skin_by(
 class Skeleton:
     """The joints of a body model; coefficients of hand poses are betas that move no joint."""
 
-    def __init__(self, model: Any, with_hands: bool) -> None:
+    def __init__(self, model: BodyModel, with_hands: bool) -> None:
         self.model, self.parents, self.order = model, model.parents, model.joint_order
         self.limbs = onp.flatnonzero(model.parents >= 0)  # joints other than the root
         self.rest_joints = model.joint_regressor @ model.template.vertices
@@ -265,7 +271,7 @@ def _fill_derivatives(
             row[x, betas + n_betas + x] = 1.0
 
 
-def joints_between(parents: Any, first: int, last: int) -> list[int]:
+def joints_between(parents: Integers, first: int, last: int) -> list[int]:
     """Return the joints on the path from one joint to another, both included.
 
     Parameters
@@ -285,7 +291,7 @@ def joints_between(parents: Any, first: int, last: int) -> list[int]:
     return up[: up.index(shared) + 1] + down[: down.index(shared)][::-1]
 
 
-def joints_to_root(parents: Any, joint: int) -> list[int]:
+def joints_to_root(parents: Integers, joint: int) -> list[int]:
     """Return a joint and those between it and the root, in this order."""
     path = [joint]
     while parents[path[-1]] >= 0:
@@ -293,7 +299,7 @@ def joints_to_root(parents: Any, joint: int) -> list[int]:
     return path
 
 
-def usual_joint_names(model: Any) -> tuple[str, ...]:
+def usual_joint_names(model: BodyModel) -> tuple[str, ...]:
     """Return the names of a model's joints; those of SMPL's tree are named as in the open model."""
     names, n_body = tuple(model.joint_names), len(SMPL_JOINTS)
     if "left_shoulder" in names or tuple(model.parents[:n_body]) != SMPL_PARENTS:
@@ -301,7 +307,7 @@ def usual_joint_names(model: Any) -> tuple[str, ...]:
     return (*SMPL_JOINTS, *names[n_body:])
 
 
-def joint_parents(kintree_table: Any, n_joints: int) -> onp.ndarray:
+def joint_parents(kintree_table: ArrayLike, n_joints: int) -> onp.ndarray:
     """Return the index of each joint's parent, -1 for the root, from SMPL's table (2, J)."""
     table = integer_array(kintree_table, "kintree_table", (2, n_joints))
     index = {int(number): j for j, number in enumerate(table[1])}
@@ -335,5 +341,5 @@ def parents_first(parents: onp.ndarray) -> tuple[int, ...]:
     return tuple(order)
 
 
-def _apply(matrices: Any, vectors: Any) -> Any:
+def _apply(matrices: Array, vectors: Array) -> Array:
     return (matrices @ vectors[..., None])[..., 0]

@@ -28,7 +28,7 @@ class Answer:
     """The answer of a command: lines of text, or values by name, and a record for ``--json``."""
 
     text: str | Mapping[str, object] = ""
-    record: Any = None
+    record: JSONRecord | list[JSONRecord] | None = None
     trusted: bool = True
     written: bool = True  # whether to add the places of outputs
 
@@ -134,11 +134,11 @@ def mesh(text: str) -> Path:
     return place
 
 
-def path_option(flags: str, metavar: str, text: str, **settings: Any) -> Argument:
+def path_option(flags: str, metavar: str, text: str, **settings: object) -> Argument:
     return option(flags, text, metavar=metavar, **{"type": path, **settings})
 
 
-def mesh_option(flags: str, metavar: str, text: str = "mesh file", **settings: Any) -> Argument:
+def mesh_option(flags: str, metavar: str, text: str = "mesh file", **settings: object) -> Argument:
     return _existing(path_option(flags, metavar, text, type=mesh, **settings), flags)
 
 

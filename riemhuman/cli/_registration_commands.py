@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import riemhuman as rh
+from riemhuman.bodies.body_model import BodyModel
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError, FileError, RiemhumanError
@@ -126,7 +127,7 @@ def _sheet_files(options: argparse.Namespace) -> list[Path]:
     return [options.output.with_suffix(end) for end in (".html", ".pdf") if options.sheet]
 
 
-def _write_sheet(model: Any, result: Any, options: argparse.Namespace) -> None:
+def _write_sheet(model: BodyModel, result: Any, options: argparse.Namespace) -> None:
     """Write the page and the PDF of one scan's sheet together."""
     from riemhuman.io.outputs import files_together
 

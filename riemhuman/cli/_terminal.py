@@ -63,7 +63,7 @@ def lines(values: Mapping[str, object]) -> str:
     return "\n".join(said)
 
 
-def _readable(value: Any) -> str:
+def _readable(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, list):

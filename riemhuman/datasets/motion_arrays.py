@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, real_number, refuse_type, values_of, weight_shares
 from riemhuman.datasets.motions import ArrayMotion
@@ -32,13 +33,13 @@ _SAME_PERSON = 1e-4
 
 
 def motion_from_arrays(
-    poses: Any,
-    translations: Any,
+    poses: Array,
+    translations: Array,
     frames_per_second: float,
     *,
     up: str | None = None,
-    betas: Any = None,
-    weights: Any = None,
+    betas: ArrayLike | None = None,
+    weights: ArrayLike | None = None,
     model: BodyModel | None = None,
     name: str = "",
 ) -> ArrayMotion | RetargetedMotion:
@@ -115,7 +116,7 @@ def motion_from_arrays(
     return RetargetedMotion(recording, model, ("", name), rate, len(vectors), up=up)
 
 
-def _pose_vectors(poses: Any) -> np.ndarray:
+def _pose_vectors(poses: Array) -> np.ndarray:
     """Return poses as axis-angle vectors, shape (n_frames, J, 3), after checking their shape."""
     array = real_array(values_of(poses, "poses"), "poses")
     are_matrices = array.ndim == 4 and array.shape[2:] == (3, 3)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.arrays import JSONRecord, JSONValue
+from riemhuman.arrays import JSONRecord, JSONValue, Triangles
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets._smpl_files import FIELDS_USED, SMPL_ENDING, fields_of_smpl
 from riemhuman.datasets.amass import FIELDS_READ, load_amass
@@ -276,7 +276,7 @@ def load_recording(
 
 def _photographed_motion(
     path: Path,
-    faces: Any,
+    faces: Triangles,
     model: BodyModel | None,
     frames_per_second: float,
     up: str | None,

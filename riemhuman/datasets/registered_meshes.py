@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from riemhuman.arrays import Triangles
 from riemhuman.checks import SCALES, check_same_scale, is_missing_label, one_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
@@ -268,7 +269,7 @@ def load_bodies(
     seams: str = "join",
     allow_missing: bool = False,
     progress: bool = False,
-    faces: Any = None,
+    faces: Triangles | None = None,
 ) -> Bodies:
     r"""Load the registered meshes of a folder with labels from a table.
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import JSONRecord, JSONValue
 from riemhuman.errors import FileFormatError
 from riemhuman.io.files import read_bytes
 
@@ -353,7 +353,13 @@ class _Reader:
         return values
 
     def _view(
-        self, number: Any, offset: int, count: int, width: int, dtype: np.dtype[Any], where: str
+        self,
+        number: JSONValue,
+        offset: int,
+        count: int,
+        width: int,
+        dtype: np.dtype[np.generic],
+        where: str,
     ) -> np.ndarray:
         """Return rows of a buffer, shape (count, width), not copied."""
         view = self._item("bufferViews", number)

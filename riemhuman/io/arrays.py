@@ -105,7 +105,7 @@ def array_shapes(
 
 def first_headers(
     path: str | os.PathLike[str], most: int
-) -> tuple[list[str], dict[str, tuple[tuple[int, ...], np.dtype[Any]]]]:
+) -> tuple[list[str], dict[str, tuple[tuple[int, ...], np.dtype[np.generic]]]]:
     """Return the names of all arrays of an .npz file, and shapes and types of the first ones."""
     with _open_archive(path) as (archive, members, limit):
         names = list(members)
@@ -141,7 +141,7 @@ def _open_archive(
 
 def _header(
     archive: zipfile.ZipFile, member: zipfile.ZipInfo, limit: int
-) -> tuple[tuple[int, ...], np.dtype[Any]]:
+) -> tuple[tuple[int, ...], np.dtype[np.generic]]:
     """Return the shape and type of an array that takes at most `limit` bytes of memory."""
     if member.compress_type not in _COMPRESSIONS:
         raise FileFormatError(
@@ -184,7 +184,7 @@ def memory_limit(size: int) -> int:
     return _ALLOWANCE + _LARGEST_COMPRESSION * size
 
 
-def memory_size(shape: Sequence[int], dtype: np.dtype[Any]) -> int:
+def memory_size(shape: Sequence[int], dtype: np.dtype[np.generic]) -> int:
     """Return how many bytes an array takes in memory, as double precision or as Python strings."""
     if dtype.kind in "SU":
         return math.prod(map(int, shape)) * (dtype.itemsize + _BYTES_OF_STRING)
@@ -201,7 +201,7 @@ def check_characters(array: np.ndarray) -> None:
         raise FileFormatError(f"its text holds characters that do not exist, as {codes.max():#x}")
 
 
-def _read_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], np.dtype[Any]]:
+def _read_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], np.dtype[np.generic]]:
     """Return the shape and type of an array; check them against the size of its file."""
     start = io.BytesIO(stream.read(_LONGEST_HEADER))  # which may claim any length
     is_old = np.lib.format.read_magic(start) == (1, 0)

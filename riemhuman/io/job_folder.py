@@ -151,7 +151,7 @@ class JobFolder:
             return manifest
 
 
-def _allocate(file: Path, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+def _allocate(file: Path, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> None:
     """Write a table of zeros."""
     descr = np.lib.format.dtype_to_descr(dtype)
     header = {"descr": descr, "fortran_order": False, "shape": tuple(shape)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -26,7 +26,7 @@ class Elimination(NamedTuple):
     targets: ndarray
 
 
-def symmetric_factor(matrix: Any) -> SuperLU:
+def symmetric_factor(matrix: sparse.csr_array) -> SuperLU:
     """Factorise a sparse symmetric matrix in an order of minimum degree, without pivoting."""
     return splu(
         sparse.csc_array(matrix),
@@ -43,7 +43,7 @@ class SymmetricSolver:
     same, to the last bit, whichever others are there.
     """
 
-    def __init__(self, matrix: Any) -> None:
+    def __init__(self, matrix: sparse.csr_array) -> None:
         factor = symmetric_factor(matrix)
         # Without pivoting, rows are in the order of the columns: A = L D Lᵀ.
         below = sparse.tril(sparse.csc_array(factor.L), -1, format="csc")

@@ -15,6 +15,7 @@ import numpy as onp
 from autograd.extend import defvjp, primitive
 from numpy import ndarray
 
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.checks import real_array, values_of
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import dot, square_root
@@ -24,7 +25,7 @@ from riemhuman.kernels.surface import dot, square_root
 _SERIES_BELOW = 1e-3
 
 
-def rotation_matrix(axis_angle: Any) -> Any:
+def rotation_matrix(axis_angle: ArrayLike) -> Array:
     """Return the rotation matrices of axis-angle vectors, shape (..., 3, 3).
 
     Rodrigues' formula: R = I + (sin θ / θ) K + ((1 − cos θ) / θ²) K², with θ = ‖ω‖ and K the
@@ -47,7 +48,7 @@ def rotation_matrix(axis_angle: Any) -> Any:
     return np.eye(3) + sine_quotient * cross + cosine_quotient * np.matmul(cross, cross)
 
 
-def rotation_derivative(axis_angle: Any) -> Any:
+def rotation_derivative(axis_angle: ArrayLike) -> Array:
     """Return the left Jacobians J of the rotation group, shape (..., 3, 3).
 
     With R(ω) the rotation, R(ω + dω) = R(J dω) R(ω) to first order, where

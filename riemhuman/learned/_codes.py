@@ -7,11 +7,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from copy import copy
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
+from scipy import sparse
 
 from riemhuman.checks import check_same_scale, real_array, refuse_type
 from riemhuman.io.arrays import save_arrays
@@ -47,7 +48,11 @@ class PairedCodes(ABC):
             self._read(weights)
 
     @classmethod
-    def load_pretrained(cls, template: Template | None = None, correspondence: Any = None) -> Self:
+    def load_pretrained(
+        cls,
+        template: Template | None = None,
+        correspondence: ArrayLike | sparse.csr_array | None = None,
+    ) -> Self:
         """Return the network that ships, trained on the open body model.
 
         Parameters
@@ -73,7 +78,9 @@ class PairedCodes(ABC):
         """Template that bodies must be registered to."""
         return self._template
 
-    def on(self, template: Template, correspondence: Any = None) -> Self:
+    def on(
+        self, template: Template, correspondence: ArrayLike | sparse.csr_array | None = None
+    ) -> Self:
         """Return the same network for bodies over another template.
 
         The other template may be of any person in any pose, with any triangles. Triangles that
@@ -148,7 +155,7 @@ class PairedCodes(ABC):
             shapes |= network_shapes(name, n_in, self._WIDTH * self.n_hidden, n_out)
         self.parameters_ = {name: weights.numbers(name, shape) for name, shape in shapes.items()}
 
-    def _check_points(self, X: Any) -> ndarray:
+    def _check_points(self, X: ArrayLike) -> ndarray:
         points = self._template.check_points(X, "X")
         shape = ("n", self._template.n_vertices, 3)
         return np.asarray(real_array(points, "X", shape, batched=False))
@@ -157,5 +164,5 @@ class PairedCodes(ABC):
         reference = self._home.vertices
         check_same_scale(points, reference, name, "the network's template", remedy=_REMEDY)
 
-    def _check_codes(self, Z: Any) -> ndarray:
+    def _check_codes(self, Z: ArrayLike) -> ndarray:
         return np.asarray(real_array(Z, "Z", ("n", sum(self._n_codes)), batched=False))

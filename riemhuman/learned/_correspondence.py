@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.bodies import correspondence_matrix
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives, triangle_frames
@@ -33,7 +32,12 @@ class Correspondence:
     # Back, every triangle takes the mean deformation gradient of the network's near it, and a
     # Poisson equation gives the surface. `usable` (F,) says which of these have not collapsed.
 
-    def __init__(self, home: Template, template: Template, correspondence: Any = None) -> None:
+    def __init__(
+        self,
+        home: Template,
+        template: Template,
+        correspondence: ArrayLike | sparse.csr_array | None = None,
+    ) -> None:
         self.home, self.template = home, template
         if correspondence is None:
             correspondence = _same_vertices(home, template)

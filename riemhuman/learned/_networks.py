@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from riemhuman.arrays import Array
+
 _KEYS = ("A", "b1", "B", "b2", "C", "L", "b3")
 
 
@@ -51,7 +53,7 @@ def cloud_shapes(n_hidden: int, n_features: int) -> dict[str, tuple[int, ...]]:
     }
 
 
-def activate(x: Any, backend: ModuleType = np) -> Any:
+def activate(x: Array, backend: ModuleType = np) -> Array:
     r"""Return :math:`x / (1 + e^{-x})`."""
     # By the hyperbolic tangent, which does not overflow.
     return x * (0.5 + 0.5 * backend.tanh(0.5 * x))

@@ -21,6 +21,7 @@ import numpy as np
 from numpy import ndarray
 from scipy import sparse
 
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.errors import FileFormatError
 from riemhuman.kernels.rotations import log, nearest_rotations, rotation_matrix
 from riemhuman.kernels.surface import (
@@ -130,11 +131,11 @@ class Parts:
 
     def surfaces(
         self,
-        features: Any,
+        features: Array,
         backend: ModuleType = np,
-        operator: Any = None,
-        matrices: Callable[[Any], Any] = rotation_matrix,
-    ) -> Any:
+        operator: ArrayLike | None = None,
+        matrices: Callable[[Array], object] = rotation_matrix,
+    ) -> Array:
         """Return the surfaces (n, V, 3) with given features (n, 9 K), by NumPy or PyTorch."""
         count = self.n_parts
         n_bodies = features.shape[0]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Transformer
@@ -140,7 +141,7 @@ class MetricCodes(Transformer):
         remainder = centered - principal @ self.components_
         return self.scale_ * np.concatenate([principal, remainder @ self._projection], axis=1)
 
-    def _coordinates(self, X: Any) -> ndarray:
+    def _coordinates(self, X: ArrayLike) -> ndarray:
         points = self.metric.check_points(X, "X")
         if not len(points):
             return np.empty((0, len(getattr(self, "mean_", ()))))

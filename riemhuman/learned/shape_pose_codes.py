@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
+from scipy import sparse
 
 from riemhuman.errors import ArgumentError
 from riemhuman.learned._codes import PairedCodes
@@ -69,7 +70,9 @@ class ShapePoseCodes(PairedCodes):
     _SETTINGS = ("n_shape", "n_pose", "n_parts")
     _SHIPPED = "shape_pose_codes.npz"
 
-    def on(self, template: Template, correspondence: Any = None) -> Self:
+    def on(
+        self, template: Template, correspondence: ArrayLike | sparse.csr_array | None = None
+    ) -> Self:
         codes = super().on(template, correspondence)
         home, codes._carried = self._home, None
         if (

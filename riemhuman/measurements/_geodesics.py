@@ -22,6 +22,7 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
+from riemhuman.arrays import Array
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import distinct_pairs
@@ -51,8 +52,8 @@ class Mesh:
     faces: ndarray
     neighbours: ndarray
     cutters: dict[Any, Any] = field(default_factory=dict)
-    places: dict[Any, SurfacePoint] = field(default_factory=dict)
-    _strips: dict[Any, Strip] = field(default_factory=dict)
+    places: dict[str | tuple[tuple[str, float], ...], SurfacePoint] = field(default_factory=dict)
+    _strips: dict[tuple[tuple[float, ...], ...], Strip] = field(default_factory=dict)
 
     @cached_property
     def _points(self) -> tuple[ndarray, ndarray, Any, Any]:
@@ -117,7 +118,7 @@ class Mesh:
         return strip[np.append(True, np.diff(strip) != 0)]
 
 
-def geodesics(surfaces: Any, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> Lines:
+def geodesics(surfaces: Array, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> Lines:
     """Return the geodesics from start to end on surfaces: their ends and crossings with edges."""
     (strip, ends), most = mesh.strip(start, end), len(mesh.faces) + 1
     # Strip, edges, bends, places of edges, and crossings: of the best path and of the one tried.
@@ -168,7 +169,7 @@ def _straighten(f: Any, mesh: Any, ends: Any, size: int, paths: Any, few: Any) -
 
 
 @compiled
-def _index_of(numbers: Any, wanted: int) -> int:
+def _index_of(numbers: ndarray, wanted: int) -> int:
     for k in range(len(numbers)):
         if numbers[k] == wanted:
             return k
@@ -176,7 +177,7 @@ def _index_of(numbers: Any, wanted: int) -> int:
 
 
 @compiled
-def _product(f: Any, origin: int, a: int, b: int) -> float:
+def _product(f: Array, origin: int, a: int, b: int) -> float:
     """Return the inner product of the edges from a vertex to two others."""
     total = 0.0
     for x in range(3):
@@ -185,7 +186,7 @@ def _product(f: Any, origin: int, a: int, b: int) -> float:
 
 
 @compiled
-def _trim(strip: Any, size: int, ends: Any) -> int:
+def _trim(strip: ndarray, size: int, ends: ndarray) -> int:
     """Remove triangles that a strip leaves, or enters, where the path ends; return the size."""
     # From within the edge by which the path leaves a triangle, the funnel would have no direction.
     (about_start, _), (about_end, _) = ends

@@ -21,6 +21,7 @@ import numpy as onp
 from autograd.extend import defvjp, defvjp_argnums, primitive
 from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.checks import values_of
 from riemhuman.kernels.compilation import compiled
 
@@ -39,7 +40,7 @@ Cutter = tuple[ndarray, ndarray, ndarray, ndarray]
 class Lines:
     """A line on each of n surfaces, or none: points in order, and the surface of each."""
 
-    points: Any  # (k, 3), differentiable by autograd
+    points: Array  # (k, 3), differentiable by autograd
     bodies: ndarray  # (k,)
     statuses: ndarray  # (n,) 0, or why there is none
 
@@ -68,7 +69,7 @@ class Lines:
         return self.select(around)
 
     @property
-    def lengths(self) -> Any:
+    def lengths(self) -> Array:
         """Lengths of the lines, shape (n,); NaN where there is none."""
         return _total_lengths(self.points, self.bodies, self.statuses)
 
@@ -109,7 +110,9 @@ defvjp(_total_lengths, lambda _, *line: partial(_slopes_of_lengths, *line[:2]), 
 
 
 @primitive
-def weighted_vertices(surfaces: Any, bodies: ndarray, vertices: ndarray, weights: ndarray) -> Any:
+def weighted_vertices(
+    surfaces: Array, bodies: ndarray, vertices: ndarray, weights: ndarray
+) -> Array:
     """Return sums of vertices of bodies with weights, over the last axis of all three."""
     return (weights[..., None, :] @ surfaces[bodies, vertices])[..., 0, :]
 
@@ -134,8 +137,13 @@ defvjp(
 
 @primitive
 def _crossings(
-    surfaces: Any, origins: Any, normals: Any, heights: ndarray, bodies: ndarray, edges: ndarray
-) -> Any:
+    surfaces: Array,
+    origins: Array,
+    normals: Array,
+    heights: ndarray,
+    bodies: ndarray,
+    edges: ndarray,
+) -> Array:
     """Return where planes cross edges, between vertices at these heights above the planes."""
     (a, b), (above, below) = edges, heights[bodies, edges]
     start, t = surfaces[bodies, a], (above / (above - below))[:, None]
@@ -176,7 +184,7 @@ def straight_lines(a: Any, b: Any, axes: Any = None) -> Lines:
     return Lines(points, onp.repeat(onp.arange(len(a)), 2), onp.zeros(len(a), int))
 
 
-def section(surfaces: Any, origins: Any, normals: Any, cutter: Cutter) -> Lines:
+def section(surfaces: Array, origins: Array, normals: Array, cutter: Cutter) -> Lines:
     """Return the sections of surfaces on wanted triangles by planes, each nearest to its origin."""
     f, o, n = (
         onp.require(values_of(array), onp.float64, ["C", "W"])

@@ -35,9 +35,10 @@ from numpy import ndarray
 from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, gammaln, softmax, stdtrit
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import Array, JSONRecord
 from riemhuman.checks import SUSPECTED_UNITS, one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.measurements._kinks import least_squares_with_kinks
 from riemhuman.measurements.measurement_set import load_json, open_measurements
 from riemhuman.measurements.measuring import Measurements, as_mapping, values_of_bodies
@@ -567,8 +568,8 @@ class NearestBody:
 
 def nearest_body(
     measurements: Measurements,
-    metric: Any,
-    point: Any,
+    metric: RiemannianMetric,
+    point: Array,
     wanted: Mapping[str, float],
     *,
     tolerance: float = 1e-4,
@@ -655,7 +656,7 @@ def nearest_body(
 
 
 def _newton_steps(
-    hessian: Any, gradient: ndarray, slopes: ndarray, missing: ndarray
+    hessian: Array, gradient: ndarray, slopes: ndarray, missing: ndarray
 ) -> tuple[list[ndarray], ndarray]:
     """Return two steps that bring the missing change of values, and Lagrange's multipliers.
 

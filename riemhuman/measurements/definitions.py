@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import autograd.numpy as np
 
-from riemhuman.arrays import JSONRecord, JSONValue
+from riemhuman.arrays import Array, JSONRecord, JSONValue
 from riemhuman.checks import one_of, real_number, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
@@ -100,7 +100,7 @@ class Measurement:
     units: ClassVar[str] = "m"
     kind: ClassVar[str] = "Measurement"
 
-    def __init_subclass__(cls, **settings: Any) -> None:
+    def __init_subclass__(cls, **settings: object) -> None:
         super().__init_subclass__(**settings)
         if "kind" not in vars(cls):
             cls.kind = cls.__name__
@@ -121,7 +121,7 @@ class Measurement:
         """Parts of the body that the measurement refers to."""
         return ()
 
-    def value(self, bodies: LandmarkedBodies) -> Any:
+    def value(self, bodies: LandmarkedBodies) -> Array:
         """Return the measurement of each body, NaN where it is not defined, shape (n,).
 
         Parameters
@@ -332,14 +332,14 @@ class Height(Measurement):
     def places(self) -> Places:
         return (self.at,) if self.above is None else (self.at, self.above)
 
-    def value(self, bodies: LandmarkedBodies) -> Any:
+    def value(self, bodies: LandmarkedBodies) -> Array:
         up = bodies.axis("up")
         height = np.sum(bodies.place(self.at) * up, axis=-1)
         if self.above is not None:
             return height - np.sum(bodies.place(self.above) * up, axis=-1)
         return height - bodies.floor
 
-    def lines(self, bodies: LandmarkedBodies) -> list[Any]:
+    def lines(self, bodies: LandmarkedBodies) -> list[Array]:
         top = bodies.place(self.at)[0]
         return [np.stack([top, top - self.value(bodies)[0] * bodies.axis("up")[0]])]
 
@@ -410,7 +410,7 @@ class Volume(Measurement):
 
     units: ClassVar[str] = "m³"
 
-    def value(self, bodies: LandmarkedBodies) -> Any:
+    def value(self, bodies: LandmarkedBodies) -> Array:
         if not bodies.set.is_closed:
             raise DegenerateSurfaceError(
                 f"{self.name!r} needs a closed surface; the template has boundaries"
@@ -442,7 +442,7 @@ class Mass(Volume):
         super().__post_init__()
         real_number(self.density, "density", minimum=0.0, strict=True)
 
-    def value(self, bodies: LandmarkedBodies) -> Any:
+    def value(self, bodies: LandmarkedBodies) -> Array:
         return self.density * super().value(bodies)
 
 
@@ -474,7 +474,7 @@ class Area(Measurement):
     def part_names(self) -> Parts:
         return self.parts
 
-    def value(self, bodies: LandmarkedBodies) -> Any:
+    def value(self, bodies: LandmarkedBodies) -> Array:
         return bodies.areas(bodies.set.faces[bodies.set.in_parts(self.parts)])
 
 

@@ -47,7 +47,7 @@ class LandmarkedBodies:
     ((1, 3), [[0.0, 1.0, 0.0]])
     """
 
-    def __init__(self, measurement_set: LandmarkedTemplate, surfaces: Any, axes: str) -> None:
+    def __init__(self, measurement_set: LandmarkedTemplate, surfaces: Array, axes: str) -> None:
         self.set, self.surfaces, self._frames = measurement_set, surfaces, axes
         self._positions: dict[str, Array] = {}
         self._numbers = onp.arange(len(surfaces))[:, None]
@@ -85,7 +85,7 @@ class LandmarkedBodies:
         return _unit(steps[0] if len(steps) == 1 else np.cross(*steps))
 
     @cached_property
-    def _axes(self) -> Any:
+    def _axes(self) -> Array:
         """Left, up and forward of every body as columns, shape (n, 3, 3)."""
         if self._frames == "space":
             return onp.asarray(self.set.axes) + np.zeros((len(self.surfaces), 1, 1))
@@ -155,14 +155,14 @@ class LandmarkedBodies:
         return np.sum(weighted_vertices(self.surfaces, *combination) * up, axis=-1)
 
     @cached_property
-    def volumes(self) -> Any:
+    def volumes(self) -> Array:
         """Volumes that closed surfaces enclose, shape (n,)."""
         # About the mean vertex, where products of coordinates lose the fewest digits.
         centred = self.surfaces - np.mean(self.surfaces, axis=1, keepdims=True)
         a, b, c = _corners(centred, self.set.faces)
         return np.sum(a * np.cross(b, c), axis=(-2, -1)) / 6.0
 
-    def areas(self, faces: ndarray) -> Any:
+    def areas(self, faces: ndarray) -> Array:
         """Return the sum of the areas of some triangles, shape (n,).
 
         Parameters
@@ -174,11 +174,11 @@ class LandmarkedBodies:
         return 0.5 * np.sum(np.sqrt(np.sum(np.cross(b - a, c - a) ** 2, axis=-1)), axis=-1)
 
 
-def _corners(surfaces: Any, faces: ndarray) -> tuple[Any, Any, Any]:
+def _corners(surfaces: Array, faces: ndarray) -> tuple[Array, Array, Array]:
     return surfaces[:, faces[:, 0]], surfaces[:, faces[:, 1]], surfaces[:, faces[:, 2]]
 
 
-def axes_of_frame(bottom: Any, top: Any, right: Any, left: Any) -> Any:
+def axes_of_frame(bottom: Array, top: Array, right: Array, left: Array) -> Array:
     """Return axes to the left, up and forward of four landmarks, as columns, shape (..., 3, 3)."""
     up = _unit(top - bottom)
     side = left - right
@@ -186,5 +186,5 @@ def axes_of_frame(bottom: Any, top: Any, right: Any, left: Any) -> Any:
     return np.stack([side, up, np.cross(side, up)], axis=-1)
 
 
-def _unit(vectors: Any) -> Any:
+def _unit(vectors: Array) -> Array:
     return vectors / np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))

@@ -16,7 +16,7 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike, JSONRecord
 from riemhuman.bodies import BodyModel, correspondence_matrix
 from riemhuman.checks import one_of, real_array, real_number, refuse_type
 from riemhuman.datasets import load_open_model
@@ -76,7 +76,7 @@ class MeasurementSet:
     landmarks: Mapping[str, tuple[ndarray, ndarray]] = field(default_factory=dict)
     parts: Mapping[str, ndarray] = field(default_factory=dict)
     frame: Sequence[str] = ()
-    axes: Any = field(default_factory=lambda: np.eye(3))
+    axes: Array = field(default_factory=lambda: np.eye(3))
     standard_pose: Mapping[str, ArrayLike] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -238,7 +238,9 @@ class MeasurementSet:
         vars(changed)["mesh"] = self.mesh
         return changed
 
-    def mapped(self, template: Template | BodyModel, correspondence: Any) -> MeasurementSet:
+    def mapped(
+        self, template: Template | BodyModel, correspondence: ArrayLike | sparse.csr_array
+    ) -> MeasurementSet:
         """Return the measurements for another template.
 
         The axes and the rotations of the standard pose stay the same; a body model that lacks some
@@ -417,7 +419,7 @@ def open_measurements(
 
 
 @cache
-def load_json(name: str) -> Any:
+def load_json(name: str) -> JSONRecord:
     """Return what a file of this subpackage's data holds."""
     return json.loads((DATA / name).read_text(encoding="utf-8"))
 

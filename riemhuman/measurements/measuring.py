@@ -12,6 +12,7 @@ from autograd import make_vjp
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies import BodyModel, joints_between
 from riemhuman.checks import check_resolution, one_of, real_array, real_number, refuse_type
 from riemhuman.datasets import Bodies
@@ -183,13 +184,13 @@ class Measurements:
     @enough_memory("the measurements of these bodies", _FEWER)
     def measure(
         self,
-        points: Any,
+        points: ArrayLike,
         *,
         pose: str = "as is",
         axes: str = "body",
         gradient: bool = False,
         missing: str = "raise",
-        trusted_vertices: Any = None,
+        trusted_vertices: ArrayLike | None = None,
     ) -> BodySizes:
         """Measure bodies.
 
@@ -260,7 +261,7 @@ class Measurements:
             slopes = slopes.reshape(*shape, *points.shape[-2:])
         return BodySizes(self.names, values.reshape(shape), self.units, slopes, why_missing)
 
-    def lines(self, surface: Any, *, axes: str = "body") -> dict[str, list[ndarray]]:
+    def lines(self, surface: Array, *, axes: str = "body") -> dict[str, list[ndarray]]:
         """Return the measurement lines of one body as it stands.
 
         Parameters

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from scipy.special import ndtr, ndtri, softmax
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import ArrayLike, JSONRecord
 from riemhuman.checks import one_of, real_number
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
@@ -76,7 +75,7 @@ def percentiles(
 
 
 def average_adult(
-    stature: float, sex: str = "adult", resolution: str = "full", *, pose: Any = None
+    stature: float, sex: str = "adult", resolution: str = "full", *, pose: ArrayLike | None = None
 ) -> ndarray:
     """Return the average body of a sex and stature.
 

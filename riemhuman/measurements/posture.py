@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements.measuring import Measurements
@@ -21,7 +21,11 @@ _PAIRS = ("acromion", "tragion", "iliocristale", "trochanterion")
 
 
 def posture_angles(
-    measurements: Measurements, points: Any, *, up: str = "y", trusted_vertices: Any = None
+    measurements: Measurements,
+    points: ArrayLike,
+    *,
+    up: str = "y",
+    trusted_vertices: ArrayLike | None = None,
 ) -> dict[str, ndarray]:
     """Return angles that describe how bodies stand, in degrees.
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.checks import real_number, whole_number
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric, VectorSpace
@@ -101,7 +102,7 @@ class MotionDescriptor(Estimator):
         self.travel_weight = travel_weight
         self.frames_per_second = frames_per_second
 
-    def fit(self, motions: Sequence[Motion], y: Any = None) -> Self:
+    def fit(self, motions: Sequence[Motion], y: ArrayLike | None = None) -> Self:
         """Find the coordinates of frames, and the spread of each block.
 
         Parameters
@@ -114,7 +115,7 @@ class MotionDescriptor(Estimator):
         self._fit(motions)
         return self
 
-    def fit_transform(self, motions: Sequence[Motion], y: Any = None) -> ndarray:
+    def fit_transform(self, motions: Sequence[Motion], y: ArrayLike | None = None) -> ndarray:
         """Fit, and return the rows of the same motions, shape (n, p).
 
         Parameters

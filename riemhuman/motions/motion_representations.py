@@ -33,6 +33,7 @@ from riemhuman.motions.time_warping import DynamicTimeWarping, VelocityTimeWarpi
 
 if TYPE_CHECKING:
     from riemhuman.datasets.open_motions import OpenMotion
+    from riemhuman.geometry import RiemannianMetric
 
 _FEWEST_FRAMES, _MOST_FRAMES = 24, 60
 # Speeds change by up to a factor of two either way, and are interpolated between five values.
@@ -149,7 +150,7 @@ def compare_representations(
     return distances, labels
 
 
-def _frame_by_frame(metric: Any, motions: list[ndarray]) -> ndarray:
+def _frame_by_frame(metric: RiemannianMetric, motions: list[ndarray]) -> ndarray:
     """Return L² distances at 24 equally spaced frames each, whatever the speed."""
     n = _FEWEST_FRAMES
     frames = [m[np.linspace(0, len(m) - 1, n).round().astype(int)] for m in motions]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.checks import Rng, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold, RiemannianMetric
@@ -24,6 +25,7 @@ from riemhuman.motions._frames import (
 
 if TYPE_CHECKING:
     from riemhuman.geometry import AlignedSurfaces
+    from riemhuman.geometry.manifold import SurfaceSpace
 
 
 class MotionSpace(Manifold):
@@ -125,7 +127,7 @@ class MotionSpace(Manifold):
         return face_forward(self.frames, frames - places) + places
 
 
-def _times_within(at: Any, last: int) -> ndarray:
+def _times_within(at: ArrayLike, last: int) -> ndarray:
     wanted = np.asarray(real_array(at, "at", ("n_times",), batched=False))
     if (np.diff(wanted) < 0).any():
         raise ArgumentError("at must not decrease; found an earlier time after a later one")
@@ -162,7 +164,7 @@ class RateDependentMetric(RiemannianMetric):
     True
     """
 
-    space: Any
+    space: SurfaceSpace
 
     def __init__(
         self,

@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array, whole_number
 from riemhuman.estimator import Estimator
-from riemhuman.geometry import ElasticMetric, ProductManifold, ProductMetric
+from riemhuman.geometry import ElasticMetric, ProductManifold, ProductMetric, RiemannianMetric
 from riemhuman.motions._frames import (
     Motion,
     angles_to,
@@ -192,7 +192,7 @@ class MotionMean(Estimator):
     def __init__(
         self,
         space: MotionSpace,
-        metric: Any = None,
+        metric: RiemannianMetric | None = None,
         *,
         alignment: MotionDistance | None = None,
         n_iterations: int = 2,

@@ -30,7 +30,7 @@ def template(name: str) -> jinja2.Template:
     return environment.get_template(name)
 
 
-def fill(macro: str, **values: Any) -> str:
+def fill(macro: str, **values: object) -> str:
     """Return HTML from a macro of ``sections.html``."""
     return str(getattr(template("sections.html").module, macro)(**values))
 
@@ -98,7 +98,7 @@ class Table:
         return len(values) > 1 and bool(self.rows[row][key] == limit)
 
 
-def _shown(value: Any, form: str) -> str:
+def _shown(value: object, form: str) -> str:
     if is_missing(value):
         return "–"
     return format(value, form).replace("-", "−") if form else str(value)
@@ -127,10 +127,10 @@ class Output:
     def figure(
         self,
         name: str,
-        draw: Callable[..., Any],
-        *arguments: Any,
+        draw: Callable[..., object],
+        *arguments: object,
         size: tuple[float, float] | None = None,
-        **settings: Any,
+        **settings: object,
     ) -> Image:
         """Return a figure, which is drawn unless the store has one of the same arguments."""
         # With a size in inches, `draw` fills the axes `ax`; else it returns a figure. Arguments

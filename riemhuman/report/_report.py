@@ -229,7 +229,7 @@ class Report:
         return BasisPath(self.basis[0], self.plan.n_nodes, tolerance=self.plan.tolerance)
 
     def path_step(
-        self, name: str, compute: Callable[[], Computed], title: str, **inputs: Any
+        self, name: str, compute: Callable[[], Computed], title: str, **inputs: object
     ) -> Step:
         """Return a result that also depends on the basis and the plan of paths."""
         plan = {"n_nodes": self.plan.n_nodes, "tolerance": self.plan.tolerance}

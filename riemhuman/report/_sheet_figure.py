@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from riemhuman.io.files import atomic_file
@@ -25,7 +26,7 @@ _LETTER = 0.188  # mean width of a letter, millimetres over its size in points
 def save_figure_pdf(content: Content, version: str, file: Path) -> None:
     """Write both sides of a sheet into a PDF file."""
     import_matplotlib()
-    backend: Any = import_matplotlib("backends.backend_pdf")
+    backend: ModuleType = import_matplotlib("backends.backend_pdf")
     pages = [_first_side(content), _second_side(content)]
     with (
         atomic_file(file) as temporary,

@@ -26,7 +26,7 @@ _MADE_BY = "riemhuman report"
 _SUBFOLDERS = ("figures", "tables", "results", "results/figures")
 _LONGEST_RECORD = 2**23  # characters
 
-Progress = Callable[[str], AbstractContextManager[Any]]
+Progress = Callable[[str], AbstractContextManager[object]]
 Computed = tuple[Mapping[str, ndarray], Mapping[str, JSONValue]]
 
 
@@ -86,7 +86,9 @@ class ResultStore:
         # All results depend on `common`: the library's source, its dependencies and the bodies.
         self._folder, self._common, self._progress = folder, common, progress
 
-    def step(self, name: str, compute: Callable[[], Computed], title: str, **inputs: Any) -> Step:
+    def step(
+        self, name: str, compute: Callable[[], Computed], title: str, **inputs: object
+    ) -> Step:
         """Return the result of a step, computed unless its file holds one from the same inputs."""
         key = fingerprint({"step": name, "common": self._common, "inputs": inputs})
         file = self._folder / f"{name}.npz"
@@ -106,7 +108,7 @@ class ResultStore:
         return step
 
 
-def fingerprint(value: Any) -> str:
+def fingerprint(value: object) -> str:
     """Return a fingerprint of a value, see `describe`."""
     return hashlib.sha256(json.dumps(describe(value), sort_keys=True).encode()).hexdigest()
 

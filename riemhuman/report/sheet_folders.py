@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from numpy import ndarray
 
@@ -40,7 +39,7 @@ SHEET_FILES = r"[^.].*\.(html|pdf)|measurements\.(csv|xlsx)"
 _INDEX, _TABLE, _WORKBOOK = "index.html", "measurements.csv", "measurements.xlsx"
 _BATCH = 8  # bodies whose measurements are taken together
 _MOST_BROWSERS = 4
-Progress = Callable[[str], AbstractContextManager[Any]]
+Progress = Callable[[str], AbstractContextManager[object]]
 
 
 def make_sheets(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array
 from riemhuman.datasets import load_open_model
@@ -100,13 +101,13 @@ class Sheet:
 
 
 def sheet(
-    body: Any,
+    body: Array,
     *,
     model: BodyModel | Measurements | None = None,
     name: str = "",
     sex: str = "adult",
     visit: str = "",
-    before: Any = None,
+    before: ArrayLike | None = None,
     units: str = "cm",
 ) -> Sheet:
     """Make the sheet of a person.

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import Array, ArrayLike, JSONRecord
 from riemhuman.checks import length_of, one_of, whole_number
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError
 from riemhuman.geometry import RiemannianMetric
@@ -280,7 +280,7 @@ class _PointsOfJob:
 
     job: JobFolder
     metric: RiemannianMetric
-    points: Any
+    points: ArrayLike
     precision: str
     n_jobs: int | None
 
@@ -422,7 +422,7 @@ class TileReader:
         # Copied, since compiled loops take no memory maps, whose pages need not stay in memory.
         return tuple(np.array(self._open(name)[part], order="C") for name in self.names)
 
-    def _open(self, name: str) -> Any:
+    def _open(self, name: str) -> Array:
         try:
             return load_array(self.folder / name, mode="r")
         except FileError as error:

@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.checks import integer_array, length_of, one_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
@@ -100,7 +101,7 @@ class NearestNeighbors(Estimator):
         self.n_jobs = n_jobs
 
     @enough_memory("an index of these bodies")
-    def fit(self, X: Sequence[Any] | ndarray) -> Self:
+    def fit(self, X: Sequence[Array] | ndarray) -> Self:
         r"""Index points.
 
         Parameters
@@ -135,7 +136,7 @@ class NearestNeighbors(Estimator):
 
     def kneighbors(
         self,
-        X: Sequence[Any] | ndarray | None = None,
+        X: Sequence[Array] | ndarray | None = None,
         n_neighbors: int | None = None,
         return_distance: bool = True,
         *,
@@ -203,7 +204,7 @@ class NearestNeighbors(Estimator):
         points = np.concatenate([checked_part(self.metric, X, part, "X") for part in parts])
         return Projection.fit(in_blocks(coordinates, points), self.n_components)
 
-    def _rows_of(self, X: Any, part: slice) -> list[ndarray]:
+    def _rows_of(self, X: ArrayLike, part: slice) -> list[ndarray]:
         """Return coordinates that bound distances, none without a projection, and features."""
         points = checked_part(self.metric, X, part, "X")
         coordinates = np.empty((len(points), 0))
@@ -212,7 +213,7 @@ class NearestNeighbors(Estimator):
         return [coordinates, *self.metric.features(points, n_jobs=self.n_jobs)]
 
     def _search(
-        self, part: slice, X: Any | None, k: int, candidates: ndarray | None
+        self, part: slice, X: ArrayLike | None, k: int, candidates: ndarray | None
     ) -> Iterator[tuple[ndarray, ndarray, int]]:
         """Yield k distances, the numbers of the points, and that of comparisons, of some queries.
 

@@ -58,7 +58,7 @@ _LARGEST_BLOCK = 16
 class CholeskyFactor:
     """Cholesky factor L of a positive semidefinite matrix with a tiny ridge, A ≈ L Lᵀ."""
 
-    def __init__(self, matrix: Array) -> None:
+    def __init__(self, matrix: sparse.csr_array) -> None:
         size = np.trace(matrix) / len(matrix)
         ridge = _RIDGE_OF_GRAM * (np.diag(matrix) + (size if size > 0 else 1.0))
         try:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial.distance import cdist
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.checks import class_numbers, one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Transformer
@@ -178,7 +179,7 @@ class LearnedMetric(Transformer):
         self._require_fit("components_")
         return len(self.components_)
 
-    def _coordinates(self, X: Any) -> ndarray:
+    def _coordinates(self, X: ArrayLike) -> ndarray:
         points = self.metric.check_points(X, "X")
         return in_blocks(self.metric.lower_bound_coordinates, points)
 

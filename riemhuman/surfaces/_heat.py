@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
@@ -19,7 +17,7 @@ class HeatFlow:
     that no triangle uses, the flow ends at 0.
     """
 
-    def __init__(self, masses: np.ndarray, laplacian: Any) -> None:
+    def __init__(self, masses: np.ndarray, laplacian: sparse.csr_array) -> None:
         self.masses, self.laplacian = masses, laplacian
         self._steps: dict[float, LinearOperator] = {}
 
@@ -29,7 +27,7 @@ class HeatFlow:
             self._steps[time] = self._step(time, self.laplacian)
         return self._steps[time]
 
-    def _step(self, time: float, laplacian: Any) -> LinearOperator:
+    def _step(self, time: float, laplacian: sparse.csr_array) -> LinearOperator:
         """Return (M + time L)⁻¹ M, which keeps constants and ∫ X dx, with its transpose."""
         masses = self.masses
         diagonal = np.where(masses > 0.0, masses, 1.0)
@@ -67,7 +65,7 @@ class TriangleHeat(HeatFlow):
         return self._step(time, laplacian)
 
 
-def _laplacian(pairs: np.ndarray, flows: np.ndarray, n: int) -> Any:
+def _laplacian(pairs: np.ndarray, flows: np.ndarray, n: int) -> sparse.csr_array:
     links = sparse.coo_array((flows, tuple(pairs.T)), shape=(n, n))
     links = (links + links.T).tocsr()
     return sparse.diags_array(links.sum(axis=1)) - links

@@ -11,6 +11,7 @@ import autograd.numpy as anp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array
 from riemhuman.checks import check_same_scale, real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -221,7 +222,7 @@ class DeformationBasis:
         """Number of vertices V."""
         return self._vectors.shape[1]
 
-    def coefficients(self, deformation: Any) -> Any:
+    def coefficients(self, deformation: ArrayLike) -> Array:
         """Return the inner products of deformations with the vectors, shape (..., K).
 
         Parameters
@@ -232,7 +233,7 @@ class DeformationBasis:
         rows = anp.reshape(deformation, (*deformation.shape[:-2], -1))
         return anp.matmul(rows, self.flat.T)
 
-    def combine(self, coefficients: Any) -> Any:
+    def combine(self, coefficients: ArrayLike) -> Array:
         r"""Return the deformations :math:`\sum_k \alpha_k D_k`, shape (..., V, 3).
 
         Parameters
@@ -243,7 +244,7 @@ class DeformationBasis:
         rows = anp.matmul(coefficients, self.flat)
         return anp.reshape(rows, (*coefficients.shape[:-1], self.n_vertices, 3))
 
-    def project(self, deformation: Any) -> Any:
+    def project(self, deformation: ArrayLike) -> Array:
         """Project deformations onto the span of the vectors, shape (..., V, 3).
 
         Parameters
@@ -324,7 +325,7 @@ _REMEDY = "a basis weighs deformations by their lengths"
 
 
 def frames_apart(
-    motions: Iterable[Any], step: int = 10, *, progress: bool = False
+    motions: Iterable[Array], step: int = 10, *, progress: bool = False
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the frames m_{nτ} and m_{nτ+τ} of every motion m, for n = 0, 1, …."""
     step = whole_number(step, "step", minimum=1)

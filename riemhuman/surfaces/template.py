@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
+from riemhuman.arrays import Array
 from riemhuman.checks import (
     check_human_size,
     check_resolution,
@@ -79,7 +80,7 @@ class Template:
     [0.5]
     """
 
-    def __init__(self, vertices: ArrayLike | Any, faces: ArrayLike | None = None) -> None:
+    def __init__(self, vertices: Any, faces: ArrayLike | None = None) -> None:
         if faces is None:
             vertices, faces = as_arrays(vertices)
         points, triangles = check_mesh(vertices, faces)
@@ -281,7 +282,7 @@ class Template:
         shape = (self.n_vertices, self.n_faces)
         return sparse.csr_array((shares, (corners, triangles)), shape=shape)
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         # Cached properties are left out, since some cannot be pickled.
         return {name: value for name, value in vars(self).items() if name.startswith("_")}
 
@@ -289,7 +290,7 @@ class Template:
         # Unpickled arrays are writable.
         vars(self).update((name, read_only(array)) for name, array in state.items())
 
-    def check_points(self, points: Any, name: str = "points") -> Any:
+    def check_points(self, points: ArrayLike, name: str = "points") -> Array:
         """Return surfaces as a float64 array after checking that they fit this template.
 
         Parameters
