@@ -100,11 +100,7 @@ def view_motions(
     >>> viewer = rh.plots.view_motions(knees[:20], other[:30], warp, knees.faces)
     """
     motions = [_frames(first, "first"), _frames(second, "second")]
-    rates = {m.frames_per_second for m in (first, second) if isinstance(m, Motion)}
-    if len(rates) > 1:
-        raise ArgumentError(
-            f"motions must have the same frames per second; found {sorted(rates)}: resample one"
-        )
+    rate = _rate(first, second)
     if faces is None:
         if not isinstance(first, Motion):
             raise ArgumentError("arrays hold no triangles; give faces too")
@@ -116,7 +112,6 @@ def view_motions(
     retimed = [moments, warp(moments)]
     bodies = [ViewedBody(label, frames) for label, frames in zip(labels, motions, strict=True)]
     aligned = [replace(body, times=t) for body, t in zip(bodies, retimed, strict=True)]
-    rate = rates.pop() if rates else None
     return Viewer(
         np.asarray(faces),
         {"aligned": aligned, "as recorded": bodies},
@@ -133,6 +128,16 @@ def _frames(motion: Motion | ArrayLike, name: str) -> ndarray | ModelMotion:
         return motion
     frames = motion[:] if isinstance(motion, Motion) else motion
     return real_array(frames, name, ("n_times", "n_vertices", 3), batched=False)
+
+
+def _rate(first: Motion | ArrayLike, second: Motion | ArrayLike) -> float | None:
+    """Return the frames per second of both motions; arrays have none."""
+    rates = {motion.frames_per_second for motion in (first, second) if isinstance(motion, Motion)}
+    if len(rates) > 1:
+        raise ArgumentError(
+            f"motions must have the same frames per second; found {sorted(rates)}: resample one"
+        )
+    return rates.pop() if rates else None
 
 
 def _check_warp(warp: Warp, lasts: tuple[int, int]) -> None:
