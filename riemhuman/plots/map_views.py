@@ -136,9 +136,10 @@ def view_map(
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")[:30:5]
-    >>> distances = rh.AlignedSurfaces(bodies.template).metric.dist_pairwise(bodies.points)
+    >>> metric = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template))
+    >>> distances = metric.dist_pairwise(bodies.points)
     >>> viewer = rh.plots.view_map(
-    ...     rh.plots.embed(distances, "mds"), bodies.subject, bodies.subject_names,
+    ...     rh.plots.embed(distances, method="mds"), bodies.subject, bodies.subject_names,
     ...     points=bodies.points, faces=bodies.template.faces)
     >>> viewer.save("map.html")
     """
