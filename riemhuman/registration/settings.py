@@ -612,8 +612,9 @@ class ElasticSettings:
     last_stiffness: float = 2e-5
     # Scans of booths have an estimated noise of 0.4 to 0.5 mm, clouds without noise 0.3 to 0.6: for
     # them every value from 0.9 to 2 mm is the same. With 2 mm of noise, 0.9 → 2.0 gained 0.7 mm
-    # on FAUST, whose skin the model lacks; on simulated people 2.0 loses 0.6 to 0.9 mm against 1.4,
-    # and counts 8.4 % of the back of a view from the front as seen, not below 8 %.
+    # on FAUST, whose skin the model lacks (1.4 was not tried there); on simulated people 2.0 loses
+    # 0.6 to 0.9 mm against 1.4, 0.15 mm on one whom the model cannot make, and counts 8.4 % of the
+    # back of a view from the front as seen, not below 8 %.
     noise_metres: float = 0.0014
     n_steps: int = 6
     n_steps_again: int = 2
