@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.kernels import threads
-from riemhuman.kernels.threads import in_tiles
+from riemhuman.kernels.threads import in_tiles, slices
 
 
 @pytest.fixture(params=[False, True], ids=["alone", "threaded"])
@@ -156,3 +156,9 @@ def test_several_threads_share_the_pairs_evenly(within):
     shared = sizes[alone:]
     assert len(shared) > alone
     assert max(shared) <= sum(shared) / 3 / 2
+
+
+def test_slices_divide_a_range():
+    assert list(slices(7, 3)) == [slice(0, 3), slice(3, 6), slice(6, 7)]
+    assert list(slices(6, 3)) == [slice(0, 3), slice(3, 6)]
+    assert list(slices(0, 3)) == []
