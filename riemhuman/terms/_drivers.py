@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as onp
 from numpy import ndarray
@@ -37,6 +37,9 @@ from riemhuman.kernels.threads import LANES, in_tiles, mapped, of_one_kind, sums
 from riemhuman.terms._quadratic import QuadraticTerm, by_vertex
 from riemhuman.terms.flat import FlatTerm
 from riemhuman.terms.term import LENGTH, Fields, Term
+
+if TYPE_CHECKING:
+    from riemhuman.surfaces.template import Template
 
 Features = tuple[Array, ...]
 
@@ -231,7 +234,7 @@ class SumOfTerms(SumOnSurfaces, Bulk):
 class SumOfQuadraticTerms(SumOnSurfaces):
     """The driver of a sum of terms that are given by their inner products."""
 
-    def __init__(self, terms: Sequence[QuadraticTerm], template: Any) -> None:
+    def __init__(self, terms: Sequence[QuadraticTerm], template: Template) -> None:
         self.terms, self.template = tuple(terms), template
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
@@ -428,7 +431,7 @@ def _join(record: ndarray, slope: ndarray) -> None:
             slope[3 + k, t] = in_v if has_area else 0.0
 
 
-def _records(surfaces: ndarray, template: Any) -> Iterator[ndarray]:
+def _records(surfaces: ndarray, template: Template) -> Iterator[ndarray]:
     """Yield the records of one surface after the other, in one array."""
     records = onp.empty((1, LENGTH, template.n_faces))
     over = template.faces, template.frame_coefficients, 0, template.n_faces
@@ -437,13 +440,13 @@ def _records(surfaces: ndarray, template: Any) -> Iterator[ndarray]:
         yield records[0]
 
 
-def area_ratios(surfaces: ndarray, template: Any) -> Iterator[ndarray]:
+def area_ratios(surfaces: ndarray, template: Template) -> Iterator[ndarray]:
     """Yield the area ratios of the triangles of one surface after the other."""
     for record in _records(surfaces, template):
         yield record[9]
 
 
-def nearly_degenerate(surfaces: ndarray, template: Any) -> ndarray:
+def nearly_degenerate(surfaces: ndarray, template: Template) -> ndarray:
     """Tell the triangles of surfaces that have no area, or hardly more than none."""
     found = onp.empty((len(surfaces), template.n_faces), dtype=bool)
     for record, marked in zip(_records(surfaces, template), found, strict=True):

@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import autograd.numpy as np
 import numpy as onp
@@ -38,6 +38,9 @@ from riemhuman.kernels import surface
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import apply_operator, cotangent_laplacian
 from riemhuman.kernels.threads import sums_in_chunks
+
+if TYPE_CHECKING:
+    from riemhuman.surfaces.template import Template
 
 # Below this many triangles times surfaces, threads cost more than they bring.
 _WORTH_THREADS = 20_000
@@ -114,7 +117,7 @@ class FirstOrderWeights(NamedTuple):
 class FirstOrderTerm(QuadraticTerm):
     """The weighted sum of the parts, integrated."""
 
-    def __init__(self, template: Any, weights: FirstOrderWeights) -> None:
+    def __init__(self, template: Template, weights: FirstOrderWeights) -> None:
         self.template, self.weights = template, weights
         self.is_stretch_invariant = weights.a1 == 0.0 and weights.b1 == 0.0
 
@@ -293,7 +296,7 @@ def corner_averages(faces: ndarray, n_vertices: int) -> csr_array:
     )
 
 
-def vertex_areas(f: ndarray, template: Any, averages: csr_array) -> ndarray:
+def vertex_areas(f: ndarray, template: Template, averages: csr_array) -> ndarray:
     """Return a third of the area of the triangles around each vertex, differentiably."""
     first = surface.derivatives(f, template.differential_operator)
     return apply_operator(averages.T, (template.face_areas * first.areas)[..., None])[..., 0]
@@ -304,7 +307,7 @@ class ZerothOrderTerm(QuadraticTerm):
 
     is_translation_invariant = False
 
-    def __init__(self, template: Any, weight: float) -> None:
+    def __init__(self, template: Template, weight: float) -> None:
         self.template, self.weight = template, weight
         self._averages = corner_averages(template.faces, template.n_vertices)
 
@@ -334,7 +337,7 @@ class VertexValues(NamedTuple):
 
 def _vertex_sums(
     surfaces: ndarray,
-    template: Any,
+    template: Template,
     h: ndarray | None = None,
     z: ndarray | None = None,
     by_areas: ndarray | None = None,
@@ -457,7 +460,7 @@ def surrounded_vertices(faces: ndarray, n_vertices: int) -> ndarray:
     return surrounded
 
 
-def refuse_seams(template: Any, part: str) -> None:
+def refuse_seams(template: Template, part: str) -> None:
     """Raise an error if vertices are doubled along seams, across which a term would not see."""
     seams = template.seams
     if seams:
@@ -470,7 +473,7 @@ def refuse_seams(template: Any, part: str) -> None:
 class SecondOrderTerm(QuadraticTerm):
     """w Σ_v ⟨(L h)_v, (L k)_v⟩/A_v over the vertices that triangles surround."""
 
-    def __init__(self, template: Any, weight: float) -> None:
+    def __init__(self, template: Template, weight: float) -> None:
         refuse_seams(template, "second derivatives (a2 > 0)")
         self.template, self.weight = template, weight
         self.surrounded = surrounded_vertices(template.faces, template.n_vertices)
@@ -526,7 +529,7 @@ class SecondOrderTerm(QuadraticTerm):
 _CANCELLED = 1e-12
 
 
-def vertex_normals(f: ndarray, template: Any, averages: csr_array) -> ndarray:
+def vertex_normals(f: ndarray, template: Template, averages: csr_array) -> ndarray:
     """Return unit normals at the vertices: the definition."""
     first = surface.derivatives(f, template.differential_operator)
     area_vectors = template.face_areas[:, None] * first.area_vectors
@@ -554,7 +557,7 @@ def mixed_edges(faces: ndarray) -> ndarray:
     return edges[(onp.bincount(edge_of_side) == 2) & (n_ahead != 1)]
 
 
-def project(h: ndarray, f: ndarray, template: Any, averages: csr_array) -> ndarray:
+def project(h: ndarray, f: ndarray, template: Template, averages: csr_array) -> ndarray:
     """Return P_f h = ⟨h, n⟩ n: the definition."""
     normals = vertex_normals(f, template, averages)
     return surface.dot(h, normals)[..., None] * normals
@@ -566,7 +569,7 @@ class NormalPartTerm(QuadraticTerm):
     is_translation_invariant = False
     is_reparametrization_invariant = True
 
-    def __init__(self, template: Any, term: QuadraticTerm) -> None:
+    def __init__(self, template: Template, term: QuadraticTerm) -> None:
         mixed = mixed_edges(template.faces)
         if len(mixed):
             raise ArgumentError(
