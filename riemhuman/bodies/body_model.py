@@ -416,7 +416,7 @@ def _check_sums(rows: onp.ndarray, name: str) -> None:
         )
 
 
-def _precision(dtype: DTypeLike) -> onp.dtype[Any]:
+def _precision(dtype: DTypeLike) -> onp.dtype[onp.generic]:
     with suppress(TypeError):
         if onp.dtype(dtype) in (onp.float64, onp.float32):
             return onp.dtype(dtype)

@@ -403,7 +403,7 @@ class _Reader:
         return self._buffers[number]
 
 
-def _row_of(values: np.ndarray) -> tuple[int, np.dtype[Any]]:
+def _row_of(values: np.ndarray) -> tuple[int, np.dtype[np.generic]]:
     return values.shape[1], values.dtype
 
 

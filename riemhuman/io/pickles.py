@@ -378,7 +378,7 @@ def _array(record: _Record) -> np.ndarray:
     return array
 
 
-def _dtype(record: Any) -> np.dtype[Any]:
+def _dtype(record: Any) -> np.dtype[np.generic]:
     code = record.arguments[0] if _kind(record) == "dtype" else record
     if not isinstance(code, str) or not _DTYPES.fullmatch(code):
         raise FileFormatError(
