@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -214,19 +214,6 @@ def metric_of_people(options: argparse.Namespace, surfaces: Surfaces) -> Any:
             "--area), which hardly depend on noise; --shape compares them by the paper's metric"
         )
     return metric
-
-
-def usual_distances(metric_of: Callable[[Template], Any]) -> dict[str, float]:
-    """Return medians of distances between open bodies: of one person, and of two in one pose."""
-    import numpy as np
-
-    bodies = rh.datasets.load_open_bodies("coarse")
-    distances = metric_of(bodies.template).dist_pairwise(bodies.points)
-    person, pose = (np.equal.outer(labels, labels) for labels in (bodies.subject, bodies.pose))
-    return {
-        "one_person": float(np.median(distances[person & ~pose])),
-        "two_people": float(np.median(distances[pose & ~person])),
-    }
 
 
 def metric_record(metric: Any) -> dict[str, Any]:

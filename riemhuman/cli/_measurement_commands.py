@@ -147,7 +147,11 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         result = rh.measurements.compare_visits(measurements, *points, trusted_vertices=trusted)
     if options.view is not None:
         _view_differences(files, measurements, result, options)
-    distance, usual = _distance_of_people(points, measurements.definitions.faces)
+    with options.task("Whether this is one person"):
+        faces = measurements.definitions.faces
+        people = rh.measurements.person_distance(points[0], points[1], faces)
+    if people.is_hardly_one_person:
+        terminal.note(f"warning: these are {people.text}")
     columns = (
         *(result.names, result.units, result.before, result.after),
         *(result.changes, result.thresholds, result.is_significant),
@@ -171,8 +175,8 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         "expected_beyond_threshold_by_chance": result.expected_by_chance,
         "outward_millimetres": {"least": outward.min(), "most": outward.max()},
         "share_of_triangles_changed": float(result.areas_significant.mean()),
-        "area_distance": distance,
-        "usual_area_distances": usual,
+        "area_distance": people.distance,
+        "usual_area_distances": vars(people.usual),
     }
     width = max(map(len, result.names))
     said = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'threshold':>9}"]
@@ -262,23 +266,6 @@ def _sheet(options: argparse.Namespace) -> cli.Answer:
         progress=options.task,
     )
     return cli.Answer(f"open {page}", {"page": page, "files": sorted(options.output.iterdir())})
-
-
-def _distance_of_people(points: ndarray, faces: ndarray) -> tuple[float, dict[str, float]]:
-    """Return the distance of two bodies by areas, and usual ones; warn if they are two people."""
-
-    def areas(template: rh.Template) -> rh.AreaMetric:
-        return rh.AreaMetric(rh.AlignedSurfaces(template, equip=False, scale=None))
-
-    distance = float(areas(rh.Template(points[0], faces)).dist(*points))
-    usual = inputs.usual_distances(areas)
-    if distance > (usual["one_person"] + usual["two_people"]) / 2:
-        terminal.note(
-            "warning: these are hardly one person: their shape distance (AreaMetric) is "
-            f"{distance:.2g} m; usual are {usual['one_person']:.2g} m for one person in two poses "
-            f"and {usual['two_people']:.2g} m for two people (open bodies)"
-        )
-    return distance, usual
 
 
 def _read(

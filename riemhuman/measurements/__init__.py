@@ -23,6 +23,12 @@ from riemhuman.measurements.definitions import (
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.measurements.measuring import BodySizes, Measurements, in_standard_pose
+from riemhuman.measurements.people import (
+    PersonDistance,
+    UsualDistances,
+    person_distance,
+    usual_distances,
+)
 from riemhuman.measurements.populations import average_adult, percentiles
 from riemhuman.measurements.posture import posture_angles
 from riemhuman.measurements.readable_units import ReadableUnit, readable_unit
@@ -46,9 +52,11 @@ __all__ = [
     "MeasurementSet",
     "Measurements",
     "NearestBody",
+    "PersonDistance",
     "PredictedMeasurements",
     "ProbableBody",
     "ReadableUnit",
+    "UsualDistances",
     "VisitComparison",
     "Volume",
     "average_adult",
@@ -60,9 +68,11 @@ __all__ = [
     "noise_of_measurements",
     "open_measurements",
     "percentiles",
+    "person_distance",
     "posture_angles",
     "predict_measurements",
     "readable_unit",
+    "usual_distances",
 ]
 
 

@@ -120,6 +120,7 @@ class ChangesText:
     rows: tuple[ChangeText, ...]
     figure: Drawing
     note: str
+    warning: str
 
 
 @dataclass(frozen=True)
@@ -411,7 +412,8 @@ def _changes(values: SheetValues, faces: np.ndarray, units: str) -> ChangesText 
         "The body at this visit, coloured by how far the surface moved",
         f"From blue (inward) to red (outward), {1000 * LARGEST_CHANGE:.0f} mm at the ends.",
     )
-    return ChangesText(values.since, tuple(texts), figure, note)
+    warning = f"The two visits are {values.doubt}." if values.doubt else ""
+    return ChangesText(values.since, tuple(texts), figure, note, warning)
 
 
 def _drawing(picture: Picture, units: str, alt: str, caption: str) -> Drawing:

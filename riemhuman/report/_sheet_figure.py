@@ -221,6 +221,12 @@ def _second_side(content: Content) -> _Side:
         lowest = max(lowest, _posture(side, right, y, content.posture))
     y = lowest + 5.0 if lowest > y else y
     if content.changes is not None:
+        if content.changes.warning:
+            color, width = _BADGES["untrusted"], _RIGHT - _LEFT
+            y = (
+                side.paragraph(_LEFT, y, content.changes.warning, width, size=8.0, color=color)
+                + 2.0
+            )
         y = _changes(side, y, right, content.changes) + 3.0
     for remark in content.remarks:
         y = side.paragraph(_LEFT, y, remark, _RIGHT - _LEFT, size=7.2) + 1.0

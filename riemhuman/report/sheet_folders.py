@@ -151,6 +151,8 @@ def _known(
             continue
         with progress(f"Changes of {subject.name} since {before.name}"):
             values[number] = with_changes(own[len(subject.points)], values[number], before, subject)
+        if values[number].doubt:
+            warn(f"{before.name} and {subject.name} are {values[number].doubt}", UserWarning)
     return _Known(found, [values[k] for k in range(len(values))], own, units)
 
 

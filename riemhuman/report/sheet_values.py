@@ -18,6 +18,7 @@ from riemhuman.measurements import (
     in_standard_pose,
     noise_of_measurements,
     percentiles,
+    person_distance,
     posture_angles,
 )
 
@@ -147,6 +148,7 @@ class SheetValues:
     remarks: tuple[str, ...] = ()
     changes: VisitComparison | None = None
     since: str = ""
+    doubt: str = ""  # whether both visits are of one person
 
     @cached_property
     def by_name(self) -> dict[str, SheetRow]:
@@ -311,4 +313,6 @@ def with_changes(
         after.points,
         trusted_vertices=np.stack([before.known_vertices, after.known_vertices]),
     )
-    return replace(values, changes=comparison, since=since)
+    people = person_distance(before.points, after.points, measurements.definitions.faces)
+    doubt = people.text if people.is_hardly_one_person else ""
+    return replace(values, changes=comparison, since=since, doubt=doubt)

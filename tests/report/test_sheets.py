@@ -154,7 +154,20 @@ def test_changes_since_a_visit(bodies, own):
     np.testing.assert_allclose(sheet.changes.changes, expected.changes, atol=1e-9)
     assert "Changes since" in sheet.html
     assert f"{int(expected.is_significant.sum())} of 85 measurements changed" in sheet.html
+    assert "hardly one person" not in sheet.html
     assert rh.report.sheet(after).changes is None
+
+
+@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
+def test_visits_of_two_people_are_doubted(bodies, folder, tmp_path, no_pdf):
+    """The page says so in the words of `riemhuman compare`, and so does a warning."""
+    people = rh.measurements.person_distance(bodies[0], bodies[13], bodies.template.faces)
+    sheet = rh.report.sheet(bodies[13], name="Emma", before=bodies[0])
+    assert people.is_hardly_one_person
+    assert f"The two visits are {people.text}." in sheet.html
+    rh.save_mesh(folder / "emma_2.ply", bodies[13], bodies.template.faces)
+    with pytest.warns(UserWarning, match=re.escape(f"emma_1 and emma_2 are {people.text}")):
+        rh.report.make_sheets(folder, tmp_path / "sheets")
 
 
 @pytest.mark.parametrize("degrees", [0.0, 130.0, -60.0])

@@ -1,0 +1,122 @@
+"""Whether two bodies can be one person: their distance against what is usual for open bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import real_array
+from riemhuman.datasets import load_open_bodies
+from riemhuman.geometry import AlignedSurfaces, AreaMetric
+from riemhuman.surfaces import Template
+
+
+@dataclass(frozen=True)
+class UsualDistances:
+    """Median distances of the open bodies under a metric.
+
+    Attributes
+    ----------
+    one_person : float
+        Of one person in two poses.
+    two_people : float
+        Of two people in one pose.
+
+    Examples
+    --------
+    See `usual_distances`.
+    """
+
+    one_person: float
+    two_people: float
+
+
+@dataclass(frozen=True)
+class PersonDistance:
+    """The shape distance of two bodies, and what is usual.
+
+    Attributes
+    ----------
+    distance : float
+        Under `AreaMetric`, metres.
+    usual : UsualDistances
+
+    Examples
+    --------
+    See `person_distance`.
+    """
+
+    distance: float
+    usual: UsualDistances
+
+    @property
+    def is_hardly_one_person(self) -> bool:
+        """Whether the distance is nearer to that of two people than to that of one."""
+        return self.distance > (self.usual.one_person + self.usual.two_people) / 2
+
+    @property
+    def text(self) -> str:
+        """What follows "they are", for bodies that are hardly one person."""
+        return (
+            f"hardly one person: their shape distance (AreaMetric) is {self.distance:.2g} m; usual "
+            f"are {self.usual.one_person:.2g} m for one person in two poses and "
+            f"{self.usual.two_people:.2g} m for two people (open bodies)"
+        )
+
+
+def usual_distances(metric_of: Callable[[Template], Any]) -> UsualDistances:
+    """Return how far the coarse open bodies usually are from each other.
+
+    Parameters
+    ----------
+    metric_of : callable
+        Takes the template of the bodies, and returns the metric.
+
+    Examples
+    --------
+    >>> def shape_metric(template):
+    ...     return rh.ElasticMetric(rh.AlignedSurfaces(template, scale=None), 1.0, 1e-4, 0.0)
+    >>> usual = rh.measurements.usual_distances(shape_metric)
+    >>> round(usual.one_person, 3)
+    0.084
+    """
+    bodies = load_open_bodies("coarse")
+    distances = metric_of(bodies.template).dist_pairwise(bodies.points)
+    person, pose = (np.equal.outer(labels, labels) for labels in (bodies.subject, bodies.pose))
+    return UsualDistances(
+        one_person=float(np.median(distances[person & ~pose])),
+        two_people=float(np.median(distances[pose & ~person])),
+    )
+
+
+def person_distance(before: Any, after: Any, faces: ArrayLike) -> PersonDistance:
+    """Return how far apart two bodies of one triangulation are as people, in any poses.
+
+    Parameters
+    ----------
+    before, after : array_like, shape (V, 3)
+        Bodies, metres.
+    faces : array_like of int, shape (F, 3)
+        Their triangles.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> faces = bodies.template.faces
+    >>> rh.measurements.person_distance(bodies[0], bodies[3], faces).is_hardly_one_person
+    False
+    >>> rh.measurements.person_distance(bodies[0], bodies[50], faces).is_hardly_one_person
+    True
+    """
+    before = real_array(before, "before", ("n_vertices", 3), batched=False)
+    after = real_array(after, "after", before.shape, batched=False)
+    metric = _area_metric(Template(before, np.asarray(faces)))
+    return PersonDistance(float(metric.dist(before, after)), usual_distances(_area_metric))
+
+
+def _area_metric(template: Template) -> AreaMetric:
+    return AreaMetric(AlignedSurfaces(template, equip=False, scale=None))

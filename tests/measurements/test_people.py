@@ -1,0 +1,48 @@
+"""Whether two bodies can be one person."""
+
+import numpy as np
+import pytest
+
+from riemhuman.datasets import load_open_bodies
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry import AlignedSurfaces, AreaMetric
+from riemhuman.measurements import person_distance, usual_distances
+from riemhuman.surfaces import Template
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return load_open_bodies("coarse", people=3)
+
+
+@pytest.mark.parametrize(("other", "is_doubted"), [(3, False), (8, False), (10, True), (23, True)])
+def test_people_who_were_not_used_are_told_apart(bodies, other, is_doubted):
+    """Bodies 0 to 9 are one person, in poses like those of each other person."""
+    people = person_distance(bodies[0], bodies[other], bodies.template.faces)
+    assert people.is_hardly_one_person == is_doubted
+    own = AlignedSurfaces(Template(bodies[0], bodies.template.faces), equip=False, scale=None)
+    assert people.distance == pytest.approx(float(AreaMetric(own).dist(bodies[0], bodies[other])))
+    assert people.text.startswith("hardly one person: their shape distance (AreaMetric) is ")
+
+
+def test_usual_distances_are_medians():
+    bodies = load_open_bodies("coarse")
+
+    def by_person(template):
+        """Return a metric that compares the numbers of people alone."""
+
+        class Metric:
+            def dist_pairwise(self, points):
+                numbers = bodies.subject.astype(float)
+                return np.abs(numbers[:, None] - numbers[None, :])
+
+        return Metric()
+
+    usual = usual_distances(by_person)
+    assert usual.one_person == 0.0
+    assert usual.two_people > 1.0
+
+
+def test_bodies_must_share_triangles(bodies):
+    with pytest.raises(ArgumentError, match="after must have shape"):
+        person_distance(bodies[0], bodies[1][:-1], bodies.template.faces)
